@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.fit_result import Chosen, Errors
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, held_steady, is_time_varying, laws
 from deeptruck_model.mismatch.mechanisms.laws import Follower, Law
 from deeptruck_model.mismatch.mechanisms.variants import Constants, Static
-from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
@@ -173,6 +173,26 @@ def test_a_correction_is_judged_as_it_is_handed_over_too(monkeypatch: pytest.Mon
         )
         assert marked.validated == fit.validated == kept
         assert (fit.handed_over is None) == kept
+
+
+@pytest.mark.parametrize(("of", "by_mean"), [("headwind", ("headwind",)), ("driveline_loss", ())])
+def test_what_a_correction_holds_by_its_mean_alone_is_told(
+    nothing_missing: Evidence,
+    options: list[tuple[set[str], set[str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    of: str,
+    by_mean: tuple[str, ...],
+) -> None:
+    """Gusts are those of their drives; a law is another drive's too."""
+    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(correction, "free_runs", lambda jobs, *_: [run(1.0) for _ in jobs])
+    found = next(term for term in law_and_gusts(nothing_missing) if term.mechanism.effect == of)
+    search = Search(nothing_missing)
+    model, none = search.model((found,), frozenset()), search.model((), frozenset())
+    cause = Cause("missing_physics", of, 500.0, 1.0, np.zeros(len(nothing_missing)), found)
+    x = Explanation((cause,), model, none, none, SimpleNamespace(), 0.0, None, ())  # type: ignore[arg-type]
+    made = correction.corrected_and_driven(TRUCK, nothing_missing, x, ONE, [], with_unnamed=False)
+    assert made.fit.corrected == (of,) and made.fit.by_mean == by_mean
 
 
 def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:
