@@ -60,7 +60,7 @@ HELPS = {
     "expander_pushes_late", "eco_roll", "wake_bistability", "wet_brakes", "s_winch_assist",
     "s_rail_bleeds", "s_anti_stall", "t_valve_thinks_it_is_empty", "t_softens_the_stop",
     "e_gas_in_the_air", "e_fan_that_is_gone",
-    "y_ball_shuts_the_valve",
+    "y_ball_shuts_the_valve", "b_servo_has_no_store",
 }  # fmt: skip
 BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
     "headwind", "exchanged_bodies", "lining_on_the_dynamometer", "brake_lag", "road_grade", "payload_change",
@@ -79,6 +79,8 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "z_valve_reads_the_nod", "z_capacitor_answers_first", "z_pontoons_sink",
     "y_cab_tugs_at_its_cable", "y_mixture_swings", "y_pipes_in_tune", "y_road_up_a_stream",
     "h_pedal_asks_for_a_pull", "h_magnet_over_iron_plates", "h_needle_hangs",
+    "b_drum_turns_in_the_side_wind", "b_pedal_asks_for_power", "b_rubber_wound_by_braking",
+    "b_two_maps_do_not_meet", "b_fires_whole_cylinders", "b_motor_lies_in_the_road",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 
