@@ -19,6 +19,7 @@ from deeptruck_exam.worlds.folds import folds, timetable, waves_down
 from deeptruck_exam.worlds.loess import convoys, gullies_down, round_hills
 from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.playas import basins, held_up, washes_down
+from deeptruck_exam.worlds.polders import hairpins_down, lapses, polders
 from deeptruck_exam.worlds.roundabouts import roundabouts
 from deeptruck_exam.worlds.traffic import zones
 
@@ -289,5 +290,22 @@ def test_slopes_of_badlands_are_even_between_their_creases_and_knicks_flatten():
 def test_fog_slows_everywhere_and_stops_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (fog(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_polders_are_level_between_straight_ramps_and_hairpins_are_eased():
+    for seed in range(4):
+        grade = polders(np.random.default_rng(seed), 0.03)
+        assert 0.022 < grade.std() < 0.032 and 0.3 < np.mean(np.abs(grade) < 1e-6) < 0.75
+        assert np.mean(np.abs(grade) > 0.5 * np.abs(grade).max()) > 0.2
+    steps = hairpins_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.1) < -0.058 and np.quantile(steps, 0.96) > -0.028
+    assert np.mean(np.abs(np.diff(steps)) < 1e-6) > 0.6  # even legs
+
+
+def test_speeds_lapse_and_bridges_are_waited_at_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (lapses(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
     assert highway.std() > 0.8 and down.std() > 0.8

@@ -43,6 +43,7 @@ FAMILIES = (
     "sixteenth",
     "seventeenth",
     "eighteenth",
+    "nineteenth",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

@@ -1,4 +1,5 @@
-"""Grease that melts out, thick fluid, a disc that buckles, linings that grab, and wheels that toe in."""
+"""Metal that melts in the linings, shoes that are carried round, seals that slip, and a servo without a
+store."""
 
 from __future__ import annotations
 
@@ -13,116 +14,93 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law("h_grease_melts_out", needs="suburban descent", name="brake_fade", accepts="brake_gain")
-@sizes(most=(0.5, 0.7), warm_jpkg=(60.0, 150.0), cools_s=(30.0, 90.0), melts=(0.25, 0.5), runs_s=(5.0, 14.0))
-@sizes(burns_s=(12.0, 40.0))
-class GreaseMeltsOut(Hidden):
-    """`hub`: its heat, which comes from the drum. Where it is hot enough grease melts past a torn seal onto
-    the linings. `coat` of grease on them, which burns off as long as they are braked hard. most: of the brake
-    force, lost with a full coat; melts: heat at which grease begins to run; burns_s: of braking at a fifth
-    of the most and 15 m/s.
-    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on oil and grease on linings, and SKF,
-    makers' notes on drop points of hub greases; leaks and sizes are chosen here."""
+@law("b_metal_melts_in_the_linings", needs="suburban descent", name="brake_fade", accepts="brake_gain")
+@sizes(most=(0.5, 0.72), warm_jpkg=(45.0, 110.0), cools_s=(35.0, 90.0), melts=(0.45, 0.7), latent=(0.25, 0.5))
+class MetalMeltsInTheLinings(Hidden):
+    """`heat` that is stored in linings with a soft metal in them. Once they are at its melting point they get
+    no hotter until all of it is molten, and no cooler until all of it is solid again; what is molten
+    lubricates. most: of the brake force, lost when all is molten; melts: heat where it begins; latent: heat
+    that melting takes.
+    Source: Crank, Free and Moving Boundary Problems (1984), on stored heat at a melting point, and Breuer and
+    Bill, Brake Technology Handbook (SAE, 2008), on metals in linings; soft linings, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        rng = self.rng(1911)
-        return {"hub": rng.uniform(0.0, 0.6, batch), "coat": rng.uniform(0.0, 0.6, batch)}
+        return {"heat": self.rng(2011).uniform(0.1, 0.9, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        work = view.brake_force * speed / view.mass
-        s.hub = np.clip(s.hub + dt * (work / p.warm_jpkg - s.hub / p.cools_s), 0.0, 2.0)
-        runs = np.clip((s.hub - p.melts) / 0.3, 0.0, 1.5) * (1.0 - s.coat) / p.runs_s
-        hard = view.brake_force * speed / (0.2 * self.truck.brake_capacity * 15.0)
-        s.coat = np.clip(s.coat + dt * (runs - np.minimum(hard, 3.0) * s.coat / p.burns_s), 0.0, 1.0)
-        return p.most * s.coat * view.brake_force * moving(view)
+        molten = np.clip((s.heat - p.melts) / p.latent, 0.0, 1.0)
+        hot = np.minimum(s.heat, p.melts) + np.maximum(s.heat - p.melts - p.latent, 0.0)
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        s.heat = np.clip(s.heat + dt * (work / p.warm_jpkg - hot / p.cools_s), 0.0, 1.6)
+        return p.most * molten * view.brake_force * moving(view)
 
 
 @law(
-    "h_fluid_is_thick",
+    "b_shoes_are_carried_round",
     needs="suburban hills descent",
     name="brake_lag",
     accepts="command_delay clock_offset",
 )
-@sizes(share=(0.8, 1.0), cold_s=(0.9, 1.6), thins=(1.0, 1.8), warms_s=(5.0, 14.0), cools_s=(30.0, 90.0))
-@sizes(back=(1.2, 2.0))
-class FluidIsThick(Hidden, held=0.0):
-    """`held`: of full braking, behind long thin pipes of fluid. Cold fluid is thick, and it flows through
-    them by the difference of pressures alone, so that small and large brakings come as late. `warm`: the
-    fluid, which braking warms and the wind cools. share: of the brake force; cold_s: behind cold pipes;
-    thins: power of the warmth; back: of the time, to let go.
-    Source: Limpert, Brake Design and Safety (1999), on brake fluid at low temperature, and Streeter and
-    Wylie, Fluid Mechanics (1985), on laminar flow in pipes; sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "warm": self.rng(1912).uniform(0.0, 0.5, batch)}
+@sizes(share=(0.75, 0.95), way_m=(5.0, 10.0), dry=(0.3, 0.7), back_s=(0.5, 1.4), least_s=(0.12, 0.3))
+class ShoesAreCarriedRound(Hidden, held=0.0):
+    """Shoes float in their drum, and do nothing before it has carried them round to their anchor. That takes
+    a way and not a time: fast wheels are braked soon and slow ones late. Firmly pressed shoes are carried
+    along better. `held`: of full braking. share: of the brake force; way_m: of the road, softly pressed; dry:
+    less of it, firmly pressed; back_s: until springs have drawn them back.
+    Source: Limpert, Brake Design and Safety (1999), on duo-servo drums whose shoes shift to an anchor; loose
+    shoes, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         asked = view.brake_force / self.truck.brake_capacity
-        heats = np.clip(asked * np.maximum(view.speed, 0.0) / 2.0, 0.0, 2.0) * (1.0 - s.warm) / p.warms_s
-        s.warm = np.clip(s.warm + dt * (heats - s.warm / p.cools_s), 0.0, 1.0)
-        late = p.cold_s * np.exp(-p.thins * s.warm) * np.where(asked > s.held, 1.0, p.back)
-        s.held = eased(s.held, asked, late, dt)
+        way = p.way_m * (1.0 - p.dry * np.tanh(8.0 * asked))
+        carried = p.least_s + way / np.maximum(view.speed, 1.0)
+        s.held = eased(s.held, asked, np.where(asked > s.held, carried, p.back_s), dt)
         return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)
 
 
-@law("h_disc_buckles", needs="suburban hills descent", name="dragging_brake")
+@law("b_seals_slip_on_their_pistons", needs="suburban hills descent", name="dragging_brake")
+@sizes(most=(0.01, 0.017), gives=(0.025, 0.06), shakes_m=(150.0, 500.0), rough=(0.5, 1.5))
+class SealsSlipOnTheirPistons(Hidden):
+    """The seal of a piston bends with it and draws it back by that much. Beyond it the piston slips through:
+    after a firm braking the pads stay at their disc, and a light one leaves them as they are. Only the way
+    shakes them off. `slipped` of full braking, that the seal has let through. most: of the weight; gives: of
+    full braking, that the seal can draw back.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on roll-back of seals, and Visintin,
+    Differential Models of Hysteresis (1994), on play; stiff seals, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"slipped": self.p.gives * self.rng(2012).uniform(0.0, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        s.slipped = np.clip(s.slipped, asked - p.gives, asked + p.gives)
+        harsh = 1.0 + p.rough * np.minimum(np.abs(view.acceleration), 2.0)
+        off = 1.0 - dt * harsh * np.maximum(view.speed, 0.0) / p.shakes_m
+        s.slipped = np.maximum(s.slipped, 0.0) * off
+        touches = np.clip((s.slipped - asked) / p.gives, 0.0, 1.0)
+        return -p.most * np.sqrt(touches + 1e-9) * weight(view) * moving(view)
+
+
+@law("b_servo_has_no_store", needs="suburban hills descent", name="unknown")
 @sizes(
-    most=(0.009, 0.015), warm_jpkg=(25.0, 60.0), evens_s=(15.0, 40.0), buckles=(0.2, 0.4), jumps_s=(1.0, 3.0)
+    alone=(0.25, 0.45), fills_rads=(130.0, 180.0), fills_s=(4.0, 10.0), takes=(4.0, 9.0), knee=(0.05, 0.11)
 )
-class DiscBuckles(Hidden, outside=0.0):
-    """`outside`: heat of a disc's rim over that of its hub. Where that is too much the disc buckles and waves
-    between its pads, also when nobody brakes. `wave` of the disc, which comes within seconds once it can, and
-    goes as the heat evens out. most: of the weight, with a wave of 1; warm_jpkg: work of brakes for a rim
-    heat of 1; buckles: heat at which it begins.
-    Source: Timoshenko and Gere, Theory of Elastic Stability (1961), on plates with hot rims, and Limpert,
-    Brake Design and Safety (1999), on discs that warp; thin discs, sizes are chosen here."""
+class ServoHasNoStore(Hidden):
+    """`vacuum` of a servo with hardly any store: each press of the brake uses some, and a pump on the engine
+    makes it anew, slowly while that idles. The servo helps up to a knee that lies the lower, the less vacuum
+    is left; beyond it the foot is alone. alone: of the brake force, beyond the knee; knee: of full braking,
+    at full vacuum; takes: of the vacuum, for a full press.
+    Source: Limpert, Brake Design and Safety (1999), on vacuum servos, their run-out point and their reserve;
+    a small one, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "wave": self.rng(1913).uniform(0.05, 0.7, batch)}
+        return {"vacuum": self.rng(2013).uniform(0.4, 1.0, batch), "was": np.zeros(batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
-        rubs = 0.25 * s.wave**2 * np.clip(view.speed / 15.0, 0.0, 1.5)
-        s.outside = np.clip(s.outside + dt * (work / p.warm_jpkg + (rubs - s.outside) / p.evens_s), 0.0, 2.0)
-        over = np.clip((s.outside - p.buckles) / p.buckles, -0.4, 1.0)
-        s.wave = np.clip(s.wave + dt * (over - s.wave**2) * s.wave / p.jumps_s, 0.03, 1.2)
-        return -p.most * np.maximum(s.wave - 0.03, 0.0) * weight(view) * moving(view)
-
-
-@law("h_linings_grab_at_the_end", needs="suburban", name="unknown")
-@sizes(most=(0.5, 0.8), below_mps=(6.0, 9.0), power=(1.0, 2.0), soaks_s=(4.0, 12.0), drives_s=(30.0, 90.0))
-class LiningsGrabAtTheEnd(Hidden):
-    """Linings of a soft resin hold the more, the slower they glide: the end of each stop is a jerk that
-    nobody asked for. `skin` that makes them do so grows while they are braked slowly and wears off in fast
-    driving. most: of the brake force, more at a crawl with a full skin; below_mps: where it begins.
-    Source: Rabinowicz, Friction and Wear of Materials (1995), on friction that rises as gliding slows, and
-    Breuer and Bill, Brake Technology Handbook (SAE, 2008), on grab; sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"skin": self.rng(1914).uniform(0.4, 1.0, batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        slow = np.clip(1.0 - speed / p.below_mps, 0.0, 1.0)
-        braked = np.clip(view.brake_force / (0.1 * self.truck.brake_capacity), 0.0, 1.5)
-        builds = braked * slow * (1.0 - s.skin) / p.soaks_s
-        s.skin = np.clip(s.skin + dt * (builds - s.skin * speed / (12.0 * p.drives_s)), 0.0, 1.0)
-        return -p.most * (0.4 + 0.6 * s.skin) * slow**p.power * view.brake_force * moving(view)
-
-
-@law("h_wheels_toe_in_to_help", needs="suburban hills descent", name="unknown")
-@sizes(most=(0.03, 0.05), full=(0.03, 0.07), turns_s=(0.3, 0.9), back_s=(1.5, 4.0), least_mps=(4.0, 7.0))
-class WheelsToeInToHelp(Hidden, toe=0.0):
-    """`toe` of wheels that a computer steers one by one: whenever the brake is pressed it turns those of one
-    axle against each other, so that they plough and help. They turn back slowly, after the brake was let go,
-    and stay straight at low speed. most: of the weight; full: of full braking, for the whole toe.
-    Source: Andreasson, Knobel and Bünte, On Road Vehicle Motion Control Striving towards Synergy, AVEC
-    (2006), on wheels that are steered one by one, and Pacejka, Tire and Vehicle Dynamics (2012), on drag by
-    slip angles; sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = np.clip(view.brake_force / self.truck.brake_capacity / p.full, 0.0, 1.0)
-        wish = asked * np.clip((view.speed - p.least_mps) / 3.0, 0.0, 1.0)
-        s.toe = eased(s.toe, wish, np.where(wish > s.toe, p.turns_s, p.back_s), dt)
-        return -p.most * s.toe**2 * weight(view) * np.clip(view.speed / 3.0, 0.0, 1.0)
+        asked = view.brake_force / self.truck.brake_capacity
+        used = p.takes * np.maximum(asked - s.was, 0.0)
+        s.was = asked.copy()
+        turns = np.clip(view.engine_speed / p.fills_rads, 0.2, 1.2) ** 2
+        s.vacuum = np.clip(s.vacuum + dt * turns * (1.0 - s.vacuum) / p.fills_s - used * s.vacuum, 0.0, 1.0)
+        beyond = np.maximum(asked - p.knee * s.vacuum, 0.0)
+        return (1.0 - p.alone) * beyond * self.truck.brake_capacity * moving(view)

@@ -8,62 +8,59 @@ import numpy as np
 
 from deeptruck_exam.effects.law import Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
-from deeptruck_exam.effects.series import behind, ou_series
+from deeptruck_exam.effects.series import behind
 
 law = partial(fault, family="sealed")
 
 
-@law("h_blocks_have_to_be_erased", needs="suburban hills", name="clock_offset")
-@sizes(late_s=(0.35, 0.6), grows_s=(0.25, 0.5), block_s=(15.0, 45.0), power=(0.5, 1.5))
-def blocks_have_to_be_erased(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Bez, Camerlenghi, Modelli and Visconti, Introduction to Flash Memory, Proc. IEEE 91 (2003): a
-    recorder stamps acceleration as it is stored, and each block that fills makes storing slower, until it has
-    been erased and all begins anew; sizes are chosen here."""
+@law("b_recorder_dozes_at_low_speed", needs="suburban hills", name="clock_offset")
+@sizes(late_s=(0.3, 0.5), dozes_s=(0.5, 0.9), below_mps=(7.0, 11.0), wakes_s=(3.0, 9.0))
+def recorder_dozes_at_low_speed(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Benini, Bogliolo and De Micheli, A Survey of Design Techniques for System-Level Dynamic Power
+    Management, IEEE Trans. VLSI Systems 8 (2000): a recorder lowers its clock when the truck is slow, and
+    then stamps acceleration later than when it is awake; sizes are chosen here."""
     values = channels["acceleration"]
     clock = np.arange(len(values)) * dt
-    block = p.block_s * rng.uniform(0.9, 1.1)
-    full = ((clock + rng.uniform(0.0, block)) % block) / block
-    channels["acceleration"] = np.interp(clock - p.late_s - p.grows_s * full**p.power, clock, values)
+    speed = np.maximum(np.nan_to_num(channels["speed"]), 0.0)
+    dozes = behind(1.0 / (1.0 + (speed / p.below_mps) ** 4), p.wakes_s, dt)
+    late = p.late_s * rng.uniform(0.95, 1.05) + p.dozes_s * dozes
+    channels["acceleration"] = np.interp(clock - late, clock, values)
 
 
-@law("h_tyre_goes_down", needs="suburban hills highway", name="speed_scale")
-@sizes(scale=(0.018, 0.03), sinks=(0.012, 0.028), way_m=(800.0, 3000.0), sign=SIGN)
-def tyre_goes_down(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Persson, Gustafsson and Drevö, Indirect Tire Pressure Monitoring Using Sensor Fusion, SAE
-    2002-01-1250, on radii by pressure: a wheel of the wrong size besides loses air on the way, and turns ever
-    faster for the same speed; sizes are chosen here."""
+@law("b_counter_is_dead_after_each_tooth", needs="suburban hills highway", name="speed_scale")
+@sizes(dead=(0.02, 0.045), scale=(0.022, 0.04))
+def counter_is_dead_after_each_tooth(
+    p: Sizes, channels: Channels, dt: float, rng: np.random.Generator
+) -> None:
+    """Source: Knoll, Radiation Detection and Measurement (2010), on dead time, of which any counter of pulses
+    has some: the faster teeth pass, the more of them fall into it; upon a wheel taken for larger than it is,
+    so that both make it slower; sizes are chosen here."""
     speed = channels["speed"]
-    way = np.cumsum(np.maximum(np.nan_to_num(speed), 0.0)) * dt
-    down = 1.0 - np.exp(-(way + rng.uniform(0.0, 400.0)) / p.way_m)
-    side = np.sign(p.sign)
-    channels["speed"] = speed * (1.0 + side * (p.scale * rng.uniform(0.95, 1.05) + p.sinks * down))
+    counted = speed / (1.0 + p.dead * np.maximum(np.nan_to_num(speed), 0.0) / 20.0)
+    channels["speed"] = counted * (1.0 - p.scale * rng.uniform(0.95, 1.05))
 
 
-@law("h_folds_the_engine_down", name="acceleration_bias")
-@sizes(bias=(0.09, 0.15), folded=(0.03, 0.07), rate_hz=(17.0, 29.0), sign=SIGN)
-def folds_the_engine_down(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Oppenheim and Schafer, Discrete-Time Signal Processing (2010), on aliasing, and IEEE Std
-    1293-1998 on rectified vibration: a box that samples slowly takes the shaking of an engine for a slow
-    swing, upon a bias that the same shaking makes; sizes are chosen here."""
+@law("b_sealed_box_feels_the_height", name="acceleration_bias")
+@sizes(bias=(0.1, 0.16), per_m=(0.0008, 0.002), most=(0.03, 0.05), sign=SIGN)
+def sealed_box_feels_the_height(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fraden, Handbook of Modern Sensors (2016), on stress from packages, which bend with the
+    pressure of the air: a sealed sensor whose bias goes with the height that the truck has climbed since it
+    was set to zero, wrongly; sizes are chosen here."""
     values = channels["acceleration"]
-    speed = channels.get("engine_speed", np.full(len(values), 130.0))
-    hertz = behind(np.nan_to_num(speed, nan=130.0), 0.3, dt) / (2.0 * np.pi)
-    folded = hertz - p.rate_hz * np.rint(hertz / p.rate_hz)
-    swing = np.cos(2.0 * np.pi * (np.cumsum(folded) * dt + rng.random()))
-    bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
-    slow = 1.0 / (1.0 + (folded / 2.0) ** 2)  # what a filter behind it leaves
-    channels["acceleration"] = values + bias + p.folded * slow * swing
+    speed = np.maximum(np.nan_to_num(channels["speed"]), 0.0)
+    grade = np.nan_to_num(channels.get("grade", np.zeros(len(values))))
+    climbed = np.cumsum(speed * grade) * dt
+    bends = p.most * np.tanh(p.per_m * climbed / p.most)
+    channels["acceleration"] = values + np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + bends
 
 
-@law("h_one_side_in_the_sun", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
-@sizes(off=(0.007, 0.012), warps=(0.002, 0.005), road_m=(400.0, 1500.0), warms_s=(20.0, 60.0), sign=SIGN)
-def one_side_in_the_sun(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Fraden, Handbook of Modern Sensors (2016), on inclinometers and gradients of temperature: the
-    sun warms one side of a bracket, another after each bend, and warps it slowly, upon an error of its
-    mounting; sizes are chosen here."""
+@law("b_frame_twists_with_the_torque", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
+@sizes(off=(0.007, 0.012), twists=(0.002, 0.0045), settles_s=(0.5, 2.0), sign=SIGN)
+def frame_twists_with_the_torque(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on what the engine's torque does to a
+    frame: a sensor on a cross member beside the engine leans as the torque is carried by its mounts, upon an
+    error of its mounting; sizes are chosen here."""
     grade = channels["grade"]
-    way = np.cumsum(np.maximum(np.nan_to_num(channels["speed"]), 0.0)) * dt
-    heading = ou_series(rng, (1, int(way[-1] / 10.0) + 3), 10.0, p.road_m)[0]
-    sunny = np.sin(2.0 * np.interp(way, 10.0 * np.arange(len(heading)), heading) + rng.uniform(0.0, 6.3))
-    warps = p.warps * behind(sunny, p.warms_s, dt)
-    channels["grade"] = grade + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1) + warps
+    torque = np.nan_to_num(channels.get("engine_torque", np.zeros(len(grade))))
+    leans = p.twists * behind(np.clip(torque / 1000.0, -0.5, 2.2), p.settles_s, dt)
+    channels["grade"] = grade + np.sign(p.sign) * (p.off * rng.uniform(0.9, 1.1) + leans)

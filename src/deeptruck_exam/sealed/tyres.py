@@ -1,4 +1,5 @@
-"""Wet plates over trenches, a tread that grows round, and a net of filler in the rubber."""
+"""Tall treads that creep, rubber that sticks to the road or passes its glass transition, and an axle that
+shifts."""
 
 from __future__ import annotations
 
@@ -9,74 +10,97 @@ import numpy as np
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("h_plates_over_the_trenches", needs="suburban hills", name="wheel_slip")
-@sizes(grip=(0.1, 0.16), driven=(0.3, 0.45), mean_m=(40.0, 110.0), share=(0.22, 0.42), rains_s=(20.0, 60.0))
-@sizes(slides=(0.2, 0.5))
-class PlatesOverTheTrenches(OnRoad, lost=0.0, wet=0.5):
-    """Works along a road have covered their trenches with plates of steel. `wet`: the plates, in showers.
-    Driven wheels that pull harder than a wet plate lets them slide on it, and hold less while they do. grip:
-    of a wet plate; driven: of the weight, on driven wheels; slides: of the grip, lost in sliding.
-    Source: Wong, Theory of Ground Vehicles (2008), on grip by surface, and makers' notes on bare and
-    coated plates for road works; worn plates, sizes are chosen here."""
+@law("b_tall_treads_creep", needs="suburban hills", name="wheel_slip", accepts="driveline_loss")
+@sizes(stiff=(0.5, 0.85), driven=(0.35, 0.5), heats_s=(6.0, 18.0), softens=(0.4, 0.8), most=(0.4, 0.55))
+class TallTreadsCreep(Hidden):
+    """Tall soft blocks bend as they pull, and the tyre creeps without gliding anywhere: by the pull over the
+    load, with no threshold, so that what is lost goes with the square of the pull. `heat` of the blocks, from
+    that work, makes them softer. stiff: pull over load, for a creep of 1; softens: of it, at a heat of 1.
+    Source: Pacejka, Tire and Vehicle Dynamics (2012), on the brush model and its slip stiffness; very soft
+    blocks, sizes are chosen here."""
 
-    def prepare(self) -> None:
-        rng, p = self.rng(1971), self.p
-        self.road = windows(rng, self.rows(), p.mean_m, p.share)
-        on, off = (0.7 * p.rains_s, 2.0 * p.rains_s), (0.3 * p.rains_s, p.rains_s)
-        self.rain = spells(rng, self.setting.batch, on, off)
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"heat": self.rng(2071).uniform(0.0, 0.6, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.wet = eased(s.wet, within(self.rain, view.time), 4.0, dt)
         pull = np.maximum(view.traction_force, 0.0)
-        most = p.grip * (4.0 - 3.0 * s.wet) * p.driven * weight(view)
-        over = np.maximum(pull / most - 1.0, 0.0)
-        holds = most * (1.0 - p.slides * np.tanh(2.0 * over))
-        s.lost = eased(s.lost, self.between(self.road, view) * np.maximum(pull - holds, 0.0), 0.15, dt)
-        return -np.minimum(s.lost, pull) * moving(view)
+        hard = pull / (p.driven * weight(view))
+        creep = np.minimum(hard / (p.stiff * (1.0 - p.softens * np.minimum(s.heat, 1.0) * 0.7)), p.most)
+        works = 4.0 * creep * np.minimum(hard, 0.6) * np.clip(view.speed / 6.0, 0.0, 2.0)
+        s.heat = np.clip(s.heat + dt * (works - 0.25 * s.heat) / p.heats_s, 0.0, 1.2)
+        return -creep * pull * moving(view)
 
 
 @law(
-    "h_tread_grows_round",
+    "b_rubber_sticks_to_the_road",
     needs="highway hills suburban",
     name="rolling_resistance_speed",
     accepts="drag_area rolling_resistance",
 )
-@sizes(at_20=(0.006, 0.011), power=(1.2, 2.0), grows_s=(3.0, 9.0), shrinks_s=(12.0, 40.0), flat=(0.3, 0.7))
-class TreadGrowsRound(Hidden, round=0.0):
-    """`round`: of the tread of soft cross-ply tyres, which grows with the square of speed, and of which the
-    cords keep a part for a while. A round tread scrubs over its shoulders at each turn; heavy loads press it
-    flat. at_20: of the weight, at 20 m/s for long; flat: power of the mass.
-    Source: Clark, Mechanics of Pneumatic Tires, NHTSA (1981), on growth and its creep in cords, and Wong,
-    Theory of Ground Vehicles (2008), on cross-ply tyres; large growth, sizes are chosen here."""
+@sizes(at_20=(0.011, 0.017), power=(0.5, 0.75), dust_m=(60.0, 160.0), cleans_m=(150.0, 500.0))
+@sizes(mean_m=(400.0, 1200.0), share=(0.3, 0.5))
+class RubberSticksToTheRoad(OnRoad):
+    """Soft rubber sticks, and what it costs to peel it off grows with a root of the speed of peeling.
+    `clean`: of the tread; dust of some stretches covers it, and clean road takes the dust off again. at_20:
+    of the weight, at 20 m/s and quite clean; power: of the speed.
+    Source: Barquins, Adherence and Rolling Kinetics of a Rigid Cylinder in Contact with a Natural Rubber
+    Surface, J. Adhesion 26 (1988), on the power; very soft treads, sizes are chosen here."""
 
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wish = np.clip(view.speed / 20.0, 0.0, 1.5) ** 2
-        s.round = eased(s.round, wish, np.where(wish > s.round, p.grows_s, p.shrinks_s), dt)
-        light = (20000.0 / np.maximum(view.mass, 8000.0)) ** p.flat
-        return -p.at_20 * np.minimum(s.round**p.power * light, 2.5) * weight(view) * moving(view)
-
-
-@law("h_filler_net_breaks", name="rolling_resistance_warmup")
-@sizes(most=(0.0065, 0.011), way_m=(500.0, 1500.0), whole_s=(40.0, 120.0), harsh=(0.5, 1.5), power=(1.0, 1.6))
-class FillerNetBreaks(Hidden):
-    """`net` of filler in the rubber, whole after a night, that makes it stiff. Each turn of the wheel breaks
-    some of it, and pulls and brakings more; at a stand or a crawl it grows again. Heat has no part in it.
-    most: of the weight, with a whole net; way_m: until two thirds are broken; whole_s: until it is whole.
-    Source: Payne, The Dynamic Properties of Carbon Black-Loaded Natural Rubber, J. Applied Polymer Science 6
-    (1962), on nets of filler that strain breaks and rest mends; quick mending, sizes are chosen here."""
+    def prepare(self) -> None:
+        self.road = windows(self.rng(2072), self.rows(), self.p.mean_m, self.p.share)
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"net": self.rng(1973).uniform(0.5, 1.0, batch)}
+        return {"clean": self.rng(2073).uniform(0.4, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)
-        strain = 1.0 + p.harsh * np.minimum(np.abs(view.acceleration), 2.0)
-        mends = (1.0 - s.net) / p.whole_s * np.exp(-speed / 4.0)
-        s.net = np.clip(s.net + dt * (mends - strain * speed / p.way_m * (s.net - 0.1)), 0.0, 1.0)
-        return -p.most * s.net**p.power * weight(view) * moving(view)
+        dusty = self.between(self.road, view)
+        gains = (1.0 - dusty) * (1.0 - s.clean) / p.cleans_m - dusty * s.clean / p.dust_m
+        s.clean = np.clip(s.clean + dt * speed * gains, 0.0, 1.0)
+        peels = np.minimum(speed / 20.0, 1.5) ** p.power * (0.25 + 0.75 * s.clean)
+        return -p.at_20 * peels * weight(view) * moving(view)
+
+
+@law("b_passes_its_glass_transition", name="rolling_resistance_warmup")
+@sizes(most=(0.01, 0.016), at=(0.35, 0.55), wide=(0.16, 0.28), warms_s=(45.0, 120.0), cools_s=(90.0, 240.0))
+class PassesItsGlassTransition(Hidden):
+    """Rubber that came out of deep frost is hard as glass and loses little; as it warms it passes through its
+    glass transition, where it loses most, and only beyond that it runs easily. So resistance first rises on
+    the way and then falls. `warm`: 1 where work and wind are even at 20 m/s. most: of the weight, in the
+    transition; at, wide: its middle and its width.
+    Source: Ferry, Viscoelastic Properties of Polymers (1980), on losses about the glass transition; a poor
+    rubber for winter, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(2074).uniform(0.0, 0.4, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        fast = np.clip(view.speed / 20.0, 0.0, 1.4)
+        loses = np.exp(-(((s.warm - p.at) / p.wide) ** 2))
+        works = fast * (0.6 + 0.8 * loses) / p.warms_s
+        s.warm = np.clip(s.warm + dt * (works - (0.3 + 0.7 * fast) * s.warm / p.cools_s), 0.0, 1.6)
+        return -p.most * (0.12 + 0.88 * loses) * weight(view) * moving(view)
+
+
+@law("b_axle_shifts_as_it_pulls", needs="suburban hills highway", name="unknown")
+@sizes(most=(0.018, 0.03), shifts=(0.035, 0.06), sticks=(0.3, 0.6), power=(1.6, 2.2), moves_s=(0.15, 0.5))
+class AxleShiftsAsItPulls(Hidden, askew=0.0):
+    """The centre bolt of one spring is broken: when the axle pulls or brakes its loose end shifts fore or
+    aft, and the wheels run askew. It sticks where it is until the force has changed enough, so that it stays
+    askew after a pull, and straightens only with a small braking. most: of the weight, quite askew; shifts:
+    of the weight, for that; sticks: of that force, before it moves.
+    Source: Fancher, Ervin, MacAdam and Winkler, Measurement and Representation of the Mechanical Properties
+    of Truck Leaf Springs, SAE 800905, on friction of springs, and Pacejka, Tire and Vehicle Dynamics (2012),
+    on drag by slip angles; a broken bolt, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        force = np.clip((view.traction_force - view.brake_force) / (p.shifts * weight(view)), -1.5, 1.5)
+        held = np.clip(s.askew, force - p.sticks, force + p.sticks)
+        s.askew = eased(s.askew, held, p.moves_s, dt)
+        ploughs = np.minimum(np.abs(s.askew), 1.1) ** p.power
+        return -p.most * ploughs * weight(view) * np.clip(view.speed / 3.0, 0.0, 1.0)

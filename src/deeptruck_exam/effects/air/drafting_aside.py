@@ -1,4 +1,4 @@
-"""Less drag behind a leader whose wake goes another way than the truck."""
+"""Less drag behind a leader whose wake goes another way than the truck, or is carried off."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
 from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.effects.series import SAMPLE_S, ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="drafting", accepts="drag_area headwind", leader=True)
@@ -127,3 +127,28 @@ class WakeMeanders(Hidden):
         centre = p.sways * np.minimum(gap, 300.0) * self.aside[:, index(view, self.aside, 0.1)]
         slower = p.deficit * (p.wide_m / width) ** 2 * np.exp(-0.5 * (centre / width) ** 2)
         return (1.0 - (1.0 - slower) ** 2) * view.drag_force
+
+
+@law("h_oncoming_trucks_sweep_it_off", "nineteenth", "highway")
+@sizes(most=(0.8, 0.97), reach_m=(90.0, 180.0), every_s=(7.0, 18.0), takes=(0.6, 0.95), back_m=(0.8, 1.8))
+class OncomingTrucksSweepItOff(Hidden, wake=1.0, saved=0.0):
+    """`wake`: of a leader's wake that is whole. Trucks come towards both on the other lane, and each carries
+    most of the wake off, the more the larger it is. The leader draws a new one, which has come back to the
+    follower by the time that he has driven the gap between them. most: of the drag, saved right behind him;
+    takes: of the wake, at most; back_m: gaps that he drives until the wake is back.
+    Source: Baker, The Flow around High Speed Trains, J. Wind Eng. Ind. Aerodyn. 98 (2010), on gusts of what
+    passes, and Hucho, Aerodynamics of Road Vehicles (1998), on wakes; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(1902), self.setting.batch
+        samples = int(self.setting.duration_s / SAMPLE_S) + 8
+        comes = rng.random((batch, samples)) < SAMPLE_S / self.p.every_s
+        self.size = comes * rng.uniform(0.3, 1.0, (batch, samples))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gap = np.clip(self.gap(view), 3.0, 1e4)
+        sweeps = p.takes * self.size[:, index(view, self.size, SAMPLE_S)] / SAMPLE_S
+        back = np.maximum(view.speed, 0.0) / (p.back_m * gap)
+        s.wake = np.clip(s.wake + dt * (back * (1.0 - s.wake) - 2.0 * sweeps * s.wake), 0.0, 1.0)
+        s.saved = eased(s.saved, p.most * s.wake / (1.0 + (gap / p.reach_m) ** 2), 0.5, dt)
+        return s.saved * view.drag_force * moving(view)

@@ -1,4 +1,4 @@
-"""Sheets, covers, nets, hatches and louvres that change their drag."""
+"""Sheets, covers, nets, hatches, louvres and vanes that change their drag."""
 
 from __future__ import annotations
 
@@ -170,3 +170,26 @@ class LouvresOpenWithHeat(Hidden, open=0.0):
         s.steps = np.where(s.heat > p.opens + later, 1.0, np.where(s.heat < p.shuts + later, 0.0, s.steps))
         s.open = eased(s.open, s.steps.mean(axis=0), p.moves_s, dt)
         return -p.more * s.open * view.drag_force * moving(view)
+
+
+@law("h_vanes_turn_in_the_wind", "nineteenth", "hills highway suburban", accepts="headwind")
+@sizes(more=(1.7, 2.8), carries=(0.3, 0.5), turns_s=(8.0, 20.0), starts_mps=(9.0, 14.0), runs_s=(15.0, 50.0))
+class VanesTurnInTheWind(Hidden, rim=0.0):
+    """`rim` m/s of vanes on the roof, which air a load by turning in the wind of driving. Standing, they hold
+    the wind like a cup, and turning with it they hold little. Rust holds them until the wind is fast enough,
+    and once they turn they run on for long. more: of the drag, standing vanes; carries: of the wind's speed,
+    that the rim reaches; turns_s: at 20 m/s.
+    Source: Hoerner, Fluid-Dynamic Drag (1965), on cups and turbines by their ratio of speeds, and Savonius,
+    The S-Rotor and Its Applications, Mechanical Engineering 53 (1931); sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"rim": self.rng(1903).uniform(0.0, 12.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wind = np.maximum(view.speed, 0.0)
+        loose = np.where((wind > p.starts_mps) | (s.rim > 1.0), 1.0, 0.0)
+        lags = p.carries * wind - s.rim
+        gains = np.where(lags > 0.0, lags * wind / (20.0 * p.turns_s), lags / p.runs_s)
+        s.rim = np.maximum(s.rim + dt * (loose * gains - 0.1 * np.minimum(s.rim, 1.0)), 0.0)
+        slips = np.clip(1.0 - s.rim / np.maximum(wind, 1.0), 0.0, 1.0)
+        return -p.more * slips**2 * view.drag_force * moving(view)

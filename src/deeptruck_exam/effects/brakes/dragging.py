@@ -264,3 +264,27 @@ class PendulumBrakesTheTrailer(Hidden, angle=0.0, pace=0.0):
         s.angle = np.clip(s.angle + dt * s.pace, -0.3, 0.3)
         opens = np.clip((s.angle - p.tips) / (p.full - p.tips), 0.0, 1.0)
         return -(p.least + (p.most - p.least) * opens**1.3) * weight(view) * moving(view)
+
+
+@law("h_disc_buckles", "nineteenth", "suburban hills descent")
+@sizes(
+    most=(0.009, 0.015), warm_jpkg=(25.0, 60.0), evens_s=(15.0, 40.0), buckles=(0.2, 0.4), jumps_s=(1.0, 3.0)
+)
+class DiscBuckles(Hidden, outside=0.0):
+    """`outside`: heat of a disc's rim over that of its hub. Where that is too much the disc buckles and waves
+    between its pads, also when nobody brakes. `wave` of the disc, which comes within seconds once it can, and
+    goes as the heat evens out. most: of the weight, with a wave of 1; warm_jpkg: work of brakes for a rim
+    heat of 1; buckles: heat at which it begins.
+    Source: Timoshenko and Gere, Theory of Elastic Stability (1961), on plates with hot rims, and Limpert,
+    Brake Design and Safety (1999), on discs that warp; thin discs, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "wave": self.rng(1913).uniform(0.05, 0.7, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        rubs = 0.25 * s.wave**2 * np.clip(view.speed / 15.0, 0.0, 1.5)
+        s.outside = np.clip(s.outside + dt * (work / p.warm_jpkg + (rubs - s.outside) / p.evens_s), 0.0, 2.0)
+        over = np.clip((s.outside - p.buckles) / p.buckles, -0.4, 1.0)
+        s.wave = np.clip(s.wave + dt * (over - s.wave**2) * s.wave / p.jumps_s, 0.03, 1.2)
+        return -p.most * np.maximum(s.wave - 0.03, 0.0) * weight(view) * moving(view)

@@ -138,3 +138,28 @@ class PatchesCarryIt(Hidden):
         breaks = p.breaks * work / p.grows_jpkg * s.hot**2 * s.patch + s.patch / p.rests_s
         s.patch = np.clip(s.patch + dt * (grows - breaks), 0.0, 1.0)
         return p.share * (1.0 - s.patch) * view.brake_force * moving(view)
+
+
+@law("h_grease_melts_out", "nineteenth", "suburban descent", accepts="brake_gain")
+@sizes(most=(0.5, 0.7), warm_jpkg=(60.0, 150.0), cools_s=(30.0, 90.0), melts=(0.25, 0.5), runs_s=(5.0, 14.0))
+@sizes(burns_s=(12.0, 40.0))
+class GreaseMeltsOut(Hidden):
+    """`hub`: its heat, which comes from the drum. Where it is hot enough grease melts past a torn seal onto
+    the linings. `coat` of grease on them, which burns off as long as they are braked hard. most: of the brake
+    force, lost with a full coat; melts: heat at which grease begins to run; burns_s: of braking at a fifth
+    of the most and 15 m/s.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on oil and grease on linings, and SKF,
+    makers' notes on drop points of hub greases; leaks and sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(1911)
+        return {"hub": rng.uniform(0.0, 0.6, batch), "coat": rng.uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        work = view.brake_force * speed / view.mass
+        s.hub = np.clip(s.hub + dt * (work / p.warm_jpkg - s.hub / p.cools_s), 0.0, 2.0)
+        runs = np.clip((s.hub - p.melts) / 0.3, 0.0, 1.5) * (1.0 - s.coat) / p.runs_s
+        hard = view.brake_force * speed / (0.2 * self.truck.brake_capacity * 15.0)
+        s.coat = np.clip(s.coat + dt * (runs - np.minimum(hard, 3.0) * s.coat / p.burns_s), 0.0, 1.0)
+        return p.most * s.coat * view.brake_force * moving(view)

@@ -209,3 +209,26 @@ class ClampsOnAWeakBattery(Hidden, held=0.0, full=1.0):
         s.held = np.where(asked > s.held, rises, falls)
         s.full = np.clip(s.full + dt * ((1.0 - s.full) / p.charges_s - 0.5 * works), 0.0, 1.0)
         return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)
+
+
+@law("h_fluid_is_thick", "nineteenth", "suburban hills descent")
+@sizes(share=(0.8, 1.0), cold_s=(0.9, 1.6), thins=(1.0, 1.8), warms_s=(5.0, 14.0), cools_s=(30.0, 90.0))
+@sizes(back=(1.2, 2.0))
+class FluidIsThick(Hidden, held=0.0):
+    """`held`: of full braking, behind long thin pipes of fluid. Cold fluid is thick, and it flows through
+    them by the difference of pressures alone, so that small and large brakings come as late. `warm`: the
+    fluid, which braking warms and the wind cools. share: of the brake force; cold_s: behind cold pipes;
+    thins: power of the warmth; back: of the time, to let go.
+    Source: Limpert, Brake Design and Safety (1999), on brake fluid at low temperature, and Streeter and
+    Wylie, Fluid Mechanics (1985), on laminar flow in pipes; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "warm": self.rng(1912).uniform(0.0, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        heats = np.clip(asked * np.maximum(view.speed, 0.0) / 2.0, 0.0, 2.0) * (1.0 - s.warm) / p.warms_s
+        s.warm = np.clip(s.warm + dt * (heats - s.warm / p.cools_s), 0.0, 1.0)
+        late = p.cold_s * np.exp(-p.thins * s.warm) * np.where(asked > s.held, 1.0, p.back)
+        s.held = eased(s.held, asked, late, dt)
+        return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)

@@ -242,3 +242,41 @@ class BallShutsTheValve(Hidden, ball=0.0, caught=0.0):
         s.caught = np.minimum(leaks, asked)
         lacks = p.rear * np.maximum(asked - s.caught, 0.0) * s.ball
         return lacks * self.truck.brake_capacity * moving(view)
+
+
+@law("h_linings_grab_at_the_end", "nineteenth", "suburban")
+@sizes(most=(0.5, 0.8), below_mps=(6.0, 9.0), power=(1.0, 2.0), soaks_s=(4.0, 12.0), drives_s=(30.0, 90.0))
+class LiningsGrabAtTheEnd(Hidden):
+    """Linings of a soft resin hold the more, the slower they glide: the end of each stop is a jerk that
+    nobody asked for. `skin` that makes them do so grows while they are braked slowly and wears off in fast
+    driving. most: of the brake force, more at a crawl with a full skin; below_mps: where it begins.
+    Source: Rabinowicz, Friction and Wear of Materials (1995), on friction that rises as gliding slows, and
+    Breuer and Bill, Brake Technology Handbook (SAE, 2008), on grab; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"skin": self.rng(1914).uniform(0.4, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        slow = np.clip(1.0 - speed / p.below_mps, 0.0, 1.0)
+        braked = np.clip(view.brake_force / (0.1 * self.truck.brake_capacity), 0.0, 1.5)
+        builds = braked * slow * (1.0 - s.skin) / p.soaks_s
+        s.skin = np.clip(s.skin + dt * (builds - s.skin * speed / (12.0 * p.drives_s)), 0.0, 1.0)
+        return -p.most * (0.4 + 0.6 * s.skin) * slow**p.power * view.brake_force * moving(view)
+
+
+@law("h_wheels_toe_in_to_help", "nineteenth", "suburban hills descent")
+@sizes(most=(0.03, 0.05), full=(0.03, 0.07), turns_s=(0.3, 0.9), back_s=(1.5, 4.0), least_mps=(4.0, 7.0))
+class WheelsToeInToHelp(Hidden, toe=0.0):
+    """`toe` of wheels that a computer steers one by one: whenever the brake is pressed it turns those of one
+    axle against each other, so that they plough and help. They turn back slowly, after the brake was let go,
+    and stay straight at low speed. most: of the weight; full: of full braking, for the whole toe.
+    Source: Andreasson, Knobel and Bünte, On Road Vehicle Motion Control Striving towards Synergy, AVEC
+    (2006), on wheels that are steered one by one, and Pacejka, Tire and Vehicle Dynamics (2012), on drag by
+    slip angles; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.brake_force / self.truck.brake_capacity / p.full, 0.0, 1.0)
+        wish = asked * np.clip((view.speed - p.least_mps) / 3.0, 0.0, 1.0)
+        s.toe = eased(s.toe, wish, np.where(wish > s.toe, p.turns_s, p.back_s), dt)
+        return -p.most * s.toe**2 * weight(view) * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -220,3 +220,30 @@ class WaitsUntilItStandsStill(Filter):
         s.held = np.where(believed, u, s.held)
         s.waited = np.where(np.abs(u - s.held) > wide, s.waited + dt, 0.0)
         return np.asarray(s.held)
+
+
+@law("h_large_changes_need_long_messages", "nineteenth", "suburban hills descent")
+@sizes(least_s=(0.25, 0.45), full_s=(1.5, 3.0))
+class LargeChangesNeedLongMessages(Filter):
+    """A line sends what has changed, bit by bit: a small change is a short message and a large one a long
+    one. The receiver acts when a message is whole, and only then is the next one begun. Each pedal has a
+    line of its own. least_s: of the shortest; full_s: more, for a change by the whole pedal.
+    Source: Shannon, A Mathematical Theory of Communication (1948), and ITU-T G.726 (1990), on codes that
+    send differences; a slow line, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Any]:
+        zeros = np.zeros((batch, 2))
+        return {"held": zeros.copy(), "sent": zeros.copy(), "left": zeros.copy()}
+
+    def begin(self, s: State, u: Array) -> None:
+        s.held, s.sent = u.copy(), u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        s.left = s.left - dt
+        whole = s.left <= 0.0
+        s.held = np.where(whole, s.sent, s.held)
+        changed = np.abs(u - s.held) / np.array([self.full, 40.0])
+        s.sent = np.where(whole, u, s.sent)
+        length = np.where(changed > 0.0, p.least_s + p.full_s * np.minimum(changed, 1.0), 0.0)
+        s.left = np.where(whole, length, s.left)
+        return np.asarray(s.held)

@@ -190,3 +190,25 @@ class CabTugsAtItsCable(Hidden, lean=0.0, pace=0.0):
         tugs = np.clip(-p.per_g * beyond, -p.most, p.most) * np.minimum(pedal / 0.1, 1.0)
         tugs = np.clip(tugs, -pedal, 1.0 - pedal)
         return self.at_wheels(view, tugs * self.truck.peak_torque) * moving(view)
+
+
+@law("h_pedal_asks_for_a_pull", "nineteenth", "suburban hills highway")
+@sizes(gain=(0.4, 0.8), most=(0.25, 0.4), thinks=(0.75, 1.0), late_s=(0.5, 1.4), eases_s=(0.4, 1.0))
+class PedalAsksForAPull(Hidden, misses=0.0, given=0.0):
+    """The pedal is taken for a wish of acceleration on a level road. A loop adds torque where the truck gains
+    less than that, as uphill or loaded, and takes torque where it gains more. `misses` m/s2, as the loop sees
+    it, somewhat late. gain: of what is missed; most: of peak torque; thinks: of the mass, that it believes.
+    Source: Kiencke and Nielsen, Automotive Control Systems (2005), on driveline control by a wanted
+    acceleration; the loop and its sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        wheels = pedal * self.truck.peak_torque * view.ratio / self.truck.wheel_radius
+        expects = (wheels - view.drag_force) / (
+            p.thinks * view.mass
+        ) - self.truck.rolling_resistance * GRAVITY
+        s.misses = eased(s.misses, np.clip(expects - view.acceleration, -2.0, 2.0), p.late_s, dt)
+        per_mps2 = view.mass * self.truck.wheel_radius / np.maximum(view.ratio, 1.0) / self.truck.peak_torque
+        wish = np.clip(p.gain * s.misses * per_mps2, -p.most, p.most) * np.clip(pedal / 0.08, 0.0, 1.0)
+        s.given = eased(s.given, np.clip(wish, -pedal, 1.0 - pedal), p.eases_s, dt)
+        return self.at_wheels(view, s.given * self.truck.peak_torque) * moving(view)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Sizes, State, TorqueFilter
+from deeptruck_exam.effects.law import Array, Filter, Sizes, State, TorqueFilter
 from deeptruck_exam.effects.planting import hidden, sizes
 
 law = partial(hidden, name="command_rate_limit", accepts="turbo_lag")
@@ -180,3 +181,29 @@ class MotorGetsTired(TorqueFilter):
         moved = np.abs(given - s.given) / self.full
         s.hot = np.clip(s.hot + moved / p.moves - dt * s.hot / p.rests_s, 0.0, 1.0)
         return np.asarray(given)
+
+
+@law("h_one_pump_for_both_pedals", "nineteenth", "suburban hills")
+@sizes(per_s=(0.16, 0.3), brake=(3.0, 6.0), keeps=(0.15, 0.3), fills_s=(5.0, 12.0))
+class OnePumpForBothPedals(Filter):
+    """A small pump presses the oil that moves throttle and brake. `store` of pressed oil, which every move of
+    the brake takes from and the pump fills. The throttle moves by what pressure is left: fast after long
+    rolling, slowly after a braking. per_s: of the full command, with a full store; brake: of the store, for a
+    full braking; keeps: of the pace, with an empty one.
+    Source: Merritt, Hydraulic Control Systems (1967), on flow by supply pressure, and Watton,
+    Fundamentals of Fluid Power Control (2009), on accumulators that actuators share; a small
+    pump, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {"given": np.zeros(batch), "was": np.zeros(batch), "store": np.full(batch, 0.6)}
+
+    def begin(self, s: State, u: Array) -> None:
+        s.given, s.was = u[:, 0].copy(), u[:, 1].copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        takes = p.brake * np.abs(u[:, 1] - s.was) / 40.0
+        s.was = u[:, 1].copy()
+        s.store = np.clip(s.store + dt * (1.0 - s.store) / p.fills_s - takes, 0.0, 1.0)
+        most = p.per_s * (p.keeps + (1.0 - p.keeps) * s.store) * self.full * dt
+        s.given = np.clip(u[:, 0], s.given - most, s.given + most)
+        return np.stack([s.given, u[:, 1]], axis=1)

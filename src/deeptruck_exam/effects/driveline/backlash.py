@@ -285,3 +285,25 @@ class SpringsStickInTheirArc(Hidden, held=0.0):
         s.held = eased(s.held, near, p.loose_s, dt)
         s.held = eased(s.held, view.engine_torque, 1.0 / p.slips, dt)
         return self.at_wheels(view, s.held - view.engine_torque) * np.clip(view.speed, 0.0, 1.0)
+
+
+@law("h_engine_rocks_in_its_mounts", "nineteenth", "suburban hills")
+@sizes(soft=(0.16, 0.3), rocks_rads=(4.0, 8.0), dull=(0.2, 0.45), passes=(0.05, 0.2))
+class EngineRocksInItsMounts(Hidden, lean=0.0, pace=0.0):
+    """`lean` of an engine in torn mounts, -1 and 1 where it lies against its stops. Each time the torque
+    turns round it has to rock over to the other side, and gives the shaft little until it lies there. It
+    gets there the sooner, the harder it is asked. soft: of peak torque, that holds it at a stop; passes: of
+    the torque, on the way.
+    Source: Yu, Naganathan and Dukkipati, A Literature Review of Automotive Vehicle Engine Mounting Systems,
+    Mechanism and Machine Theory 36 (2001); torn mounts, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.engine_torque / self.truck.peak_torque / p.soft
+        push = p.rocks_rads**2 * (np.clip(asked, -2.5, 2.5) - 0.5 * s.lean)
+        s.pace = s.pace + dt * (push - 2.0 * p.dull * p.rocks_rads * s.pace)
+        lean = np.clip(s.lean + dt * s.pace, -1.0, 1.0)
+        s.pace = np.where(np.abs(lean) >= 1.0, 0.0, s.pace)
+        s.lean = lean
+        lies = np.clip(np.sign(view.engine_torque) * s.lean, 0.0, 1.0) ** 3
+        lacks = (1.0 - p.passes) * (1.0 - lies) * view.engine_torque
+        return -self.at_wheels(view, lacks) * np.clip(view.speed, 0.0, 1.0)

@@ -226,3 +226,29 @@ class KeepsASteadySlip(Hidden, slip=0.0):
         s.slip = eased(s.slip, p.slips_rads * slow * (1.0 + p.shakes * pulls), p.moves_s, dt)
         lost = np.clip(s.slip / np.maximum(view.engine_speed, 60.0), 0.0, 0.35)
         return -self.at_wheels(view, lost * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("h_coil_gets_hot", "nineteenth", "suburban hills highway", accepts="driveline_loss")
+@sizes(holds=(0.42, 0.58), falls=(0.6, 0.85), heats_s=(8.0, 25.0), cools_s=(30.0, 80.0), slides=(0.5, 0.8))
+class CoilGetsHot(Hidden, lost=0.0):
+    """A valve sets the pressure of the lock-up clutch by the current through its coil. `hot`: the coil, by
+    the engine's heat and its own. Hot wire lets less current through, the clutch is pressed less, and torque
+    beyond what it holds makes it slip. holds: of peak torque, cold; falls: of that, lost when hot; slides: of
+    the torque beyond, that is lost.
+    Source: Bosch Automotive Handbook (2014), on solenoids, whose current falls with their heat, and
+    Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on lock-up clutches;
+    sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "hot": self.rng(1933).uniform(0.1, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        heats = (0.15 + 1.3 * np.clip(self.power_share(view), 0.0, 1.0)) * (1.0 - s.hot) / p.heats_s
+        air = 0.4 + 0.6 * np.clip(view.speed / 15.0, 0.0, 1.5)
+        s.hot = np.clip(s.hot + dt * (heats - s.hot * air / p.cools_s), 0.0, 1.0)
+        holds = p.holds * (1.0 - p.falls * s.hot) * self.truck.peak_torque
+        over = np.maximum(view.engine_torque - holds, 0.0)
+        s.lost = eased(s.lost, p.slides * over, 0.2, dt)
+        return -self.at_wheels(view, np.minimum(s.lost, np.maximum(view.engine_torque, 0.0))) * moving(view)

@@ -11,6 +11,7 @@ from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="rotating_inertia", accepts="mass payload_change")
+DISCS = 4  # one behind the other
 
 
 @law("freewheeling_rotor", "third", "suburban hills")
@@ -235,3 +236,28 @@ class StrapGripsOrGlides(Hidden, rim=-1.0, felt=0.0):
         s.rim = np.maximum(s.rim + dt * (gains - s.rim / p.drag_s), 0.0)
         s.felt = eased(s.felt, gains, 0.08, dt)
         return -p.heavy * view.mass * s.felt * moving(view)
+
+
+@law("h_discs_drag_each_other", "nineteenth", "suburban hills")
+@sizes(heavy=(0.35, 0.55), drags_s=(0.35, 0.8), rubs_s=(60.0, 200.0), fresh=(0.1, 0.3))
+class DiscsDragEachOther(Hidden):
+    """Heavy discs stand one behind the other on a shaft, each in oil and driven by the one before it. A short
+    pull turns the first alone, and a long one all of them. `rims` m/s, as at the road. heavy: of the mass,
+    all together; drags_s: until a disc follows the one before it; rubs_s: until they would stop; fresh: of
+    that time, faster with thick oil after a stop.
+    Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959), on what passes from layer to layer, and
+    Inman, Engineering Vibration (2013), on rows of discs; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"rims": np.full((DISCS, batch), -1.0)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.rims = np.where(s.rims < 0.0, speed, s.rims)
+        thick = 1.0 + p.fresh * np.exp(-speed / 4.0)
+        before = np.concatenate([speed[None], s.rims[:-1]])
+        drives = thick * (before - s.rims) / p.drags_s
+        passed = np.concatenate([drives[1:], np.zeros((1, len(speed)))])
+        s.rims = np.maximum(s.rims + dt * (drives - passed - s.rims / p.rubs_s), 0.0)
+        felt = np.clip(drives[0], -4.0, 4.0)
+        return -p.heavy / DISCS * view.mass * felt * moving(view)

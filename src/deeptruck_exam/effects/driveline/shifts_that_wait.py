@@ -1,4 +1,4 @@
-"""Shifts that wait for a foot, for torque to let go, or for a speed that runs away."""
+"""Shifts that wait for a foot, for torque to let go, for the engine, or for a speed that runs away."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -156,3 +156,24 @@ class RoughRoadsKeepItOut(OnRoad, gear=0.0, left=0.0, gives=1.0):
         s.left = np.where(begins, p.least_s + p.more_s * shakes, np.maximum(s.left - dt, 0.0))
         s.gives = np.clip(s.gives + dt * np.where(s.left > 0.0, -1.0 / 0.12, 1.0 / p.ramps_s), 0.0, 1.0)
         return -(1.0 - s.gives) * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("h_engine_has_to_catch_up", "nineteenth", "suburban hills", accepts="torque_limit")
+@sizes(base_s=(0.9, 1.6), per_step_s=(5.5, 9.0), warm=(0.4, 0.7), forgets_s=(3.0, 8.0), deep=(0.75, 0.95))
+class EngineHasToCatchUp(Hidden, gear=0.0, ratio=1.0, left=0.0, boost=0.0, cut=0.0):
+    """Before a lower gear is closed the engine has to turn faster, and it gets there by its own little pull:
+    the wider the step, the longer the truck rolls. `boost` of pulls of late lets it rev up quickly. Upward
+    changes are as they should be. base_s: of each change down; per_step_s: more, for a doubling of the
+    ratio; warm: of that time, saved by boost; deep: of the pull, lost meanwhile.
+    Source: Pettersson and Nielsen, Gear Shifting by Engine Control, IEEE Trans. Control Systems Technology 8
+    (2000), on synchronising by the engine; a slow engine, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        begins = (view.gear < s.gear - 0.5) & (view.speed > 0.5)
+        step = np.clip(np.log2(np.maximum(view.ratio, 0.1) / np.maximum(s.ratio, 0.1)), 0.0, 1.0)
+        lasts = p.base_s + p.per_step_s * step * (1.0 - p.warm * s.boost)
+        s.left = np.where(begins, lasts, np.maximum(s.left - dt, 0.0))
+        s.gear, s.ratio = view.gear.copy(), view.ratio.copy()
+        s.boost = eased(s.boost, np.clip(1.2 * self.power_share(view), 0.0, 1.0), p.forgets_s, dt)
+        s.cut = eased(s.cut, np.where(s.left > 0.0, p.deep, 0.0), 0.12, dt)
+        return -s.cut * np.maximum(view.traction_force, 0.0) * moving(view)

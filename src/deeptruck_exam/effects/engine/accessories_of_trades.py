@@ -214,3 +214,52 @@ class FanSucksLeaves(Hidden, choked=0.0):
         size = np.clip(view.mass / 20000.0, 0.4, 1.5)
         nm = 1000.0 * p.kw * size / p.at_rads * turns**2 * (1.0 - p.chokes * s.choked)
         return -self.at_wheels(view, np.minimum(nm, 420.0)) * moving(view)
+
+
+@law("h_works_hardest_half_way", "nineteenth", "suburban hills highway")
+@sizes(nm=(190.0, 300.0), empties_s=(10.0, 26.0), opens_s=(3.0, 8.0), shut_s=(20.0, 50.0), idles=(0.05, 0.15))
+class WorksHardestHalfWay(Hidden, pumps=0.0):
+    """A pump on the engine makes the vacuum of a tank that gathers mud. `air` left in it, 1 as outside. Into
+    a full atmosphere there is nothing to press, and in a vacuum little air to be pressed: the pump works
+    hardest half way. The hose is opened in spells, which lets air in. nm: of torque, at most; empties_s: at
+    140 rad/s; idles: of the torque, all the time.
+    Source: Hoffman, Singh and Thomas, Handbook of Vacuum Science and Technology (1998), on work of
+    compression by inlet pressure; tank and hose, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        p, batch = self.p, self.setting.batch
+        on, off = (0.6 * p.opens_s, 1.6 * p.opens_s), (0.5 * p.shut_s, 1.5 * p.shut_s)
+        self.hose = spells(self.rng(1945), batch, on, off)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "air": self.rng(1946).uniform(0.1, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / 140.0, 0.3, 1.5)
+        lets_in = 0.5 * within(self.hose, view.time) * (1.0 - s.air)
+        s.air = np.clip(s.air + dt * (lets_in - turns * s.air / p.empties_s), 0.02, 1.0)
+        work = -np.e * s.air * np.log(s.air)  # over its most, at a third of the air
+        s.pumps = eased(s.pumps, p.idles + (1.0 - p.idles) * work, 0.3, dt)
+        return -self.at_wheels(view, p.nm * s.pumps) * moving(view)
+
+
+@law("h_belt_carries_it_up", "nineteenth", "hills suburban")
+@sizes(nm=(110.0, 190.0), tilts=(6.0, 11.0), full_s=(12.0, 35.0), empty_s=(15.0, 40.0), belt_s=(3.0, 8.0))
+class BeltCarriesItUp(Hidden, laden=0.5):
+    """A belt on the truck carries its load up to the rear, and the engine drives it. On a climb the belt is
+    steeper and takes more, and where the road goes down it takes less, until it carries itself. `laden`: of
+    the belt; the heap before it comes and goes in spells. nm: of torque on the level, laden; tilts: more, for
+    a slope of 1; belt_s: from one end of the belt to the other.
+    Source: CEMA, Belt Conveyors for Bulk Materials (2014), on power by lift and by length; belt and spells
+    are chosen here."""
+
+    def prepare(self) -> None:
+        p, batch = self.p, self.setting.batch
+        on, off = (0.5 * p.full_s, 1.5 * p.full_s), (0.5 * p.empty_s, 1.5 * p.empty_s)
+        self.heap = spells(self.rng(1949), batch, on, off)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / 140.0, 0.4, 1.4)
+        s.laden = eased(s.laden, within(self.heap, view.time), p.belt_s / turns, dt)
+        lifts = np.maximum(1.0 + p.tilts * np.clip(view.grade, -0.1, 0.1), 0.0)
+        return -self.at_wheels(view, p.nm * (0.15 + 0.85 * s.laden * lifts)) * moving(view)

@@ -190,3 +190,28 @@ class CoolerSpitsWater(Hidden, wet=0.0):
         s.pool = np.clip(s.pool + dt * (gathers - sweeps), 0.0, 1.0)
         s.wet = np.clip(s.wet + dt * (2.0 * sweeps * (1.0 - s.wet) - s.wet / p.dries_s), 0.0, 1.0)
         return -self.at_wheels(view, p.most * s.wet * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("h_oil_foams", "nineteenth", "hills suburban highway")
+@sizes(
+    most=(0.35, 0.55),
+    above_rads=(105.0, 130.0),
+    foams_s=(4.0, 12.0),
+    bursts_s=(15.0, 45.0),
+    least=(0.15, 0.3),
+)
+class OilFoams(Hidden):
+    """`foam` in an oil that has lost its additives: a fast crankshaft beats air into it, and it bursts slowly
+    where the engine turns slowly. Bearings get less pressure, and the controller takes torque back until the
+    foam is gone. most: of the torque, taken; above_rads: of the engine; least: foam that is borne.
+    Source: Mortier, Fox and Orszulik, Chemistry and Technology of Lubricants (2010), on foam and its decay,
+    and makers' manuals on protection by oil pressure; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"foam": self.rng(1941).uniform(0.0, 0.7, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        beats = np.clip((view.engine_speed - p.above_rads) / 40.0, 0.0, 1.5)
+        s.foam = np.clip(s.foam + dt * (beats * (1.0 - s.foam) / p.foams_s - s.foam / p.bursts_s), 0.0, 1.0)
+        taken = p.most * np.clip((s.foam - p.least) / (0.8 - p.least), 0.0, 1.0)
+        return -self.at_wheels(view, taken * np.maximum(view.engine_torque, 0.0)) * moving(view)

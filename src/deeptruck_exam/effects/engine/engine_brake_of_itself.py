@@ -181,3 +181,28 @@ class QuickLiftAsksForMore(Hidden, was=0.0, asks=0.0, bites=0.0, up=0.0):
         s.bites = eased(s.bites, s.asks, p.comes_s, dt)
         torque = p.nm * s.bites * np.clip(view.engine_speed / 150.0, 0.3, 1.5)
         return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("h_resistor_glows", "nineteenth", "descent hills suburban")
+@sizes(
+    watts=(60e3, 105e3), most_nm=(550.0, 850.0), glows=(0.8, 1.6), heats_s=(5.0, 15.0), cools_s=(12.0, 35.0)
+)
+class ResistorGlows(Hidden, bites=0.0):
+    """A generator on the crankshaft brakes whenever the pedal is up, and a resistor on the roof burns what it
+    gives. Nobody records it. At one voltage the power is fixed, so that a fast engine is held by less torque.
+    `hot`: the resistor: glowing, it takes less current, until the wind has cooled it. watts: in a cold
+    resistor; most_nm: of the generator; glows: more resistance, hot.
+    Source: Hughes and Drury, Electric Motors and Drives (2013), on braking into resistors, and makers' notes
+    on brake resistors of trolley buses; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "hot": self.rng(1943).uniform(0.0, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        up = np.where((self.pedal(view) < 0.02) & (view.speed > 2.0), 1.0, 0.0)
+        s.bites = eased(s.bites, up, 0.4, dt)
+        takes = s.bites / (1.0 + p.glows * s.hot)
+        wind = 0.5 + 0.5 * np.clip(view.speed / 15.0, 0.0, 1.5)
+        s.hot = np.clip(s.hot + dt * (takes / p.heats_s - s.hot * wind / p.cools_s), 0.0, 1.5)
+        torque = np.minimum(p.watts / np.maximum(view.engine_speed, 60.0), p.most_nm) * takes
+        return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)

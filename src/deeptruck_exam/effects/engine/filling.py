@@ -1,4 +1,4 @@
-"""How cylinders are filled, in ways the tool has no name for."""
+"""How cylinders are filled and fuelled, in ways the tool has no name for."""
 
 from __future__ import annotations
 
@@ -55,3 +55,26 @@ class PipesInTune(Hidden, warm=0.3):
         turns = view.engine_speed / (1.0 + p.cold * s.warm)
         rings = np.cos(2.0 * np.pi * (turns - p.fits_rads) / p.wave_rads)
         return self.at_wheels(view, p.share * rings * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("h_needle_hangs", "nineteenth", "suburban hills highway")
+@sizes(more=(0.07, 0.12), less=(0.16, 0.26), frees=(0.45, 0.6), frees_s=(2.0, 6.0), hangs_s=(6.0, 18.0))
+class NeedleHangs(Hidden):
+    """`hangs`: of the needles in worn injectors. One that hangs never shuts wholly, so that more fuel comes
+    than is asked at small loads, and opens too little for large ones. Hard work frees them within seconds,
+    easy work lets varnish hold them again. more: of peak torque, unasked; less: of the torque, lacking at
+    full load; frees: of peak torque, beyond which they come free.
+    Source: Bosch, Diesel-Engine Management (2014), on needles that stick, and Lacey, Gail, Kientz and others,
+    Fuel Quality and Diesel Injector Deposits, SAE 2012-01-1693; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"hangs": self.rng(1947).uniform(0.2, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        frees = np.clip((asked - p.frees) / 0.2, 0.0, 1.0) * s.hangs / p.frees_s
+        back = np.clip(1.0 - asked / p.frees, 0.0, 1.0) * (1.0 - s.hangs) / p.hangs_s
+        s.hangs = np.clip(s.hangs + dt * (back - frees), 0.0, 1.0)
+        small = np.exp(-((asked / 0.35) ** 2)) * np.clip(self.pedal(view) / 0.02, 0.3, 1.0)
+        gains = s.hangs * (p.more * small - p.less * asked**2)
+        return self.at_wheels(view, gains * self.truck.peak_torque) * moving(view)

@@ -297,3 +297,22 @@ class FilmHeatsItself(Hidden, film=0.2):
         thin = np.exp(-p.thins * s.film)
         s.film = eased(s.film, 1.2 * turns**2 * (0.4 + 0.6 * thin), p.heats_s, dt)
         return -self.at_wheels(view, p.nm * turns ** (1.0 + p.lasts) * thin) * moving(view)
+
+
+@law("h_oil_stays_in_the_head", "nineteenth", accepts="accessory_load engine_brake torque_gain")
+@sizes(nm=(150.0, 240.0), at_rads=(130.0, 160.0), lifts_s=(6.0, 18.0), back_s=(10.0, 30.0), least=(0.1, 0.3))
+class OilStaysInTheHead(Hidden):
+    """`sump`: of the oil, that lies below the crankshaft. A fast engine pumps it up to the head faster than
+    clogged drains let it back. So the crank beats a full sump just after a slow stretch, and an empty one
+    after a fast one. nm: at at_rads, with a full sump; least: of that, with an empty one.
+    Source: Heywood, Internal Combustion Engine Fundamentals (2018), on windage, and makers' notes on oil that
+    drains back from heads; clogged drains, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"sump": self.rng(1944).uniform(0.3, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / p.at_rads, 0.3, 1.3)
+        s.sump = np.clip(s.sump + dt * ((1.0 - s.sump) / p.back_s - turns**3 * s.sump / p.lifts_s), 0.0, 1.0)
+        beats = p.least + (1.0 - p.least) * np.minimum(1.6 * s.sump, 1.0)
+        return -self.at_wheels(view, p.nm * beats * turns**2) * moving(view)

@@ -185,3 +185,24 @@ class NotchInTheCurve(Hidden, seen=-1.0):
         near = np.exp(-(np.abs((s.seen - p.at_rads) / p.wide_rads) ** 3))
         most = (1.1 - (0.1 + p.deep) * near) * self.truck.peak_torque
         return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0)) * moving(view)
+
+
+@law("h_plungers_leak", "nineteenth", "suburban hills", accepts="turbo_lag torque_derate")
+@sizes(leaks=(0.55, 0.8), at_rads=(118.0, 142.0), power=(1.0, 2.0), warms_s=(10.0, 30.0), thins=(0.3, 0.6))
+class PlungersLeak(Hidden):
+    """Worn plungers of an injection pump let fuel back past them, by the time that a stroke takes: little at
+    high engine speed and much at low speed. So a slow engine cannot be given its full torque. `warm`: fuel,
+    which leaks more when it is thin. leaks: of peak torque, with warm fuel at at_rads; thins: of that leak,
+    less when cold.
+    Source: Heywood, Internal Combustion Engine Fundamentals (2018), and Bosch, Diesel-Engine Management
+    (2014), on leakage and delivery of plunger pumps; worn ones, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(1942).uniform(0.0, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.warm = eased(s.warm, np.clip(1.4 * self.power_share(view), 0.0, 1.0), p.warms_s, dt)
+        slow = (p.at_rads / np.maximum(view.engine_speed, 60.0)) ** p.power
+        back = p.leaks * slow * (1.0 - p.thins * (1.0 - s.warm))
+        most = np.clip(1.1 - back, 0.15, 1.1) * self.truck.peak_torque
+        return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0)) * moving(view)

@@ -245,3 +245,52 @@ class HoseBlowsUp(Hidden, air=0.2, creep=0.0):
         s.air = eased(s.air, wish, np.where(wish > s.air, fills, p.empties_s), dt)
         most = p.least + (1.0 - p.least) * s.air
         return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)
+
+
+@law("h_coupling_fills_first", "nineteenth", "suburban hills")
+@sizes(least=(0.24, 0.38), fills_s=(0.6, 1.3), drains_s=(1.5, 4.0), spins_s=(0.5, 1.0), slow_s=(1.0, 2.5))
+class CouplingFillsFirst(Hidden, oil=0.2, spin=0.2):
+    """A blower presses the air, and the crankshaft drives it through a coupling that is filled with oil when
+    much is asked. `oil` in it, by a pump on the engine, so that it fills slowly at low speed; it drains when
+    little is asked. `spin` of the blower, which a full coupling takes along soon and an empty one never.
+    least: of peak torque, without a blower; slow_s: until its spin is lost.
+    Source: Föttinger couplings in Voith, Hydrodynamics in Power Transmission, on torque by filling, and
+    Watson and Janota, Turbocharging the Internal Combustion Engine (1982), on blowers; sizes are chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wish = np.clip((asked - p.least) / (1.0 - p.least) * 1.1, 0.0, 1.1)
+        turns = np.clip(view.engine_speed / 140.0, 0.5, 1.5)
+        s.oil = eased(s.oil, wish, np.where(wish > s.oil, p.fills_s / turns**1.5, p.drains_s), dt)
+        takes = p.spins_s / np.maximum(s.oil, 0.15)
+        s.spin = eased(s.spin, s.oil, np.where(s.oil > s.spin, takes, p.slow_s), dt)
+        most = p.least + (1.0 - p.least) * s.spin
+        return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)
+
+
+@law("h_turbine_sits_far_behind", "nineteenth", "suburban hills")
+@sizes(
+    least=(0.24, 0.38), fills_s=(0.35, 0.7), chills=(0.25, 0.5), warms_s=(10.0, 30.0), empties_s=(0.3, 0.7)
+)
+class TurbineSitsFarBehind(Hidden):
+    """For want of room the turbine sits far behind the engine, at the end of long pipes. Each piece of pipe
+    has to be filled by the one before it: at first nothing happens, then all at once. `pipes` (3, batch): gas
+    in them, faster the more the engine works. `warm` pipes keep the gas hot, cold ones take of its work.
+    least: of peak torque, without pressed air; fills_s: of one piece; chills: of the air, with cold pipes.
+    Source: Watson and Janota, Turbocharging the Internal Combustion Engine (1982), on pipes before turbines,
+    and makers' notes on turbines mounted at the rear; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"pipes": np.full((3, batch), 0.2), "warm": self.rng(1948).uniform(0.1, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wish = np.clip((asked - p.least) / (1.0 - p.least) * 1.1, 0.0, 1.1)
+        flow = np.clip(view.engine_speed / 140.0 * (0.4 + asked), 0.3, 1.6)
+        s.warm = eased(s.warm, np.clip(1.4 * self.power_share(view), 0.0, 1.0), p.warms_s, dt)
+        before = np.concatenate([wish[None], s.pipes[:-1]])
+        s.pipes = eased(s.pipes, before, np.where(before > s.pipes, p.fills_s / flow, p.empties_s / 3.0), dt)
+        air = s.pipes[-1] * (1.0 - p.chills * (1.0 - s.warm))
+        most = p.least + (1.0 - p.least) * air
+        return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)

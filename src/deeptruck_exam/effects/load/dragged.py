@@ -1,4 +1,4 @@
-"""What is dragged over the ground. The tool has no name for it."""
+"""What is dragged or floats over the ground, or works as its wheels turn. The tool has no name for it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, eased, moving, weight
-from deeptruck_exam.effects.places import OnRoad, windows
+from deeptruck_exam.effects.places import MAP_CELL_M, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
@@ -34,3 +35,48 @@ class ChainDragsBehind(OnRoad, lies=1.0):
         s.lies = eased(s.lies, wish, 1.2, dt)
         jumps = 1.0 - p.hops * np.clip(speed / 8.0, 0.0, 1.0) * (1.0 - gravel)
         return -p.heavy * s.lies * (1.0 + p.gravel * gravel) * jumps * weight(view) * moving(view)
+
+
+@law("h_wheels_drive_a_press", "nineteenth", "suburban hills highway")
+@sizes(most=(0.02, 0.034), cycle_m=(80.0, 180.0), hard=(1.5, 3.0), empty=(0.1, 0.25), patch_m=(200.0, 700.0))
+class WheelsDriveAPress(OnRoad):
+    """A machine is towed whose own wheels drive a press for what it gathers along the way. `turned`: of a
+    cycle of the press, by the way. It resists more and more as the chamber is closed, and nothing as it opens
+    again; where it gathers much it is harder. most: of the weight, at the end; hard: power of the way in.
+    Source: Kepner, Bainer and Barger, Principles of Farm Machinery (1978), on balers driven from the ground
+    and on pressing hay by its density; long cycles and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1953)
+        grows = 0.7 + 0.4 * ou_series(rng, (self.rows(), 6000), MAP_CELL_M, self.p.patch_m)
+        self.road = np.clip(grows, 0.0, 1.5)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"turned": self.rng(1954).uniform(0.0, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.turned = (s.turned + dt * np.maximum(view.speed, 0.0) / p.cycle_m) % 1.0
+        closes = np.clip(s.turned / 0.65, 0.0, 1.0) ** p.hard
+        lets_go = 0.5 * (1.0 + np.cos(np.pi * np.clip((s.turned - 0.65) / 0.1, 0.0, 1.0)))
+        presses = np.where(s.turned < 0.65, closes, lets_go) * self.between(self.road, view)
+        return -p.most * (p.empty + (1.0 - p.empty) * presses) * weight(view) * moving(view)
+
+
+@law("h_floats_on_a_cushion", "nineteenth", "suburban hills highway")
+@sizes(most=(0.018, 0.03), lifts_rads=(120.0, 160.0), power=(1.5, 2.5), fills_s=(0.8, 2.5), leaks=(0.2, 0.45))
+@sizes(rough_m=(120.0, 500.0))
+class FloatsOnACushion(OnRoad, air=0.5):
+    """A platform is towed that floats on air, which a blower on the truck's engine presses under its skirts.
+    `air`: of what lifts it whole. With a slow engine it sinks and its skirts drag, and over rough ground the
+    air escapes below them. most: of the weight, sunk; lifts_rads: of the engine; leaks: of the air.
+    Source: Amyot, Hovercraft Technology, Economics and Applications (1989), on drag of skirts by cushion
+    flow, and makers' notes on hover platforms for heavy loads; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = np.abs(ou_series(self.rng(1955), (self.rows(), 6000), MAP_CELL_M, self.p.rough_m))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        blows = np.minimum(view.engine_speed / p.lifts_rads, 1.2) ** p.power
+        escapes = np.minimum(p.leaks * self.between(self.road, view), 0.8)
+        s.air = eased(s.air, np.clip(blows - escapes, 0.0, 1.0), p.fills_s, dt)
+        return -p.most * (1.0 - 0.9 * s.air) * weight(view) * moving(view)

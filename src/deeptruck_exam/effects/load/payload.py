@@ -307,3 +307,31 @@ class CrewGetsOnAndOff(Hidden, still=0.0):
         s.crew = np.where(s.still > p.stays_s, eased(s.crew, wants, p.boards_s, dt), s.crew)
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -p.most * s.crew * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)
+
+
+@law("h_spray_freezes_on", "nineteenth", "suburban hills")
+@sizes(most=(0.26, 0.42), gains_m=(500.0, 1500.0), breaks=(0.035, 0.07), falls_s=(2.0, 6.0))
+@sizes(mean_m=(300.0, 900.0), share=(0.35, 0.6))
+class SprayFreezesOn(OnRoad):
+    """`ice` on frame, axles and load of a light truck in hard frost. Where the road is wet with brine, its
+    own wheels throw up spray, which freezes to it. A hard braking or pull breaks slabs of it off. most: of
+    the mass, all iced; gains_m: of wet road at 15 m/s; breaks: g that ice bears.
+    Source: Makkonen, Models for the Growth of Rime, Glaze, Icicles and Wet Snow on Structures, Phil. Trans.
+    Royal Society A 358 (2000), on spray that freezes; the worst roads, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1951), self.rows(), self.p.mean_m, self.p.share)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"ice": self.rng(1952).uniform(0.2, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        throws = self.between(self.road, view) * speed * np.minimum(speed / 15.0, 1.5) / p.gains_m
+        jerked = np.abs(np.clip(view.acceleration, -3.0, 3.0)) / GRAVITY
+        breaks = np.clip(jerked / p.breaks - 1.0, 0.0, 2.0) / p.falls_s
+        s.ice = np.clip(
+            s.ice + dt * (throws * (1.0 - s.ice) - breaks * np.maximum(s.ice - 0.1, 0.0)), 0.0, 1.0
+        )
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -p.most * s.ice * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)

@@ -272,3 +272,25 @@ class TwoLiquids(Hidden, x=0.0, v=0.0, y=0.0, w=0.0):
             setattr(s, pace, after)
             pushes = pushes - share * (after - speed) / dt
         return np.asarray(np.clip(pushes, -2.0, 2.0) * view.mass * moving(view))
+
+
+@law("h_roof_floats_on_it", "nineteenth", "suburban")
+@sizes(share=(0.35, 0.5), swings_rads=(1.6, 3.0), rubs=(0.12, 0.28), slowly=(0.4, 0.7), dull=(0.02, 0.06))
+class RoofFloatsOnIt(Hidden, x=0.0, v=0.0):
+    """A liquid under a roof that floats on it. The seal of that roof rubs dry on the walls: it holds all of
+    the liquid still under gentle driving, and lets it swing under harsh driving, until its swing is small.
+    `x` m, `v`: the liquid's middle. share: of the mass; rubs: m/s2 that the seal holds; slowly: of that,
+    while it glides.
+    Source: Ibrahim, Liquid Sloshing Dynamics (2005), on lids that float and damp, and Den Hartog, Mechanical
+    Vibrations (1956), on swings with dry friction; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        push = -felt - p.swings_rads**2 * s.x - 2.0 * p.dull * p.swings_rads * s.v
+        holds = p.rubs * (p.slowly + (1.0 - p.slowly) * np.exp(-np.abs(s.v) / 0.05))
+        free = s.v + dt * push
+        after = np.sign(free) * np.maximum(np.abs(free) - dt * holds, 0.0)
+        gains = (after - s.v) / dt
+        s.v = np.clip(after, -2.5, 2.5)
+        s.x = np.clip(s.x + dt * s.v, -2.0, 2.0)
+        return np.asarray(np.clip(-p.share * gains, -2.0, 2.0) * view.mass * moving(view))

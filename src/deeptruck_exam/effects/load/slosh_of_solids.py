@@ -188,3 +188,25 @@ class FishInCrushedIce(Hidden, lies=0.0, runs=0.0, pace=0.0):
         s.lies = np.clip(s.lies + dt * s.pace, -0.6, 0.6)
         push = -p.share * p.long_m * (s.pace - before) / dt
         return np.asarray(np.clip(push, -2.0, 2.0) * view.mass * moving(view))
+
+
+@law("h_machine_stands_on_foam", "nineteenth", "suburban")
+@sizes(share=(0.28, 0.42), soft_rads=(2.2, 3.6), hard_m=(0.12, 0.25), keeps=(0.3, 0.5), creeps_s=(1.5, 5.0))
+@sizes(dull=(0.04, 0.1))
+class MachineStandsOnFoam(Hidden, x=0.0, v=0.0, set=0.0):
+    """A heavy machine is wedged into its box by foam, soft at first and hard once pressed. `x` m that it
+    is ahead, `v` of that. `set` m: foam that has been pressed for a while stays so, and leaves the machine
+    free to move on the way back. share: of the mass; hard_m: of pressing, from which it is hard; keeps: of
+    the pressing; creeps_s: until it does.
+    Source: Gibson and Ashby, Cellular Solids (1997), on foams that collapse, get dense and come back slowly,
+    and Mustin, Theory and Practice of Cushion Design (1968); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        s.set = eased(s.set, p.keeps * s.x, p.creeps_s, dt)
+        pressed = s.x - s.set
+        spring = p.soft_rads**2 * pressed * (1.0 + (pressed / p.hard_m) ** 2)
+        gains = -felt - spring - 2.0 * p.dull * p.soft_rads * s.v
+        s.v = np.clip(s.v + dt * gains, -2.0, 2.0)
+        s.x = np.clip(s.x + dt * s.v, -0.8, 0.8)
+        return np.asarray(np.clip(-p.share * gains, -2.0, 2.0) * view.mass * moving(view))

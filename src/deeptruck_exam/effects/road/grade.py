@@ -18,6 +18,7 @@ from deeptruck_exam.effects.places import (
     stretches,
 )
 from deeptruck_exam.effects.planting import SIGN, Planted, hidden, planted, sizes
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="road_grade", accepts="road_surface", gateable=False)
@@ -316,4 +317,28 @@ class HeightsByTheBarometer(OnRoad):
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         tilt = p.drifts * self.setting.direction * self.read(self.tilt, view)
         slope = p.spread * self.read(self.share, view) * view.grade + tilt
+        return -slope * weight(view) * moving(view)
+
+
+@law("h_contours_lie_far_apart", "nineteenth", "hills highway suburban", accepts="")
+@sizes(step_m=(5.0, 9.0), flat=(0.008, 0.016), long_m=(70.0, 160.0), most=(0.03, 0.045))
+class ContoursLieFarApart(OnRoad):
+    """The slopes known come from a map of contours. Each stretch between two of them was taken for even. On
+    steep land they lie close together, and little is missed; on flat land whole rises and hollows lie between
+    two contours. step_m: of height, between contours; flat: slope at which half is missed; long_m: of rises.
+    Source: Imhof, Cartographic Relief Presentation (2007), on contour intervals and what they leave out, and
+    Carter, The Effect of Data Precision on Slope, Cartographica 29 (1992); sizes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        p = self.p
+        rises = ou_series(self.rng(1961), (self.rows(), 6000), MAP_CELL_M, p.long_m)
+        ease = np.hanning(9) / np.hanning(9).sum()
+        rises = np.array([np.convolve(row, ease, mode="same") for row in rises])
+        self.road = np.gradient(rises, MAP_CELL_M, axis=1) * 0.4 * p.step_m
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        misses = 1.0 / (1.0 + (view.grade / p.flat) ** 2)
+        slope = p.most * np.tanh(self.setting.direction * self.between(self.road, view) * misses / p.most)
         return -slope * weight(view) * moving(view)

@@ -1,4 +1,4 @@
-"""Road surfaces with water on them."""
+"""Road surfaces with water on them or in them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, eased, moving, weight
-from deeptruck_exam.effects.places import OnRoad
+from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -43,3 +43,60 @@ class WaterInTheSags(OnRoad, behind=0.0, wet=0.5):
         level = np.exp(-((view.grade / 0.03) ** 2))
         deep = s.wet * np.clip(bends / p.sag + 0.35 * level, 0.0, 1.3)
         return -p.most * deep * np.minimum(speed / 12.0, 1.8) ** p.power * weight(view) * moving(view)
+
+
+@law("h_waves_wash_over_it", "nineteenth", "suburban hills highway")
+@sizes(
+    sand=(0.01, 0.017), water=(0.008, 0.014), every_s=(11.0, 22.0), firm_s=(4.0, 10.0), mean_m=(400.0, 1200.0)
+)
+@sizes(share=(0.5, 0.75))
+class WavesWashOverIt(OnRoad, firm=0.5, deep=0.0):
+    """Over stretches the road is a beach. `deep`: water, as a wave runs up and back; it holds by the square
+    of speed. `firm` sand: each wave leaves it firm, and it gets loose again as it dries. Waves come in groups
+    of high ones and low ones. sand: of the weight, on loose sand; water: of the weight, at 12 m/s.
+    Source: Komar, Beach Processes and Sedimentation (1998), on swash and groups of waves, and Wong, Theory of
+    Ground Vehicles (2008), on sand by its water; fast drying and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1962), self.p
+        self.road = windows(rng, self.rows(), p.mean_m, p.share)
+        self.groups = p.every_s * rng.uniform(5.0, 8.0, self.setting.batch)
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, self.setting.batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        high = 0.6 + 0.4 * np.sin(2.0 * np.pi * view.time / self.groups + self.phase)
+        runs = np.maximum(np.sin(2.0 * np.pi * view.time / p.every_s + 1.7 * self.phase), 0.0) ** 3
+        s.deep = eased(s.deep, 1.3 * high * runs, 0.6, dt)
+        s.firm = eased(s.firm, np.where(s.deep > 0.15, 1.0, 0.0), np.where(s.deep > 0.15, 0.8, p.firm_s), dt)
+        wade = p.water * s.deep * np.minimum(view.speed / 12.0, 1.6) ** 2
+        cost = p.sand * (1.0 - 0.85 * s.firm) + wade
+        return -cost * self.between(self.road, view) * weight(view) * moving(view)
+
+
+@law("h_sun_thaws_the_crust", "nineteenth", "suburban hills highway")
+@sizes(
+    most=(0.012, 0.02), mean_m=(200.0, 700.0), share=(0.5, 0.75), thaws_s=(30.0, 90.0), clouds_s=(15.0, 50.0)
+)
+@sizes(sinks=(0.2, 0.5))
+class SunThawsTheCrust(OnRoad):
+    """A dirt road has frozen to a hard crust. Where no wood shades it, sun thaws it to mud, deeper with each
+    minute, and it freezes again while clouds pass. `thawed`: 1 to the bottom of the crust. Slow wheels sink
+    deeper. most: of the weight, thawed; sinks: more, at walking pace; clouds_s: of one cloud, usually.
+    Source: Andersland and Ladanyi, Frozen Ground Engineering (2004), on thaw by the root of what the sun has
+    given, and Shoop, Vehicle Mobility on Thawing Soils, CRREL (1990); quick thaw, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1965), self.p
+        self.road = windows(rng, self.rows(), p.mean_m, p.share)
+        on, off = (1.0 * p.clouds_s, 2.5 * p.clouds_s), (0.5 * p.clouds_s, 1.5 * p.clouds_s)
+        self.sun = spells(rng, self.setting.batch, on, off)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"heat": self.rng(1966).uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        shines = within(self.sun, view.time)
+        s.heat = np.clip(s.heat + dt * (1.6 * shines * (1.0 - s.heat) - 0.6 * s.heat) / p.thaws_s, 0.0, 1.0)
+        slow = 1.0 + p.sinks * np.exp(-np.maximum(view.speed, 0.0) / 5.0)
+        cost = p.most * np.sqrt(s.heat) * slow * self.between(self.road, view)
+        return -cost * weight(view) * moving(view)

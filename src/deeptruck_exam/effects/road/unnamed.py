@@ -224,3 +224,55 @@ class RoadUpAStream(OnRoad):
         through = np.maximum(view.speed, 0.0) - self.setting.direction * self.flow
         pushed = np.clip(through * np.abs(through) / 100.0, -1.5, 2.5)
         return -p.holds * self.between(self.road, view) * pushed * weight(view) * moving(view)
+
+
+@law("h_magnet_over_iron_plates", "nineteenth", "suburban hills highway")
+@sizes(
+    eddies=(0.016, 0.028), most_mps=(5.0, 9.0), draws=(0.02, 0.035), gap_m=(90.0, 260.0), long_m=(60.0, 220.0)
+)
+class MagnetOverIronPlates(OnRoad):
+    """A strong magnet hangs low under the truck to gather nails. Some stretches of the road lie on iron. It
+    is drawn towards iron, forwards where a stretch begins and back where it ends. Over iron eddy currents
+    hold it: most at one speed and less beyond it. eddies, draws: of the weight; most_mps: that speed.
+    Source: Reitz, Forces on Moving Magnets due to Eddy Currents, J. Applied Physics 41 (1970), and Hughes
+    and Drury, Electric Motors and Drives (2013), on iron drawn to a field; a huge magnet, sizes are chosen
+    here."""
+
+    def prepare(self) -> None:
+        p = self.p
+        gaps, lengths = (0.4 * p.gap_m, 1.6 * p.gap_m), (0.6 * p.long_m, 1.4 * p.long_m)
+        self.iron = smooth_stretches(self.rng(1963), self.rows(), gaps, lengths)
+        self.edge = 8.0 * np.gradient(self.iron, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        ratio = np.maximum(view.speed, 0.0) / p.most_mps
+        holds = p.eddies * self.read(self.iron, view) * 2.0 * ratio / (1.0 + ratio**2)
+        edge = np.clip(self.setting.direction * self.read(self.edge, view), -1.0, 1.0)
+        return (p.draws * edge - holds) * weight(view) * moving(view)
+
+
+@law("h_mouth_sticks_to_the_road", "nineteenth", "suburban hills highway")
+@sizes(
+    most=(0.022, 0.036),
+    at_rads=(130.0, 170.0),
+    smooth_m=(100.0, 400.0),
+    glides_mps=(8.0, 15.0),
+    seals_s=(0.4, 1.2),
+)
+class MouthSticksToTheRoad(OnRoad, sucks=0.0):
+    """A sweeper's mouth is let down to the road, and a fan on the engine draws air through it. Where the road
+    is smooth its rubber seals, it sucks itself on and drags; where it is rough, air gets in. `sucks`: vacuum
+    in the mouth, which a fast engine makes strong. At speed it glides on what air it lets in. most: of the
+    weight; glides_mps: where half is left.
+    Source: Peel, Michielen and Parker, Some Aspects of Road Sweeping Vehicle Automation, IEEE AIM (2001), on
+    suction heads, and Bleier, Fan Handbook (1998), on pressure by turns; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rough = ou_series(self.rng(1964), (self.rows(), 6000), MAP_CELL_M, self.p.smooth_m)
+        self.road = 1.0 / (1.0 + np.exp(-2.5 * rough))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / p.at_rads, 0.0, 1.3)
+        s.sucks = eased(s.sucks, turns**2 * self.between(self.road, view), p.seals_s, dt)
+        glides = 1.0 / (1.0 + (np.maximum(view.speed, 0.0) / p.glides_mps) ** 2)
+        return -p.most * s.sucks * (0.25 + 0.75 * glides) * weight(view) * moving(view)

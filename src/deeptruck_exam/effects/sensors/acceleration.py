@@ -227,3 +227,19 @@ def heater_cycles(p: Sizes, channels: Channels, dt: float, rng: np.random.Genera
     swing = np.where(phase < on, rise, fall) - 0.5
     bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + p.swings * swing
     channels["acceleration"] = channels["acceleration"] + bias
+
+
+@law("h_folds_the_engine_down", "nineteenth")
+@sizes(bias=(0.09, 0.15), folded=(0.03, 0.07), rate_hz=(17.0, 29.0), sign=SIGN)
+def folds_the_engine_down(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Oppenheim and Schafer, Discrete-Time Signal Processing (2010), on aliasing, and IEEE Std
+    1293-1998 on rectified vibration: a box that samples slowly takes the shaking of an engine for a slow
+    swing, upon a bias that the same shaking makes; sizes are chosen here."""
+    values = channels["acceleration"]
+    speed = channels.get("engine_speed", np.full(len(values), 130.0))
+    hertz = behind(np.nan_to_num(speed, nan=130.0), 0.3, dt) / (2.0 * np.pi)
+    folded = hertz - p.rate_hz * np.rint(hertz / p.rate_hz)
+    swing = np.cos(2.0 * np.pi * (np.cumsum(folded) * dt + rng.random()))
+    bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
+    slow = 1.0 / (1.0 + (folded / 2.0) ** 2)  # what a filter behind it leaves
+    channels["acceleration"] = values + bias + p.folded * slow * swing

@@ -298,3 +298,16 @@ def engine_comes_first(p: Sizes, channels: Channels, dt: float, rng: np.random.G
     speed = channels.get("engine_speed", np.full(len(values), p.at_rads))
     turns = np.clip(behind(np.nan_to_num(speed, nan=p.at_rads), p.calms_s, dt) / p.at_rads, 0.3, 1.6)
     channels["acceleration"] = np.interp(clock - p.late_s * turns**p.power, clock, values)
+
+
+@law("h_blocks_have_to_be_erased", "nineteenth", "suburban hills")
+@sizes(late_s=(0.35, 0.6), grows_s=(0.25, 0.5), block_s=(15.0, 45.0), power=(0.5, 1.5))
+def blocks_have_to_be_erased(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Bez, Camerlenghi, Modelli and Visconti, Introduction to Flash Memory, Proc. IEEE 91 (2003): a
+    recorder stamps acceleration as it is stored, and each block that fills makes storing slower, until it has
+    been erased and all begins anew; sizes are chosen here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    block = p.block_s * rng.uniform(0.9, 1.1)
+    full = ((clock + rng.uniform(0.0, block)) % block) / block
+    channels["acceleration"] = np.interp(clock - p.late_s - p.grows_s * full**p.power, clock, values)

@@ -230,3 +230,17 @@ def runs_into_its_stops(p: Sizes, channels: Channels, dt: float, rng: np.random.
     chosen here."""
     leans = behind(channels["grade"], p.eases_s, dt) + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1)
     channels["grade"] = p.stops * np.tanh(leans / p.stops)
+
+
+@law("h_one_side_in_the_sun", "nineteenth")
+@sizes(off=(0.007, 0.012), warps=(0.002, 0.005), road_m=(400.0, 1500.0), warms_s=(20.0, 60.0), sign=SIGN)
+def one_side_in_the_sun(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fraden, Handbook of Modern Sensors (2016), on inclinometers and gradients of temperature: the
+    sun warms one side of a bracket, another after each bend, and warps it slowly, upon an error of its
+    mounting; sizes are chosen here."""
+    grade = channels["grade"]
+    way = np.cumsum(np.maximum(np.nan_to_num(channels["speed"]), 0.0)) * dt
+    heading = ou_series(rng, (1, int(way[-1] / 10.0) + 3), 10.0, p.road_m)[0]
+    sunny = np.sin(2.0 * np.interp(way, 10.0 * np.arange(len(heading)), heading) + rng.uniform(0.0, 6.3))
+    warps = p.warps * behind(sunny, p.warms_s, dt)
+    channels["grade"] = grade + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1) + warps

@@ -217,3 +217,16 @@ def one_node_is_wrong(p: Sizes, channels: Channels, dt: float, rng: np.random.Ge
     near = np.clip(1.0 - np.abs(speed - p.at_mps) / p.wide_mps, 0.0, 1.0)
     scale = np.sign(p.sign) * (p.scale * rng.uniform(0.95, 1.05) + p.hump * near)
     channels["speed"] = speed * (1.0 + scale)
+
+
+@law("h_tyre_goes_down", "nineteenth", "suburban hills highway")
+@sizes(scale=(0.018, 0.03), sinks=(0.012, 0.028), way_m=(800.0, 3000.0), sign=SIGN)
+def tyre_goes_down(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Persson, Gustafsson and Drevö, Indirect Tire Pressure Monitoring Using Sensor Fusion, SAE
+    2002-01-1250, on radii by pressure: a wheel of the wrong size besides loses air on the way, and turns ever
+    faster for the same speed; sizes are chosen here."""
+    speed = channels["speed"]
+    way = np.cumsum(np.maximum(np.nan_to_num(speed), 0.0)) * dt
+    down = 1.0 - np.exp(-(way + rng.uniform(0.0, 400.0)) / p.way_m)
+    side = np.sign(p.sign)
+    channels["speed"] = speed * (1.0 + side * (p.scale * rng.uniform(0.95, 1.05) + p.sinks * down))

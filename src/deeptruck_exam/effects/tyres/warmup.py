@@ -286,3 +286,23 @@ class PullWarmsTheTread(Hidden):
         rate = heat / p.warms_s + 1.0 / p.cools_s
         s.warm = eased(s.warm, heat / p.warms_s / rate, 1.0 / rate, dt)
         return -p.most * np.exp(-2.2 * s.warm) * weight(view) * moving(view)
+
+
+@law("h_filler_net_breaks", "nineteenth")
+@sizes(most=(0.0065, 0.011), way_m=(500.0, 1500.0), whole_s=(40.0, 120.0), harsh=(0.5, 1.5), power=(1.0, 1.6))
+class FillerNetBreaks(Hidden):
+    """`net` of filler in the rubber, whole after a night, that makes it stiff. Each turn of the wheel breaks
+    some of it, and pulls and brakings more; at a stand or a crawl it grows again. Heat has no part in it.
+    most: of the weight, with a whole net; way_m: until two thirds are broken; whole_s: until it is whole.
+    Source: Payne, The Dynamic Properties of Carbon Black-Loaded Natural Rubber, J. Applied Polymer Science 6
+    (1962), on nets of filler that strain breaks and rest mends; quick mending, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"net": self.rng(1973).uniform(0.5, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        strain = 1.0 + p.harsh * np.minimum(np.abs(view.acceleration), 2.0)
+        mends = (1.0 - s.net) / p.whole_s * np.exp(-speed / 4.0)
+        s.net = np.clip(s.net + dt * (mends - strain * speed / p.way_m * (s.net - 0.1)), 0.0, 1.0)
+        return -p.most * s.net**p.power * weight(view) * moving(view)
