@@ -210,7 +210,7 @@ def _explained(
     say("correcting the simulator and driving it free")
     fitted, held_out = c.part(held_out=False), c.part(held_out=True)
     driven = correction.corrected_and_driven(simulator, e, x, fitted, held_out, with_unnamed)
-    refuted = [f.effect for f in driven.refuted if f.term is not None]
+    refuted = [f.acts_as for f in driven.refuted if f.term is not None]
     if refuted and e.model_discrepancy > 0.0:
         return e, driven
     if refuted:

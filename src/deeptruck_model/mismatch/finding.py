@@ -61,7 +61,7 @@ class Finding:
     evidence_nats: float | None = None  # None for a fault that shows between sensors alone
     rivals: tuple[Rival, ...] = ()
     capped: bool = False  # the fit alone would be surer than `probability`
-    nearest: str | None = None  # of a force without a name: the name that comes nearest
+    nearest: str | None = None  # the name whose form fits best, where it is told by none or by another
     laws_r2: float | None = None  # of a force without a name: r2 of its laws on recordings not fitted to
     formula_r2: float | None = None  # held-out r2 of the formula in `equation`, where one was found
     decided_by: str | None = None  # of a slow force: what gave it its name

@@ -95,7 +95,9 @@ def correct(
     # few recordings drive what was fitted to them, and there more freedom always looks better
     if unnamed is not None and (trials.crossed or any(c.other_form for c in x.causes)):
         recipes.append(unnamed)
-    own = any(c.other_form or c.effect == UNKNOWN for c in x.causes)  # laws are what was found
+    own = any(
+        c.other_form or c.predictable or c.effect == UNKNOWN for c in x.causes
+    )  # laws are what was found
     squares = trials.squares(recipes)
     first = best_of(recipes, squares, own)
     complete = {

@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 
 MOST_LOG = 30.0  # of the odds of a name against the one that was told
+LIKENESS = 0.75  # share in the pool; from 0.7 to 0.9 alike on development cases of families it had not seen
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class Cause:
     force: Array  # specific force it adds to the simulator, (n,), m/s^2
     term: CandidateTerm | None = None
     rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
-    nearest: str | None = None  # of what is unknown: the name that comes nearest, and has the term
+    nearest: str | None = None  # the name that is nearest by forms, where it is told by none or another
+    found_as: str | None = None  # the name it was found by, where its likeness tells another
     needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
     alternatives: tuple[tuple[str, Model], ...] = ()  # whole explanations with rivals in its place
     whole: Model | None = None  # the explanation these stand beside, where it is not the final one
@@ -44,24 +46,25 @@ class Cause:
 
     @property
     def acts_as(self) -> str:
-        """The name whose form it has: its own, or the nearest of what is unknown."""
+        """The name whose form it has: its own, or the nearest of what is told otherwise."""
         return self.term.mechanism.effect if self.term is not None else self.effect
 
     @property
     def predictable(self) -> bool:
-        """Whether it is unknown, but the signals predict it: it has laws over them, and perhaps a formula."""
-        unnamed = self.effect == "unknown" and self.term is None
-        return unnamed and not self.time_varying and self.needed is None
+        """Whether no name's forms have it, but the signals predict it: it has laws over them, and perhaps a
+        formula."""
+        formless = (self.found_as or self.effect) == "unknown" and self.term is None
+        return formless and not self.time_varying and self.needed is None
 
     @property
     def names(self) -> dict[str, float]:
-        """The probability of each name in its place, given that it is one of these; most probable first: half
-        by what its force is like and half by forms (a linear pool), or by these where that is not known."""
+        """The probability of each name in its place, given that it is one of these; most probable first: by
+        what its force is like and by forms (a linear pool), or by these alone where that is not known."""
         if not self.likeness:
             return self.by_forms
-        pooled = {name: 0.5 * p for name, p in self.by_forms.items()}
+        pooled = {name: (1.0 - LIKENESS) * p for name, p in self.by_forms.items()}
         for name, p in self.likeness:
-            pooled[name] = pooled.get(name, 0.0) + 0.5 * p
+            pooled[name] = pooled.get(name, 0.0) + LIKENESS * p
         return _most_probable_first(pooled, self.effect)
 
     @property
@@ -75,7 +78,7 @@ class Cause:
         scale = max(self.rules.temper, self.rules.coarse * self.gain)
         worse = dict(reversed(self.rivals))
         worse |= {"unknown": 0.0} if self.other_form else {}
-        worse[self.effect] = 0.0
+        worse[self.found_as or self.effect] = 0.0
         weight = {name: float(np.exp(min(-x / scale, MOST_LOG))) for name, x in worse.items()}
         nothing = float(np.exp(-self.gain / scale)) if self.gain > 0.0 else 0.0
         total = nothing + sum(weight.values())

@@ -60,8 +60,8 @@ class Likeness:
 
 
 def renamed(search: Search, model: Model) -> Model:
-    """The model, each law in it by the name that it is most like, where that weighs more than what the name's
-    own forms explain less.
+    """The model, each law in it by a form of the name that it is most like, where that weighs more than what
+    this form explains less.
 
     The search chose the form that is nearest; the recogniser knows which laws have no form here, and what
     they look like then.
@@ -77,7 +77,7 @@ def renamed(search: Search, model: Model) -> Model:
         best = _likest(search, told)
         liker = told.get(best, 0.0) - told.get(term.mechanism.effect, 0.0)
         other = _by_the_name(search, model, others, best) if liker > 0.0 else None
-        # more probable in the pool of both (`Cause.names`): the other way round by forms
+        # its form is what corrects, so that here forms weigh as much as likeness
         if other is not None and liker > np.tanh(_lost(search, model, other, others) / 2.0):
             model = other
     return model
@@ -168,7 +168,16 @@ def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
         return c
     told = replace(c, likeness=tuple((name, p / more) for name, p in names.items()))
     likest = max(told.likeness, key=lambda item: item[1])[0]
-    named = c.kind == "missing_physics" and likest == UNKNOWN
-    if not named or any(o.effect == UNKNOWN for o in causes):  # what has no name is one finding
+    best = UNKNOWN if likest == UNKNOWN else next(iter(told.names))
+    if not _may_be_called(c, best) or any(o.effect == best for o in causes):  # a name is one finding
         return told
-    return replace(told, effect=UNKNOWN, nearest=c.effect)  # its term stays, as the nearest there is
+    nearest = c.nearest if c.effect == UNKNOWN else c.effect  # its term stays, as the nearest there is
+    return replace(told, effect=best, nearest=nearest, found_as=None if best == UNKNOWN else c.effect)
+
+
+def _may_be_called(c: Cause, name: str) -> bool:
+    """Whether what was found by its form may be told by another name: one of its kind, and of no force whose
+    course is its own."""
+    if name == UNKNOWN:
+        return c.kind == "missing_physics"
+    return not c.time_varying and name in LIBRARY and LIBRARY[name].kind == c.kind

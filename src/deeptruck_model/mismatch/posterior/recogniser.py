@@ -24,7 +24,7 @@ WEIGHTS = Path(__file__).with_name("recogniser.npz")
 PER_KERNEL, WHOLE = 5, 2  # features of each kernel, and of all together, in either part of a fingerprint
 GIVEN = 2  # features of names that are given
 FARTHEST = 3.0  # sds of a feature from its mean in the lessons: beyond, it says no more
-SURE = 0.6  # exponent of probabilities on whole trucks; fitted to development cases of families left out
+SURE = 0.7  # exponent of probabilities on whole trucks; fitted to development cases of families left out
 NOWHERE = -30.0  # log probability of a name that cannot be
 
 

@@ -106,7 +106,7 @@ def _where_and_what(m: Mismatch) -> dict[str, Picture]:
     if shape is not None:
         out["unknown"] = Picture(
             png(shape),
-            "The force that no name explains, against what it varies with: means and two standard errors.",
+            "The force that has no name's form, against what it varies with: means and two standard errors.",
         )
     return out
 

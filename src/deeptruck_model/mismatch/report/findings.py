@@ -158,6 +158,20 @@ def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     )
 
 
+def _by_likeness(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
+    """A force whose name is not that of the form it is modelled by, if it has one."""
+    m, laws = LIBRARY[cause.effect], unknown(cause, e, explanation)
+    form: tuple[Part, ...] = ("; no form that is known here fits it",)
+    if cause.term is not None:
+        form = ("; the form that fits it best is that of ", Named(cause.acts_as))
+    return replace(
+        laws,
+        says=Sentence.of(f"{m.says}: {strength(cause, e)}. {BY_LIKENESS}", *form),
+        would_be_told_by=Sentence.of(m.told_by),
+        laws_r2=laws.laws_r2 if cause.term is None else None,
+    )
+
+
 NAMES = {
     "mass": ("kg", "the mass differs from the simulator's"),
     "drag_area": ("m^2", "the drag area differs from the simulator's"),
@@ -172,6 +186,7 @@ TOLD_BY = {
     "torque_gain": "pull with steps of torque at one speed",
     "brake_gain": "brake with steps of command from one speed",
 }
+BY_LIKENESS = "Its name is told by likeness to laws that were seen before"
 SHOWS, SHOWS_NOT = "shows it", "does not show it"
 OTHER_FORM = ". It acts otherwise than in the form that is known here, and may be something else"
 
@@ -208,7 +223,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         evidence_nats=round(cause.gain, 1),
         rivals=tuple(Rival(name, round(worse, 1)) for name, worse in cause.rivals[:8]),
         capped=_is_capped(cause),
-        nearest=cause.nearest if cause.effect == "unknown" and cause.needed is None else None,
+        nearest=cause.nearest if cause.needed is None else None,
         laws_r2=told.laws_r2,
         decided_by=_decided_by(cause),
         road=cause.road if cause.needed is not None else None,
@@ -243,6 +258,8 @@ def _told(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, fl
         return _time_varying(cause, e)
     if cause.effect == "unknown":
         return unknown(cause, e, explanation)
+    if cause.found_as is not None:
+        return _by_likeness(cause, e, explanation)
     if cause.term is None:
         return _parameter(cause, e, explanation, own)
     return _mechanism(cause, e, explanation)

@@ -92,8 +92,9 @@ def rejected_names(m: Mismatch) -> tuple[list[Unstated], list[str]]:
         return [], []
     causes = m.explanation.causes
     stated = {c.effect for c in causes}  # a parameter has the name of its effect
+    stated |= {c.acts_as for c in causes if c.effect != "unknown"}
     told = stated | {n for c in causes for n in c.not_told_from} | {s.effect for s in m.result.suspicions}
-    nearest = next((c.nearest for c in m.explanation.causes if c.nearest), None)
+    nearest = next((c.nearest for c in causes if c.nearest and c.effect == "unknown"), None)
     winner = next((spoken(s) for s in m.explanation.model.effects if s in stated), None)
     gained = []
     for name, gain in sorted(m.explanation.ranking, key=lambda named: -named[1]):

@@ -265,11 +265,15 @@ def apart(f: Finding) -> str:
     group = f.cannot_be_told_from
     if not group:
         return " ".join(filter(None, [_beats_all(worse), *_at_the_limit(f)]))
-    better = [n for n in group if worse.get(n, 0.0) < 0.0]
-    others = [n for n in group if n not in better]
+    form = (
+        f.nearest if f.nearest and f.effect != "unknown" else f.effect
+    )  # what the others were put in place of
+    rivals = [n for n in group if n != form]
+    better = [n for n in rivals if worse.get(n, 0.0) < 0.0]
+    others = [n for n in rivals if n not in better]
     said = [f"It is not distinguishable from {', '.join(spoken(n) for n in group)}."]
     if better:
-        said.append(_does_better(f.effect, better, worse))
+        said.append(_does_better(form, better, worse))
         said += [REFITTED] if f.kind is Kind.PARAMETER else []
     alike = [n for n in others if n != "unknown" and worse.get(n) == 0.0]
     if alike:
@@ -279,10 +283,10 @@ def apart(f: Finding) -> str:
     if like:
         said.append(f"{LIKENESS} {_listed(like)}: {NOT_NEAR}.")
     if decided := [n for n in others if n not in alike + like]:
-        first, *more = (_decided(f.effect, n, worse.get(n)) for n in decided)
+        first, *more = (_decided(form, n, worse.get(n)) for n in decided)
         said.append(f"What decided{' against the others' if better or alike or like else ''}: {first}.")
         said += [opened(f"{one}.") for one in more]
-    in_place = [IN_PLACE] if any(worse.get(n) for n in group) else []
+    in_place = [IN_PLACE] if any(worse.get(n) for n in rivals) else []
     return " ".join([*said, *in_place, *_at_the_limit(f)])
 
 

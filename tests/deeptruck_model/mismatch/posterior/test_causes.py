@@ -61,12 +61,20 @@ def test_by_forms_a_name_is_believed_no_more_than_such_names_proved_right() -> N
     assert replace(alone, kind="parameter_error").believed == pytest.approx(1.0)
 
 
-def test_half_of_a_name_goes_by_its_likeness() -> None:
-    c = replace(cause(gain=100.0, rivals=()), likeness=(("headwind", 0.3), ("drag_area", 0.7)))
+def test_three_quarters_of_a_name_go_by_its_likeness() -> None:
+    c = replace(cause(gain=100.0, rivals=()), likeness=(("headwind", 0.4), ("drag_area", 0.6)))
     assert list(c.names) == ["headwind", "drag_area"]
-    assert c.believed == pytest.approx(0.65, abs=0.01) and c.not_told_from == ["drag_area"]
+    assert c.believed == pytest.approx(0.55, abs=0.01) and c.not_told_from == ["drag_area"]
+    liker = replace(c, likeness=(("headwind", 0.3), ("drag_area", 0.7)))
+    assert list(liker.names) == ["drag_area", "headwind"]
     agreed = replace(c, likeness=(("headwind", 0.9), ("drag_area", 0.1)))
-    assert agreed.believed == pytest.approx(0.95, abs=0.01) and agreed.not_told_from == []
+    assert agreed.believed == pytest.approx(0.925, abs=0.01) and agreed.not_told_from == []
+
+
+def test_what_is_told_by_another_name_keeps_the_evidence_of_the_one_it_was_found_by() -> None:
+    c = replace(cause(gain=100.0, rivals=()), likeness=(("headwind", 0.3), ("drag_area", 0.7)))
+    told = replace(c, effect="drag_area", nearest="headwind", found_as="headwind")
+    assert told.names == c.names and told.believed == c.names["drag_area"]
 
 
 def test_what_is_unknown_acts_as_the_nearest() -> None:

@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior import naming
+from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
-from deeptruck_model.mismatch.posterior.kernels import NOTHING
+from deeptruck_model.mismatch.posterior.kernels import NOTHING, UNKNOWN
 from deeptruck_model.mismatch.posterior.naming import asked_for, recognised, renamed
 from deeptruck_model.mismatch.posterior.recogniser import WEIGHTS, Recogniser, recogniser
 from deeptruck_model.mismatch.posterior.search import Model, Search
@@ -74,6 +76,49 @@ def test_a_liker_name_takes_the_place_unless_its_forms_explain_far_less(
     monkeypatch.setattr(Recogniser, "probabilities", lambda self, f: likely)
     monkeypatch.setattr(naming, "_lost", lambda *given: lost)
     assert renamed(search, model).effects == ((other,) if moves else (effect,))
+
+
+def likely(told: dict[str, float]) -> NDArray[np.float64]:
+    """What a recogniser says that gives these names these probabilities."""
+    return np.array([[told.get(name, 0.0) for name in recogniser().names]])
+
+
+@pytest.mark.parametrize(
+    ("like", "tells"),
+    [
+        ({"drag_area": 0.8}, "drag_area"),
+        ({"drag_area": 0.1, "rolling_resistance_speed": 0.1}, None),  # by its forms
+        ({"torque_gain": 0.9}, None),  # a parameter is no name of a force, whatever it is like
+        ({UNKNOWN: 0.4, "rolling_resistance_speed": 0.3}, UNKNOWN),
+    ],
+)
+def test_a_finding_is_told_by_its_most_probable_name_and_keeps_its_form(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, like: dict[str, float], tells: str | None
+) -> None:
+    e = replace(nothing_missing, residual=nothing_missing.residual - 4e-6 * nothing_missing["speed"] ** 3)
+    search = Search(e)
+    found = explain(search)
+    (cause,) = found.causes
+    assert cause.term is not None and cause.effect != "drag_area"
+    monkeypatch.setattr(Recogniser, "told", lambda self, f: likely(like))
+    (told,) = recognised(search, found).causes
+    assert told.effect == (tells or cause.effect) and told.term is cause.term
+    assert told.nearest == (cause.effect if tells else None)
+
+
+def test_laws_without_a_form_are_told_by_the_name_they_are_like(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = Search(lazy_brakes(nothing_missing))
+    found = explain(search)
+    laws = Cause("missing_physics", UNKNOWN, 90.0, 1.0, found.causes[0].force)
+    only = replace(found, causes=(laws,))
+    monkeypatch.setattr(Recogniser, "told", lambda self, f: likely({"brake_lag": 0.7, UNKNOWN: 0.3}))
+    (told,) = recognised(search, only).causes
+    assert told.effect == "brake_lag" and told.predictable and told.nearest is None
+    assert dict(told.names)[UNKNOWN] == pytest.approx(0.25 + 0.75 * 0.3)
+    comes_and_goes = replace(only, causes=(replace(laws, time_varying=True),))
+    assert recognised(search, comes_and_goes).causes[0].effect == UNKNOWN
 
 
 def of_two_laws(e: Evidence) -> tuple[Search, Model]:

@@ -180,10 +180,10 @@ def _sizes(
     """What each fitted size gives per unit of it (periods, k), and how sure the sizes are (k, k)."""
     none = np.zeros((len(rows), 1))
     model = x.model
-    if cause.term is not None and cause.effect in model.effects:
+    if cause.term is not None and cause.acts_as in model.effects:
         columns = cause.term.columns * scale[:, None]
         late = [timing(part, e) / part.factor**2 for part in cause.term.parts]
-        covariance = model.covariance(cause.effect)
+        covariance = model.covariance(cause.acts_as)
         if not columns.shape[1] == len(covariance) == len(late):
             return none, None
         return columns[rows].mean(axis=1), covariance + np.diag(late)
