@@ -279,10 +279,10 @@ def _shown(h: Headline) -> list[str]:
     if h.worth is Worth.PARAMETERS_ALONE:
         return [f"{_runs(h.errors)}.", PARAMETERS_ALONE]
     said = []
-    if h.laws:
+    if h.left_out:
+        said.append(fitting(lambda n, r: _not_in(h.left_out, n, h.laws)))
+    elif h.laws:
         said.append("Laws without a name are in the correction too.")
-    elif h.left_out:
-        said.append(fitting(lambda n, r: _not_in(h.left_out, n)))
     if h.instead:
         beside = " and ".join(map(_spoken, h.instead[:NAMED]))
         said.append(f"It holds {beside} instead, which comes near to it and is no finding.")
@@ -290,9 +290,8 @@ def _shown(h: Headline) -> list[str]:
         said.append(f"Besides what was found, the correction moves {h.moved}.")
     if h.by_mean:
         said.append(BY_MEAN.format(" and ".join(map(_spoken, h.by_mean[:NAMED]))))
-    other = "its forces scaled" if h.scaled else "all parameters refitted"
-    refitted = f"with {other} instead it is {number(h.errors.refitted)} m/s"
-    return [*said, f"{_runs(h.errors)}; {refitted}.", SHOWN[h.worth]]
+    other = f"with {'its forces scaled' if h.scaled else 'all parameters refitted'} instead it is"
+    return [*said, f"{_runs(h.errors)}; {other} {number(h.errors.refitted)} m/s.", SHOWN[h.worth]]
 
 
 def _again(p: NextPass | None) -> list[str]:
@@ -306,10 +305,11 @@ def _runs(e: SpeedErrors) -> str:
     return f"This is the error of {number(e.horizon_s)} s free runs on held-out recordings"
 
 
-def _not_in(left_out: Sequence[Name], names: int) -> str:
-    verb = "is" if len(left_out) == 1 else "are"
-    alone = [Name(n.effect, n.kind) for n in left_out]
-    return f"{opened(_all(alone, names, 0))} {verb} not in the correction."
+def _not_in(left_out: Sequence[Name], names: int, laws: bool) -> str:
+    alone = _all([Name(n.effect, n.kind) for n in left_out], names, 0)
+    if laws:
+        return f"Laws stand for {alone} in the correction."
+    return f"{opened(alone)} {'is' if len(left_out) == 1 else 'are'} not in the correction."
 
 
 def group(name: Name, rivals: int = RIVALS) -> str:

@@ -121,6 +121,8 @@ def test_a_force_that_is_not_in_the_correction_is_not_credited() -> None:
     first, out, *_ = said(MASS, UNKNOWN, left_out=(UNKNOWN,), worth=Worth.BETTER, errors=ERRORS)
     assert out == "A force without a name is not in the correction."
     assert "; partly corrected, " in first
+    _, stand, *_ = said(WIND, left_out=(WIND,), laws=True, worth=Worth.BETTER, errors=ERRORS)
+    assert stand == "Laws stand for headwind in the correction."
 
 
 def test_no_name_is_credited_where_parameters_alone_went_in() -> None:
