@@ -143,8 +143,9 @@ def recognised(search: Search, found: Explanation) -> Explanation:
     if not any(map(_has_a_likeness, found.causes)):
         return found
     likeness, told = Likeness(search, found.model), list(found.causes)
+    complete = found.left_over_gain < search.rules.least_gain
     for k, c in enumerate(found.causes):
-        told[k] = _recognised(likeness, c, told)
+        told[k] = _recognised(likeness, c, told, complete)
     return replace(found, causes=tuple(told))
 
 
@@ -157,7 +158,8 @@ def _has_a_likeness(c: Cause) -> bool:
     return c.needed is None and not windowed
 
 
-def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
+def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause], complete: bool) -> Cause:
+    """One of the causes with its likeness. `complete`: together they leave nothing over that counts."""
     if not _has_a_likeness(c):
         return c
     wrong = c.kind == "parameter_error"  # beside laws every parameter is free anyway
@@ -166,18 +168,22 @@ def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
     more = 1.0 - names.pop(NOTHING, 0.0)
     if not names:
         return c
+    same = [c.effect, *(name for name, worse in c.rivals if worse == 0.0 and name in LIBRARY)]
+    names |= dict.fromkeys(same, float(np.mean([names.get(name, 0.0) for name in same])))  # one force
     told = replace(c, likeness=tuple((name, p / more) for name, p in names.items()))
     likest = max(told.likeness, key=lambda item: item[1])[0]
     best = UNKNOWN if likest == UNKNOWN else next(iter(told.names))
-    if not _may_be_called(c, best) or any(o.effect == best for o in causes):  # a name is one finding
-        return told
+    if not _may_be_called(c, best, complete) or any(o.effect == best for o in causes):
+        return told  # a name is one finding
     nearest = c.nearest if c.effect == UNKNOWN else c.effect  # its term stays, as the nearest there is
     return replace(told, effect=best, nearest=nearest, found_as=None if best == UNKNOWN else c.effect)
 
 
-def _may_be_called(c: Cause, name: str) -> bool:
-    """Whether what was found by its form may be told by another name: one of its kind, and of no force whose
-    course is its own."""
+def _may_be_called(c: Cause, name: str, complete: bool) -> bool:
+    """Whether what was found by its form may be told by another name of its kind. Likeness is of laws that
+    stray from the forms here: one that leaves nothing over does not, nor is it of a force whose course is its
+    own."""
     if name == UNKNOWN:
         return c.kind == "missing_physics"
-    return not c.time_varying and name in LIBRARY and LIBRARY[name].kind == c.kind
+    strays = c.term is None or not c.term.variant.is_a_law or c.other_form or not complete
+    return strays and not c.time_varying and name in LIBRARY and LIBRARY[name].kind == c.kind

@@ -84,26 +84,46 @@ def likely(told: dict[str, float]) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(
-    ("like", "tells"),
+    ("like", "left", "tells"),
     [
-        ({"drag_area": 0.8}, "drag_area"),
-        ({"drag_area": 0.1, "rolling_resistance_speed": 0.1}, None),  # by its forms
-        ({"torque_gain": 0.9}, None),  # a parameter is no name of a force, whatever it is like
-        ({UNKNOWN: 0.4, "rolling_resistance_speed": 0.3}, UNKNOWN),
+        ({"drag_area": 0.8}, 90.0, "drag_area"),
+        ({"drag_area": 0.8}, 0.0, None),  # a law that leaves nothing over does not stray from its form
+        ({"drag_area": 0.1, "rolling_resistance_speed": 0.1}, 90.0, None),  # by its forms
+        ({"torque_gain": 0.9}, 90.0, None),  # a parameter is no name of a force, whatever it is like
+        ({UNKNOWN: 0.4, "rolling_resistance_speed": 0.3}, 90.0, UNKNOWN),
     ],
 )
 def test_a_finding_is_told_by_its_most_probable_name_and_keeps_its_form(
-    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, like: dict[str, float], tells: str | None
+    nothing_missing: Evidence,
+    monkeypatch: pytest.MonkeyPatch,
+    like: dict[str, float],
+    left: float,
+    tells: str | None,
 ) -> None:
     e = replace(nothing_missing, residual=nothing_missing.residual - 4e-6 * nothing_missing["speed"] ** 3)
     search = Search(e)
-    found = explain(search)
+    found = replace(explain(search), left_over_gain=left)
     (cause,) = found.causes
-    assert cause.term is not None and cause.effect != "drag_area"
+    assert cause.term is not None and cause.term.variant.is_a_law and cause.effect != "drag_area"
     monkeypatch.setattr(Recogniser, "told", lambda self, f: likely(like))
     (told,) = recognised(search, found).causes
     assert told.effect == (tells or cause.effect) and told.term is cause.term
     assert told.nearest == (cause.effect if tells else None)
+
+
+def test_one_force_under_two_names_is_as_like_the_one_as_the_other(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = Search(lazy_brakes(nothing_missing))
+    found = explain(search)
+    late = Cause(
+        "missing_physics", "brake_lag", 90.0, 1.0, found.causes[0].force, found.causes[0].term,
+        rivals=(("command_delay", 0.0), ("engine_brake", 9.0)),
+    )  # fmt: skip
+    monkeypatch.setattr(Recogniser, "told", lambda self, f: likely({"brake_lag": 0.9, "engine_brake": 0.1}))
+    (told,) = recognised(search, replace(found, causes=(late,), left_over_gain=0.0)).causes
+    assert dict(told.likeness)["command_delay"] == dict(told.likeness)["brake_lag"] == pytest.approx(0.45)
+    assert told.effect == "brake_lag" and "command_delay" in told.not_told_from
 
 
 def test_laws_without_a_form_are_told_by_the_name_they_are_like(
