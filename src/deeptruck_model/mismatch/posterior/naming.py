@@ -168,14 +168,15 @@ def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause], complete:
     more = 1.0 - names.pop(NOTHING, 0.0)
     if not names:
         return c
-    same = [c.effect, *(name for name, worse in c.rivals if worse == 0.0 and name in LIBRARY)]
-    names |= dict.fromkeys(same, float(np.mean([names.get(name, 0.0) for name in same])))  # one force
+    if c.term is not None:  # one force under several names
+        same = [c.effect, *(name for name, worse in c.rivals if worse == 0.0 and name in LIBRARY)]
+        names |= dict.fromkeys(same, float(np.mean([names.get(name, 0.0) for name in same])))
     told = replace(c, likeness=tuple((name, p / more) for name, p in names.items()))
     likest = max(told.likeness, key=lambda item: item[1])[0]
     best = UNKNOWN if likest == UNKNOWN else next(iter(told.names))
     if not _may_be_called(c, best, complete) or any(o.effect == best for o in causes):
         return told  # a name is one finding
-    nearest = c.nearest if c.effect == UNKNOWN else c.effect  # its term stays, as the nearest there is
+    nearest = c.effect if c.term is not None else None  # its term stays, as the nearest there is
     return replace(told, effect=best, nearest=nearest, found_as=None if best == UNKNOWN else c.effect)
 
 

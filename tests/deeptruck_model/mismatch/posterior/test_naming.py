@@ -117,7 +117,8 @@ def test_one_force_under_two_names_is_as_like_the_one_as_the_other(
     search = Search(lazy_brakes(nothing_missing))
     found = explain(search)
     late = Cause(
-        "missing_physics", "brake_lag", 90.0, 1.0, found.causes[0].force, found.causes[0].term,
+        "missing_physics", "brake_lag", 90.0, 1.0, found.causes[0].force,
+        search.candidate_terms(LIBRARY["brake_lag"])[0],
         rivals=(("command_delay", 0.0), ("engine_brake", 9.0)),
     )  # fmt: skip
     monkeypatch.setattr(Recogniser, "told", lambda self, f: likely({"brake_lag": 0.9, "engine_brake": 0.1}))
