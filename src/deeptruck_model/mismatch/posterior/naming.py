@@ -113,7 +113,7 @@ def with_the_rest(search: Search, model: Model, rest: Array) -> Model:
         return model
     told = Likeness(search, model).of(rest, set(model.effects))
     best = _likest(search, told)
-    if told.get(best, 0.0) <= max(told[UNKNOWN], told.get(NOTHING, 0.0)) or best in model.effects:
+    if told.get(best, 0.0) <= max(told.get(UNKNOWN, 0.0), told.get(NOTHING, 0.0)) or best in model.effects:
         return model
     return _by_the_name(search, model, model.named, best) or model
 

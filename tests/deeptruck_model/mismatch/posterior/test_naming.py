@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
 from deeptruck_model.mismatch.posterior.kernels import NOTHING, UNKNOWN
-from deeptruck_model.mismatch.posterior.naming import asked_for, recognised, renamed
+from deeptruck_model.mismatch.posterior.naming import asked_for, recognised, renamed, with_the_rest
 from deeptruck_model.mismatch.posterior.recogniser import WEIGHTS, Recogniser, recogniser
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import grow
@@ -116,9 +116,9 @@ def test_one_force_under_two_names_is_as_like_the_one_as_the_other(
 ) -> None:
     search = Search(lazy_brakes(nothing_missing))
     found = explain(search)
+    law = search.candidate_terms(LIBRARY["brake_fade"])[0]
     late = Cause(
-        "missing_physics", "brake_lag", 90.0, 1.0, found.causes[0].force,
-        search.candidate_terms(LIBRARY["brake_lag"])[0],
+        "missing_physics", "brake_lag", 90.0, 1.0, found.causes[0].force, law,
         rivals=(("command_delay", 0.0), ("engine_brake", 9.0)),
     )  # fmt: skip
     monkeypatch.setattr(Recogniser, "told", lambda self, f: likely({"brake_lag": 0.9, "engine_brake": 0.1}))
@@ -163,6 +163,12 @@ def test_a_law_that_is_like_nothing_more_beside_the_others_goes(
     likely[0, names.index(NOTHING)] = nothing
     monkeypatch.setattr(Recogniser, "told", lambda self, f: likely)
     assert len(asked_for(search, model).named) == left
+
+
+def test_where_names_leave_hardly_anything_over_none_joins_them(nothing_missing: Evidence) -> None:
+    """What is left over had laws of its own and no name: the recogniser was then asked for one it had not."""
+    search, model = of_two_laws(nothing_missing)
+    assert with_the_rest(search, model, np.zeros(len(nothing_missing))) is model
 
 
 def test_one_law_alone_is_never_nothing_more(nothing_missing: Evidence) -> None:
