@@ -3,85 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import replace
 
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.finding import Finding, Kind, Rival, Size, Suspicion
 from deeptruck_model.mismatch.mechanisms import (
     LIBRARY,
-    UNNAMED,
     CandidateTerm,
     Mechanism,
 )
 from deeptruck_model.mismatch.mechanisms.variants import Spline
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
-from deeptruck_model.mismatch.posterior.road_lock import RoadLock
+from deeptruck_model.mismatch.report.forces import (
+    AT_ITS_MOMENTS,
+    Told,
+    by_likeness,
+    slow,
+    strength,
+    strength_of,
+    time_varying,
+    unknown,
+)
 from deeptruck_model.mismatch.report.form import border, courses, curved, equation
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Regime
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
-from deeptruck_model.mismatch.strength import Strength, acts
 
-ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
 MOVED_FAR = 0.05  # relative, of a parameter that is told beside a force
 MUCH, SELDOM = 0.3, 3.0  # of a force, and times its share of the time, that tell where it acts
-AT_ITS_MOMENTS = "record more signals, and look what else happens when it acts most (the `segments`)"
-
-
-def strength(cause: Cause, e: Evidence) -> str:
-    """How strong a force is where it acts, and for how much of the time."""
-    s = strength_of(cause, e)
-    told = e.unit.told(s.value / e.unit.scale, "+" if s.one_way else "")
-    size = f"{told} on average" if s.one_way else f"{told} rms, forward and back,"
-    if s.mostly:
-        return size.rstrip(",")
-    return f"{size} while it acts, {100.0 * s.share_of_time:.0f} % of the time"
-
-
-def strength_of(cause: Cause, e: Evidence) -> Strength:
-    """The same as numbers."""
-    acting = acts(cause.force[e.valid])
-    force = e.newtons(cause.force)[e.valid][acting] / e.mass if acting.any() else np.zeros(1)
-    mean, rms = float(np.mean(force)), float(np.sqrt(np.mean(force**2)))
-    one_way = abs(mean) > ONE_WAY * rms
-    return Strength((mean if one_way else rms) * e.unit.scale, e.unit.name, one_way, float(np.mean(acting)))
-
-
-@dataclass(frozen=True)
-class Told:
-    """What depends on what kind of cause it is: the sentence, the equation, the sizes, and what to drive."""
-
-    says: Sentence
-    equation: str
-    parameters: dict[str, Size]
-    would_be_told_by: Sentence
-    depends_on: tuple[str, ...]
-    laws_r2: float | None = None
-
-
-def slow(cause: Cause) -> Told:
-    """A slow force, and what size it would need under each name: sizes decide here, not the fit."""
-    needed = cause.needed or {}
-    rms = float(np.sqrt(np.mean(cause.force**2)))
-    sizes = (
-        f"as a slope {100 * needed['road_grade']:.1f} %, as wind {needed['headwind']:.0f} m/s, "
-        f"as a change of engine force {100 * needed['torque_derate']:.0f} %"
-    )
-    m = LIBRARY.get(cause.effect)
-    what = m.says if m else "a slow force that no signal predicts"
-    units = ("ratio", "m/s", "1")
-    return Told(
-        Sentence.of(f"{what}: {rms:.3f} m/s^2 rms. It would be {sizes}{_again(cause.road)}"),
-        m.equation if m else "F = f(t)",
-        {f"rms_as_{n}": Size(v, u) for (n, v), u in zip(needed.items(), units, strict=True)},
-        Sentence.of(m.told_by if m else "drive the same stretch in both directions"),
-        m.depends_on if m else ("time",),
-    )
 
 
 def _decided_by(cause: Cause) -> str | None:
@@ -93,32 +45,6 @@ def _decided_by(cause: Cause) -> str | None:
     return "it comes again where the same road is driven again"
 
 
-def _again(road: RoadLock | None) -> str:
-    """On how much road a force came again, where it did."""
-    if road is None:
-        return ""
-    ways = [f"on {road.same_way_km:.0f} km driven again the same way"] if road.same_way_km > 0 else []
-    if road.other_way_km > 0:
-        ways.append(f"on {road.other_way_km:.0f} km driven the other way with its sign turned")
-    return (
-        f". It comes again {' and '.join(ways)}. Its agreement is {road.agreement:.2f}, "
-        f"by chance less than {road.by_chance:.2f} in 99 % of windows"
-    )
-
-
-def _time_varying(cause: Cause, e: Evidence) -> Told:
-    """An unknown force that no signal predicts and that acts like none of the known ones."""
-    near = _nearest(cause, "does not explain how it acts")
-    now_and_then = bool(np.mean(cause.force[e.valid] == 0.0) > 0.5)
-    return Told(
-        Sentence.of(f"{UNNAMED.says}: {strength(cause, e)}", *near),
-        UNNAMED.equation,
-        {},
-        Sentence.of(AT_ITS_MOMENTS if now_and_then else UNNAMED.told_by),
-        ("time",) if now_and_then else UNNAMED.depends_on,
-    )
-
-
 def with_regime(found: Finding, regimes: Sequence[Regime]) -> Finding:
     """The finding of a force that no signal predicts, with the driving in which much of it acts in little of
     the time, where there is such: the best clue that there is."""
@@ -128,48 +54,6 @@ def with_regime(found: Finding, regimes: Sequence[Regime]) -> Finding:
     share = f"{100.0 * clue.share_of_error:.0f} % of it is in {100.0 * clue.share_of_time:.0f} % of the time"
     signals = tuple(b.signal for b in clue.bounds)
     return replace(found, says=found.says.and_then(f"{share}, where {clue.where}"), depends_on=signals)
-
-
-def _nearest(cause: Cause, fails: str) -> tuple[Part, ...]:
-    """The name nearest to a force without one, and what it fails in where it may not be that force."""
-    if not cause.nearest:
-        return ()
-    if cause.nearest in cause.not_told_from:
-        return (". The nearest name is ", Named(cause.nearest))
-    return (". The nearest name, ", Named(cause.nearest), f", {fails}")
-
-
-def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
-    left = explanation.left_over
-    if cause.term is None:
-        drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
-    else:
-        drivers = [*cause.term.mechanism.depends_on]
-    near = _nearest(cause, "does not explain it")
-    one: Part = Named(drivers[0]) if drivers else "one signal"
-    says = f"a force that no mechanism of the library explains: {strength(cause, e)}. It varies with "
-    return Told(
-        Sentence.of(says, *(Sentence.named(drivers) or ("nothing recorded",)), *near),
-        f"F = f({', '.join(drivers)})",
-        {},
-        Sentence.of("drive so that ", one, " changes while the others change little"),
-        tuple(drivers),
-        left.r2,
-    )
-
-
-def _by_likeness(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
-    """A force whose name is not that of the form it is modelled by, if it has one."""
-    m, laws = LIBRARY[cause.effect], unknown(cause, e, explanation)
-    form: tuple[Part, ...] = ("; no form that is known here fits it",)
-    if cause.term is not None:
-        form = ("; the form that fits it best is that of ", Named(cause.acts_as))
-    return replace(
-        laws,
-        says=Sentence.of(f"{m.says}: {strength(cause, e)}. {BY_LIKENESS}", *form),
-        would_be_told_by=Sentence.of(m.told_by),
-        laws_r2=laws.laws_r2 if cause.term is None else None,
-    )
 
 
 NAMES = {
@@ -186,7 +70,6 @@ TOLD_BY = {
     "torque_gain": "pull with steps of torque at one speed",
     "brake_gain": "brake with steps of command from one speed",
 }
-BY_LIKENESS = "Its name is told by likeness to laws that were seen before"
 SHOWS, SHOWS_NOT = "shows it", "does not show it"
 OTHER_FORM = ". It acts otherwise than in the form that is known here, and may be something else"
 
@@ -255,11 +138,11 @@ def _told(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, fl
     if cause.needed is not None:
         return slow(cause)
     if cause.time_varying:
-        return _time_varying(cause, e)
+        return time_varying(cause, e)
     if cause.effect == "unknown":
         return unknown(cause, e, explanation)
     if cause.found_as is not None:
-        return _by_likeness(cause, e, explanation)
+        return by_likeness(cause, e, explanation)
     if cause.term is None:
         return _parameter(cause, e, explanation, own)
     return _mechanism(cause, e, explanation)

@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, PerRecordi
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report import findings, sizes
-from deeptruck_model.mismatch.report.wording import apart, force
+from deeptruck_model.mismatch.report.wording import force
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Bound, Regime
 
@@ -48,30 +48,6 @@ def test_without_a_mass_no_force_is_told_in_newtons(
     found = findings.from_cause(cause, e, x, {})
     told = [*str(found.says).split(), *(size.unit for size in found.parameters.values())]
     assert unit in told and ("N" in told) == known
-
-
-def test_a_name_by_likeness_tells_which_form_stands_for_it(nothing_missing: Evidence) -> None:
-    e = nothing_missing
-    search = Search(e)
-    term = search.candidate_terms(LIBRARY["headwind"])[0]
-    x: Any = SimpleNamespace(
-        model=search.model((term,), frozenset()),
-        causes=(),
-        left_over=SimpleNamespace(importance={"speed": 0.9, "brake": 0.05}, r2=0.4),
-    )
-    by_form = Cause(
-        "missing_physics", "drag_area", 90.0, 1.0, np.full(len(e), -0.2), term,
-        nearest="headwind", found_as="headwind", likeness=(("drag_area", 0.6), ("headwind", 0.4)),
-    )  # fmt: skip
-    told = findings.from_cause(by_form, e, x, {})
-    assert (told.effect, told.nearest, told.laws_r2) == ("drag_area", "headwind", None)
-    assert str(told.says).endswith("the form that fits it best is that of headwind")
-    assert "headwind" in told.cannot_be_told_from
-    assert "Only likeness" not in apart(told) and apart(told).startswith("It is not distinguishable from")
-    by_laws = replace(by_form, term=None, nearest=None, found_as="unknown")
-    told = findings.from_cause(by_laws, e, x, {})
-    assert (told.nearest, told.laws_r2, told.equation) == (None, 0.4, "F = f(speed)")
-    assert str(told.says).endswith("no form that is known here fits it")
 
 
 @pytest.mark.parametrize(("mass_kg", "said"), [(20000.0, "400 N"), (None, "0.02 m/s²")])

@@ -12,7 +12,7 @@ import pytest
 from deeptruck_model.mismatch.finding import Finding, Kind, Rival
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.report import findings, text, wording
-from deeptruck_model.mismatch.report.findings import strength
+from deeptruck_model.mismatch.report.forces import strength
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Bound, Regime
 from deeptruck_model.mismatch.rules import Rules
