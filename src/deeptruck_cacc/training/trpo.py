@@ -83,6 +83,7 @@ def _model(simulator: Simulator, config: TrpoConfig, reward: Reward) -> tuple[An
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         from sb3_contrib import TRPO
+        from stable_baselines3.common.logger import Logger
     env = CaccSb3VecEnv(
         simulator,
         config.environments,
@@ -105,6 +106,7 @@ def _model(simulator: Simulator, config: TrpoConfig, reward: Reward) -> tuple[An
         seed=config.seed,
         device="cpu",
     )
+    model.set_logger(Logger(folder=None, output_formats=[]))  # its own would leave an empty folder in /tmp
     return model, env
 
 

@@ -239,6 +239,14 @@ def test_trpo_learns_the_identity_case(toy, tmp_path):
     np.testing.assert_array_equal(policy.act(seen), again.act(seen))
 
 
+def test_trpo_leaves_nothing_outside_its_folder(toy, tmp_path, monkeypatch):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+    train(toy, tmp_path / "policy", trainer="trpo", config=replace(QUICK_TRPO, iterations=2))
+    assert not list(elsewhere.iterdir())
+
+
 def test_a_physics_truck_has_no_gradient_of_its_own(toy, tmp_path):
     from deeptruck_model import simulators
 
