@@ -118,12 +118,8 @@ class Explanation:
     null: Model
     left_over: FreeModel
     left_over_gain: float
-    lawful: (
-        Model | None
-    )  # the model with laws without a name beside it, where these explain what is left over
-    ranking: tuple[
-        tuple[str, float], ...
-    ]  # every name tried beside the first cause, with its gain over parameters alone
+    lawful: Model | None  # with laws without a name beside it, where these explain what is left over
+    ranking: tuple[tuple[str, float], ...]  # names tried beside the first cause; gain over parameters alone
 
     @property
     def gained(self) -> float:
