@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 
 MOST_LOG = 30.0  # of the odds of a name against the one that was told
-LIKENESS = 0.75  # share in the pool; from 0.7 to 0.9 alike on development cases of families it had not seen
+LIKENESS = 0.75  # share in the pool of a law that strays; from 0.7 to 0.9 alike on development cases
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Cause:
     reported: bool | None = None  # whether the engine's recorded torque shows it, where that is known
     left_out: LeftOut | None = None  # what blocks left out of its own drives show, where no other drive can
     likeness: tuple[tuple[str, float], ...] = ()  # names, and the probability that the recogniser gives each
+    left_over: float = np.inf  # nats that are left over beside a form that has no course of its own
     rules: Rules = field(default_factory=Rules)  # by which it is distinguishable from others
 
     @property
@@ -62,9 +63,10 @@ class Cause:
         what its force is like and by forms (a linear pool), or by these alone where that is not known."""
         if not self.likeness:
             return self.by_forms
-        pooled = {name: (1.0 - LIKENESS) * p for name, p in self.by_forms.items()}
+        share = LIKENESS * self._strays  # the recogniser learned from laws that stray
+        pooled = {name: (1.0 - share) * p for name, p in self.by_forms.items()}
         for name, p in self.likeness:
-            pooled[name] = pooled.get(name, 0.0) + LIKENESS * p
+            pooled[name] = pooled.get(name, 0.0) + share * p
         return _most_probable_first(pooled, self.effect)
 
     @property
@@ -73,9 +75,10 @@ class Cause:
 
         No law is exactly of the library's form, and how far it strays grows with its size: evidence is
         divided by a share of all that was gained (a coarsened posterior: Miller and Dunson, Journal of the
-        American Statistical Association 114, 2019), so that more data alone decides nothing.
+        American Statistical Association 114, 2019), so that more data alone decides nothing. It strays by no
+        more than is left over.
         """
-        scale = max(self.rules.temper, self.rules.coarse * self.gain)
+        scale = max(self.rules.temper, self._form_error)
         worse = dict(reversed(self.rivals))
         worse |= {"unknown": 0.0} if self.other_form else {}
         worse[self.found_as or self.effect] = 0.0
@@ -83,6 +86,18 @@ class Cause:
         nothing = float(np.exp(-self.gain / scale)) if self.gain > 0.0 else 0.0
         total = nothing + sum(weight.values())
         return _most_probable_first({name: w / total for name, w in weight.items()}, self.effect)
+
+    @property
+    def _form_error(self) -> float:
+        """Nats by which the forms of laws are off, as they mostly are; no more than is left over, where less
+        than `least_gain` is not seen."""
+        return min(self.rules.coarse * self.gain, max(self.left_over, self.rules.least_gain))
+
+    @property
+    def _strays(self) -> float:
+        """How much of what may speak against its form is the form's own error: little where noise is more, or
+        where it is as exact as few laws are."""
+        return self._form_error / max(self.rules.temper, self.rules.coarse * self.gain)
 
     @property
     def believed(self) -> float:

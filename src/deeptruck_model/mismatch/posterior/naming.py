@@ -21,6 +21,7 @@ from deeptruck_model.mismatch.posterior.search import MOST_TERMS, Model, Search
 Array = NDArray[np.float64]
 
 TRIED = 2  # candidate terms of a name that are fitted in full
+ALIKE = 0.01  # of what was gained, by which names may differ that are one force: no likeness tells these
 
 
 class Likeness:
@@ -142,10 +143,11 @@ def recognised(search: Search, found: Explanation) -> Explanation:
     """
     if not any(map(_has_a_likeness, found.causes)):
         return found
-    likeness, told = Likeness(search, found.model), list(found.causes)
-    complete = found.left_over_gain < search.rules.least_gain
-    for k, c in enumerate(found.causes):
-        told[k] = _recognised(likeness, c, told, complete)
+    likeness = Likeness(search, found.model)
+    left = found.left_over_gain
+    told = [replace(c, left_over=left) if _has_a_form(c) else c for c in found.causes]
+    for k, c in enumerate(told):
+        told[k] = _recognised(likeness, c, told)
     return replace(found, causes=tuple(told))
 
 
@@ -158,8 +160,14 @@ def _has_a_likeness(c: Cause) -> bool:
     return c.needed is None and not windowed
 
 
-def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause], complete: bool) -> Cause:
-    """One of the causes with its likeness. `complete`: together they leave nothing over that counts."""
+def _has_a_form(c: Cause) -> bool:
+    """Whether it is a parameter or a law in the library's own form: a curve of its own, or a size for every
+    recording, leaves nothing over of other laws too."""
+    return not c.other_form and (c.term is None or (c.term.variant.is_a_law and not c.time_varying))
+
+
+def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
+    """One of the causes with its likeness."""
     if not _has_a_likeness(c):
         return c
     wrong = c.kind == "parameter_error"  # beside laws every parameter is free anyway
@@ -168,23 +176,21 @@ def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause], complete:
     more = 1.0 - names.pop(NOTHING, 0.0)
     if not names:
         return c
-    if c.term is not None:  # one force under several names
-        same = [c.effect, *(name for name, worse in c.rivals if worse == 0.0 and name in LIBRARY)]
-        names |= dict.fromkeys(same, float(np.mean([names.get(name, 0.0) for name in same])))
+    same = {c.effect, *(name for name, worse in c.rivals if worse <= ALIKE * c.gain and name in names)}
+    same -= {UNKNOWN}  # which is any force
+    names |= dict.fromkeys(same, float(np.mean([names.get(name, 0.0) for name in same or [UNKNOWN]])))
     told = replace(c, likeness=tuple((name, p / more) for name, p in names.items()))
     likest = max(told.likeness, key=lambda item: item[1])[0]
     best = UNKNOWN if likest == UNKNOWN else next(iter(told.names))
-    if not _may_be_called(c, best, complete) or any(o.effect == best for o in causes):
+    if not _may_be_called(c, best) or any(o.effect == best for o in causes):
         return told  # a name is one finding
     nearest = c.effect if c.term is not None else None  # its term stays, as the nearest there is
     return replace(told, effect=best, nearest=nearest, found_as=None if best == UNKNOWN else c.effect)
 
 
-def _may_be_called(c: Cause, name: str, complete: bool) -> bool:
-    """Whether what was found by its form may be told by another name of its kind. Likeness is of laws that
-    stray from the forms here: one that leaves nothing over does not, nor is it of a force whose course is its
-    own."""
+def _may_be_called(c: Cause, name: str) -> bool:
+    """Whether what was found by its form may be told by another name: one of its kind, and of no force whose
+    course is its own."""
     if name == UNKNOWN:
         return c.kind == "missing_physics"
-    strays = c.term is None or not c.term.variant.is_a_law or c.other_form or not complete
-    return strays and not c.time_varying and name in LIBRARY and LIBRARY[name].kind == c.kind
+    return not c.time_varying and name in LIBRARY and LIBRARY[name].kind == c.kind

@@ -71,6 +71,30 @@ def test_three_quarters_of_a_name_go_by_its_likeness() -> None:
     assert agreed.believed == pytest.approx(0.925, abs=0.01) and agreed.not_told_from == []
 
 
+@pytest.mark.parametrize(
+    ("gain", "left_over", "told"),
+    [
+        (2000.0, math.inf, 0.55),  # as laws stray: by likeness for three quarters
+        (2000.0, 0.0, 0.91),  # by a fifth of what they do
+        (20.0, math.inf, 0.85),  # noise is more than the form's error
+    ],
+)
+def test_likeness_counts_for_as_much_as_the_law_may_stray(gain: float, left_over: float, told: float) -> None:
+    c = replace(
+        cause(gain=gain, rivals=()),
+        likeness=(("headwind", 0.4), ("drag_area", 0.6)),
+        left_over=left_over,
+    )
+    assert c.believed == pytest.approx(told, abs=0.01)
+
+
+def test_beside_a_law_that_leaves_nothing_over_forms_decide_sooner() -> None:
+    c = cause(gain=3000.0, rivals=(("drafting", 100.0),))
+    assert c.not_told_from == ["drafting"]
+    assert replace(c, left_over=0.0).not_told_from == []
+    assert replace(c, left_over=150.0).not_told_from == ["drafting"]
+
+
 def test_what_is_told_by_another_name_keeps_the_evidence_of_the_one_it_was_found_by() -> None:
     c = replace(cause(gain=100.0, rivals=()), likeness=(("headwind", 0.3), ("drag_area", 0.7)))
     told = replace(c, effect="drag_area", nearest="headwind", found_as="headwind")

@@ -84,26 +84,35 @@ def likely(told: dict[str, float]) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(
-    ("like", "left", "tells"),
+    ("like", "gain", "left", "tells"),
     [
-        ({"drag_area": 0.8}, 90.0, "drag_area"),
-        ({"drag_area": 0.8}, 0.0, None),  # a law that leaves nothing over does not stray from its form
-        ({"drag_area": 0.1, "rolling_resistance_speed": 0.1}, 90.0, None),  # by its forms
-        ({"torque_gain": 0.9}, 90.0, None),  # a parameter is no name of a force, whatever it is like
-        ({UNKNOWN: 0.4, "rolling_resistance_speed": 0.3}, 90.0, UNKNOWN),
+        ({"drag_area": 0.8}, 200.0, 0.0, "drag_area"),
+        ({"drag_area": 0.8}, 3000.0, 200.0, "drag_area"),
+        (
+            {"drag_area": 0.8},
+            3000.0,
+            0.0,
+            None,
+        ),  # it leaves nothing over, and so does not stray from its form
+        ({"drag_area": 0.8}, 20.0, 0.0, None),  # noise is more than its form may be off
+        ({"drag_area": 0.1, "rolling_resistance_speed": 0.1}, 200.0, 0.0, None),  # by its forms
+        ({"torque_gain": 0.9}, 200.0, 0.0, None),  # a parameter is no name of a force, whatever it is like
+        ({UNKNOWN: 0.4, "rolling_resistance_speed": 0.3}, 200.0, 0.0, UNKNOWN),
     ],
 )
 def test_a_finding_is_told_by_its_most_probable_name_and_keeps_its_form(
     nothing_missing: Evidence,
     monkeypatch: pytest.MonkeyPatch,
     like: dict[str, float],
+    gain: float,
     left: float,
     tells: str | None,
 ) -> None:
     e = replace(nothing_missing, residual=nothing_missing.residual - 4e-6 * nothing_missing["speed"] ** 3)
     search = Search(e)
-    found = replace(explain(search), left_over_gain=left)
-    (cause,) = found.causes
+    found = explain(search)
+    cause = replace(found.causes[0], gain=gain)
+    found = replace(found, causes=(cause,), left_over_gain=left)
     assert cause.term is not None and cause.term.variant.is_a_law and cause.effect != "drag_area"
     monkeypatch.setattr(Recogniser, "told", lambda self, f: likely(like))
     (told,) = recognised(search, found).causes
@@ -119,7 +128,7 @@ def test_one_force_under_two_names_is_as_like_the_one_as_the_other(
     law = search.candidate_terms(LIBRARY["brake_fade"])[0]
     late = Cause(
         "missing_physics", "brake_lag", 90.0, 1.0, found.causes[0].force, law,
-        rivals=(("command_delay", 0.0), ("engine_brake", 9.0)),
+        rivals=(("command_delay", 0.8), ("engine_brake", 9.0), (UNKNOWN, 0.0)),
     )  # fmt: skip
     monkeypatch.setattr(Recogniser, "told", lambda self, f: likely({"brake_lag": 0.9, "engine_brake": 0.1}))
     (told,) = recognised(search, replace(found, causes=(late,), left_over_gain=0.0)).causes
