@@ -15,7 +15,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.active_fault import active_fault
 from deeptruck_model.mismatch.correction import correction
-from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs
+from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs, off_for_long
 from deeptruck_model.mismatch.correction.worth import noticed, refitted_is_much_better
 from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import (
@@ -240,6 +240,7 @@ def _unsaid(
         or validation.no_name_is_sure(suspected)
         or validation.off_without_a_name(fit, often_off(e, driven.explanation.model))
         or acts_there_alone(e, driven.explanation.null)
+        or off_for_long(e, driven.explanation.null, regimes)
     )
 
 

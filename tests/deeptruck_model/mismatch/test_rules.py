@@ -23,7 +23,7 @@ ROOMS = tuple(f"deeptruck_model.mismatch.{room}." for room in DECIDING)
 # driving it takes to tell something, what cannot be at all, and how something is computed.
 NUMERICS = {
     "correction/improvement.py": {"ENOUGH"},
-    "correction/own_error.py": {"ENOUGH"},
+    "correction/own_error.py": {"BEYOND", "ENOUGH", "KNOWN", "SELDOM"},
     "correction/recipes.py": {"FOLDS"},
     "correction/recovered_road.py": {"LEAST"},
     "correction/road_of_another.py": {"ROAD_SHARED"},
@@ -40,7 +40,7 @@ NUMERICS = {
     "posterior/next_pass.py": {"AHEAD", "LEAST"},
     "posterior/nuisances.py": {"LEAST_DRIVING_S"},
     "posterior/penalties.py": {"LEARNABLE", "MOST_PRIOR_SD"},
-    "posterior/naming.py": {"MOST_TERMS", "NOTHING", "UNKNOWN"},
+    "posterior/naming.py": {"ALIKE", "MOST_TERMS", "NOTHING", "UNKNOWN"},
     "posterior/recorded_torque.py": {"AFTER_SHIFT_S", "LEAST_BRAKING", "LEAST_ROWS"},
     "posterior/rivals.py": {"Z95"},
     "posterior/road_lock.py": {"LENGTH_M", "ROAD_SHARE", "ROAD_WINDOWS"},

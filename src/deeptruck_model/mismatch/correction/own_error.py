@@ -7,15 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtrc, ndtr
 
 from deeptruck_model.mismatch.correction.improvement import ENOUGH, free_windows
 from deeptruck_model.mismatch.fit_result import FitResult
 from deeptruck_model.mismatch.posterior.nuisances import kept
 from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.windows import near_other_gear
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
 from deeptruck_model.mismatch.result import Regime
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED
 
 Array = NDArray[np.float64]
 
@@ -23,6 +26,13 @@ DIFFERS = (
     "the learned simulator is {here:.2g} m/s off in free runs of {horizon_s:.0f} s, and {own:.2g} m/s on "
     "drives of its own truck: something differs{where}, and no name for it is sure"
 )
+FOR_LONG = (
+    "the simulator is up to {worst:.2g} m/s^2 off in the mean over {per_s:.0f} s, in {off} of {count} such "
+    "times by more than noise may be{where}, and no name for it is sure"
+)
+BEYOND = 3.0  # sd of such a mean, which 1 in 370 of noise alone exceeds
+SELDOM = 1e-3  # probability that so many exceed it, below which they are no noise
+KNOWN = 0.6  # of such a time that must be compared
 EVERYWHERE = "everywhere"
 THERE_ALONE = (
     "the simulator is {here:.2g} m/s^2 off for tens of seconds along '{name}', which was held out, and "
@@ -39,9 +49,47 @@ def differs(
     here = fit.errors.before.speed if fit.errors is not None else 0.0
     if own is None or here <= rules.drives_worse * own:
         return ""
+    return DIFFERS.format(here=here, own=own, horizon_s=fit.horizon_s, where=_most_where(regimes))
+
+
+def _most_where(regimes: Sequence[Regime]) -> str:
     where = next((r.where for r in regimes if r.bounds), EVERYWHERE)
-    told = "" if where == EVERYWHERE else f", most where {where}"
-    return DIFFERS.format(here=here, own=own, horizon_s=fit.horizon_s, where=told)
+    return "" if where == EVERYWHERE else f", most where {where}"
+
+
+def off_for_long(e: Evidence, null: Model, regimes: Sequence[Regime]) -> str:
+    """That the simulator is off for ten seconds and more oftener than slow noise is; else empty. `null` is
+    the explanation without a name. Of a learned simulator that keeps recordings these tell (`differs`)."""
+    if e.itself is not None:
+        return ""
+    means, sd = _slow_means(e, e.residual - Search(e).prediction(null))
+    off = np.abs(means) > BEYOND * sd
+    if bdtrc(off.sum() - 1, len(means), 2.0 * ndtr(-BEYOND)) > SELDOM:
+        return ""
+    return FOR_LONG.format(
+        worst=np.abs(means).max(),
+        per_s=SLOW_NOISE_S,
+        off=off.sum(),
+        count=len(means),
+        where=_most_where(regimes),
+    )
+
+
+def _slow_means(e: Evidence, left: Array) -> tuple[Array, Array]:
+    """Means (m,) of what is `left` (n,), m/s^2, over as long as noise may still be slow, and the sd of each:
+    of slow noise, and of the noise that its own seconds show. None while it creeps or shifts otherwise."""
+    known = e.valid & ~near_other_gear(e) & (e["speed"] > CLUTCH_CLOSED)
+    per, second = (max(1, round(seconds / e.dt)) for seconds in (SLOW_NOISE_S, 1.0))
+    means, spread = [], []
+    for s in e.stretches:
+        for start in range(s.start, s.stop - per + 1, per):
+            rows = np.arange(start, start + per)[known[start : start + per]]
+            if len(rows) < KNOWN * per:
+                continue
+            of_seconds = left[rows[: len(rows) // second * second]].reshape(-1, second).mean(axis=1)
+            means.append(float(left[rows].mean()))
+            spread.append(float(of_seconds.std(ddof=1)) / np.sqrt(len(of_seconds)))
+    return np.array(means), np.hypot(e.slow_noise, np.array(spread))
 
 
 def speed_error(simulator: Simulator, measured: bool, horizon_s: float) -> float | None:

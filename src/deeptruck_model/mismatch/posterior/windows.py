@@ -68,12 +68,12 @@ def _off(e: Evidence, model: Model) -> tuple[Mask, float]:
         off |= (np.abs(np.convolve(z, kernel, mode="same")) > e.rules.stands_out * np.sqrt(count)) & (
             count >= width / 2
         )
-    off &= ~_near_other_gear(e) & (e["speed"] > CLUTCH_CLOSED)
+    off &= ~near_other_gear(e) & (e["speed"] > CLUTCH_CLOSED)
     near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
     return near, float(near[known].mean()) if known.any() else 0.0
 
 
-def _near_other_gear(e: Evidence) -> Mask:
+def near_other_gear(e: Evidence) -> Mask:
     """A shift that comes a little sooner or later is off too, and nothing that sticks."""
     apart = e.signals.get("gear apart", np.zeros(len(e))) > 0
     near: Mask = np.convolve(apart, np.ones(2 * round(2 * AROUND_S / e.dt) + 1), mode="same") > 0.5

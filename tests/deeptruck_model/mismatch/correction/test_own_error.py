@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs, speed_error
+from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs, off_for_long, speed_error
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Improvement, Rmse
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -90,3 +90,28 @@ def test_a_drive_like_those_fitted_is_no_news(nothing_missing: Evidence) -> None
 def test_without_a_held_out_drive_nothing_is_said_of_one(nothing_missing: Evidence) -> None:
     fitted = tuple(replace(s, held_out=False) for s in nothing_missing.stretches)
     assert alone(replace(nothing_missing, stretches=fitted), 0.0, 0.06) == ""
+
+
+def for_long(e: Evidence, off: float, times: int) -> str:
+    """What is said where drives are so much off (m/s^2) for ten seconds, so many times."""
+    elapsed = np.arange(len(e)) * e.dt
+    residual = e.residual + np.where((elapsed % 100.0 < 10.0) & (elapsed < 100.0 * times), off, 0.0)
+    return off_for_long(replace(e, residual=residual), Search(e).model((), frozenset()), [HILLS])
+
+
+def test_a_simulator_that_is_far_off_now_and_then_is_not_right(nothing_missing: Evidence) -> None:
+    """A motor that derates for ten seconds at a time was 'nothing is missing', at 0.45 m/s."""
+    text = for_long(nothing_missing, -0.1, 8)
+    assert "0.11 m/s^2 off in the mean over 10 s, in 8 of 120 such times" in text and HILLS.where in text
+
+
+@pytest.mark.parametrize(("off", "times"), [(0.0, 0), (-0.1, 2), (0.03, 12)])
+def test_slow_noise_and_rare_exceptions_are_no_news(
+    nothing_missing: Evidence, off: float, times: int
+) -> None:
+    assert for_long(nothing_missing, off, times) == ""
+
+
+def test_of_a_learned_simulator_its_own_drives_tell(nothing_missing: Evidence) -> None:
+    learned = replace(nothing_missing, itself=nothing_missing)
+    assert for_long(learned, -0.1, 8) == ""
