@@ -98,7 +98,7 @@ def _check_excluded(names: list[str]) -> None:
 
 def _tell(found: Mismatch, asked: Asked) -> None:
     """The verdict as the page has it, the findings, and what to do now."""
-    from deeptruck_model.mismatch.report import headline, what_now
+    from deeptruck_model.mismatch.report import headline, names, what_now
     from deeptruck_model.mismatch.report.given import record_next
     from deeptruck_model.mismatch.report.wording import opened, percent, prose, short_rows, spoken
 
@@ -106,7 +106,7 @@ def _tell(found: Mismatch, asked: Asked) -> None:
     print(f"{result.kind}: see {asked.out / 'report.html'}")
     print("\n".join(headline.sentences(headline.of(result))))
     for f in result.findings:
-        name = headline.group(headline.name(f))
+        name = names.group(headline.name(f))
         sure = f"Probability of {spoken(f.effect)}: {percent(f.probability)}"
         print(f"  {opened(name)}: {prose(f.says)}. {sure}.")
         for row in short_rows(f.parameters):

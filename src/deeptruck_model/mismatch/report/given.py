@@ -11,7 +11,7 @@ import numpy as np
 from deeptruck_model.mismatch.data.prepared import HELD_OUT_SHARE, SAME_DRIVES, Prepared
 from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.report import headline
+from deeptruck_model.mismatch.report import names as named
 from deeptruck_model.mismatch.report.wording import condition, counted, prose, spoken
 from deeptruck_model.mismatch.result import Conclusion, Mismatch, Verdict
 from deeptruck_model.recordings import Recording
@@ -110,7 +110,7 @@ def _to_tell(finding: Finding) -> str:
     """What tells a finding from those it is undecided with; empty where it is decided."""
     told = prose(finding.would_be_told_by)
     if group := finding.cannot_be_told_from:
-        names = headline.either(group, headline.RIVALS)
+        names = named.either(group, named.RIVALS)
         return f"To tell {spoken(finding.effect)} from {names}: {told}."
     return f"To learn more about the unknown force: {told}." if finding.effect == "unknown" else ""
 
@@ -128,9 +128,7 @@ def untested(m: Mismatch) -> list[str]:
 
 
 def _not_tested(signal: str, names: Sequence[str]) -> str:
-    return headline.fitting(
-        lambda most, _: f"Not tested without {signal}: {headline.either(names, 3 * most)}."
-    )
+    return named.fitting(lambda most, _: f"Not tested without {signal}: {named.either(names, 3 * most)}.")
 
 
 def _hardly_driven(m: Mismatch) -> list[str]:

@@ -20,13 +20,21 @@ from deeptruck_model.mismatch.finding import Finding, Kind
 from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
-from deeptruck_model.mismatch.report.wording import force, number, opened, percent, prose, spoken
+from deeptruck_model.mismatch.report.names import (
+    LONGEST,
+    NAMED,
+    RIVALS,
+    Name,
+    spoken_effect,
+    either,
+    fitting,
+    in_a_row,
+)
+from deeptruck_model.mismatch.report.wording import force, number, opened, percent, prose
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.mismatch.result import Conclusion, Verdict
 
-LONGEST = 30  # words in a sentence
 HIDING = 0.03  # m/s^2 of a steady force: half of what tyres take
-NAMED, RIVALS = 4, 3  # names, and others that each may be, in one sentence
 MOVED = 3  # parameters in one sentence
 
 PARAMETERS_ALONE = "The correction is refitted parameters alone, which drove the fitted recordings best."
@@ -46,23 +54,6 @@ class Claim(Enum):
     MUCH_COULD_HIDE = auto()
     OFF_WITHOUT_A_NAME = auto()  # something differs, and no name for it is sure
     FOUND = auto()
-
-
-@dataclass(frozen=True)
-class Name:
-    """A finding, and what it is not distinguishable from: it is then told as a group and not alone."""
-
-    effect: str
-    kind: Kind
-    rivals: tuple[str, ...] = ()
-    size: str = ""  # with its unit; empty where it is not known
-    sure: str = ""  # the probability of the effect by itself; empty where it is not known
-
-    @property
-    def details(self) -> str:
-        """How large and how sure, behind the name."""
-        known = [*filter(None, [self.size, f"{self.sure} sure" if self.sure else ""])]
-        return f" ({', '.join(known)})" if known else ""
 
 
 @dataclass(frozen=True)
@@ -124,7 +115,9 @@ def _moved(fit: FitResult | None, found: Collection[str]) -> str:
     """Parameters in a correction by findings that are none, with their changes: 'drag area by -21 %'."""
     moved = fit.refitted.items() if fit is not None else ()
     told = [
-        f"{_spoken(name)} by {100 * x:+.0f} %" for name, x in moved if name not in found and abs(x) >= 0.005
+        f"{spoken_effect(name)} by {100 * x:+.0f} %"
+        for name, x in moved
+        if name not in found and abs(x) >= 0.005
     ]
     return " and ".join(told if len(told) <= MOVED else [*told[:MOVED], "others"])
 
@@ -138,7 +131,7 @@ def _nothing(verdict: Verdict) -> Headline:
     said = force(seen.always, seen.mass_kg) if seen is not None else ""
     claim = Claim.MUCH_COULD_HIDE if seen is not None and seen.always > HIDING else Claim.AGREES
     off = [
-        f"{_spoken(p)} off by {number(100 * x)} %"
+        f"{spoken_effect(p)} off by {number(100 * x)} %"
         for p, x in [*(seen.parameters.items() if seen else ())][:MOVED]
     ]
     told = " or ".join(filter(None, [", ".join(off[:-1]), *off[-1:]]))
@@ -203,16 +196,15 @@ def _found(h: Headline) -> list[str]:
     sensors = [n for n in h.found if n.kind is Kind.SENSOR]
     others = [n for n in h.found if n.kind is not Kind.SENSOR]
     if not others:
-        return [
-            _detailed(sensors, lambda s, n, r: f"A sensor is at fault, not the truck model: {_all(s, n, r)}.")
-        ]
+        at_fault = "A sensor is at fault, not the truck model"
+        return [_detailed(sensors, lambda s, n, r: f"{at_fault}: {in_a_row(s, n, r)}.")]
     gain = _gain(h)
     said = [_detailed(others, lambda o, n, r: f"{_opening(o, n, r)}{gain}.")]
     if len(said[0].split()) > LONGEST:  # long names: what it is worth is a sentence of its own
         worth_it = f"{opened(gain.removeprefix('; '))}."
         said = [_detailed(others, lambda o, n, r: f"{_opening(o, n, r)}."), worth_it]
     if sensors:
-        said.append(fitting(lambda n, r: f"Besides, a sensor is at fault: {_all(_bare(sensors), n, r)}."))
+        said.append(fitting(lambda n, r: f"Besides, a sensor is at fault: {in_a_row(_bare(sensors), n, r)}."))
     return said
 
 
@@ -250,13 +242,13 @@ def _opening(found: Sequence[Name], names: int, rivals: int) -> str:
     physics = [n for n in found if n.kind is Kind.PHYSICS]
     parameters = [n for n in found if n.kind is Kind.PARAMETER]
     if any(_mixed(n) for n in found):
-        return f"The simulator is off in {_all(found, names, rivals, ' in ')}"
+        return f"The simulator is off in {in_a_row(found, names, rivals, ' in ')}"
     if not parameters:
-        return f"The simulator leaves out {_all(physics, names, rivals)}"
-    off = f"{_all(parameters, names, rivals)} {'is' if len(parameters) == 1 else 'are'} off"
+        return f"The simulator leaves out {in_a_row(physics, names, rivals)}"
+    off = f"{in_a_row(parameters, names, rivals)} {'is' if len(parameters) == 1 else 'are'} off"
     if not physics:
         return f"No physics is missing, but the simulator's {off}"
-    return f"The simulator's {off}, and it leaves out {_all(physics, names, rivals)}"
+    return f"The simulator's {off}, and it leaves out {in_a_row(physics, names, rivals)}"
 
 
 def _mixed(name: Name) -> bool:
@@ -284,12 +276,12 @@ def _shown(h: Headline) -> list[str]:
     elif h.laws:
         said.append("Laws without a name are in the correction too.")
     if h.instead:
-        beside = " and ".join(map(_spoken, h.instead[:NAMED]))
+        beside = " and ".join(map(spoken_effect, h.instead[:NAMED]))
         said.append(f"It holds {beside} instead, which comes near to it and is no finding.")
     if h.moved:
         said.append(f"Besides what was found, the correction moves {h.moved}.")
     if h.by_mean:
-        said.append(BY_MEAN.format(" and ".join(map(_spoken, h.by_mean[:NAMED]))))
+        said.append(BY_MEAN.format(" and ".join(map(spoken_effect, h.by_mean[:NAMED]))))
     other = f"with {'its forces scaled' if h.scaled else 'all parameters refitted'} instead it is"
     return [*said, f"{_runs(h.errors)}; {other} {number(h.errors.refitted)} m/s.", SHOWN[h.worth]]
 
@@ -306,45 +298,7 @@ def _runs(e: SpeedErrors) -> str:
 
 
 def _not_in(left_out: Sequence[Name], names: int, laws: bool) -> str:
-    alone = _all([Name(n.effect, n.kind) for n in left_out], names, 0)
+    alone = in_a_row([Name(n.effect, n.kind) for n in left_out], names, 0)
     if laws:
         return f"Laws stand for {alone} in the correction."
     return f"{opened(alone)} {'is' if len(left_out) == 1 else 'are'} not in the correction."
-
-
-def group(name: Name, rivals: int = RIVALS) -> str:
-    """A name with what is not distinguishable: 'headwind or rolling resistance that grows with speed'."""
-    return either([name.effect, *name.rivals], rivals + 1)
-
-
-def _with_details(n: Name, rivals: int) -> str:
-    """A group, with how large and how sure behind its first name."""
-    rest = group(n, rivals).removeprefix(_spoken(n.effect))
-    return f"{_spoken(n.effect)}{n.details}{rest}"
-
-
-def either(effects: Sequence[str], most: int) -> str:
-    """Names of effects as alternatives, `most` of them."""
-    told = [_spoken(effect) for effect in effects[:most]]
-    return " or ".join(told if len(told) == len(effects) else [*told, "others"])
-
-
-def _all(names: Sequence[Name], most: int, rivals: int, each: str = " ") -> str:
-    """The first names in a row, each after the word `each`, which begins the row without it."""
-    told = [_with_details(n, rivals) for n in names[:most]]
-    if more := len(names) - len(told):
-        told.append(f"{more} more")
-    if len(told) < 3:
-        return f" and{each}".join(told)
-    return f"{f',{each}'.join(told[:-1])}, and{each}{told[-1]}"
-
-
-def _spoken(effect: str) -> str:
-    return "a force without a name" if effect == "unknown" else spoken(effect)
-
-
-def fitting(say: Callable[[int, int], str]) -> str:
-    """The sentence say(names, rivals) with as many names and rivals as LONGEST words hold."""
-    sizes = ((names, rivals) for names in range(NAMED, 0, -1) for rivals in range(RIVALS, -1, -1))
-    said = (say(*size) for size in sizes)
-    return next((s for s in said if len(s.split()) <= LONGEST), say(1, 0))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.report import headline, wording
+from deeptruck_model.mismatch.report import headline, names, wording
 from deeptruck_model.mismatch.report.drawing import colour, words
 from deeptruck_model.mismatch.report.wording import apart, opened, percent, prose, spoken
 from deeptruck_model.mismatch.result import Mismatch, Verdict
@@ -46,7 +46,7 @@ def findings(m: Mismatch) -> list[Told]:
 def told(k: int, f: Finding) -> Told:
     """A finding, the k-th, in words."""
     return Told(
-        name=opened(headline.group(headline.name(f))),
+        name=opened(names.group(headline.name(f))),
         kind=words(f.kind),
         colour=colour(k),
         says=f"{opened(prose(f.says))}.",

@@ -16,8 +16,9 @@ from deeptruck_model.mismatch.finding import Kind, Suspicion
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, Improvement, Rmse
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
-from deeptruck_model.mismatch.report import findings, headline
-from deeptruck_model.mismatch.report.headline import Claim, Headline, Name
+from deeptruck_model.mismatch.report import findings, headline, names
+from deeptruck_model.mismatch.report.headline import Claim, Headline
+from deeptruck_model.mismatch.report.names import Name
 from deeptruck_model.mismatch.report.wording import number, percent
 from deeptruck_model.mismatch.result import Conclusion, SmallestVisible, Verdict
 
@@ -208,7 +209,7 @@ SIZES = st.floats(1e-4, 99.0)
 )
 def test_whatever_was_found_no_sentence_is_long(h: Headline) -> None:
     for sentence in headline.sentences(h):
-        assert len(sentence.split()) <= headline.LONGEST and sentence.endswith(".")
+        assert len(sentence.split()) <= names.LONGEST and sentence.endswith(".")
         assert sentence[0].isupper() and "_" not in sentence
         assert not re.search(r"\([^)]*\(", sentence)
 

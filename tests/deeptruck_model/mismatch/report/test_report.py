@@ -13,7 +13,7 @@ from found_mismatches import VERDICTS, mismatch
 from pages import Page, pixels
 
 from deeptruck_model.mismatch.posterior import formula
-from deeptruck_model.mismatch.report import headline, what_now, wording
+from deeptruck_model.mismatch.report import headline, names, what_now, wording
 from deeptruck_model.mismatch.report import page as report
 from deeptruck_model.mismatch.report.given import record_next
 from deeptruck_model.mismatch.report.what_now import Asked
@@ -55,7 +55,7 @@ class TestEveryVerdict:
         for text in Page(written[kind].html).text:
             if text.endswith("."):
                 for sentence in re.split(r"(?<=[.!?]) ", text):
-                    assert len(sentence.split()) <= headline.LONGEST, sentence
+                    assert len(sentence.split()) <= names.LONGEST, sentence
 
     def test_nothing_is_fetched(self, written, kind):
         source = written[kind].html

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.posterior import modelled
 from deeptruck_model.mismatch.posterior.free_law import features
-from deeptruck_model.mismatch.report import headline
+from deeptruck_model.mismatch.report import headline, names
 from deeptruck_model.mismatch.report.drawing import colour, drawn, label
 from deeptruck_model.mismatch.report.explorer.curves import Curve, curve
 from deeptruck_model.mismatch.report.given import as_given
@@ -229,7 +229,7 @@ def _number(v: float, decimals: int | None) -> float | int:
 def _finding(m: Mismatch, k: int, c: Curve | None) -> Json:
     f = m.result.findings[k]
     return {
-        "name": opened(headline.group(headline.name(f))),
+        "name": opened(names.group(headline.name(f))),
         "sure": percent(f.probability),
         "colour": colour(k),
         "force": f.cause is not None and m.evidence is not None,
