@@ -25,10 +25,10 @@ from deeptruck_model.mismatch.report.names import (
     NAMED,
     RIVALS,
     Name,
-    spoken_effect,
     either,
     fitting,
     in_a_row,
+    spoken_effect,
 )
 from deeptruck_model.mismatch.report.wording import force, number, opened, percent, prose
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
