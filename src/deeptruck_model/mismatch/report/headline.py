@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.finding import Finding, Kind
 from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
+from deeptruck_model.mismatch.report.identifiability import most_tried
 from deeptruck_model.mismatch.report.names import (
     LONGEST,
     NAMED,
@@ -68,6 +69,7 @@ class Headline:
     errors: SpeedErrors | None = None
     seen: str = ""  # the smallest steady force that would have been seen; empty where that is not known
     seen_off: str = ""  # by how much parameters that are off would have been seen; empty likewise
+    unseen_off: str = ""  # parameters that may be off by more than was tried
     reason: str = ""  # why nothing can be said
     next_pass: NextPass | None = None  # of a road that another pass shows
     scaled: bool = False  # forces stand for parameters, as the simulator has none
@@ -130,14 +132,22 @@ def _nothing(verdict: Verdict) -> Headline:
     seen = verdict.data.smallest_visible
     said = force(seen.always, seen.mass_kg) if seen is not None else ""
     claim = Claim.MUCH_COULD_HIDE if seen is not None and seen.always > HIDING else Claim.AGREES
-    off = [
-        f"{spoken_effect(p)} off by {number(100 * x)} %"
-        for p, x in [*(seen.parameters.items() if seen else ())][:MOVED]
-    ]
-    told = " or ".join(filter(None, [", ".join(off[:-1]), *off[-1:]]))
+    sizes = seen.parameters if seen else {}
+    off = [f"{spoken_effect(p)} off by {number(100 * x)} %" for p, x in sizes.items() if x < most_tried(p)]
+    more = [f"{spoken_effect(p)} by {number(100 * x)} %" for p, x in sizes.items() if x >= most_tried(p)]
     return Headline(
-        claim, seen=said, seen_off=told, suspected=tuple(dict.fromkeys(s.effect for s in verdict.suspicions))
+        claim,
+        errors=errors(verdict.fit),
+        seen=said,
+        seen_off=_or(off[:MOVED]),
+        unseen_off=_or(more[:MOVED]),
+        suspected=tuple(dict.fromkeys(s.effect for s in verdict.suspicions)),
     )
+
+
+def _or(told: Sequence[str]) -> str:
+    """'a, b or c'."""
+    return " or ".join(filter(None, [", ".join(told[:-1]), *told[-1:]]))
 
 
 def name(finding: Finding) -> Name:
@@ -171,19 +181,28 @@ def sentences(h: Headline) -> list[str]:
         return ["No cause can be named.", f"{opened(prose(h.reason))}."]
     if h.claim is Claim.FOUND:
         return [*_found(h), *_shown(h), *_again(h.next_pass)]
+    beside = [*_seen_off(h), *_still_off(h.errors), *_suspected(h.suspected)]
     if h.claim is Claim.AGREES:
-        return [_agrees(h.seen), *_seen_off(h.seen_off), *_suspected(h.suspected)]
+        return [_agrees(h.seen), *beside]
     seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
     none = "Nothing was found, but these recordings would not show a small effect."
-    return [none, *seen, *_seen_off(h.seen_off), *_suspected(h.suspected)]
+    return [none, *seen, *beside]
+
+
+def _still_off(e: SpeedErrors | None) -> list[str]:
+    """What noise, and all that is too little to be seen, make of free runs."""
+    if e is None:
+        return []
+    return [f"Its free runs of {number(e.horizon_s)} s on held-out recordings are {number(e.given)} m/s off."]
 
 
 def _suspected(effects: Sequence[str]) -> list[str]:
     return [f"Suspected, and too little to be noticed: {either(effects, NAMED)}."] if effects else []
 
 
-def _seen_off(parameters: str) -> list[str]:
-    return [f"So would {parameters}."] if parameters else []
+def _seen_off(h: Headline) -> list[str]:
+    seen = [f"So would {h.seen_off}."] if h.seen_off else []
+    return [*seen, *([f"Not so {h.unseen_off}, the most that was tried."] if h.unseen_off else [])]
 
 
 def _agrees(seen: str) -> str:
