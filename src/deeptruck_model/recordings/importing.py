@@ -178,7 +178,7 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
     stands in one row after the other and then no more is no slow sensor, but one that failed."""
     valid = ~np.isnan(values)
     rows_apart = np.diff(np.flatnonzero(valid))
-    if 2 * valid.sum() >= len(values) or (len(rows_apart) and np.median(rows_apart) == 1.0):
+    if valid.all() or (len(rows_apart) and np.median(rows_apart) < 2.0):
         if not valid.all():
             notes.append(f"{channel} is invalid in {(~valid).sum()} rows of {len(values)}")
         return Series(time, values)

@@ -57,10 +57,16 @@ def test_speed_alone_is_enough(tmp_path: Path) -> None:
 
 
 def test_a_sensor_that_failed_is_no_slow_one(tmp_path: Path) -> None:
-    """Ambient temperature is there in the first 30 of 100 rows, elevation in every fifth."""
-    cells = {"v": [20.0] * 100, "T": [15.0] * 30 + [""] * 70, "h": [120.0, "", "", "", ""] * 20}
+    """Ambient temperature is there in the first 30 of 100 rows, elevation in each fifth, fuel in each second."""
+    cells = {
+        "v": [20.0] * 100,
+        "T": [15.0] * 30 + [""] * 70,
+        "h": [120.0, "", "", "", ""] * 20,
+        "f": [1.0, ""] * 50,
+    }
     columns = {
         **SPEED,
+        "fuel_rate": {"column": "f", "unit": "g/s"},
         "ambient_temperature": {"column": "T", "unit": "degC"},
         "elevation": {"column": "h", "unit": "m"},
     }
@@ -76,6 +82,7 @@ def test_a_sensor_that_failed_is_no_slow_one(tmp_path: Path) -> None:
     )
     assert "ambient_temperature is invalid in 70 rows of 100" in recording.notes
     assert "elevation taken as sampled in the 20 rows of 100 that have it" in recording.notes
+    assert np.isfinite(recording.channels["fuel_rate"][:99]).all()
 
 
 def test_a_table_keeps_its_own_rate(tmp_path: Path) -> None:
