@@ -116,18 +116,26 @@ def checked_drives(
     drives, rejected = checks.clean(drives)
     measured = checks.acceleration_is_measured(drives)
     faults = checks.sensor_faults(drives, rules) if measured else []
-    response = simulator.interface.y
-    whole = [prepare(checks.mended(r, faults), measured, response) for r in drives]
+    whole = _mended(simulator, drives, faults, measured)
+    fitted = [p for p, out in zip(whole, flags, strict=True) if not out]
+    if unusable(fitted, rejected) is None:
+        speed_unit.check(simulator, whole)
+        if scaled := speed_unit.faults(simulator, whole, rules):
+            faults = [*faults, *scaled]
+            whole = _mended(simulator, drives, faults, measured)
     prepared = tuple(learned(simulator, p) for p in whole)
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
     if strange:
         rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
-    fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
-    useless = unusable(fitted, rejected)
-    if useless is None:
-        speed_unit.check(simulator, whole)
+    useless = unusable([p for p, out in zip(prepared, flags, strict=True) if not out], rejected)
     data = DataReport(tuple(rejected))
     return Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
+
+
+def _mended(
+    simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault], measured: bool
+) -> list[Prepared]:
+    return [prepare(checks.mended(r, faults), measured, simulator.interface.y) for r in drives]
 
 
 def _find(

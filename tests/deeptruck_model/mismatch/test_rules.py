@@ -29,7 +29,7 @@ NUMERICS = {
     "correction/road_of_another.py": {"ROAD_SHARED"},
     "correction/worth.py": {"NOTICED", "NOTICED_M_S2"},
     "data/prepared.py": {"LEAST_DRIVING_S", "LEAST_SPEED_SD"},
-    "data/speed_unit.py": {"GEARS_AT_MOST"},
+    "data/speed_unit.py": {"GEARS_AT_MOST", "MOSTLY", "NEAR", "SAME"},
     "data/units.py": {"NEAR"},
     "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},
     "posterior/kernel_evidence.py": {"ACTING", "FEW_ROWS"},

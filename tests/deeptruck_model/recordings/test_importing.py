@@ -57,7 +57,7 @@ def test_speed_alone_is_enough(tmp_path: Path) -> None:
 
 
 def test_a_sensor_that_failed_is_no_slow_one(tmp_path: Path) -> None:
-    """Ambient temperature stands in the first 30 of 100 rows, elevation in each fifth, fuel in each second."""
+    """Temperature stands in the first 30 of 100 rows, elevation in each fifth, fuel in every other."""
     cells = {
         "v": [20.0] * 100,
         "T": [15.0] * 30 + [""] * 70,

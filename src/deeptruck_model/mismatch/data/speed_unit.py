@@ -1,19 +1,30 @@
-"""Speed beside recorded engine speed: of another unit, by the gear of a simulator that tells its own."""
+"""Speed beside recorded engine speed, by the gear of a simulator that tells its own: unit and scale."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import units
+from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.data.prepared import Prepared, fed
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, forced_run
 from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED
 
+Array = NDArray[np.float64]
+
 GEARS_AT_MOST = 2.0  # a simulator may drive a gear or two apart, which is no unit
+NEAR, MOSTLY = 0.01, 0.6  # so near its median, relative, so often: a converter that slips has no one ratio
+SAME = 0.5  # gears are whole
+SCALED = (
+    "speed is {scale:.3f} times what engine speed tells in the simulator's gears: it is scaled, or tyres and "
+    "axles are not the simulator's"
+)
 
 
 def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
@@ -30,11 +41,38 @@ def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
         )
 
 
+def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> list[SensorFault]:
+    """That speed is off by a factor where no accelerometer speaks for it; none where it is not, or nothing
+    tells."""
+    if any(p.measured_acceleration for p in prepared):
+        return []
+    drives = [x for x in (_ratios(simulator, p, same_gear=True) for p in prepared) if len(x)]
+    ratios = np.concatenate([np.zeros(0), *drives])
+    scale = float(np.median(ratios)) if len(ratios) else 1.0
+    one = bool(np.mean(np.abs(ratios / scale - 1.0) < NEAR) >= MOSTLY) if len(ratios) else False
+    beyond = not 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST
+    if abs(scale - 1.0) <= rules.speed_scale or beyond or not one:
+        return []
+    spread = float(np.median(np.abs(ratios - scale)))
+    se = max(spread, float(np.std([np.median(x) for x in drives]))) / float(np.sqrt(len(drives)))
+    return [SensorFault("speed_scale", scale, se, "1", SCALED.format(scale=scale))]
+
+
 def _scale(simulator: Simulator, p: Prepared) -> float | None:
     """By how much speed is too large; None where the simulator or the recording does not tell."""
-    run = forced_run(simulator, p.u[None], p.w[None], fed(simulator, p.y)[None])
-    if "engine_speed" not in run.inside:
-        return None
-    simulated, recorded = run.inside["engine_speed"][0], p.recording.channels["engine_speed"]
+    ratios = _ratios(simulator, p)
+    return float(np.median(ratios)) if len(ratios) else None
+
+
+def _ratios(simulator: Simulator, p: Prepared, same_gear: bool = False) -> Array:
+    """Simulated engine speed by the recorded one (m,) where the truck moves, in the `same_gear` alone; none
+    where the simulator or the recording does not tell."""
+    recorded, gear = (p.recording.channels.get(name) for name in ("engine_speed", "gear"))
+    inside = forced_run(simulator, p.u[None], p.w[None], fed(simulator, p.y)[None]).inside
+    if recorded is None or "engine_speed" not in inside:
+        return np.zeros(0)
     use = p.valid & (p.y[:, SPEED] > CLUTCH_CLOSED) & (recorded > 0.0)
-    return float(np.median(simulated[use] / recorded[use])) if use.any() else None
+    if same_gear and gear is not None and "gear" in inside:
+        use &= np.abs(gear - inside["gear"][0]) < SAME
+    out: Array = inside["engine_speed"][0][use] / recorded[use]
+    return out

@@ -54,9 +54,10 @@ def draw(m: Mismatch) -> dict[str, Picture]:
     out = {"timeline": _timeline(m)}
     out |= _where_and_what(m)
     out |= _errors(m)
-    if any(f.kind is Kind.SENSOR and f.cause is None for f in m.result.findings):
+    measured = [p for p in m.prepared if p.measured_acceleration]
+    if measured and any(f.kind is Kind.SENSOR and f.cause is None for f in m.result.findings):
         out["sensors"] = Picture(
-            png(sensors([p for p in m.prepared if p.measured_acceleration], _speed_scale(m))),
+            png(sensors(measured, _speed_scale(m))),
             "Accelerometer against the derivative of speed, means over 1 s. Off the grey line a sensor is at "
             "fault: no truck model enters here.",
         )

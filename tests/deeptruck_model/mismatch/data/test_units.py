@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data import speed_unit, units
+from deeptruck_model.mismatch.data import checks, speed_unit, units
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
 
@@ -53,12 +54,36 @@ def test_tyres_another_gear_and_what_is_no_unit_are_not(scale: float) -> None:
     speed_unit.check(OneGear(), [drive(scale)])  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("scale", [0.95, 1.05])
+def test_a_scale_without_an_accelerometer_is_told_by_engine_speed(scale: float) -> None:
+    (found,) = speed_unit.faults(OneGear(), [drive(scale)] * 2, Rules())  # type: ignore[arg-type]
+    assert found.effect == "speed_scale" and found.value == pytest.approx(scale) and found.se < 1e-3
+    mended = checks.mended(drive(scale).recording, [found])
+    np.testing.assert_allclose(mended.channels["speed"], drive(1.0).recording.channels["speed"])
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.02, 3.6])
+def test_what_tyres_may_be_and_another_unit_are_no_scale(scale: float) -> None:
+    assert speed_unit.faults(OneGear(), [drive(scale)], Rules()) == []  # type: ignore[arg-type]
+
+
+def test_an_engine_that_slips_or_shifts_otherwise_tells_no_scale() -> None:
+    given = drive(1.05)
+    slips = given.recording.channels["engine_speed"] * (1.0 + 0.1 * np.sin(np.arange(len(given.recording))))
+    other = given.recording.channels | {"engine_speed": slips}
+    slipping = replace(given, recording=replace(given.recording, channels=other))
+    assert speed_unit.faults(OneGear(), [slipping], Rules()) == []  # type: ignore[arg-type]
+    measured = replace(given, measured_acceleration=True)  # then the accelerometer tells
+    assert speed_unit.faults(OneGear(), [measured], Rules()) == []  # type: ignore[arg-type]
+
+
 def test_what_does_not_tell_is_not_asked() -> None:
     bare = drive(3.6)
     channels = {n: x for n, x in bare.recording.channels.items() if n != "engine_speed"}
     unmeasured = replace(bare, recording=replace(bare.recording, channels=channels))
     speed_unit.check(OneGear(), [unmeasured])  # type: ignore[arg-type]
     speed_unit.check(OneGear(tells=False), [bare])  # type: ignore[arg-type]
+    assert speed_unit.faults(OneGear(), [unmeasured], Rules()) == []  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
