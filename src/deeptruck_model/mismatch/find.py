@@ -46,6 +46,10 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
+COUNTS_AS_LEARNED = (
+    "the simulator tells neither parameters nor forces, and keeps no recordings: it counts as a learned one, "
+    "beside which less is claimed; tell them by parameters() and inside() (docs/simulators.md)"
+)
 LEFT_OUT = "left out of the library, as was asked for: {}"
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
@@ -193,6 +197,7 @@ def _caveats(e: Evidence, found: Sequence[Finding], fit: FitResult, exclude: Seq
     """What limits the findings and their correction."""
     return [
         *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
+        *([COUNTS_AS_LEARNED] if e.itself is None and not e.known_physics else []),
         *_without_mass(e, found),
         *([WITHOUT_FORMULA] if any(map(_nameless, found)) and not has_formulas() else []),
         *validation.caveats(fit, any(f.cause is not None for f in found)),

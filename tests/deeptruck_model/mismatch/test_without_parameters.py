@@ -12,7 +12,9 @@ import pytest
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch import find_mismatch
+from deeptruck_model.mismatch.find import COUNTS_AS_LEARNED
 from deeptruck_model.mismatch.result import Conclusion
+from deeptruck_model.simulators import Run
 from deeptruck_model.trucks import PhysicsTruck
 
 CLIMB = 0.02
@@ -41,6 +43,23 @@ class NothingToRefit:
 
     def with_parameters(self, values: Mapping[str, float]) -> NothingToRefit:
         return self
+
+
+class TellsNothing(NothingToRefit):
+    """Nor what acts inside it."""
+
+    def inside(self, state: Any) -> dict[str, np.ndarray]:
+        return {}
+
+    def rollout(self, *given: Any, **more: Any) -> Run:
+        return replace(self._truck.rollout(*given, **more), inside={})
+
+
+def test_what_tells_neither_parameters_nor_forces_is_told_what_it_costs() -> None:
+    plain = trucks.load("trucksim")
+    drives = [driving_cycles.drive(plain, seconds=120, seed=k) for k in range(2)]
+    result = find_mismatch(TellsNothing(plain), drives[:1], drives[1:]).result  # type: ignore[arg-type]
+    assert COUNTS_AS_LEARNED in result.caveats and result.kind is Conclusion.NOTHING
 
 
 @pytest.mark.long
