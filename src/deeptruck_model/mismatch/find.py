@@ -43,12 +43,18 @@ from deeptruck_model.mismatch.result import Conclusion, DataReport, Mismatch, Re
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 
 COUNTS_AS_LEARNED = (
     "the simulator tells neither parameters nor forces, and keeps no recordings: it counts as a learned one, "
     "beside which less is claimed; tell them by parameters() and inside() (docs/simulators.md)"
+)
+NO_VEHICLE = 0.01  # of the samples: more is no jolt
+IMPOSSIBLE = (
+    "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of the samples, as no vehicle does; "
+    "see 'deeptruck-model check-simulator'"
 )
 LEFT_OUT = "left out of the library, as was asked for: {}"
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
@@ -159,11 +165,19 @@ def _find(
         return _useless(c)
     say("driving the simulator along the recordings")
     e = gather(simulator, c.prepared, c.held_out, seed=seed, rules=rules, mass_kg=mass_kg)
+    _check_possible(e)
     if little := too_little(e):
         return _useless(replace(c, useless=little, data=_data(c, e)))
     e, driven = _explained(simulator, c, e, seed, with_unnamed, exclude, say)
     say("locating it")
     return _located(simulator, c, e, driven, exclude)
+
+
+def _check_possible(e: Evidence) -> None:
+    """Raises InputError where the simulator answers what no vehicle does."""
+    beyond = float(np.mean(np.abs(e.simulated[e.valid]) > IMPOSSIBLE_ACCELERATION)) if e.valid.any() else 0.0
+    if beyond > NO_VEHICLE:
+        raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))
 
 
 def _located(
