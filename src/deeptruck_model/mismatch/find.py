@@ -53,7 +53,7 @@ COUNTS_AS_LEARNED = (
 )
 NO_VEHICLE = 0.01  # of the samples: more is no jolt
 IMPOSSIBLE = (
-    "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of the samples, as no vehicle does; "
+    "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
     "see 'deeptruck-model check-simulator'"
 )
 LEFT_OUT = "left out of the library, as was asked for: {}"

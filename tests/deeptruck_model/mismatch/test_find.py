@@ -253,7 +253,7 @@ def test_what_does_not_belong_together_is_refused_in_one_line() -> None:
 
 def test_a_simulator_that_answers_what_no_vehicle_does_is_refused() -> None:
     broken = TRUCK.with_forces([Broken()])
-    with pytest.raises(InputError, match=r"more than 12 m/s\^2 in \d+ % of the samples"):
+    with pytest.raises(InputError, match=r"more than 12 m/s\^2 in \d+ % of samples"):
         mismatch.find_mismatch(broken, drives(TRUCK, 2, 120.0))
 
 
