@@ -16,17 +16,17 @@ HEAD = (
     "| effect | equation | varies with | needs | source | would be told by |",
     "| --- | --- | --- | --- | --- | --- |",
 )
-BETWEEN_SENSORS = {
-    "acceleration_bias": "accelerometer(t) = dv/dt + b",
-    "speed_scale": "speed = k * true speed",
+BETWEEN_SENSORS = {  # equation, and what must be recorded
+    "acceleration_bias": ("accelerometer(t) = dv/dt + b", "acceleration, speed"),
+    "speed_scale": ("speed = k * true speed", "speed, and acceleration or engine_speed"),
 }
 
 
 def table() -> str:
     """Every name a finding can have, one row each: library, sensor faults, parameters, unknown."""
     rows = [_row(m) for m in LIBRARY.values()]
-    for name, equation in BETWEEN_SENSORS.items():
-        cells = (f"`{name}` (measurement)", equation, "speed, acceleration", "acceleration, speed")
+    for name, (equation, needs) in BETWEEN_SENSORS.items():
+        cells = (f"`{name}` (measurement)", equation, "speed, acceleration", needs)
         rows.append(_line(*cells, "kinematics", "move the truck by a known distance"))
     for name, (unit, says) in NAMES.items():
         cells = (f"`{name}` (parameter)", f"{says}; {unit}", "always", "engine, brake, speed")
