@@ -69,7 +69,7 @@ def caveats(verdict: Verdict) -> list[str]:
 LEAST_S = 20.0  # of driving under a condition, below which little can be seen there
 TOURS = (
     "drive at least two separate tours of ten minutes each. Accelerate in steps of torque through all its "
-    "speeds, coast down from the highest, and brake in steps. Climb and descend, and come back on the same road"
+    "speeds, coast down from the highest, and brake in steps. Climb, descend, and come back on the same road"
 )
 
 
