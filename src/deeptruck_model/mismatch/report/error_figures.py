@@ -40,7 +40,7 @@ def ranking(x: Explanation) -> Figure:
     group = set(first.not_told_from) if first else set()
     bars: list[tuple[str, float, str]] = []
     tuned = x.parameters_only.score - x.null.score
-    stated = {c.acts_as for c in x.causes if c.term is not None}
+    stated = {c.effect for c in x.causes if c.term is not None}
     moved = {c.effect for c in x.causes if c.kind == "parameter_error"}
     bars.append((_parameters(x), tuned, BLUE if moved == x.parameters_only.free and moved else GREY))
     for name, gain in sorted(x.ranking, key=lambda named: -named[1])[:MOST_NAMES]:

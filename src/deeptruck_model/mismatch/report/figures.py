@@ -99,7 +99,7 @@ def _where_and_what(m: Mismatch) -> dict[str, Picture]:
         png(error_figures.ranking(m.explanation)),
         "How much better each name, tried alone beside all simulator parameters set free, predicts the data: "
         "a first look. The findings weigh the names again, one in place of the other in the whole "
-        "explanation. So these bars differ by other numbers. "
+        "explanation, and by the laws that each is like. So these bars differ by other numbers. "
         "1 nat is a factor of e in odds.",
     )
     unnamed = next((f for f in m.result.findings if f.cause is not None and f.cause.predictable), None)
