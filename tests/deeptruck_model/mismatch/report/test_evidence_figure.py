@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import pytest
 from found_mismatches import mismatch
+from matplotlib.colors import to_hex
 
 from deeptruck_model.mismatch.finding import Suspicion
 from deeptruck_model.mismatch.report import error_figures
 from deeptruck_model.mismatch.report import text as page_text
+from deeptruck_model.mismatch.report.drawing import BLUE
 
 RANKING = (("brake_fade", 90.0), ("headwind", 14.0), ("dragging_brake", 87.0), ("load_slosh", -31.0))
 
@@ -33,6 +35,14 @@ def test_a_bar_below_zero_is_whole_and_its_number_stands_beside_it(drawn) -> Non
     (text,) = [t for t in ax.texts if t.get_text() == "-31.0"]
     box = text.get_window_extent().transformed(ax.transData.inverted())
     assert ax.get_xlim()[0] < box.x0 and box.x1 < -31.0
+
+
+def test_the_name_that_is_told_is_the_stated_one_whatever_its_form() -> None:
+    found = mismatch("missing_physics").explanation
+    told = replace(found.causes[0], effect="headwind", found_as="brake_fade", likeness=(("headwind", 1.0),))
+    (ax,) = error_figures.ranking(replace(found, ranking=RANKING, causes=(told,))).axes
+    tones = [to_hex(bar.get_facecolor()) for bar in ax.patches[1:-1]]
+    assert [tone == BLUE.lower() for tone in tones] == [False, False, True, False]  # by their nats
 
 
 def test_what_lies_far_below_is_cut_with_an_arrow() -> None:
