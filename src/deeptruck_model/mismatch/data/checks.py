@@ -117,13 +117,16 @@ class Rejection:
 
 @dataclass(frozen=True)
 class SensorFault:
-    """A fault of measurement: effect name, its size with standard error and unit, and one sentence."""
+    """A fault of measurement: effect name, its size with standard error and unit, and one sentence; `between`
+    are the two that were compared, and `equation` is how."""
 
     effect: str
     value: float
     se: float
     unit: str
     says: str
+    equation: str = "accelerometer(t) = slope * dv/dt(t - lag) + offset"
+    between: tuple[str, str] = ("speed", "acceleration")
 
 
 def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Rejection]]:

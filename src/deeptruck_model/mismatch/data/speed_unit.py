@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 GEARS_AT_MOST = 2.0  # a simulator may drive a gear or two apart, which is no unit
 NEAR, MOSTLY = 0.01, 0.6  # so near its median, relative, so often: a converter that slips has no one ratio
 SAME = 0.5  # gears are whole
+BETWEEN = ("speed", "engine_speed")
 SCALED = (
     "speed is {scale:.3f} times what engine speed tells in the simulator's gears: it is scaled, or tyres and "
     "axles are not the simulator's"
@@ -55,7 +56,8 @@ def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> 
         return []
     spread = float(np.median(np.abs(ratios - scale)))
     se = max(spread, float(np.std([np.median(x) for x in drives]))) / float(np.sqrt(len(drives)))
-    return [SensorFault("speed_scale", scale, se, "1", SCALED.format(scale=scale))]
+    says = SCALED.format(scale=scale)
+    return [SensorFault("speed_scale", scale, se, "1", says, "speed = k * speed by engine", BETWEEN)]
 
 
 def _scale(simulator: Simulator, p: Prepared) -> float | None:

@@ -81,11 +81,11 @@ def from_sensor(fault: SensorFault) -> Finding:
         kind=Kind.SENSOR,
         effect=fault.effect,
         says=Sentence.of(fault.says),
-        equation="accelerometer(t) = slope * dv/dt(t - lag) + offset",
+        equation=fault.equation,
         parameters={"value": Size(fault.value, fault.unit, ci)},
         probability=0.99,
         would_be_told_by=Sentence.of("move the truck by a known distance and compare each sensor with it"),
-        depends_on=("speed", "acceleration"),
+        depends_on=fault.between,
     )
 
 

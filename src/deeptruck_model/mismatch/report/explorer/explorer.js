@@ -193,7 +193,7 @@ function choose(state, k) {
 }
 
 function curveSays(f) {
-  if (!f.force) return "It shows between two sensors and is no force. The figure of the sensors is below.";
+  if (!f.force) return "It shows between two sensors and is no force.";
   if (!f.curve) return "Too little was driven to draw a curve of it.";
   const band = f.curve.low ? "Band: 95 % of its sizes, if the form is right." : "It has no band, as its form has no fitted sizes.";
   return `Line: the force of this finding. ${band} Points: what the drives show without the other findings, with two standard errors. `
