@@ -87,6 +87,11 @@ class Variant(ABC):
         return any(leaf.varies_in_time for leaf in self.leaves)
 
     @property
+    def comes_again(self) -> bool:
+        """Whether it has knots along the road that all recordings share, and so comes again at one place."""
+        return any(isinstance(leaf, Spline) and leaf.shared for leaf in self.leaves)
+
+    @property
     def per_recording(self) -> bool:
         """Whether it has a coefficient for every recording."""
         return any(leaf.per_recording for leaf in self.leaves)

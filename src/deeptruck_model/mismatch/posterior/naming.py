@@ -139,7 +139,7 @@ def recognised(search: Search, found: Explanation) -> Explanation:
     """The explanation, each finding with the probabilities of names that the recogniser gives it beside the
     others.
 
-    What acts in windows alone, or is slow, has none: kernels are of what acts throughout.
+    What acts in windows alone, at places that come again, or slowly, has none.
     """
     if not any(map(_has_a_likeness, found.causes)):
         return found
@@ -152,12 +152,16 @@ def recognised(search: Search, found: Explanation) -> Explanation:
 
 
 def _acts_throughout(term: CandidateTerm) -> bool:
-    return not term.variant.acts_in_windows and term.mechanism.kind == "missing_physics"
+    return _kernels_hold(term) and term.mechanism.kind == "missing_physics"
+
+
+def _kernels_hold(term: CandidateTerm) -> bool:
+    """Whether a name's kernel holds such a force: it is of what acts throughout, and knows no places."""
+    return not (term.variant.acts_in_windows or term.variant.comes_again)
 
 
 def _has_a_likeness(c: Cause) -> bool:
-    windowed = c.term is not None and c.term.variant.acts_in_windows
-    return c.needed is None and not windowed
+    return c.needed is None and (c.term is None or _kernels_hold(c.term))
 
 
 def _has_a_form(c: Cause) -> bool:

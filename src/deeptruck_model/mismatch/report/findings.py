@@ -12,7 +12,6 @@ from deeptruck_model.mismatch.mechanisms import (
     CandidateTerm,
     Mechanism,
 )
-from deeptruck_model.mismatch.mechanisms.variants import Spline
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.report.forces import (
@@ -211,8 +210,8 @@ def _now_and_then(term: CandidateTerm) -> str:
 
 def _one_start(term: CandidateTerm) -> str:
     """That a profile is one for all drives, where it is."""
-    shared = any(isinstance(leaf, Spline) and leaf.shared for leaf in term.variant.leaves)
-    return ". All drives are taken to start at one place and to go the same way" if shared else ""
+    again = term.variant.comes_again
+    return ". All drives are taken to start at one place and to go the same way" if again else ""
 
 
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:

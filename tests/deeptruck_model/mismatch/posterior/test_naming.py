@@ -136,6 +136,21 @@ def test_one_force_under_two_names_is_as_like_the_one_as_the_other(
     assert told.effect == "brake_lag" and "command_delay" in told.not_told_from
 
 
+@pytest.mark.parametrize(("again", "tells"), [(True, "road_surface"), (False, "accessory_load")])
+def test_what_comes_again_at_one_place_is_told_by_its_form(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, again: bool, tells: str
+) -> None:
+    """Soft ground at two places of a road that was driven eight times was told as an accessory."""
+    search = Search(nothing_missing)
+    found = explain(Search(lazy_brakes(nothing_missing)))
+    monkeypatch.setattr(Recogniser, "told", lambda self, f: likely({"accessory_load": 1.0}))
+    terms = search.candidate_terms(LIBRARY["road_surface"])
+    term = next(t for t in terms if t.variant.comes_again == again)
+    soft = Cause("missing_physics", "road_surface", 300.0, 1.0, found.causes[0].force, term)
+    (told,) = recognised(search, replace(found, causes=(soft,))).causes
+    assert told.effect == tells
+
+
 def test_laws_without_a_form_are_told_by_the_name_they_are_like(
     nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
