@@ -75,8 +75,8 @@ class Cause:
 
         No law is exactly of the library's form, and how far it strays grows with its size: evidence is
         divided by a share of all that was gained (a coarsened posterior: Miller and Dunson, Journal of the
-        American Statistical Association 114, 2019), so that more data alone decides nothing. It strays by no
-        more than is left over.
+        American Statistical Association 114, 2019), so that more data alone decides nothing; by less where
+        little is left over.
         """
         scale = max(self.rules.temper, self._form_error)
         worse = dict(reversed(self.rivals))
@@ -89,9 +89,11 @@ class Cause:
 
     @property
     def _form_error(self) -> float:
-        """Nats by which the forms of laws are off, as they mostly are; no more than is left over, where less
-        than `least_gain` is not seen."""
-        return min(self.rules.coarse * self.gain, max(self.left_over, self.rules.least_gain))
+        """Nats by which its form may be off: between what forms of laws mostly are off by and, where that is
+        less, what is left over (their geometric mean, as laws without a name see but a part of it; and less
+        than `least_gain` is not seen)."""
+        mostly = self.rules.coarse * max(self.gain, 0.0)
+        return float(np.sqrt(mostly * min(mostly, max(self.left_over, self.rules.least_gain))))
 
     @property
     def _strays(self) -> float:
