@@ -48,9 +48,11 @@ def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> 
     if any(p.measured_acceleration for p in prepared):
         return []
     drives = [x for x in (_ratios(simulator, p, same_gear=True) for p in prepared) if len(x)]
-    ratios = np.concatenate([np.zeros(0), *drives])
-    scale = float(np.median(ratios)) if len(ratios) else 1.0
-    one = bool(np.mean(np.abs(ratios / scale - 1.0) < NEAR) >= MOSTLY) if len(ratios) else False
+    if not drives:
+        return []
+    ratios = np.concatenate(drives)
+    scale = float(np.median(ratios))
+    one = np.mean(np.abs(ratios / scale - 1.0) < NEAR) >= MOSTLY
     beyond = not 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST
     if abs(scale - 1.0) <= rules.speed_scale or beyond or not one:
         return []
@@ -70,8 +72,10 @@ def _ratios(simulator: Simulator, p: Prepared, same_gear: bool = False) -> Array
     """Simulated engine speed by the recorded one (m,) where the truck moves, in the `same_gear` alone; none
     where the simulator or the recording does not tell."""
     recorded, gear = (p.recording.channels.get(name) for name in ("engine_speed", "gear"))
+    if recorded is None:
+        return np.zeros(0)
     inside = forced_run(simulator, p.u[None], p.w[None], fed(simulator, p.y)[None]).inside
-    if recorded is None or "engine_speed" not in inside:
+    if "engine_speed" not in inside:
         return np.zeros(0)
     use = p.valid & (p.y[:, SPEED] > CLUTCH_CLOSED) & (recorded > 0.0)
     if same_gear and gear is not None and "gear" in inside:
