@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs, off_for_long
 from deeptruck_model.mismatch.correction.worth import noticed, refitted_is_much_better
 from deeptruck_model.mismatch.data import checks, speed_unit
+from deeptruck_model.mismatch.data.one_road import on_one_road
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
     each_once,
@@ -133,7 +134,7 @@ def checked_drives(
         if scaled := speed_unit.faults(simulator, whole, rules):
             faults = [*faults, *scaled]
             whole = _mended(simulator, drives, faults, measured)
-    prepared = tuple(learned(simulator, p) for p in whole)
+    prepared = on_one_road([learned(simulator, p) for p in whole])
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
     if strange:
         rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)

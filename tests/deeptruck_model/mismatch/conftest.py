@@ -17,6 +17,7 @@ rng = np.random.default_rng(5)
 TIME = np.arange(N) * DT
 SPEED = 18.0 + 4.0 * np.sin(TIME / 40.0)
 ENGINE = 0.25 + 0.25 * np.sin(TIME / 11.0) * np.sin(TIME / 3.1)
+DISTANCE = np.concatenate([np.cumsum(SPEED[:3000]), np.cumsum(SPEED[3000:])]) * DT
 BRAKE = 0.8 * (np.sin(TIME / 23.0) > 0.9)
 
 
@@ -38,7 +39,8 @@ def nothing_missing() -> Evidence:
             "rolling": np.full(N, 0.06),
             "simulated": ENGINE - BRAKE - 0.1,
             "elapsed": np.concatenate([TIME[:3000], TIME[:3000]]),
-            "distance": np.concatenate([np.cumsum(SPEED[:3000]), np.cumsum(SPEED[3000:])]) * DT,
+            "distance": DISTANCE,
+            "place": DISTANCE,
             "engine_command": ENGINE,
             "brake_command": BRAKE,
         },

@@ -74,7 +74,7 @@ def evidence(prepared, force) -> Evidence:
     signals["simulated"] = signals["acceleration"]
     signals["engine"], signals["brake"] = signals["engine_command"] / 1500.0, signals["brake_command"] / 25.0
     signals["drag"], signals["rolling"] = 2e-4 * signals["speed"] ** 2, np.full_like(signals["speed"], 0.05)
-    signals["distance"] = np.cumsum(signals["speed"]) * DT * BLOCK
+    signals["distance"] = signals["place"] = np.cumsum(signals["speed"]) * DT * BLOCK
     size = len(signals["speed"]) // len(prepared)
     stretches = tuple(
         Stretch(p.recording.name, k * size, (k + 1) * size, 0.0, k >= len(prepared) - 2)

@@ -28,7 +28,7 @@ from deeptruck_model.simulators import load as load_simulator
 
 Array = NDArray[np.float64]
 
-EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", "engine_speed")
+EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", "engine_speed", "place")
 
 # 1: forces gave force per mass of acceleration; 2: a force that changed did nothing while brakes held.
 # 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.

@@ -216,7 +216,7 @@ def corrected_and_driven(
 def _by_mean(x: Explanation, corrected: CorrectedTruck) -> tuple[str, ...]:
     """Effects in it of which another drive can have the mean alone: sizes of theirs are those of a time, a
     place or a recording."""
-    passing = {t.mechanism.effect for t in x.model.named if not t.variant.is_a_law}
+    passing = {t.mechanism.effect for t in x.model.named if not (t.variant.is_a_law or t.variant.comes_again)}
     return tuple(sorted(passing & {t.effect for t in corrected.terms}))
 
 

@@ -141,6 +141,7 @@ def _told(rows: Sequence[_Row]) -> tuple[str, ...]:
 def _exogenous(rows: Sequence[_Row], length: int) -> dict[str, Array]:
     drives = [row.prepared for row in rows]
     out = {n: np.stack([padded(p.recording.channels[n], length) for p in drives]) for n in _told(rows)}
+    out["place"] = np.stack([padded(p.place(), length) for p in drives])
     if "engine_speed" in out:
         driven = np.stack([padded(p.y[:, SPEED], length) for p in drives])
         out["ratio"] = turns(out["engine_speed"], driven)

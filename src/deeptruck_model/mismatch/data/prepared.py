@@ -174,10 +174,19 @@ class Prepared:
     valid: Mask
     speed_noise: float
     measured_acceleration: bool
+    road: Array | None = None  # metres along the roads that all drives share (n,), where positions tell
 
     @property
     def dt(self) -> float:
         return self.recording.dt
+
+    def distance(self) -> Array:
+        """Metres since it began, (n,)."""
+        return np.cumsum(self.y[:, SPEED]) * self.dt
+
+    def place(self) -> Array:
+        """Metres along the road (n,): drives whose positions nobody tells start at one place."""
+        return self.distance() if self.road is None else self.road
 
 
 def prepare(

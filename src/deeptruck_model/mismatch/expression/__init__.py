@@ -19,6 +19,8 @@ from deeptruck_model.mismatch.expression.nodes import (
     rows_of,
 )
 from deeptruck_model.mismatch.expression.places import (
+    AlongRoad,
+    AtPlace,
     During,
     InRecording,
     Interpolated,
@@ -30,7 +32,9 @@ from deeptruck_model.mismatch.expression.places import (
 )
 
 __all__ = [
+    "AlongRoad",
     "Apply",
+    "AtPlace",
     "Change",
     "Constant",
     "During",

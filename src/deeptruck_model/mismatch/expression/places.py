@@ -124,7 +124,7 @@ class Interpolated(Expression):
 
 @dataclass(frozen=True, eq=False)
 class Knot(Expression):
-    """A Tent in one recording (in all where `index` is negative); a simulation is left with `elsewhere`."""
+    """A Tent in one recording; a simulation is left with `elsewhere`."""
 
     inputs: tuple[Expression, ...]
     index: int
@@ -134,12 +134,55 @@ class Knot(Expression):
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         tent = np.maximum(1.0 - np.abs(values[0] - self.knot) / self.width, 0.0)
-        return np.where((self.index < 0) | (e.record == self.index), tent, 0.0)
+        return np.where(e.record == self.index, tent, 0.0)
 
     def advance(
         self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
     ) -> tuple[Array, Any]:
         return np.float64(self.elsewhere), memory  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, eq=False)
+class AtPlace(Expression):
+    """A Tent along the road of whoever drives there; `elsewhere` where its place is not known, which is what
+    an input below zero says."""
+
+    inputs: tuple[Expression, ...]
+    knot: float
+    width: float
+    elsewhere: float
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return self._at(values[0])
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        return self._at(values[0]), memory
+
+    def _at(self, place: Array) -> Array:
+        tent = np.maximum(1.0 - np.abs(place - self.knot) / self.width, 0.0)
+        return np.where(place < 0.0, self.elsewhere, tent)
+
+
+@dataclass(frozen=True, eq=False)
+class AlongRoad(Expression):
+    """The first input where the second, a place, lies within one of `places` (from, to); zero elsewhere."""
+
+    inputs: tuple[Expression, ...]
+    places: Sequence[Sequence[float]]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return self._along(*values)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        return self._along(*values), memory
+
+    def _along(self, value: Array, place: Array) -> Array:
+        inside = [(first <= place) & (place < last) for first, last in self.places]
+        return np.where(np.any(inside, axis=0), value, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

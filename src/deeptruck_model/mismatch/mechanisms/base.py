@@ -15,10 +15,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal, maximum, rows_of
+from deeptruck_model.mismatch.expression import (
+    AlongRoad,
+    During,
+    Expression,
+    Lag,
+    Rerun,
+    Signal,
+    maximum,
+    rows_of,
+)
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, curves
-from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, OVERALL_RATIO, PULL, SPEED
+from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, OVERALL_RATIO, PLACE, PULL, SPEED
 from deeptruck_model.mismatch.mechanisms.variants import (
+    Along,
     Gate,
     Gated,
     OwnCurve,
@@ -89,9 +99,12 @@ class Mechanism:
     comes_and_goes: bool = True  # it may act for seconds alone
     learned_if_steady: bool = False  # a learned simulator has absorbed what is `hidden` but never changes
 
-    def chance(self, e: Evidence) -> float:
-        """Prior probability relative to the other mechanisms, given which signals were recorded."""
-        return self.prior * (0.2 if self.unlikely_with and e.has(self.unlikely_with) else 1.0)
+    def chance(self, e: Evidence, comes_again: bool = False) -> float:
+        """Prior probability relative to the other mechanisms, given which signals were recorded; that of any
+        where other passes show it."""
+        return (1.0 if comes_again else self.prior) * (
+            0.2 if self.unlikely_with and e.has(self.unlikely_with) else 1.0
+        )
 
 
 @dataclass(frozen=True)
@@ -122,6 +135,11 @@ def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
             return [c for part in summands for c in _forces(mechanism, part)]
         case Windowed(of, spans):
             return [replace(c, expression=During((c.expression,), spans)) for c in _forces(mechanism, of)]
+        case Along(of, places):
+            return [
+                replace(c, expression=AlongRoad((c.expression, PLACE), places))
+                for c in _forces(mechanism, of)
+            ]
         case Gated(of, gate):
             inside = _inside(gate)
             return [replace(c, expression=c.expression * inside) for c in _forces(mechanism, of)]

@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import Expression, InRecording, Knot, Signal, lift
+from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal, lift
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
 )
+from deeptruck_model.mismatch.mechanisms.symbols import PLACE
 from deeptruck_model.mismatch.mechanisms.variants import (
     NONE,
     Constants,
@@ -57,6 +58,7 @@ SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots
 COARSER = 3.0
 SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that is time-varying
 MOST_KNOTS = 80
+TWICE = 1.5  # times that a road was driven, of which fewer show nothing that comes again
 
 
 def moments(e: Evidence, most: int = 32) -> Iterator[FromMoment]:
@@ -115,9 +117,8 @@ def splines(
     """Knots in time or distance, afresh in every recording, for a force that varies in time on a carrier.
 
     Every name gets the same knots and the same sizes of force, up to the `largest` sd of its coefficient that
-    is physically possible: between two of them only how the force varies with the carrier decides. What lies
-    along the road may be the same for all recordings, where they start at one place. What is not `quick`
-    cannot change from one of the finer knots to the next.
+    is physically possible: between two of them only how the force varies with the carrier decides. What is
+    not `quick` cannot change from one of the finer knots to the next.
     """
     moving = e.valid & (e["speed"] > 1.0)
     typical = float(np.sqrt(np.mean(np.square(carrier.rows(e)[moving])))) if moving.any() else 0.0
@@ -132,9 +133,6 @@ def splines(
         slow = replace(profile(e, along, knots, knot_s * pace, 0.0), constants=constants, levels=levels)
         for sd in sorted({min(size / typical, largest) for size in SLOW_SIZES}):
             yield replace(slow, sd=sd)
-            if along == DISTANCE and len(lengths) > 1:
-                longest = min(int(max(lengths) / (knot_s * pace)) + 2, MOST_KNOTS)
-                yield replace(slow, sd=sd, knots=(longest,), shared=True, mean=1.0 / longest)
 
 
 def profile(e: Evidence, along: Along, knots: Sequence[int], spacing: float, sd: float) -> Spline:
@@ -143,6 +141,18 @@ def profile(e: Evidence, along: Along, knots: Sequence[int], spacing: float, sd:
     fitted = sum(k for k, s in zip(knots, e.stretches, strict=True) if not s.held_out)
     mean = 1.0 / max(fitted or sum(knots), 1)
     return Spline(along, tuple(knots), tuple(s.name for s in e.stretches), spacing, mean, sd)
+
+
+def of_all(e: Evidence, v: Spline) -> Iterator[Spline]:
+    """The same with knots at places, which every drive has that comes by; wider apart where the road is long.
+    None where hardly any of it is driven twice."""
+    road = float(np.max(e["place"][e.valid], initial=0.0))
+    driven = sum(float(np.ptp(e["distance"][s.rows])) for s in e.stretches)
+    if driven < TWICE * road:
+        return
+    spacing = max(v.spacing, road / (MOST_KNOTS - 2))
+    knots = int(road / spacing) + 2
+    yield replace(v, knots=(knots,), spacing=spacing, shared=True, mean=1.0 / knots)
 
 
 def each_recording(e: Evidence, constants: Constants = NONE) -> PerRecording:
@@ -170,12 +180,18 @@ def spline_columns(
         raise TypeError(f"{v!r} is no spline")
     along = (Signal(v.along),)
     alone = not v.knots
+
+    def knot(i: int, at: float) -> Expression:
+        if v.shared:
+            return AtPlace((PLACE,), at, v.spacing, v.mean)
+        return Knot(along, i, at, v.spacing, v.mean)
+
     always = [Column(carrier, 2.0 * v.sd, name, unit, sign=sign, **told)] if steady or alone else []
     unit_of_knots = "s" if v.along == ELAPSED else "m"
     where = [""] if v.shared else [f"{recording}, " for recording in v.names]
     return always + [
         Column(
-            carrier * Knot(along, -1 if v.shared else i, k * v.spacing, v.spacing, v.mean),
+            carrier * knot(i, k * v.spacing),
             v.sd,
             f"{name}[{where[i]}{k * v.spacing:.0f} {unit_of_knots}]",
             unit,

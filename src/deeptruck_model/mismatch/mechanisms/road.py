@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.expression import lift
+from deeptruck_model.mismatch.expression import Expression, lift
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.mechanisms.over_time import (
     MOST_KNOTS,
     each_recording,
     in_each,
+    of_all,
     profile,
     share_out,
     spline_columns,
@@ -28,6 +29,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 FINE_M, HILLY = 100.0, 0.02  # knots of a hilly road, and the sd of its slope
 ROUGH = 0.1  # m/s^2: soft ground
 WET = 0.02  # m/s^2: a third of what tyres take, from one whole drive to another
+BOTH = {"road_grade": HILLY, "road_surface": GRAVITY * HILLY}  # at a place, and the sd of their sizes there
 SLOPE, SURFACE = lift(-GRAVITY), lift(-1.0)
 
 
@@ -36,8 +38,15 @@ def _grades(e: Evidence) -> Iterator[Variant]:
     else. Where none was recorded it may be one and the same slope; else that is the sensor's zero."""
     if not e.has("grade"):
         yield from (s.steady() for s in itertools.islice(_fine(e, HILLY / 2), 1))
-    yield from splines(e, SLOPE, HILLY, "distance")
-    yield from _fine(e, HILLY)
+    yield from _along(e, SLOPE, HILLY)
+
+
+def _along(e: Evidence, carrier: Expression, largest: float) -> Iterator[Spline]:
+    """Profiles afresh in every recording, and those that come again wherever a drive comes by: what belongs
+    to a place is the road's."""
+    for own in (*splines(e, carrier, largest, "distance"), *_fine(e, largest)):
+        yield own
+        yield from of_all(e, own)
 
 
 def _fine(e: Evidence, sd: float) -> Iterator[Spline]:
@@ -54,8 +63,7 @@ def _surfaces(e: Evidence) -> Iterator[Simple]:
     """Stretches of it, or another road, or rain, on whole drives."""
     if 2 < len(e.stretches) <= MOST_KNOTS:
         yield each_recording(e)
-    yield from splines(e, SURFACE, ROUGH, "distance")
-    yield from _fine(e, ROUGH)
+    yield from _along(e, SURFACE, ROUGH)
 
 
 def _surface(v: Simple) -> list[Column]:
@@ -93,6 +101,6 @@ MECHANISMS = (
         _surfaces,
         _surface,
         hidden=True,
-        prior=0.05,  # without a second pass it is any drag that is time-varying
+        prior=0.05,  # what does not come again is any drag that is time-varying
     ),
 )

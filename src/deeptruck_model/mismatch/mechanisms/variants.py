@@ -3,8 +3,8 @@
 What enters a mechanism's formula nonlinearly (time constants, thresholds, orders) are its `Constants`, a
 frozen dataclass beside each formula. Four variants say where a coefficient applies: `Static` always,
 `FromMoment` from a moment on, `PerRecording` in one recording each, `Spline` at knots in time or distance.
-`OwnCurve` is a curve through a few knots over a variable. `Windowed`, `Gated` and `Sum` are made of other
-variants.
+`OwnCurve` is a curve through a few knots over a variable. `Windowed`, `Along`, `Gated` and `Sum` are made of
+other variants.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ MANY_TERMS = 20.0  # trials of a spline: it can stand in for much else, and is p
 CURVE_TRIALS = 3.0  # a curve of its own is one of so many terms more in which its mechanism is looked for
 
 Span = tuple[int, float, float]  # recording, from and to in s since its start
+Places = tuple[tuple[float, float], ...]  # from and to, m along the road that all drives share
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,11 @@ class Variant(ABC):
         return ()
 
     @property
+    def places(self) -> Places:
+        """Along which of the road all of it acts; none where it acts anywhere."""
+        return ()
+
+    @property
     def acts_in_windows(self) -> bool:
         return bool(self.spans)
 
@@ -88,7 +94,7 @@ class Variant(ABC):
 
     @property
     def comes_again(self) -> bool:
-        """Whether it has knots along the road that all recordings share, and so comes again at one place."""
+        """Whether it belongs to places along the road, and so comes again with every drive that passes."""
         return any(isinstance(leaf, Spline) and leaf.shared for leaf in self.leaves)
 
     @property
@@ -189,7 +195,7 @@ class PerRecording(Simple):
 class Spline(Simple):
     """A linear spline with knots every `spacing` along `along` (s, or m), `knots` of them in each recording.
 
-    A `shared` one has the same knots in all recordings, which start at one place. `sd` is the prior sd of a
+    A `shared` one has the same knots for all recordings, at places along the road. `sd` is the prior sd of a
     coefficient. With `levels` each recording also has a coefficient of its own. A simulation of another drive
     has the share `mean` of every knot. Without knots one coefficient holds throughout.
     """
@@ -264,6 +270,10 @@ class _Confined(Variant):
     def spans(self) -> tuple[Span, ...]:
         return self.of.spans
 
+    @property
+    def places(self) -> Places:
+        return self.of.places
+
     def steady(self) -> Variant:
         return replace(self, of=self.of.steady())
 
@@ -277,6 +287,25 @@ class Windowed(_Confined):
     @property
     def spans(self) -> tuple[Span, ...]:
         return self.windows
+
+
+@dataclass(frozen=True)
+class Along(_Confined):
+    """A variant that acts along the `road` from and to some places alone, whoever passes."""
+
+    road: Places
+
+    @property
+    def places(self) -> Places:
+        return self.road
+
+    @property
+    def comes_again(self) -> bool:
+        return True
+
+    @property
+    def is_a_law(self) -> bool:
+        return False
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import is_time_varying
+from deeptruck_model.mismatch.mechanisms.road import BOTH
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
 from deeptruck_model.mismatch.posterior.naming import asked_for, renamed, with_the_rest
@@ -23,8 +24,7 @@ from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 
-ROADS = {"road_grade", "road_surface"}
-SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
+SLOW_NAMES = {*BOTH, "headwind", "payload_change"}
 
 
 def explain(search: Search) -> Explanation:
@@ -129,11 +129,12 @@ def _one_unknown(causes: list[Cause]) -> list[Cause]:
 
 def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:
     """The causes; beside a recorded slope, a road that is time-varying and was driven once may as well be
-    nothing that has a name."""
+    nothing that has a name. One that comes again was not."""
 
     def once(c: Cause) -> bool:
-        locked = c.effect in ROADS and _follows_anything_slow(c) and e.has("grade")
-        return locked and road_lock(e, c.force) is None
+        if c.term is None or c.term.variant.comes_again or c.effect not in BOTH or not e.has("grade"):
+            return False
+        return _follows_anything_slow(c) and road_lock(e, c.force) is None
 
     return [_perhaps_unknown(c) if once(c) else c for c in causes]
 

@@ -14,9 +14,10 @@ import numpy as np
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
+from deeptruck_model.mismatch.mechanisms.road import BOTH
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
-from deeptruck_model.mismatch.posterior.explain import ROADS, explain, slow_beside
+from deeptruck_model.mismatch.posterior.explain import explain, slow_beside
 from deeptruck_model.mismatch.posterior.naming import recognised
 from deeptruck_model.mismatch.posterior.rivals import force_of
 from deeptruck_model.mismatch.posterior.road_lock import road_lock
@@ -126,7 +127,7 @@ def located_everywhere(e: Evidence, x: Explanation) -> Explanation:
 
 def _with_road(whole: Evidence, c: Cause) -> Cause:
     """The cause with where its road came again, in the recordings that it was found in and in the others."""
-    return replace(c, road=road_lock(whole, c.force)) if c.effect in ROADS or c.needed is not None else c
+    return replace(c, road=road_lock(whole, c.force)) if c.effect in BOTH or c.needed is not None else c
 
 
 def _untold(e: Evidence, term: CandidateTerm) -> bool:

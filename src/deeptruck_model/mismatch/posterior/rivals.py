@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, CandidateTerm, Constants, is_time_varying
 from deeptruck_model.mismatch.mechanisms.brakes import DEAD_TIME, BrakeLag
-from deeptruck_model.mismatch.posterior import windows
+from deeptruck_model.mismatch.posterior import by_place, windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched, screen, screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import (
@@ -86,6 +86,8 @@ def _instead_of(search: Search, base: Model, term: CandidateTerm) -> list[tuple[
     else:
         tried = candidates(search, base)
         tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
+    if term.variant.places:
+        tried += by_place.along(search, base, term.variant.places)
     tried = [m for m in tried if practical(search, m, m.named[-1])]
     instead = [(m.effects[-1], m) for m in tried if m.effects[-1] != term.mechanism.effect]
     biased = [p for p in search.parameters if p not in base.free]
@@ -130,7 +132,7 @@ def force_of(search: Search, model: Model, term: CandidateTerm) -> Array:
     residual."""
     e = search.e
     force = term.columns @ model.coefficients(term.mechanism.effect)
-    if term.mechanism.effect != "road_grade":
+    if term.mechanism.effect != "road_grade" or term.variant.comes_again:
         return force
     left = np.where(e.valid, e.residual - search.prediction(model) + force, 0.0)
     weight = e.valid / search.series.relative**2

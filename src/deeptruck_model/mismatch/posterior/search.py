@@ -147,7 +147,7 @@ class Search:
             X, prior, layout = self._design(named, free, pinned)
             found = fit(self.series, X, prior, start)
             cost = self.rules.temper * sum(
-                np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named
+                np.log(n.trials) - np.log(n.mechanism.chance(self.e, n.variant.comes_again)) for n in named
             )
             model = Model(named, free, found, found.evidence - float(cost), layout, self.rules)
             model = replace(model, score=model.score + self._reported(model))

@@ -9,7 +9,7 @@ import numpy as np
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, is_time_varying
 from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.mechanisms.variants import Static
-from deeptruck_model.mismatch.posterior import windows
+from deeptruck_model.mismatch.posterior import by_place, windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
 from deeptruck_model.mismatch.posterior.penalties import (
     discrepancy_penalty,
@@ -157,6 +157,7 @@ def _now_and_then(search: Search, base: Model, bare: Model) -> Model:
         return base
     narrow = windows.narrowed(search, base, spans)
     tried = [m for where in (spans, narrow) for m in windows.candidates(search, base, where)]
+    tried += by_place.candidates(search, base, narrow)
     tried = [m for m in tried if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
     least = search.rules.weak + _beside(search, best) * (base.score - bare.score)

@@ -165,7 +165,7 @@ def unnamed(search: Search, spans: list[Span]) -> CandidateTerm:
     return replace(made, prior=replace(made.prior, sd=np.full(len(spans), SUDDEN)))
 
 
-def _steady(search: Search, mechanism: Mechanism) -> list[CandidateTerm]:
+def steady(search: Search, mechanism: Mechanism) -> list[CandidateTerm]:
     """The candidate terms of a mechanism that few windows can show; of what is time-varying, its mean."""
     terms = search.candidate_terms(mechanism)
     plain = [s for s in terms if not (s.variant.per_recording or isinstance(s.variant, OwnCurve))]
@@ -183,7 +183,7 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
         during(s, spans, search.e)
         for mechanism in search.library
         if mechanism.comes_and_goes and mechanism.effect not in base.effects
-        for s in _steady(search, mechanism)
+        for s in steady(search, mechanism)
     ]
     seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
     best = _fitted(search, base, seen, {}, None)

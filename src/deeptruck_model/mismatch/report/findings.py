@@ -24,7 +24,7 @@ from deeptruck_model.mismatch.report.forces import (
     time_varying,
     unknown,
 )
-from deeptruck_model.mismatch.report.form import border, courses, curved, equation
+from deeptruck_model.mismatch.report.form import at_places, border, courses, curved, equation
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.residual.noise import Z95
@@ -166,7 +166,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     return Told(
         Sentence.of(
             f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}{courses(term)}"
-            f"{_one_start(term)}",
+            f"{at_places(term, e)}",
             *curved(term, e.unit),
             OTHER_FORM if cause.other_form else "",
             str(cause.left_out) if cause.left_out is not None else "",
@@ -206,12 +206,6 @@ def _now_and_then(term: CandidateTerm) -> str:
     seconds = sum(last - first for _, first, last in spans)
     times = "once" if len(spans) == 1 else f"{len(spans)} times"
     return f". It was seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
-
-
-def _one_start(term: CandidateTerm) -> str:
-    """That a profile is one for all drives, where it is."""
-    again = term.variant.comes_again
-    return ". All drives are taken to start at one place and to go the same way" if again else ""
 
 
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from deeptruck_model.mismatch.mechanisms import OWN, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.over_time import ELAPSED
 from deeptruck_model.mismatch.mechanisms.variants import Gate, OwnCurve, PerRecording, Spline
-from deeptruck_model.mismatch.residual.evidence import ForceUnit
+from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.sentence import Named, Part
 
 KNOWN = "the known form"
@@ -54,6 +56,19 @@ def _courses(term: CandidateTerm) -> list[str]:
     along = {"size varies in time" if s.along == ELAPSED else "size varies along the road" for s in splines}
     own = any(isinstance(leaf, PerRecording) for leaf in term.variant.leaves)
     return [*sorted(along), *(["size is each recording's own"] if own else [])]
+
+
+def at_places(term: CandidateTerm, e: Evidence) -> str:
+    """That a profile is one for all drives, where it is, by what they are known to be at one place, and what
+    a correction has of it."""
+    if not term.variant.comes_again:
+        return ""
+    told = not np.array_equal(e["place"], e["distance"])
+    by = "Places are told by positions" if told else "All drives are taken to start at one place, one way"
+    own = [f"{first:.0f} to {last:.0f} m" for first, last in term.variant.places]
+    where = f". It acts at {', '.join(own)} along the road" if own else ""
+    elsewhere = "not" if own else "with its mean"
+    return f"{where}. {by}. A correction has it on this road, and elsewhere {elsewhere}"
 
 
 def curved(term: CandidateTerm, unit: ForceUnit) -> tuple[Part, ...]:

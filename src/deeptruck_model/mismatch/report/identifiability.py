@@ -110,7 +110,8 @@ def _law(model: Model) -> bool:
 
 
 def _of_these_drives(variant: Variant) -> bool:
-    return variant.varies_in_time or variant.acts_in_windows or variant.per_recording
+    passing = variant.varies_in_time or variant.acts_in_windows or variant.comes_again
+    return passing or variant.per_recording
 
 
 def _commands(simulator: Simulator, e: Evidence) -> tuple[Array, Array, Array]:

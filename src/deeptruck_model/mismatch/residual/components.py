@@ -149,7 +149,8 @@ def signals(
         "acceleration": grid.stack([p.observed for p in prepared]),
         "time": grid.stack([p.recording.time for p in prepared]),
         "elapsed": grid.stack([p.recording.time - p.recording.start_s for p in prepared]),
-        "distance": grid.stack([np.cumsum(p.y[:, SPEED]) * p.dt for p in prepared]),
+        "distance": grid.stack([p.distance() for p in prepared]),
+        "place": grid.stack([p.place() for p in prepared]),
     }
     for name in (*prepared[0].recording.interface.u, *prepared[0].recording.interface.w):
         out[name] = grid.stack([_column(p, name) for p in prepared])

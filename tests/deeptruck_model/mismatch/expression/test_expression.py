@@ -30,6 +30,7 @@ def synthetic() -> Evidence:
         "simulated": engine - brake + rng.normal(0.0, 0.01, n),
         "time": t, "elapsed": t,
         "distance": np.concatenate([np.cumsum(part) * DT for part in np.split(speed, [SIZES[0]])]),
+        "place": np.concatenate([np.cumsum(part) * DT for part in np.split(speed, [SIZES[0]])]),
         "engine": engine, "brake": brake, "drag": 2e-4 * speed**2, "rolling": np.full(n, 0.06),
         "engine_command": 1500.0 * engine, "brake_command": 40.0 * brake,
         "grade": 0.02 * np.sin(t / 11.0), "elevation": 300.0 + 10.0 * np.sin(t / 11.0),
@@ -152,12 +153,20 @@ def test_in_recording_marks_its_rows_and_says_elsewhere_in_a_simulation() -> Non
 
 
 def test_a_knot_is_a_tent_in_its_recording_and_its_mean_in_a_simulation() -> None:
-    here, shared = (ex.Knot((ex.Signal("elapsed"),), i, 20.0, 5.0, 0.125) for i in (1, -1))
+    here = ex.Knot((ex.Signal("elapsed"),), 1, 20.0, 5.0, 0.125)
     elapsed = EVIDENCE["elapsed"]
     tent = np.maximum(1.0 - np.abs(elapsed - 20.0) / 5.0, 0.0)
     assert np.array_equal(here.rows(EVIDENCE), np.where(EVIDENCE.record == 1, tent, 0.0))
-    assert np.array_equal(shared.rows(EVIDENCE), tent)
-    assert (streamed([here, shared]) == 0.125).all()
+    assert (streamed([here]) == 0.125).all()
+
+
+def test_a_place_is_a_tent_in_every_recording_and_its_mean_where_nobody_knows_the_place() -> None:
+    here = ex.AtPlace((ex.Signal("place", missing=-1.0),), 300.0, 50.0, 0.125)
+    tent = np.maximum(1.0 - np.abs(EVIDENCE["place"] - 300.0) / 50.0, 0.0)
+    assert np.array_equal(here.rows(EVIDENCE), tent) and tent.max() > 0.5
+    assert np.allclose(streamed([here]), tent)
+    lost = ex.AtPlace((ex.Signal("unheard", missing=-1.0),), 300.0, 50.0, 0.125)
+    assert (lost.rows(EVIDENCE) == 0.125).all() and (streamed([lost]) == 0.125).all()
 
 
 def parts(x: ex.Expression) -> Iterator[ex.Expression]:

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from deeptruck_model.mismatch.expression import lift
-from deeptruck_model.mismatch.mechanisms.over_time import spline_columns, splines
+from deeptruck_model.mismatch.mechanisms.over_time import of_all, spline_columns, splines
+from deeptruck_model.mismatch.mechanisms.variants import Spline
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def test_knots_are_named_by_recording_and_place(nothing_missing: Evidence) -> None:
-    made = splines(nothing_missing, lift(1.0), 1.0, "distance")
-    shared, apart = {}, {}
-    for spline in made:
-        names = {c.name for c in spline_columns(spline, lift(1.0), "force", "N", sign=0, steady=False)}
-        (shared if spline.shared else apart)[spline.spacing] = names
-    for knot, names in apart.items():
-        assert {f"force[a, {knot:.0f} m]", f"force[b, {knot:.0f} m]"} <= names
-    for knot, names in shared.items():
-        assert f"force[{knot:.0f} m]" in names
-    assert apart and shared
+    for spline in splines(nothing_missing, lift(1.0), 1.0, "distance"):
+        knot = spline.spacing
+        assert {f"force[a, {knot:.0f} m]", f"force[b, {knot:.0f} m]"} <= _names(spline)
+        (shared,) = of_all(nothing_missing, spline)
+        assert f"force[{shared.spacing:.0f} m]" in _names(shared)
+        assert shared.spacing * (shared.knots[0] - 1) > nothing_missing["place"].max()
+
+
+def test_what_is_driven_once_cannot_come_again(nothing_missing: Evidence) -> None:
+    apart = nothing_missing["distance"] + np.where(nothing_missing.record == 1, 2e4, 0.0)
+    once = replace(nothing_missing, signals=nothing_missing.signals | {"place": apart})
+    (spline, *_) = splines(once, lift(1.0), 1.0, "distance")
+    assert list(of_all(nothing_missing, spline)) and not list(of_all(once, spline))
+
+
+def _names(spline: Spline) -> set[str]:
+    return {c.name for c in spline_columns(spline, lift(1.0), "force", "N", sign=0, steady=False)}

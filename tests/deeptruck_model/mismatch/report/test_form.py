@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from deeptruck_model.mismatch.mechanisms.variants import (
     Variant,
 )
 from deeptruck_model.mismatch.report import form
-from deeptruck_model.mismatch.residual.evidence import PER_KILOGRAM
+from deeptruck_model.mismatch.residual.evidence import PER_KILOGRAM, Evidence
 from deeptruck_model.mismatch.sentence import Sentence
 
 TIME, SPEED = OwnCurve(2, (0.2, 6.0), 1.0), OwnCurve(4, (60.0, 130.0), 1.0)
@@ -56,6 +57,16 @@ def test_a_sum_tells_each_part_and_its_own_regime() -> None:
 def test_a_regime_of_all_is_not_told_of_each() -> None:
     gate = Gate("speed", "above", 4.4)
     assert "4.4" not in told(Sum((Gated(SPEED, gate), Gated(TIME, gate))))
+
+
+def test_what_belongs_to_a_place_says_how_places_are_known(nothing_missing: Evidence) -> None:
+    own = Spline("distance", (4,), ("a", "b"), 100.0, 0.2, 0.5)
+    again = term(replace(own, shared=True))
+    assert form.at_places(term(own), nothing_missing) == ""
+    assert "taken to start at one place" in form.at_places(again, nothing_missing)
+    elsewhere = nothing_missing.signals | {"place": nothing_missing["distance"] + 300.0}
+    said = form.at_places(again, replace(nothing_missing, signals=elsewhere))
+    assert "told by positions" in said and "elsewhere with its mean" in said
 
 
 def test_a_size_that_varies_is_said_where_it_was_fitted() -> None:

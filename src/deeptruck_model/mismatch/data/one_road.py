@@ -1,0 +1,82 @@
+"""Where drives are along the roads that they share: by their positions, else by how far they have come.
+
+A force that belongs to a place comes again wherever a drive comes by. Places are metres along all roads, one
+after the other; whoever comes by once more, the same way, is at the places of whoever came first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
+
+from deeptruck_model.compare.alignment import EARTH_M, NEAR_M
+from deeptruck_model.mismatch.data.prepared import Prepared, fill
+
+Array = NDArray[np.float64]
+
+STEP_M = 10.0
+SMOOTH = 2.0  # steps over which a receiver's error is smoothed
+APART_M = 1000.0  # between two roads: knots of one do not reach the other
+LAP_M = 200.0  # a road that is met again sooner was not left
+
+
+def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
+    """The drives with their `road` where all tell positions; as they are where one does not."""
+    if not all(_positions(p) for p in drives):
+        return tuple(drives)
+    about = np.concatenate([p.recording.channels["latitude"] for p in drives])
+    middle = float(np.nanmean(np.radians(about)))
+    known, places, end = np.zeros((0, 4)), np.zeros(0), 0.0
+    out = []
+    for p in drives:
+        way = _way(p, middle)
+        own = _placed(way, known, places, end)
+        known, places = np.concatenate([known, way]), np.concatenate([places, own])
+        end = float(places.max(initial=0.0)) + APART_M
+        driven = p.distance()
+        out.append(replace(p, road=np.interp(driven, driven[0] + STEP_M * np.arange(len(own)), own)))
+    return tuple(out)
+
+
+def _positions(p: Prepared) -> bool:
+    channels = p.recording.channels
+    return all(np.isfinite(channels.get(name, np.nan)).any() for name in ("latitude", "longitude"))
+
+
+def _way(p: Prepared, middle: float) -> Array:
+    """Every STEP_M of a drive: east and north (m), and its heading as a vector of length NEAR_M, so that the
+    other way along one road is another place, (k, 4)."""
+    latitude, longitude = (np.radians(fill(p.recording.channels[n])) for n in ("latitude", "longitude"))
+    driven = p.distance()
+    grid = np.arange(driven[0], driven[-1] + STEP_M, STEP_M)
+    metres = EARTH_M * np.stack([np.cos(middle) * longitude, latitude])
+    track = np.stack([gaussian_filter1d(np.interp(grid, driven, x), SMOOTH, mode="nearest") for x in metres])
+    if len(grid) < 2:
+        return np.concatenate([track, np.zeros_like(track)]).T
+    heading = np.gradient(track, axis=1)
+    length = np.maximum(np.hypot(*heading), 1e-6)
+    return np.concatenate([track, NEAR_M * heading / length]).T
+
+
+def _placed(way: Array, known: Array, places: Array, begin: float) -> Array:
+    """Place of every step of a way (k, 4): of what is known there, else of this way's own earlier lap, else
+    the next of a new road that starts at `begin`."""
+    own = np.full(len(way), np.nan)
+    if len(known):
+        apart, nearest = cKDTree(known).query(way)
+        own = np.where(apart < NEAR_M, places[nearest % len(known)], np.nan)
+    laps = cKDTree(way).query_ball_point(way, NEAR_M)
+    at = begin - STEP_M
+    for k in np.flatnonzero(np.isnan(own)):
+        earlier = [j for j in laps[k] if j < k - LAP_M / STEP_M]
+        if earlier:
+            own[k] = own[min(earlier, key=lambda j: float(np.sum((way[j] - way[k]) ** 2)))]
+            continue
+        at += STEP_M if k == 0 or own[k - 1] == at else APART_M
+        own[k] = at
+    return own

@@ -1,0 +1,63 @@
+"""A stretch of soft ground that nobody told, and that every drive passes, is corrected where it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.constants import GRAVITY
+from deeptruck_model.mismatch import find_mismatch
+from deeptruck_model.mismatch.result import Mismatch
+from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks.driver import EPISODE, LOGGED, drive_along
+
+Array = NDArray[np.float64]
+
+TRUCK = trucks.load("trucksim")
+SPACING_M, LONG_M = 10.0, 8000.0
+SOFT = (900.0, 1200.0)  # m along the road
+FORCE = 0.3  # m/s^2
+DEGREE_M = np.radians(1.0) * 6371e3
+
+
+def drive(k: int) -> Recording:
+    """A drive that begins 50 m further along the road than the last, of which a receiver tells positions."""
+    begins, rng = 50.0 * k, np.random.default_rng(k)
+    targets = 6.0 + driving_cycles.speed_profile(200.0, seed=rng, dt=TRUCK.dt) / 3.0
+    place = begins + SPACING_M * np.arange(int((LONG_M - begins) / SPACING_M))
+    told = 0.01 * np.sin(place / 400.0)
+    felt = told + FORCE / GRAVITY * ((place > SOFT[0]) & (place < SOFT[1]))
+    idle = np.zeros(len(targets))
+    log = drive_along(TRUCK, targets, idle, np.array([], EPISODE), felt, SPACING_M)
+    channels = {c: np.ascontiguousarray(log[:, i]) for i, c in enumerate(LOGGED)}
+    along = begins + np.cumsum(channels["speed"]) * TRUCK.dt
+    channels["grade"] = np.interp(along, place, told)
+    channels["speed"] = channels["speed"] + rng.normal(0.0, 0.02, len(along))
+    channels["latitude"] = 48.0 + (along + rng.normal(0.0, 2.0, len(along))) / DEGREE_M
+    channels["longitude"] = np.full(len(along), 11.0)
+    del channels["elevation"]
+    return Recording(f"drive-{k}", TRUCK.dt, channels, TRUCK.interface, notes=())
+
+
+@pytest.fixture(scope="module")
+def found() -> Mismatch:
+    drives = [drive(k) for k in range(8)]
+    return find_mismatch(TRUCK, drives[:6], drives[6:])
+
+
+@pytest.mark.long
+def test_a_road_is_named(found: Mismatch) -> None:
+    names = {found.result.findings[0].effect, *found.result.findings[0].not_told_from}
+    assert names & {"road_surface", "road_grade"}
+
+
+@pytest.mark.long
+def test_it_is_corrected_where_it_is(found: Mismatch) -> None:
+    fit = found.result.fit
+    assert fit is not None and fit.errors is not None and fit.validated
+    assert fit.errors.after.speed < 0.4 * fit.errors.before.speed
+    assert fit.errors.after.speed < 0.5 * fit.errors.parameters_only.speed
+    assert not fit.by_mean
+    assert fit.handed_over is not None and fit.handed_over.without == ("place",)

@@ -1,0 +1,75 @@
+"""Where drives are along the roads that they share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.mismatch.data.one_road import on_one_road
+from deeptruck_model.mismatch.data.prepared import Prepared, prepare
+from deeptruck_model.recordings import Recording
+
+Array = NDArray[np.float64]
+
+TRUCK = trucks.load("trucksim")
+DEGREE_M = np.radians(1.0) * 6371e3
+NOISE_M = 2.0
+
+
+@pytest.fixture(scope="module")
+def drives() -> list[Recording]:
+    return [driving_cycles.drive(TRUCK, seconds=240.0, seed=k) for k in range(2)]
+
+
+def at(drive: Recording, east: Array, north: Array) -> Prepared:
+    """A drive whose receiver, with an error, tells these metres about 48 N, 11 E."""
+    rng = np.random.default_rng(0)
+    east, north = (x + NOISE_M * rng.standard_normal(len(x)) for x in (east, north))
+    told = {"latitude": 48.0 + north / DEGREE_M, "longitude": 11.0 + east / DEGREE_M / np.cos(np.radians(48))}
+    return prepare(replace(drive, channels=drive.channels | told), False)
+
+
+def far(drive: Recording) -> Array:
+    return prepare(drive, False).distance()
+
+
+def test_whoever_comes_by_later_is_at_the_places_of_the_first(drives: list[Recording]) -> None:
+    first, other = far(drives[0]), far(drives[1])
+    begins = 0.3 * first[-1]
+    a, b = on_one_road([at(drives[0], first, 0.01 * first), at(drives[1], begins + other, 0.01 * other)])
+    assert np.abs(a.place() - first).max() < 15.0
+    both = begins + other < first[-1] - 50.0
+    assert both.sum() > 200
+    assert np.abs(b.place() - begins - other)[both].max() < 20.0
+
+
+def test_a_second_lap_is_at_the_places_of_the_first(drives: list[Recording]) -> None:
+    driven = far(drives[0])
+    lap = driven[-1] / 2.5
+    turn = 2.0 * np.pi * driven / lap
+    (p,) = on_one_road([at(drives[0], lap / 6.3 * np.cos(turn), lap / 6.3 * np.sin(turn))])
+    later = driven > lap + 50.0
+    apart = (p.place() - driven)[later] % lap
+    assert np.median(np.minimum(apart, lap - apart)) < 20.0
+    assert p.place().max() < lap + 100.0
+
+
+def test_the_other_way_and_another_road_are_elsewhere(drives: list[Recording]) -> None:
+    first, other = far(drives[0]), far(drives[1])
+    there = at(drives[0], first, np.zeros_like(first))
+    back = at(drives[1], first[-1] - other, np.zeros_like(other))
+    aside = at(drives[1], other, np.full_like(other, 500.0))
+    for others in (back, aside):
+        a, b = on_one_road([there, others])
+        assert b.place().min() >= a.place().max() + 900.0
+        assert np.ptp(b.place()) == pytest.approx(other[-1], rel=0.05)
+
+
+def test_without_positions_all_begin_at_one_place(drives: list[Recording]) -> None:
+    first = far(drives[0])
+    a, b = on_one_road([at(drives[0], first, first), prepare(drives[1], False)])
+    assert np.array_equal(a.place(), first) and np.array_equal(b.place(), far(drives[1]))
