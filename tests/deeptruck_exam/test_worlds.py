@@ -39,7 +39,7 @@ def test_each_family_has_its_world_and_deep_simulators_the_plain_one():
     assert all(worlds.of(f, "physics") is WORLDS[OF_FAMILY[f]] for f in FAMILIES)
     assert all(worlds.of(f, "physics") is w and w not in WORLDS.values() for f, w in WAITING.items())
     assert all(worlds.of(f, "deep") is WORLDS["plain"] for f in FAMILIES)
-    assert {id(worlds.of("all", "physics", seed)) for seed in range(100)} == {id(w) for w in WORLDS.values()}
+    assert {id(worlds.of("all", "physics", seed)) for seed in range(200)} == {id(w) for w in WORLDS.values()}
 
 
 @pytest.mark.parametrize("name", ALL_WORLDS)

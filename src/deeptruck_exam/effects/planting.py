@@ -44,6 +44,7 @@ FAMILIES = (
     "seventeenth",
     "eighteenth",
     "nineteenth",
+    "twentieth",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

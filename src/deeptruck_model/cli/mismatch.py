@@ -194,7 +194,7 @@ def prove(
     forms: Annotated[
         str,
         typer.Option(
-            help="Family of effects to hide: 'all', a proved one ('first' to 'nineteenth') or 'sealed'."
+            help="Family of effects to hide: 'all', a proved one ('first' to 'twentieth') or 'sealed'."
         ),
     ] = "all",
     real: Annotated[

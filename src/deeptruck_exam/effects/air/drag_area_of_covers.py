@@ -1,4 +1,4 @@
-"""Sheets, covers, nets, hatches, louvres and vanes that change their drag."""
+"""Sheets, covers, nets, hatches, louvres, vanes and branches that change their drag."""
 
 from __future__ import annotations
 
@@ -193,3 +193,27 @@ class VanesTurnInTheWind(Hidden, rim=0.0):
         s.rim = np.maximum(s.rim + dt * (loose * gains - 0.1 * np.minimum(s.rim, 1.0)), 0.0)
         slips = np.clip(1.0 - s.rim / np.maximum(wind, 1.0), 0.0, 1.0)
         return -p.more * slips**2 * view.drag_force * moving(view)
+
+
+@law("b_brushwood_folds_back", "twentieth", "highway hills suburban", accepts="headwind")
+@sizes(more=(2.8, 4.2), power=(0.9, 1.5), bends_mps=(7.0, 11.0), folds_s=(4.0, 10.0), rises_s=(20.0, 60.0))
+@sizes(leaves_m=(700.0, 2200.0))
+class BrushwoodFoldsBack(Hidden):
+    """Brushwood stands out of an open body. Branches fold back in the wind of driving, so that their area
+    falls with a power of speed, at once when it grows and slowly as it goes. `leaves` on them are torn off
+    along the way, the faster the sooner. more: of the drag, unfolded and leafy; power: of the speed;
+    leaves_m: at 20 m/s.
+    Source: Vogel, Drag and Reconfiguration of Broad Leaves in High Winds, J. Experimental Botany 40 (1989),
+    on the power; a heap of branches, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(2002)
+        return {"wind": rng.uniform(4.0, 16.0, batch), "leaves": rng.uniform(0.4, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.wind = eased(s.wind, speed, np.where(speed > s.wind, p.folds_s, p.rises_s), dt)
+        tears = speed / p.leaves_m * np.minimum(speed / 20.0, 1.4) ** 3
+        s.leaves = np.maximum(s.leaves * (1.0 - dt * tears), 0.0)
+        area = (1.0 + (s.wind / p.bends_mps) ** 2) ** (-0.5 * p.power) * (0.45 + 0.55 * s.leaves)
+        return -p.more * area * view.drag_force * moving(view)

@@ -9,7 +9,7 @@ import numpy as np
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.effects.series import SAMPLE_S, ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
@@ -155,3 +155,27 @@ class HoldsAgainstTheSideWind(OnRoad, slips=0.0):
         s.slips = eased(s.slips, wind * np.abs(wind) * (0.4 + 0.6 * fast) * light, p.steers_s, dt)
         askew = p.most * np.tanh(p.costs / p.most * s.slips**2)
         return -askew * weight(view) * moving(view)
+
+
+@law("b_drum_turns_in_the_side_wind", "twentieth", "suburban hills highway")
+@sizes(most=(0.016, 0.027), gusts_s=(5.0, 14.0), mean=(0.3, 0.8), at_rads=(120.0, 150.0), spins_s=(1.5, 5.0))
+class DrumTurnsInTheSideWind(Hidden, spin=0.6):
+    """An upright drum turns on the truck, by its engine, and the wind comes from the side: it is drawn across
+    that wind, forwards or back as the wind has it, whatever the truck's speed. `spin` of the drum follows the
+    engine slowly. most: of 20 t, at at_rads in the usual wind.
+    Source: Seifert, A Review of the Magnus Effect in Aeronautics, Progress in Aerospace Sciences 55 (2012),
+    on forces by spin and wind; a huge drum, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(2003), self.p
+        samples = int(self.setting.duration_s / SAMPLE_S) + 8
+        gusts = ou_series(rng, (self.setting.batch, samples), SAMPLE_S, p.gusts_s)
+        self.side = rng.choice([-1.0, 1.0], (self.setting.batch, 1)) * p.mean + 0.8 * gusts
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.spin = eased(s.spin, np.clip(view.engine_speed / p.at_rads, 0.0, 1.6), p.spins_s, dt)
+        wind = self.side[:, index(view, self.side, SAMPLE_S)]
+        share = (view.time / SAMPLE_S) % 1.0
+        later = self.side[:, min(index(view, self.side, SAMPLE_S) + 1, self.side.shape[1] - 1)]
+        blows = np.clip(wind + share * (later - wind), -2.2, 2.2)
+        return p.most * 20000.0 * 9.81 * s.spin**1.5 * blows * moving(view)

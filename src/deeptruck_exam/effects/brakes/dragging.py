@@ -288,3 +288,26 @@ class DiscBuckles(Hidden, outside=0.0):
         over = np.clip((s.outside - p.buckles) / p.buckles, -0.4, 1.0)
         s.wave = np.clip(s.wave + dt * (over - s.wave**2) * s.wave / p.jumps_s, 0.03, 1.2)
         return -p.most * np.maximum(s.wave - 0.03, 0.0) * weight(view) * moving(view)
+
+
+@law("b_seals_slip_on_their_pistons", "twentieth", "suburban hills descent")
+@sizes(most=(0.01, 0.017), gives=(0.025, 0.06), shakes_m=(150.0, 500.0), rough=(0.5, 1.5))
+class SealsSlipOnTheirPistons(Hidden):
+    """The seal of a piston bends with it and draws it back by that much. Beyond it the piston slips through:
+    after a firm braking the pads stay at their disc, and a light one leaves them as they are. Only the way
+    shakes them off. `slipped` of full braking, that the seal has let through. most: of the weight; gives: of
+    full braking, that the seal can draw back.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on roll-back of seals, and Visintin,
+    Differential Models of Hysteresis (1994), on play; stiff seals, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"slipped": self.p.gives * self.rng(2012).uniform(0.0, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        s.slipped = np.clip(s.slipped, asked - p.gives, asked + p.gives)
+        harsh = 1.0 + p.rough * np.minimum(np.abs(view.acceleration), 2.0)
+        off = 1.0 - dt * harsh * np.maximum(view.speed, 0.0) / p.shakes_m
+        s.slipped = np.maximum(s.slipped, 0.0) * off
+        touches = np.clip((s.slipped - asked) / p.gives, 0.0, 1.0)
+        return -p.most * np.sqrt(touches + 1e-9) * weight(view) * moving(view)

@@ -163,3 +163,24 @@ class GreaseMeltsOut(Hidden):
         hard = view.brake_force * speed / (0.2 * self.truck.brake_capacity * 15.0)
         s.coat = np.clip(s.coat + dt * (runs - np.minimum(hard, 3.0) * s.coat / p.burns_s), 0.0, 1.0)
         return p.most * s.coat * view.brake_force * moving(view)
+
+
+@law("b_metal_melts_in_the_linings", "twentieth", "suburban descent", accepts="brake_gain")
+@sizes(most=(0.5, 0.72), warm_jpkg=(45.0, 110.0), cools_s=(35.0, 90.0), melts=(0.45, 0.7), latent=(0.25, 0.5))
+class MetalMeltsInTheLinings(Hidden):
+    """`heat` that is stored in linings with a soft metal in them. Once they are at its melting point they get
+    no hotter until all of it is molten, and no cooler until all of it is solid again; what is molten
+    lubricates. most: of the brake force, lost when all is molten; melts: heat where it begins; latent: heat
+    that melting takes.
+    Source: Crank, Free and Moving Boundary Problems (1984), on stored heat at a melting point, and Breuer and
+    Bill, Brake Technology Handbook (SAE, 2008), on metals in linings; soft linings, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"heat": self.rng(2011).uniform(0.1, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        molten = np.clip((s.heat - p.melts) / p.latent, 0.0, 1.0)
+        hot = np.minimum(s.heat, p.melts) + np.maximum(s.heat - p.melts - p.latent, 0.0)
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        s.heat = np.clip(s.heat + dt * (work / p.warm_jpkg - hot / p.cools_s), 0.0, 1.6)
+        return p.most * molten * view.brake_force * moving(view)

@@ -232,3 +232,21 @@ class FluidIsThick(Hidden, held=0.0):
         late = p.cold_s * np.exp(-p.thins * s.warm) * np.where(asked > s.held, 1.0, p.back)
         s.held = eased(s.held, asked, late, dt)
         return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)
+
+
+@law("b_shoes_are_carried_round", "twentieth", "suburban hills descent")
+@sizes(share=(0.75, 0.95), way_m=(5.0, 10.0), dry=(0.3, 0.7), back_s=(0.5, 1.4), least_s=(0.12, 0.3))
+class ShoesAreCarriedRound(Hidden, held=0.0):
+    """Shoes float in their drum, and do nothing before it has carried them round to their anchor. That takes
+    a way and not a time: fast wheels are braked soon and slow ones late. Firmly pressed shoes are carried
+    along better. `held`: of full braking. share: of the brake force; way_m: of the road, softly pressed; dry:
+    less of it, firmly pressed; back_s: until springs have drawn them back.
+    Source: Limpert, Brake Design and Safety (1999), on duo-servo drums whose shoes shift to an anchor; loose
+    shoes, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        way = p.way_m * (1.0 - p.dry * np.tanh(8.0 * asked))
+        carried = p.least_s + way / np.maximum(view.speed, 1.0)
+        s.held = eased(s.held, asked, np.where(asked > s.held, carried, p.back_s), dt)
+        return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)

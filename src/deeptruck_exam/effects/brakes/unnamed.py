@@ -280,3 +280,28 @@ class WheelsToeInToHelp(Hidden, toe=0.0):
         wish = asked * np.clip((view.speed - p.least_mps) / 3.0, 0.0, 1.0)
         s.toe = eased(s.toe, wish, np.where(wish > s.toe, p.turns_s, p.back_s), dt)
         return -p.most * s.toe**2 * weight(view) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("b_servo_has_no_store", "twentieth", "suburban hills descent")
+@sizes(
+    alone=(0.25, 0.45), fills_rads=(130.0, 180.0), fills_s=(4.0, 10.0), takes=(4.0, 9.0), knee=(0.05, 0.11)
+)
+class ServoHasNoStore(Hidden):
+    """`vacuum` of a servo with hardly any store: each press of the brake uses some, and a pump on the engine
+    makes it anew, slowly while that idles. The servo helps up to a knee that lies the lower, the less vacuum
+    is left; beyond it the foot is alone. alone: of the brake force, beyond the knee; knee: of full braking,
+    at full vacuum; takes: of the vacuum, for a full press.
+    Source: Limpert, Brake Design and Safety (1999), on vacuum servos, their run-out point and their reserve;
+    a small one, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"vacuum": self.rng(2013).uniform(0.4, 1.0, batch), "was": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        used = p.takes * np.maximum(asked - s.was, 0.0)
+        s.was = asked.copy()
+        turns = np.clip(view.engine_speed / p.fills_rads, 0.2, 1.2) ** 2
+        s.vacuum = np.clip(s.vacuum + dt * turns * (1.0 - s.vacuum) / p.fills_s - used * s.vacuum, 0.0, 1.0)
+        beyond = np.maximum(asked - p.knee * s.vacuum, 0.0)
+        return (1.0 - p.alone) * beyond * self.truck.brake_capacity * moving(view)

@@ -247,3 +247,33 @@ class LargeChangesNeedLongMessages(Filter):
         length = np.where(changed > 0.0, p.least_s + p.full_s * np.minimum(changed, 1.0), 0.0)
         s.left = np.where(whole, length, s.left)
         return np.asarray(s.held)
+
+
+@law("b_read_at_the_falling_edge", "twentieth", "suburban hills descent")
+@sizes(period_s=(0.7, 1.1), way_s=(0.15, 0.35))
+class ReadAtTheFallingEdge(Filter):
+    """A line carries each value as the length of a pulse, one in a period, and the receiver knows it at the
+    falling edge: a small value soon, a large one only as the period ends. Each pedal has a line of its own.
+    way_s: from the pedal to the start of the next pulse, at least.
+    Source: Barrett and Pack, Microcontrollers Fundamentals for Engineers and Scientists (2006), on capture of
+    pulse widths; a slow line, times are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Any]:
+        clock = np.array([0.0, 0.37]) * self.p.period_s + np.zeros((batch, 2))
+        zeros = np.zeros((batch, 2))
+        return {"clock": clock, "pulse": zeros.copy(), "held": zeros.copy(), "seen": zeros.copy()}
+
+    def begin(self, s: State, u: Array) -> None:
+        s.pulse, s.held, s.seen = u.copy(), u.copy(), u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        s.clock = s.clock + dt
+        ends = s.clock >= p.period_s
+        s.held = np.where(ends, s.pulse, s.held)  # at the latest
+        s.pulse = np.where(ends, s.seen, s.pulse)
+        s.clock = np.where(ends, s.clock - p.period_s, s.clock)
+        reads = s.clock <= p.period_s - p.way_s
+        s.seen = np.where(reads, u, s.seen)
+        wide = np.clip(np.abs(s.pulse) / np.array([self.full, 40.0]), 0.05, 0.95) * p.period_s
+        s.held = np.where(s.clock >= wide, s.pulse, s.held)
+        return np.asarray(s.held)

@@ -212,3 +212,22 @@ class PedalAsksForAPull(Hidden, misses=0.0, given=0.0):
         wish = np.clip(p.gain * s.misses * per_mps2, -p.most, p.most) * np.clip(pedal / 0.08, 0.0, 1.0)
         s.given = eased(s.given, np.clip(wish, -pedal, 1.0 - pedal), p.eases_s, dt)
         return self.at_wheels(view, s.given * self.truck.peak_torque) * moving(view)
+
+
+@law("b_pedal_asks_for_power", "twentieth", "suburban hills highway")
+@sizes(blend=(0.5, 0.9), at_rads=(120.0, 150.0), most=(0.3, 0.5), late_s=(0.2, 0.7), fades_s=(2.0, 8.0))
+class PedalAsksForPower(Hidden, given=0.0, blended=0.5):
+    """The pedal is taken for a share of power and not of torque: the engine gives more than was known while
+    it turns slowly and less while it turns fast. After each change of gear the programme comes back bit by
+    bit. blend: of the programme, over the usual one; at_rads: where both ask for the same; most: of peak
+    torque.
+    Source: Guzzella and Sciarretta, Vehicle Propulsion Systems (2013), on what a pedal may ask for; the
+    programme and its sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        s.blended = np.where(view.shifting > 0.5, 0.0, eased(s.blended, p.blend, p.fades_s, dt))
+        turns = np.clip(p.at_rads / np.maximum(view.engine_speed, 60.0), 0.5, 2.0)
+        wish = np.clip(s.blended * pedal * (turns - 1.0), -p.most, p.most)
+        s.given = eased(s.given, np.clip(wish, -pedal, 1.0 - pedal), p.late_s, dt)
+        return self.at_wheels(view, s.given * self.truck.peak_torque) * moving(view)

@@ -1,4 +1,4 @@
-"""Robots, motors, dashpots, cylinders and levers that move a throttle at a limited rate."""
+"""Robots, motors, dashpots, cylinders, levers and wires that move a throttle at a limited rate."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Filter, Sizes, State, TorqueFilter
+from deeptruck_exam.effects.law import Array, Filter, Sizes, State, TorqueFilter, eased
 from deeptruck_exam.effects.planting import hidden, sizes
 
 law = partial(hidden, name="command_rate_limit", accepts="turbo_lag")
@@ -207,3 +207,26 @@ class OnePumpForBothPedals(Filter):
         most = p.per_s * (p.keeps + (1.0 - p.keeps) * s.store) * self.full * dt
         s.given = np.clip(u[:, 0], s.given - most, s.given + most)
         return np.stack([s.given, u[:, 1]], axis=1)
+
+
+@law("b_wire_shrinks_when_hot", "twentieth", "suburban hills")
+@sizes(heats_per_s=(0.2, 0.36), cools_per_s=(0.45, 0.8), least=(0.1, 0.25), soaks_s=(15.0, 45.0))
+@sizes(soaked=(0.3, 0.6))
+class WireShrinksWhenHot(TorqueFilter):
+    """A wire of a metal that shrinks when it is hot draws the throttle open: current heats it, against what
+    the air takes, so that it opens ever more slowly. It shuts as it cools, fast from wide open and slowly
+    near shut, and slowest where long pulls have warmed its `case`. heats_per_s: of the full command, from
+    cold; cools_per_s: from wide open, in a cold case; least: of the paces; soaked: of the cooling, lost.
+    Source: Lagoudas, Shape Memory Alloys (2008), on actuators that are heated by current and cool by
+    themselves; a thick wire, sizes are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.case = np.clip(0.5 * u[:, 0] / self.full, 0.0, 1.0)
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        wide = np.clip(s.given / self.full, 0.0, 1.0)
+        s.case = eased(s.case, wide, p.soaks_s, dt)
+        opens = p.heats_per_s * (p.least + (1.0 - p.least) * (1.0 - wide))
+        shuts = p.cools_per_s * (p.least + (1.0 - p.least) * wide) * (1.0 - p.soaked * s.case)
+        return np.clip(pedal, s.given - dt * shuts * self.full, s.given + dt * opens * self.full)

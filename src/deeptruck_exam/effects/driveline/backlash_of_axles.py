@@ -137,3 +137,23 @@ class ManySmallPlays(Hidden, passed=0.0):
         s.plays = eased(s.plays, np.broadcast_to(view.engine_torque, s.plays.shape), p.creeps_s, dt)
         s.passed = eased(s.passed, s.plays.mean(axis=0), p.takes_s, dt)
         return self.at_wheels(view, s.passed - view.engine_torque) * np.clip(view.speed, 0.0, 1.0)
+
+
+@law("b_bushes_are_torn", "twentieth", "suburban hills")
+@sizes(swings_rads=(5.0, 9.0), dull=(0.1, 0.25), share=(0.85, 1.0))
+class BushesAreTorn(Hidden, bent=0.0, pace=0.0):
+    """Rubber bushes of a torn coupling give way freely about their middle and get stiff with the cube of how
+    far they are `bent`: without torque there is nothing that holds them. Each time the torque turns round it
+    arrives late, and then with a swing that is the faster, the harder the pull. swings_rads: at peak torque.
+    Source: Nayfeh and Mook, Nonlinear Oscillations (1979), on springs of the third power, and
+    makers' notes on rubber discs of propeller shafts; torn ones, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, -0.5, 1.1)
+        steps = max(1, round(dt / 0.01))
+        for _ in range(steps):
+            push = p.swings_rads**2 / 3.0 * (asked - s.bent**3)
+            s.pace = s.pace + dt / steps * (push - 2.0 * p.dull * p.swings_rads * s.pace)
+            s.bent = np.clip(s.bent + dt / steps * s.pace, -1.3, 1.3)
+        lacks = np.clip(asked - s.bent**3, -0.6, 0.9) * self.truck.peak_torque
+        return -p.share * self.at_wheels(view, lacks) * np.clip(view.speed, 0.0, 1.0)

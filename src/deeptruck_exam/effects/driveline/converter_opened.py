@@ -252,3 +252,25 @@ class CoilGetsHot(Hidden, lost=0.0):
         over = np.maximum(view.engine_torque - holds, 0.0)
         s.lost = eased(s.lost, p.slides * over, 0.2, dt)
         return -self.at_wheels(view, np.minimum(s.lost, np.maximum(view.engine_torque, 0.0))) * moving(view)
+
+
+@law("b_opened_to_gain_on_slopes", "twentieth", "hills suburban highway", accepts="driveline_loss")
+@sizes(steep=(0.008, 0.018), asks=(0.3, 0.5), slips=(0.3, 0.5), at_rads=(120.0, 150.0), stays_s=(3.0, 9.0))
+@sizes(opens_s=(0.3, 0.8))
+class OpenedToGainOnSlopes(Hidden, left=0.0, open=0.0):
+    """A programme opens the lock-up clutch on climbs under load, to gain torque, and leaves it so for a while
+    behind them. The fluid then slips by the torque over the square of the engine's speed. steep: slope from
+    which it opens; asks: of peak torque; slips: at peak torque and at_rads.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on lock-up programmes and
+    on the performance number of converters; a converter that gains nothing, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        climbs = (view.grade > p.steep) & (load > p.asks)
+        s.left = np.where(climbs, p.stays_s, np.maximum(s.left - dt, 0.0))
+        s.open = eased(s.open, np.where(s.left > 0.0, 1.0, 0.0), p.opens_s, dt)
+        turns = (p.at_rads / np.maximum(view.engine_speed, 60.0)) ** 2
+        slip = np.minimum(p.slips * load * turns, 0.8)
+        return -self.at_wheels(view, s.open * slip * np.maximum(view.engine_torque, 0.0)) * moving(view)

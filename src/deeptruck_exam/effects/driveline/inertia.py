@@ -150,3 +150,25 @@ class RotorChangesItsGear(Hidden, spin=-1.0, felt=0.0, high=0.0):
         s.spin = np.where(fresh, wish, s.spin + dt * gains)
         s.felt = eased(s.felt, ratio * gains, 0.1, dt)
         return -p.low * view.mass * s.felt * moving(view)
+
+
+@law("b_slider_on_a_crank", "twentieth", "suburban hills")
+@sizes(heavy=(0.22, 0.36), uneven=(0.25, 0.5), turn_m=(150.0, 320.0), second=(0.1, 0.3))
+class SliderOnACrank(Hidden):
+    """Wheels drive a heavy slider by a crank and a slow gear. What it adds to the mass changes as the crank
+    turns; where that grows with the way it takes from the speed, and where it falls it gives back, by the
+    square of speed. `turned`: of the crank. heavy: of the mass, on average; uneven: of that, up and down;
+    second: likewise, twice in a turn; turn_m: of the road.
+    Source: Eksergian, Dynamical Analysis of Machines, J. Franklin Institute (1930), on inertia that changes
+    with the way; a slow crank, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"turned": self.rng(2033).uniform(0.0, 2.0 * np.pi, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed, per_m = np.clip(view.speed, 0.0, 30.0), 2.0 * np.pi / p.turn_m
+        s.turned = (s.turned + dt * per_m * speed) % (2.0 * np.pi)
+        adds = 1.0 + p.uneven * np.cos(2.0 * s.turned) + p.second * np.cos(s.turned)
+        rises = -per_m * (2.0 * p.uneven * np.sin(2.0 * s.turned) + p.second * np.sin(s.turned))
+        felt = adds * np.clip(view.acceleration, -4.0, 4.0) + 0.5 * np.clip(rises * speed**2, -3.0, 3.0)
+        return -p.heavy * view.mass * felt * moving(view)

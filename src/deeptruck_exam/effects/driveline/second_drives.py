@@ -269,3 +269,28 @@ class TrailerCarriesItself(Hidden, acts=0.0):
         used = s.acts * GRAVITY * np.maximum(view.speed, 0.0) / p.store_jpkg
         s.store = np.clip(s.store - dt * np.where(used > 0.0, used, 0.7 * used), 0.0, 1.0)
         return s.acts * weight(view) * np.clip(view.speed - 0.5, 0.0, 1.0)
+
+
+@law("b_rubber_wound_by_braking", "twentieth", "suburban hills")
+@sizes(most=(0.03, 0.05), full_m=(45.0, 110.0), gives=(0.6, 0.85), asks=(0.15, 0.35), slips_s=(40.0, 120.0))
+class RubberWoundByBraking(Hidden):
+    """Ropes of rubber are wound up on a shaft by each braking, and let go with the next pull. They hold by
+    how far they are `wound`, so that a short braking gains little, and give somewhat less back. most: of the
+    weight, fully wound; full_m: of the way; asks: of the pedal, that lets them go; slips_s: until a ratchet
+    has let half of it slip.
+    Source: Treloar, The Physics of Rubber Elasticity (1975), on what a stretch stores and loses, and makers'
+    notes on elastomer stores for delivery trucks; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {"wound": self.rng(2034).uniform(0.0, 0.8, batch), "holds": zero.copy(), "lets": zero.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        brakes = np.clip(view.brake_force / (0.03 * self.truck.brake_capacity), 0.0, 1.0)
+        s.holds = eased(s.holds, brakes * (s.wound < 1.0), 0.25, dt)
+        s.lets = eased(s.lets, np.where(self.pedal(view) > p.asks, 1.0, 0.0) * (s.wound > 0.0), 0.3, dt)
+        turns = dt * np.maximum(view.speed, 0.0) / p.full_m
+        s.wound = s.wound + turns * (s.holds - s.lets) - dt * 0.7 * s.wound / p.slips_s
+        s.wound = np.clip(s.wound, 0.0, 1.0)
+        force = s.wound / (0.25 + 0.75 * s.wound)
+        return p.most * force * (p.gives * s.lets - s.holds) * weight(view) * np.clip(view.speed, 0.0, 1.0)

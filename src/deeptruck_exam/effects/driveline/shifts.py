@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -274,3 +274,27 @@ class JuddersAsItCloses(Hidden, gear=0.0, since=60.0, hot=0.2, cut=0.0):
         wish = p.deep * np.exp(-s.since / calms) * (0.5 + 0.5 * swings)
         s.cut = eased(s.cut, wish, 0.05, dt)
         return -s.cut * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("b_clutches_overlap", "twentieth", "suburban hills", accepts="torque_limit")
+@sizes(ties=(0.18, 0.32), lasts_s=(0.9, 1.8), cold=(0.8, 1.6), warms=(6.0, 14.0), cools_s=(20.0, 60.0))
+@sizes(lets_s=(0.15, 0.4))
+class ClutchesOverlap(Hidden, gear=0.0, left=0.0, held=0.0):
+    """Of two clutches one lets go too late after each change: for a while two gears are engaged, which hold
+    the truck against each other. `oil`: its warmth, by the changes themselves; cold oil leaves the clutch
+    slowly. ties: of peak torque, that both hold; cold: more time in cold oil; warms: changes that warm it.
+    Source: Goetz, Levesley and Crolla, Dynamics and Control of Gearshifts on Twin-Clutch Transmissions, Proc.
+    IMechE D 219 (2005), on tie-up when clutches overlap; late ones, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "oil": self.rng(2032).uniform(0.0, 0.7, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        begins = (np.abs(view.gear - s.gear) > 0.5) & (s.gear > 0.5) & (view.speed > 0.5)
+        s.gear = view.gear.copy()
+        s.left = np.where(begins, p.lasts_s * (1.0 + p.cold * (1.0 - s.oil)), np.maximum(s.left - dt, 0.0))
+        s.oil = np.clip(s.oil * (1.0 - dt / p.cools_s) + np.where(begins, 1.0, 0.0) / p.warms, 0.0, 1.0)
+        tied = np.where(s.left > 0.0, 1.0 - view.shifting, 0.0)
+        s.held = eased(s.held, tied, p.lets_s, dt)
+        force = p.ties * s.held * self.truck.peak_torque * view.ratio / self.truck.wheel_radius
+        return -np.minimum(force, 0.09 * weight(view)) * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""What the engine drives for a trade: drums, presses, blowers, lifts, cold boxes, sprayers."""
+"""What the engine drives for a trade: drums, presses, pumps, blowers, lifts, cold boxes."""
 
 from __future__ import annotations
 
@@ -263,3 +263,47 @@ class BeltCarriesItUp(Hidden, laden=0.5):
         s.laden = eased(s.laden, within(self.heap, view.time), p.belt_s / turns, dt)
         lifts = np.maximum(1.0 + p.tilts * np.clip(view.grade, -0.1, 0.1), 0.0)
         return -self.at_wheels(view, p.nm * (0.15 + 0.85 * s.laden * lifts)) * moving(view)
+
+
+@law("b_chipper_waits_for_the_engine", "twentieth", "suburban hills highway", accepts="")
+@sizes(nm=(210.0, 330.0), on_rads=(118.0, 132.0), below=(0.06, 0.14), bites_s=(0.4, 1.0), knots_s=(2.0, 6.0))
+@sizes(idles=(0.05, 0.15))
+class ChipperWaitsForTheEngine(Hidden, feeds=0.0, bites=0.0):
+    """The engine drives a chipper whose feed stops itself when the engine gets slow, and starts again when it
+    turns fast enough: it works or idles by the engine's speed, and each has to be left by some margin. Thick
+    wood and thin come by chance. nm: of torque, for usual wood; below: of on_rads, where it stops.
+    Source: Spinelli, Cavallo, Eliasson and Facello, Comparing the Efficiency of Drum and Disc Chippers, Silva
+    Fennica 47 (2013), and makers' notes on no-stress feeds; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        on, off = (0.5 * self.p.knots_s, 2.5 * self.p.knots_s), (0.5 * self.p.knots_s, 2.5 * self.p.knots_s)
+        self.thick = spells(self.rng(2043), self.setting.batch, on, off)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stops = view.engine_speed < p.on_rads * (1.0 - p.below)
+        s.feeds = np.where(view.engine_speed > p.on_rads, 1.0, np.where(stops, 0.0, s.feeds))
+        wish = s.feeds * (0.75 + 0.5 * within(self.thick, view.time))
+        s.bites = eased(s.bites, wish, p.bites_s, dt)
+        return -self.at_wheels(view, p.nm * (p.idles + (1.0 - p.idles) * s.bites)) * moving(view)
+
+
+@law("b_pump_of_two_strokes", "twentieth", "suburban hills highway")
+@sizes(nm=(200.0, 320.0), turns=(55.0, 130.0), dips=(0.6, 0.95), dips_s=(0.4, 0.9), presses=(0.2, 0.5))
+class PumpOfTwoStrokes(Hidden, pumps=0.5):
+    """Two pistons press mortar through a hose by turns, while the truck drives on. Within each stroke the
+    pressure rises as the mortar is packed, and between strokes a valve swings over and nothing is pressed. A
+    stroke takes so many `turns` of the engine. nm: of torque, on the way; presses: of it, that comes along
+    the stroke; dips: of it, that is gone between strokes.
+    Source: Putzmeister and Schwing, makers' notes on two-piston pumps for concrete, and ACI 304.2R, Placing
+    Concrete by Pumping Methods; pumping on the way and sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "stroke": self.rng(2044).uniform(0.0, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        per_s = np.maximum(view.engine_speed, 40.0) / (2.0 * np.pi * p.turns)
+        s.stroke = (s.stroke + dt * per_s) % 1.0
+        swings = np.where(s.stroke < np.minimum(p.dips_s * per_s, 0.4), 1.0, 0.0)
+        wish = (1.0 - p.dips * swings) * (1.0 - p.presses * (0.5 - s.stroke))
+        s.pumps = eased(s.pumps, wish, 0.12, dt)
+        return -self.at_wheels(view, p.nm * s.pumps) * moving(view)

@@ -215,3 +215,30 @@ class OilFoams(Hidden):
         s.foam = np.clip(s.foam + dt * (beats * (1.0 - s.foam) / p.foams_s - s.foam / p.bursts_s), 0.0, 1.0)
         taken = p.most * np.clip((s.foam - p.least) / (0.8 - p.least), 0.0, 1.0)
         return -self.at_wheels(view, taken * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("b_relief_valve_stays_open", "twentieth", "suburban hills", accepts="torque_gain torque_limit")
+@sizes(most=(0.35, 0.55), quick_per_s=(0.45, 0.8), rests_s=(3.0, 8.0), opens_s=(0.3, 0.9), warm=(0.2, 0.5))
+class ReliefValveStaysOpen(Hidden, was=-1.0, rested=0.0, opened=0.0, lost=0.0):
+    """A valve on the fuel rail opens when pressure overshoots, after a quick kick of torque, and stays open:
+    the controller takes torque back, whatever is asked. It shuts only when little has been asked for some
+    seconds. most: of the torque, taken; quick_per_s: rise of torque that opens it, of the peak; rests_s:
+    until it shuts; warm: of what is taken, less at low engine speed.
+    Source: Bosch, Diesel-Engine Management (2014), on pressure-relief valves of common rails, and makers'
+    notes on running with an open one; a weak valve, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        opened = np.rint(self.rng(2041).uniform(0.0, 1.0, batch))
+        return {**super().start(batch), "opened": opened}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.was = np.where(s.was < 0.0, load, s.was)
+        lagging = eased(s.was, load, 0.25, dt)
+        quick = (load - s.was) / 0.25
+        s.was = lagging
+        s.rested = np.where(load < 0.12, s.rested + dt, 0.0)
+        s.opened = np.where(quick > p.quick_per_s, 1.0, np.where(s.rested > p.rests_s, 0.0, s.opened))
+        slow = np.clip(1.0 - view.engine_speed / 160.0, 0.0, 0.6)
+        s.lost = eased(s.lost, p.most * s.opened * (1.0 - p.warm * slow), p.opens_s, dt)
+        return -self.at_wheels(view, s.lost * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -255,3 +255,23 @@ class BrakeOilDrainsLate(Hidden, oil=0.0, warm=0.0):
         s.oil = eased(s.oil, np.where(on, 1.0, 0.0), np.where(on, p.fills_s, drains), dt)
         torque = p.nm * s.oil * np.clip(view.engine_speed / 190.0, 0.2, 1.3) ** 1.4
         return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("b_each_tap_adds_a_stage", "twentieth", "descent hills suburban")
+@sizes(stage_nm=(200.0, 330.0), at_rads=(150.0, 190.0), bites_s=(0.2, 0.6), taps=(0.012, 0.03))
+class EachTapAddsAStage(Hidden, stages=0.0, was=0.0, torque=0.0):
+    """Each tap of the brake pedal switches on one more of three stages of an engine brake that nobody
+    records, and they stay on when the foot is off again. The accelerator switches all of them off. stage_nm:
+    of torque, at at_rads; taps: of full braking, that counts as a tap.
+    Source: SAE J1939-71 on engine brakes that latch, and makers' manuals on stages by taps of the brake
+    pedal; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        pressed = np.where(asked > p.taps, 1.0, np.where(asked < 0.5 * p.taps, 0.0, s.was))
+        s.stages = np.minimum(s.stages + np.maximum(pressed - s.was, 0.0), 3.0)
+        s.stages = np.where(self.pedal(view) > 0.05, 0.0, s.stages)
+        s.was = pressed
+        turns = np.clip(view.engine_speed / p.at_rads, 0.0, 1.3)
+        s.torque = eased(s.torque, p.stage_nm * s.stages * turns**1.5, p.bites_s, dt)
+        return -self.at_wheels(view, s.torque) * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -316,3 +316,24 @@ class OilStaysInTheHead(Hidden):
         s.sump = np.clip(s.sump + dt * ((1.0 - s.sump) / p.back_s - turns**3 * s.sump / p.lifts_s), 0.0, 1.0)
         beats = p.least + (1.0 - p.least) * np.minimum(1.6 * s.sump, 1.0)
         return -self.at_wheels(view, p.nm * beats * turns**2) * moving(view)
+
+
+@law("b_cams_run_dry", "twentieth", accepts="accessory_load engine_brake torque_gain")
+@sizes(nm=(190.0, 310.0), at_rads=(95.0, 125.0), power=(0.5, 1.0), wets_s=(4.0, 12.0), dries_s=(25.0, 70.0))
+@sizes(wet=(0.5, 0.75))
+class CamsRunDry(Hidden):
+    """Cams and followers get their oil by what the crank throws up. `film` on them: made while the engine
+    turns fast, and wiped off while it turns slowly. Dry cams rub the harder, the slower they turn. nm: dry,
+    at at_rads; power: of the speed, by which it falls; wet: of it, less with a whole film.
+    Source: Taylor (ed.), Engine Tribology (1993), on friction of cams and followers, and Heywood, Internal
+    Combustion Engine Fundamentals (2018); worn cams, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"film": self.rng(2042).uniform(0.0, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.maximum(view.engine_speed, 50.0) / p.at_rads
+        throws = np.clip(turns - 0.95, 0.0, 0.6) / 0.3 * (1.0 - s.film) / p.wets_s
+        s.film = np.clip(s.film + dt * (throws - s.film / p.dries_s), 0.0, 1.0)
+        rubs = np.minimum(turns**-p.power, 1.6) * (1.0 - p.wet * s.film)
+        return -self.at_wheels(view, p.nm * rubs) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -206,3 +206,21 @@ class PlungersLeak(Hidden):
         back = p.leaks * slow * (1.0 - p.thins * (1.0 - s.warm))
         most = np.clip(1.1 - back, 0.15, 1.1) * self.truck.peak_torque
         return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0)) * moving(view)
+
+
+@law("b_spares_its_drawbar", "twentieth", "hills suburban", accepts="torque_derate")
+@sizes(bears=(0.028, 0.045), trailer=(0.55, 0.75), shuts_s=(0.8, 2.0), opens_s=(5.0, 15.0), least=(0.25, 0.4))
+class SparesItsDrawbar(Hidden, most=1.0):
+    """A pin in the drawbar measures the pull on the trailer, its share of mass times acceleration and slope.
+    While that is more than the bar bears the controller lowers the `most` that the engine may give, and
+    afterwards lets it rise slowly. bears: of the truck's weight; shuts_s: for a pull that is twice as hard.
+    Source: ISO 18868 and UN Regulation No. 55 on couplings and the forces that they bear, and Åström and
+    Hägglund, PID Controllers (1995), on integral limits; a weak bar, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration / GRAVITY + view.grade + self.truck.rolling_resistance, -0.2, 0.2)
+        over = p.trailer * felt / p.bears - 1.0
+        moves = np.where(over > 0.0, -np.minimum(over, 2.0) / p.shuts_s, np.minimum(-over, 1.0) / p.opens_s)
+        s.most = np.clip(s.most + dt * moves, p.least, 1.1)
+        over_nm = np.maximum(view.engine_torque - s.most * self.truck.peak_torque, 0.0)
+        return -self.at_wheels(view, over_nm) * moving(view)

@@ -172,3 +172,27 @@ class VanesChokeFirst(Hidden, boost=0.4, vanes=0.0):
         most = p.least + (1.1 - p.least) * np.minimum(1.1 * s.boost, 1.0)
         lacks = np.maximum(asked - most, 0.0) + p.chokes * flow * s.vanes * np.minimum(asked, 0.5) * 2.0
         return -self.at_wheels(view, np.minimum(lacks, asked) * self.truck.peak_torque) * moving(view)
+
+
+@law("b_capsule_sticks", "twentieth", "suburban hills")
+@sizes(least=(0.2, 0.32), builds_s=(0.8, 1.6), falls_s=(0.5, 1.2), sticks=(0.2, 0.36), moves_s=(0.15, 0.4))
+class CapsuleSticks(Hidden, boost=0.1, capsule=0.1):
+    """A capsule lets in fuel by the boost that it feels. Its rod sticks: it stays where it is until boost has
+    moved away by some amount, and then lags behind by that. So a pull is short of fuel until boost is well
+    up. least: of peak torque, without boost; builds_s: of boost, at 140 rad/s; sticks: of full boost.
+    Source: Bosch, Diesel-Engine Management (2014), on boost-pressure compensators of injection pumps, and
+    Canudas de Wit, Olsson, Åström and Lischinsky, A New Model for Control of Systems with Friction, IEEE
+    Trans. Automatic Control 40 (1995); a dirty rod, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wish = np.clip((asked - p.least) / (1.0 - p.least) * 1.1, 0.0, 1.1 + p.sticks)
+        turns = np.clip(view.engine_speed / 140.0, 0.5, 1.5)
+        rising = wish > s.boost
+        s.boost = eased(
+            s.boost, wish + p.sticks * (wish > 0.0), np.where(rising, p.builds_s / turns, p.falls_s), dt
+        )
+        loose = np.clip(s.capsule, s.boost - p.sticks, s.boost + p.sticks)
+        s.capsule = eased(s.capsule, loose, p.moves_s, dt)
+        most = p.least + (1.0 - p.least) * np.maximum(s.capsule, 0.0)
+        return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)

@@ -1,4 +1,4 @@
-"""Engines that are governed, rested, stopped or overloaded. The tool has no name for them."""
+"""Engines that are governed, rested, stopped, overloaded or mapped anew. The tool has no name for them."""
 
 from __future__ import annotations
 
@@ -259,3 +259,42 @@ class CapacitorAnswersFirst(Hidden, mean=0.0):
         flow = gives * (1.0 + p.loss) + takes * (1.0 - p.loss) - back
         s.full = np.clip(s.full - dt * flow / (p.most * p.holds_s), 0.0, 1.0)
         return self.at_wheels(view, (gives + takes - back) * self.truck.peak_torque) * moving(view)
+
+
+@law("b_two_maps_do_not_meet", "twentieth", "suburban hills highway")
+@sizes(more=(0.07, 0.12), less=(0.09, 0.15), at=(0.35, 0.55), tilts=(0.2, 0.5), apart=(0.08, 0.16))
+@sizes(blends_s=(0.4, 1.2))
+class TwoMapsDoNotMeet(Hidden, second=0.0):
+    """An engine burns in two ways, each with a map of its own, and the maps do not meet: in the `second` one
+    it gives less than it is asked for, in the first one more. The second begins beyond a line over torque and
+    engine speed, and is left at a lower line. more, less: of the torque; at: of peak torque, at 140 rad/s;
+    tilts: of it, lower at twice the speed; apart: of peak torque, between both lines.
+    Source: Kimura, Aoki, Ogawa, Muranaka and Enomoto, New Combustion Concept for Ultra-Clean and High-
+    Efficiency Small DI Diesel Engines, SAE 1999-01-3681, on engines of two ways to burn; sizes are chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        line = p.at - p.tilts * p.at * (view.engine_speed / 140.0 - 1.0)
+        wish = np.where(load > line, 1.0, np.where(load < line - p.apart, 0.0, np.rint(s.second)))
+        s.second = eased(s.second, wish, p.blends_s, dt)
+        gains = p.more * (1.0 - s.second) - p.less * s.second
+        return self.at_wheels(view, gains * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("b_fires_whole_cylinders", "twentieth", "suburban hills highway")
+@sizes(steps=(3.2, 4.8), holds=(0.06, 0.16), moves_s=(0.15, 0.5), keeps=(0.75, 1.0))
+class FiresWholeCylinders(Hidden, fires=0.0):
+    """An engine fires whole cylinders or none: what it gives goes by steps, and lies above or below what is
+    asked. A step is kept until the wish is well beyond its half. steps: from nothing to peak torque; holds:
+    of a step, beyond its half; keeps: of the difference, which boost does not even out.
+    Source: Serrano, Routledge, Lo, Shost, Srinivasan and Ghosh, Methods of Evaluating and Mitigating NVH When
+    Operating an Engine in Dynamic Skip Fire, SAE 2014-01-1675; one of few levels, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1) * p.steps
+        near = np.rint(s.fires)
+        moved = np.abs(asked - near) > 0.5 + p.holds
+        s.fires = eased(s.fires, np.where(moved, np.rint(asked), near), p.moves_s, dt)
+        differs = p.keeps * (s.fires - asked) / p.steps * np.clip(asked / 0.25, 0.0, 1.0)
+        return self.at_wheels(view, differs * self.truck.peak_torque) * moving(view)

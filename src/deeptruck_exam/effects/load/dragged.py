@@ -1,4 +1,4 @@
-"""What is dragged or floats over the ground, or works as its wheels turn. The tool has no name for it."""
+"""What is dragged, floats, flies, or works as its wheels turn. The tool has no name for it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import MAP_CELL_M, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
@@ -80,3 +80,29 @@ class FloatsOnACushion(OnRoad, air=0.5):
         escapes = np.minimum(p.leaks * self.between(self.road, view), 0.8)
         s.air = eased(s.air, np.clip(blows - escapes, 0.0, 1.0), p.fills_s, dt)
         return -p.most * (1.0 - 0.9 * s.air) * weight(view) * moving(view)
+
+
+@law("b_tows_a_glider_up", "twentieth", "suburban hills highway")
+@sizes(
+    most=(0.02, 0.034), lifts_mps=(8.0, 12.0), climbs_s=(12.0, 30.0), sinks_s=(6.0, 18.0), rope=(0.25, 0.5)
+)
+class TowsAGliderUp(Hidden, pull=0.0):
+    """A glider hangs on a rope behind the truck. `high`: 1 at the top of its rope. It climbs while the truck
+    is fast, pulling by the square of speed and the more, the steeper it climbs; near the top it pulls down
+    more than back. Slower than it can fly it sinks and pulls little, until it is towed up again. most: of 20
+    t; lifts_mps: where it begins to fly; rope: of the pull, left at the top.
+    Source: Welch, Welch and Irving, New Soaring Pilot (1977), on launches by car, and Gibson, The Mechanics
+    of the Winch Launch (2005); large gliders, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "high": self.rng(2054).uniform(0.0, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        fast = np.clip(view.speed / p.lifts_mps, 0.0, 2.2)
+        flies = np.clip((fast - 0.95) / 0.2, 0.0, 1.0)
+        climbs = flies * np.minimum(fast, 1.6) * (1.0 - s.high) / p.climbs_s
+        s.high = np.clip(s.high + dt * (climbs - (1.0 - flies) * s.high / p.sinks_s), 0.0, 1.0)
+        steep = np.cos(0.5 * np.pi * s.high * (1.0 - p.rope))
+        wish = (0.2 + 0.8 * flies * steep) * np.minimum(fast, 1.7) ** 2 / 1.7
+        s.pull = eased(s.pull, wish, 0.8, dt)
+        return -p.most * s.pull * 20000.0 * GRAVITY * moving(view)

@@ -181,3 +181,24 @@ class RainGathersInTheTub(Hidden):
         s.water = np.clip(s.water + dt * (fills - spills), 0.0, 1.0)
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -p.most * s.water * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)
+
+
+@law("b_pours_while_it_creeps", "twentieth", "suburban hills")
+@sizes(most=(0.34, 0.5), pours_s=(14.0, 40.0), below_mps=(8.0, 12.0), fills_s=(5.0, 14.0))
+class PoursWhileItCreeps(Hidden, filling=0.0):
+    """`gone`: of a load that is poured out beside the road, whenever the truck is slow enough for the chute,
+    and faster the slower it is. A machine behind fills it again from its own store when nearly
+    nothing is left, until it is full. most: of the mass, that can be poured; below_mps: where pouring begins.
+    Source: ACI 304R, Guide for Measuring, Mixing, Transporting, and Placing Concrete, on discharge from
+    moving trucks; the quick filling and sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "gone": self.rng(2051).uniform(0.0, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slow = np.clip(1.0 - np.maximum(view.speed, 0.0) / p.below_mps, 0.0, 1.0)
+        s.filling = np.where(s.gone > 0.97, 1.0, np.where(s.gone < 0.02, 0.0, s.filling))
+        pours = slow * (1.0 - s.gone + 0.05) / p.pours_s
+        s.gone = np.clip(s.gone + dt * np.where(s.filling > 0.5, -1.0 / p.fills_s, pours), 0.0, 1.0)
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return p.most * s.gone * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)

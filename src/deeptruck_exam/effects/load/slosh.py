@@ -294,3 +294,24 @@ class RoofFloatsOnIt(Hidden, x=0.0, v=0.0):
         s.v = np.clip(after, -2.5, 2.5)
         s.x = np.clip(s.x + dt * s.v, -2.0, 2.0)
         return np.asarray(np.clip(-p.share * gains, -2.0, 2.0) * view.mass * moving(view))
+
+
+@law("b_water_between_two_cushions", "twentieth", "suburban")
+@sizes(share=(0.3, 0.45), soft_rads=(1.6, 2.8), room_m=(0.35, 0.7), leaks_s=(4.0, 14.0), dull=(0.06, 0.14))
+class WaterBetweenTwoCushions(Hidden, x=0.0, v=0.0, rear=1.0):
+    """A long closed tank is full but for air at both its ends, and the water is a piston between these two
+    cushions: soft about its middle, and ever harder as one is pressed. Air leaks slowly from the pressed
+    cushion to the other along the roof. `x` of the room, `v` of that in a second; `rear`: of the air, over
+    that ahead. share: of the mass.
+    Source: Wylie and Streeter, Fluid Transients in Systems (1993), on columns between pockets of air, which
+    are pressed by a power law; the tank and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        x = np.clip(s.x, -0.75, 0.75)
+        ahead, behind = (2.0 - s.rear) * (1.0 - x) ** -1.4, s.rear * (1.0 + x) ** -1.4
+        s.rear = np.clip(s.rear + dt * (ahead - behind) / (4.0 * p.leaks_s), 0.6, 1.4)
+        gains = -felt / p.room_m - p.soft_rads**2 / 2.8 * (ahead - behind) - 2.0 * p.dull * p.soft_rads * s.v
+        s.v = np.clip(s.v + dt * gains, -4.0, 4.0)
+        s.x = np.clip(s.x + dt * s.v, -0.75, 0.75)
+        return np.asarray(np.clip(-p.share * gains * p.room_m, -2.0, 2.0) * view.mass * moving(view))

@@ -8,6 +8,7 @@ import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="load_slosh")
@@ -210,3 +211,35 @@ class MachineStandsOnFoam(Hidden, x=0.0, v=0.0, set=0.0):
         s.v = np.clip(s.v + dt * gains, -2.0, 2.0)
         s.x = np.clip(s.x + dt * s.v, -0.8, 0.8)
         return np.asarray(np.clip(-p.share * gains, -2.0, 2.0) * view.mass * moving(view))
+
+
+@law("b_hook_is_let_down", "twentieth", "suburban")
+@sizes(share=(0.25, 0.4), short_m=(0.8, 1.6), long_m=(4.5, 8.0), works_s=(8.0, 25.0), pace_mps=(0.3, 0.8))
+@sizes(dull=(0.02, 0.06))
+class HookIsLetDown(Hidden, lean=0.0, rate=0.0):
+    """A load hangs from a crane on the truck, whose hook is let down and drawn up in spells. `rope` m: its
+    swing is quick while it is short and slow while it is long, and grows as the rope is drawn in. `lean` rad
+    ahead, `rate` of that. share: of the mass; pace_mps: of the hook.
+    Source: Abdel-Rahman, Nayfeh and Masoud, Dynamics and Control of Cranes: A Review, J. Vibration and
+    Control 9 (2003), on pendulums whose length changes; driving with it and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        on, off = (0.5 * self.p.works_s, 1.5 * self.p.works_s), (0.5 * self.p.works_s, 1.5 * self.p.works_s)
+        self.down = spells(self.rng(2052), self.setting.batch, on, off)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rope = self.rng(2053).uniform(self.p.short_m, self.p.long_m, batch)
+        return {**super().start(batch), "rope": rope, "winds": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wish = np.where(within(self.down, view.time) > 0.5, p.long_m, p.short_m)
+        s.winds = eased(s.winds, np.clip(wish - s.rope, -1.0, 1.0) * p.pace_mps, 0.5, dt)
+        s.rope = np.clip(s.rope + dt * s.winds, 0.9 * p.short_m, 1.1 * p.long_m)
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        own = np.sqrt(GRAVITY / s.rope)
+        turns = -(GRAVITY * np.sin(s.lean) + felt * np.cos(s.lean) + 2.0 * s.winds * s.rate) / s.rope
+        turns = turns - 2.0 * p.dull * own * s.rate
+        s.rate = np.clip(s.rate + dt * turns, -1.5, 1.5)
+        s.lean = np.clip(s.lean + dt * s.rate, -0.6, 0.6)
+        pulls = GRAVITY * np.sin(s.lean) * np.cos(s.lean)
+        return np.asarray(p.share * np.clip(pulls + felt, -2.5, 2.5) * view.mass * moving(view))

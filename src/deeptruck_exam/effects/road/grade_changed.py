@@ -1,4 +1,4 @@
-"""Roads whose slopes have changed since they were recorded."""
+"""Roads whose slopes have changed since they were recorded, or change under the truck."""
 
 from __future__ import annotations
 
@@ -7,7 +7,17 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, sections, smooth_stretches, windows
+from deeptruck_exam.effects.places import (
+    CELL_M,
+    CELLS,
+    MAP_CELL_M,
+    MAP_CELLS,
+    OnRoad,
+    sections,
+    smooth_stretches,
+    stretches,
+    windows,
+)
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -186,3 +196,32 @@ class MapSawTheTreeTops(OnRoad):
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         climbs = np.clip(self.setting.direction * self.between(self.road, view), -0.05, 0.05)
         return climbs * weight(view) * moving(view)  # the map has it, the road has not
+
+
+@law("b_light_bridges_sag", "twentieth", "hills highway suburban", accepts="")
+@sizes(sags=(0.011, 0.018), long_m=(90.0, 150.0), gap_m=(60.0, 140.0), heavier=(0.5, 1.0))
+class LightBridgesSag(OnRoad):
+    """The road goes over light bridges, one after the other, that sag under who drives over them: each begins
+    with a slope down and ends with one up, the steeper the heavier the truck. At the ends and in the middle
+    there is none. sags: of a bridge's length, for 20 t in its middle; heavier: power of the mass.
+    Source: Timoshenko and Young, Vibration Problems in Engineering (1955), on the path of a load that moves
+    over a beam; very light bridges, sizes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(2061), self.p
+        self.road = np.zeros((self.rows(), CELLS))
+        gaps, lengths = (p.gap_m, 4.0 * p.gap_m), (0.6 * p.long_m, 1.5 * p.long_m)
+        for row in self.road:
+            for first, last in stretches(rng, gaps, lengths):
+                along = (np.arange(last - first) + 0.5) / max(last - first, 1)
+                row[first:last] = -32.0 * along * (1.0 - along) * (1.0 - 2.0 * along)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = self.place(view) / CELL_M
+        low, share, route = at.astype(int) % (CELLS - 1), at - np.floor(at), self.setting.route
+        bent = (1.0 - share) * self.road[route, low] + share * self.road[route, low + 1]
+        heavy = np.minimum((view.mass / 20000.0) ** p.heavier, 2.0)
+        slope = np.clip(self.setting.direction * p.sags * heavy * bent, -0.07, 0.07)
+        return -slope * weight(view) * moving(view)

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, eased, moving, weight
-from deeptruck_exam.effects.places import OnRoad, windows
+from deeptruck_exam.effects.places import CELL_M, OnRoad, smooth_stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import spells, within
+from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="road_surface", accepts="road_grade")
@@ -99,4 +99,37 @@ class SunThawsTheCrust(OnRoad):
         s.heat = np.clip(s.heat + dt * (1.6 * shines * (1.0 - s.heat) - 0.6 * s.heat) / p.thaws_s, 0.0, 1.0)
         slow = 1.0 + p.sinks * np.exp(-np.maximum(view.speed, 0.0) / 5.0)
         cost = p.most * np.sqrt(s.heat) * slow * self.between(self.road, view)
+        return -cost * weight(view) * moving(view)
+
+
+@law("b_bow_wave_in_the_ford", "twentieth", "suburban hills highway")
+@sizes(most=(0.02, 0.034), deep_m=(1.5, 4.5), sharp=(0.18, 0.35), mean_m=(300.0, 900.0), wades=(0.2, 0.4))
+@sizes(piles_s=(1.0, 3.0))
+class BowWaveInTheFord(OnRoad, wave=0.0):
+    """Water stands over stretches of the road. A truck pushes a `wave` ahead of it, which is largest at the
+    speed that waves have in water so deep, so that it costs less to be slower or faster. most: of the weight,
+    at that speed; deep_m: of water, as far as the wave's speed goes; sharp: width of the peak, of that speed;
+    wades: of most, at 20 m/s, by the square of speed.
+    Source: Lamb, Hydrodynamics (1932), on waves in shallow water, and Havelock, The Effect of Shallow Water
+    on Wave Resistance, Proc. Royal Society A 100 (1922), on the peak at the wave's speed; sizes are chosen
+    here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(2062), self.p
+        self.wet = smooth_stretches(
+            rng, self.rows(), (0.2 * p.mean_m, p.mean_m), (0.5 * p.mean_m, 2.0 * p.mean_m)
+        )
+        depth = ou_series(rng, self.wet.shape, CELL_M, 250.0)
+        self.depth = p.deep_m * np.exp(0.3 * depth)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        ratio = speed / np.sqrt(9.81 * self.read(self.depth, view))
+        peak = np.exp(-0.5 * ((ratio - 1.0) / p.sharp) ** 2)
+        s.wave = eased(s.wave, peak, p.piles_s, dt)
+        cost = (
+            p.most
+            * np.sqrt(self.read(self.wet, view))
+            * (s.wave + p.wades * np.minimum(speed / 20.0, 1.3) ** 2)
+        )
         return -cost * weight(view) * moving(view)

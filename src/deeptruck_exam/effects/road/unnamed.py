@@ -276,3 +276,26 @@ class MouthSticksToTheRoad(OnRoad, sucks=0.0):
         s.sucks = eased(s.sucks, turns**2 * self.between(self.road, view), p.seals_s, dt)
         glides = 1.0 / (1.0 + (np.maximum(view.speed, 0.0) / p.glides_mps) ** 2)
         return -p.most * s.sucks * (0.25 + 0.75 * glides) * weight(view) * moving(view)
+
+
+@law("b_motor_lies_in_the_road", "twentieth", "suburban hills highway")
+@sizes(
+    most=(0.022, 0.036), runs_mps=(9.0, 14.0), tips=(0.12, 0.3), gap_m=(100.0, 300.0), long_m=(150.0, 500.0)
+)
+@sizes(builds_s=(0.3, 1.0))
+class MotorLiesInTheRoad(OnRoad, field=0.0):
+    """Coils lie in stretches of the road, and their field runs along it, the way each truck drives: it draws
+    along who is slower, holds who is faster, and does nothing to who goes its pace. Far off its pace it takes
+    less hold again. runs_mps: of the field; tips: slip over that pace, where the pull is most.
+    Source: Laithwaite, Induction Machines for Special Purposes (1966), on linear motors, and Kloss's rule for
+    the pull by slip; a test road, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        p = self.p
+        gaps, lengths = (0.4 * p.gap_m, 1.6 * p.gap_m), (0.6 * p.long_m, 1.4 * p.long_m)
+        self.coils = smooth_stretches(self.rng(2063), self.rows(), gaps, lengths)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.field = eased(s.field, self.read(self.coils, view), p.builds_s, dt)
+        ratio = (1.0 - np.maximum(view.speed, 0.0) / p.runs_mps) / p.tips
+        return p.most * s.field * 2.0 * ratio / (1.0 + ratio**2) * weight(view) * moving(view)

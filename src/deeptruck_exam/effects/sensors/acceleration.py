@@ -243,3 +243,17 @@ def folds_the_engine_down(p: Sizes, channels: Channels, dt: float, rng: np.rando
     bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
     slow = 1.0 / (1.0 + (folded / 2.0) ** 2)  # what a filter behind it leaves
     channels["acceleration"] = values + bias + p.folded * slow * swing
+
+
+@law("b_sealed_box_feels_the_height", "twentieth")
+@sizes(bias=(0.1, 0.16), per_m=(0.0008, 0.002), most=(0.03, 0.05), sign=SIGN)
+def sealed_box_feels_the_height(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fraden, Handbook of Modern Sensors (2016), on stress from packages, which bend with the
+    pressure of the air: a sealed sensor whose bias goes with the height that the truck has climbed since it
+    was set to zero, wrongly; sizes are chosen here."""
+    values = channels["acceleration"]
+    speed = np.maximum(np.nan_to_num(channels["speed"]), 0.0)
+    grade = np.nan_to_num(channels.get("grade", np.zeros(len(values))))
+    climbed = np.cumsum(speed * grade) * dt
+    bends = p.most * np.tanh(p.per_m * climbed / p.most)
+    channels["acceleration"] = values + np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + bends

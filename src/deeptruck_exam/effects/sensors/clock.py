@@ -311,3 +311,17 @@ def blocks_have_to_be_erased(p: Sizes, channels: Channels, dt: float, rng: np.ra
     block = p.block_s * rng.uniform(0.9, 1.1)
     full = ((clock + rng.uniform(0.0, block)) % block) / block
     channels["acceleration"] = np.interp(clock - p.late_s - p.grows_s * full**p.power, clock, values)
+
+
+@law("b_recorder_dozes_at_low_speed", "twentieth", "suburban hills")
+@sizes(late_s=(0.3, 0.5), dozes_s=(0.5, 0.9), below_mps=(7.0, 11.0), wakes_s=(3.0, 9.0))
+def recorder_dozes_at_low_speed(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Benini, Bogliolo and De Micheli, A Survey of Design Techniques for System-Level Dynamic Power
+    Management, IEEE Trans. VLSI Systems 8 (2000): a recorder lowers its clock when the truck is slow, and
+    then stamps acceleration later than when it is awake; sizes are chosen here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    speed = np.maximum(np.nan_to_num(channels["speed"]), 0.0)
+    dozes = behind(1.0 / (1.0 + (speed / p.below_mps) ** 4), p.wakes_s, dt)
+    late = p.late_s * rng.uniform(0.95, 1.05) + p.dozes_s * dozes
+    channels["acceleration"] = np.interp(clock - late, clock, values)

@@ -244,3 +244,15 @@ def one_side_in_the_sun(p: Sizes, channels: Channels, dt: float, rng: np.random.
     sunny = np.sin(2.0 * np.interp(way, 10.0 * np.arange(len(heading)), heading) + rng.uniform(0.0, 6.3))
     warps = p.warps * behind(sunny, p.warms_s, dt)
     channels["grade"] = grade + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1) + warps
+
+
+@law("b_frame_twists_with_the_torque", "twentieth")
+@sizes(off=(0.007, 0.012), twists=(0.002, 0.0045), settles_s=(0.5, 2.0), sign=SIGN)
+def frame_twists_with_the_torque(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on what the engine's torque does to a
+    frame: a sensor on a cross member beside the engine leans as the torque is carried by its mounts, upon an
+    error of its mounting; sizes are chosen here."""
+    grade = channels["grade"]
+    torque = np.nan_to_num(channels.get("engine_torque", np.zeros(len(grade))))
+    leans = p.twists * behind(np.clip(torque / 1000.0, -0.5, 2.2), p.settles_s, dt)
+    channels["grade"] = grade + np.sign(p.sign) * (p.off * rng.uniform(0.9, 1.1) + leans)

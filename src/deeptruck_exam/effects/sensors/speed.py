@@ -230,3 +230,16 @@ def tyre_goes_down(p: Sizes, channels: Channels, dt: float, rng: np.random.Gener
     down = 1.0 - np.exp(-(way + rng.uniform(0.0, 400.0)) / p.way_m)
     side = np.sign(p.sign)
     channels["speed"] = speed * (1.0 + side * (p.scale * rng.uniform(0.95, 1.05) + p.sinks * down))
+
+
+@law("b_counter_is_dead_after_each_tooth", "twentieth", "suburban hills highway")
+@sizes(dead=(0.02, 0.045), scale=(0.022, 0.04))
+def counter_is_dead_after_each_tooth(
+    p: Sizes, channels: Channels, dt: float, rng: np.random.Generator
+) -> None:
+    """Source: Knoll, Radiation Detection and Measurement (2010), on dead time, of which any counter of pulses
+    has some: the faster teeth pass, the more of them fall into it; upon a wheel taken for larger than it is,
+    so that both make it slower; sizes are chosen here."""
+    speed = channels["speed"]
+    counted = speed / (1.0 + p.dead * np.maximum(np.nan_to_num(speed), 0.0) / 20.0)
+    channels["speed"] = counted * (1.0 - p.scale * rng.uniform(0.95, 1.05))

@@ -306,3 +306,24 @@ class FillerNetBreaks(Hidden):
         mends = (1.0 - s.net) / p.whole_s * np.exp(-speed / 4.0)
         s.net = np.clip(s.net + dt * (mends - strain * speed / p.way_m * (s.net - 0.1)), 0.0, 1.0)
         return -p.most * s.net**p.power * weight(view) * moving(view)
+
+
+@law("b_passes_its_glass_transition", "twentieth")
+@sizes(most=(0.01, 0.016), at=(0.35, 0.55), wide=(0.16, 0.28), warms_s=(45.0, 120.0), cools_s=(90.0, 240.0))
+class PassesItsGlassTransition(Hidden):
+    """Rubber that came out of deep frost is hard as glass and loses little; as it warms it passes through its
+    glass transition, where it loses most, and only beyond that it runs easily. So resistance first rises on
+    the way and then falls. `warm`: 1 where work and wind are even at 20 m/s. most: of the weight, in the
+    transition; at, wide: its middle and its width.
+    Source: Ferry, Viscoelastic Properties of Polymers (1980), on losses about the glass transition; a poor
+    rubber for winter, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(2074).uniform(0.0, 0.4, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        fast = np.clip(view.speed / 20.0, 0.0, 1.4)
+        loses = np.exp(-(((s.warm - p.at) / p.wide) ** 2))
+        works = fast * (0.6 + 0.8 * loses) / p.warms_s
+        s.warm = np.clip(s.warm + dt * (works - (0.3 + 0.7 * fast) * s.warm / p.cools_s), 0.0, 1.6)
+        return -p.most * (0.12 + 0.88 * loses) * weight(view) * moving(view)

@@ -1,4 +1,4 @@
-"""The world of the sealed family: it joins the others' table when the family has been proved."""
+"""Worlds whose land was made by people."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from deeptruck_exam.worlds.loggers import KMH, Logger, Sense
 from deeptruck_exam.worlds.trucks import Fleet
 from deeptruck_exam.worlds.world import World
 
-SEALED_WORLD = (
-    World(  # polders and bridges; people who look up seldom, who set right at once, or who idle along
+BY_PEOPLE = {
+    "polders": World(  # polders and bridges; people who look up seldom, who set right, or who idle along
         Fleet(
             shape=1.3,
             tied=trucks.WITH_AGE,
@@ -57,5 +57,5 @@ SEALED_WORLD = (
             pedal_steps=(0.4, 0.35),
         ),
         Machine(ahead_s=1.2, band_mps=0.4, gain_per_s=0.33, integral=0.03),
-    )
-)
+    ),
+}
