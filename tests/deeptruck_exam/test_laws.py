@@ -62,6 +62,7 @@ HELPS = {
     "s_rail_bleeds", "s_anti_stall", "t_valve_thinks_it_is_empty", "t_softens_the_stop",
     "e_gas_in_the_air", "e_fan_that_is_gone",
     "y_ball_shuts_the_valve", "b_servo_has_no_store",
+    "u_somebody_follows_closely", "u_water_goes_in",
 }  # fmt: skip
 BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
     "headwind", "exchanged_bodies", "lining_on_the_dynamometer", "brake_lag", "road_grade", "payload_change",
@@ -82,6 +83,7 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "h_pedal_asks_for_a_pull", "h_magnet_over_iron_plates", "h_needle_hangs",
     "b_drum_turns_in_the_side_wind", "b_pedal_asks_for_power", "b_rubber_wound_by_braking",
     "b_two_maps_do_not_meet", "b_fires_whole_cylinders", "b_motor_lies_in_the_road",
+    "u_another_foot_valve", "u_motor_for_the_first_metres", "u_two_tanks_of_unlike_fuel",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 

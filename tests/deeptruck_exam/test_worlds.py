@@ -21,6 +21,7 @@ from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.playas import basins, held_up, washes_down
 from deeptruck_exam.worlds.polders import hairpins_down, lapses, polders
 from deeptruck_exam.worlds.roundabouts import roundabouts
+from deeptruck_exam.worlds.terraces import stair_down, terraces, works
 from deeptruck_exam.worlds.traffic import zones
 
 # a sealed family brings a world, which is one of WORLDS once the family is proved
@@ -307,5 +308,22 @@ def test_polders_are_level_between_straight_ramps_and_hairpins_are_eased():
 def test_speeds_lapse_and_bridges_are_waited_at_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (lapses(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_treads_of_terraces_are_nearly_level_and_a_stair_has_steps_of_one_height():
+    for seed in range(4):
+        grade = terraces(np.random.default_rng(seed), 0.03)
+        assert 0.022 < grade.std() < 0.032 and 0.4 < np.mean(np.abs(grade) < 0.008) < 0.85
+        assert np.abs(grade).max() > 0.045
+    steps = stair_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.1) < -0.055 and np.quantile(steps, 0.98) > -0.03
+    assert np.mean(np.abs(np.diff(steps)) < 1e-6) > 0.4  # even beds
+
+
+def test_roadworks_slow_everywhere_and_hold_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (works(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
     assert highway.std() > 0.8 and down.std() > 0.8
