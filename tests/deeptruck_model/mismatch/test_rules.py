@@ -28,7 +28,7 @@ NUMERICS = {
     "correction/recovered_road.py": {"LEAST"},
     "correction/road_of_another.py": {"ROAD_SHARED"},
     "correction/worth.py": {"NOTICED", "NOTICED_M_S2"},
-    "data/one_road.py": {"LAP_M", "STEP_M"},
+    "data/one_road.py": {"BELIEVED", "LAP_M", "STEP_M"},
     "data/prepared.py": {"LEAST_DRIVING_S", "LEAST_SPEED_SD"},
     "data/speed_unit.py": {"GEARS_AT_MOST", "MOSTLY", "NEAR", "SAME"},
     "data/units.py": {"NEAR"},

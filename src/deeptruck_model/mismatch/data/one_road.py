@@ -22,19 +22,23 @@ Array = NDArray[np.float64]
 STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 1000.0  # between two roads: knots of one do not reach the other
+BELIEVED = 0.5  # of the way that was driven, or its inverse, that positions tell at least
 LAP_M = 200.0  # a road that is met again sooner was not left
 
 
 def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
-    """The drives with their `road` where all tell positions; as they are where one does not."""
+    """The drives with their `road` where all tell positions; as they are where one does not, or tells those
+    of another drive."""
     if not all(_positions(p) for p in drives):
         return tuple(drives)
     about = np.concatenate([p.recording.channels["latitude"] for p in drives])
     middle = float(np.nanmean(np.radians(about)))
+    ways = [_way(p, middle) for p in drives]
+    if not all(map(_as_driven, ways)):
+        return tuple(drives)
     known, places, end = np.zeros((0, 4)), np.zeros(0), 0.0
     out = []
-    for p in drives:
-        way = _way(p, middle)
+    for p, way in zip(drives, ways, strict=True):
         own = _placed(way, known, places, end)
         known, places = np.concatenate([known, way]), np.concatenate([places, own])
         end = float(places.max(initial=0.0)) + APART_M
@@ -61,6 +65,12 @@ def _way(p: Prepared, middle: float) -> Array:
     heading = np.gradient(track, axis=1)
     length = np.maximum(np.hypot(*heading), 1e-6)
     return np.concatenate([track, NEAR_M * heading / length]).T
+
+
+def _as_driven(way: Array) -> bool:
+    """Whether the positions of a way (k, 4) go about as far as it was driven: a receiver may stand still."""
+    gone = float(np.hypot(*np.diff(way[:, :2], axis=0).T).sum())
+    return gone > BELIEVED * STEP_M * (len(way) - 1) and gone < STEP_M * (len(way) - 1) / BELIEVED
 
 
 def _placed(way: Array, known: Array, places: Array, begin: float) -> Array:

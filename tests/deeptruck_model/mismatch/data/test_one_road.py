@@ -69,6 +69,12 @@ def test_the_other_way_and_another_road_are_elsewhere(drives: list[Recording]) -
         assert np.ptp(b.place()) == pytest.approx(other[-1], rel=0.05)
 
 
+def test_a_receiver_that_stands_still_is_not_believed(drives: list[Recording]) -> None:
+    first, other = far(drives[0]), far(drives[1])
+    a, b = on_one_road([at(drives[0], first, first), at(drives[1], 0.0 * other, 0.0 * other)])
+    assert np.array_equal(a.place(), first) and np.array_equal(b.place(), other)
+
+
 def test_without_positions_all_begin_at_one_place(drives: list[Recording]) -> None:
     first = far(drives[0])
     a, b = on_one_road([at(drives[0], first, first), prepare(drives[1], False)])
