@@ -23,6 +23,7 @@ STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 1000.0  # between two roads: knots of one do not reach the other
 BELIEVED = 0.5  # of the way that was driven, or its inverse, that positions tell at least
+CHORD_M, PIECE_M = 30.0, 600.0  # a receiver's error lengthens short chords, bends shorten long ones
 LAP_M = 200.0  # a road that is met again sooner was not left
 
 
@@ -65,6 +66,19 @@ def _way(p: Prepared, middle: float) -> Array:
     heading = np.gradient(track, axis=1)
     length = np.maximum(np.hypot(*heading), 1e-6)
     return np.concatenate([track, NEAR_M * heading / length]).T
+
+
+def driven_by_told(p: Prepared) -> Array:
+    """Metres by the recorded speed for each metre that positions tell, over every PIECE_M of a drive, (m,);
+    none where it tells no positions."""
+    if not _positions(p):
+        return np.zeros(0)
+    middle = float(np.nanmean(np.radians(p.recording.channels["latitude"])))
+    track = _way(p, middle)[:: round(CHORD_M / STEP_M), :2]
+    told = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
+    gone = np.diff(told[:: round(PIECE_M / CHORD_M)])
+    out: Array = PIECE_M / gone[gone > 0.0]
+    return out
 
 
 def _as_driven(way: Array) -> bool:

@@ -1,4 +1,4 @@
-"""Speed beside recorded engine speed, by the gear of a simulator that tells its own: unit and scale."""
+"""Unit and scale of speed, beside positions, or engine speed in the gears of a simulator that tells them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.data.checks import SensorFault
+from deeptruck_model.mismatch.data.one_road import driven_by_told
 from deeptruck_model.mismatch.data.prepared import Prepared, fed
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import SPEED
@@ -21,7 +22,8 @@ Array = NDArray[np.float64]
 GEARS_AT_MOST = 2.0  # a simulator may drive a gear or two apart, which is no unit
 NEAR, MOSTLY = 0.01, 0.6  # so near its median, relative, so often: a converter that slips has no one ratio
 SAME = 0.5  # gears are whole
-BETWEEN = ("speed", "engine_speed")
+BETWEEN, BY_PLACE = ("speed", "engine_speed"), ("speed", "latitude")
+PLACED = "speed is {scale:.3f} times what positions tell: it is scaled"
 SCALED = (
     "speed is {scale:.3f} times what engine speed tells in the simulator's gears: it is scaled, or tyres and "
     "axles are not the simulator's"
@@ -44,22 +46,38 @@ def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
 
 def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> list[SensorFault]:
     """That speed is off by a factor where no accelerometer speaks for it; none where it is not, or nothing
-    tells."""
+    tells. Positions tell it whatever the truck is; without them engine speed does, if tyres and axles are the
+    simulator's."""
     if any(p.measured_acceleration for p in prepared):
         return []
-    drives = [x for x in (_ratios(simulator, p, same_gear=True) for p in prepared) if len(x)]
+    by_place = _scaled([driven_by_told(p) for p in prepared])
+    if by_place is not None:
+        return _beyond(by_place, rules, PLACED, "speed = k * speed by positions", BY_PLACE)
+    by_engine = _scaled([_ratios(simulator, p, same_gear=True) for p in prepared])
+    return _beyond(by_engine, rules, SCALED, "speed = k * speed by engine", BETWEEN)
+
+
+def _scaled(drives: Sequence[Array]) -> tuple[float, float] | None:
+    """The one factor of all drives' ratios, (m,) each, and its standard error; None where there is none."""
+    drives = [x for x in drives if len(x)]
     if not drives:
-        return []
+        return None
     ratios = np.concatenate(drives)
     scale = float(np.median(ratios))
-    one = np.mean(np.abs(ratios / scale - 1.0) < NEAR) >= MOSTLY
-    beyond = not 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST
-    if abs(scale - 1.0) <= rules.speed_scale or beyond or not one:
-        return []
+    if np.mean(np.abs(ratios / scale - 1.0) < NEAR) < MOSTLY or not 1 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
+        return None
     spread = float(np.median(np.abs(ratios - scale)))
     se = max(spread, float(np.std([np.median(x) for x in drives]))) / float(np.sqrt(len(drives)))
-    says = SCALED.format(scale=scale)
-    return [SensorFault("speed_scale", scale, se, "1", says, "speed = k * speed by engine", BETWEEN)]
+    return scale, se
+
+
+def _beyond(
+    found: tuple[float, float] | None, rules: Rules, says: str, equation: str, between: tuple[str, str]
+) -> list[SensorFault]:
+    if found is None or abs(found[0] - 1.0) <= rules.speed_scale:
+        return []
+    scale, se = found
+    return [SensorFault("speed_scale", scale, se, "1", says.format(scale=scale), equation, between)]
 
 
 def _scale(simulator: Simulator, p: Prepared) -> float | None:

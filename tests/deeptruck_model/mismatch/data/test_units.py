@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,11 +38,16 @@ class OneGear:
         return Run(recorded, {"engine_speed": RATIO * recorded[:, :, SPEED]} if self.tells else {})
 
 
-def drive(scale: float) -> Prepared:
-    """Along which speed was recorded so many times too large, and engine speed was not."""
+def drive(scale: float, *, tyres: float = 1.0, positions: bool = False) -> Prepared:
+    """Along which speed was recorded so many times too large, and engine speed and positions were not. Its
+    tyres are so many times as large as the simulator's."""
     recording = driving_cycles.drive(TRUCK, seconds=400.0, seed=1)
     speed = recording.channels["speed"]
-    channels = recording.channels | {"engine_speed": RATIO * speed, "speed": scale * speed}
+    channels = recording.channels | {"engine_speed": RATIO * speed / tyres, "speed": scale * speed}
+    if positions:
+        noise = np.random.default_rng(0).normal(0.0, 2.0, len(speed))
+        north = np.cumsum(speed) * recording.dt + noise
+        channels |= {"latitude": 48.0 + np.degrees(north / 6371e3), "longitude": np.full(len(speed), 11.0)}
     return prepare(replace(recording, name="b0", channels=channels), False)
 
 
@@ -78,6 +84,15 @@ def test_an_engine_that_slips_or_shifts_otherwise_tells_no_scale() -> None:
     assert speed_unit.faults(OneGear(), [slipping], Rules()) == []  # type: ignore[arg-type]
     measured = replace(given, measured_acceleration=True)  # then the accelerometer tells
     assert speed_unit.faults(OneGear(), [measured], Rules()) == []  # type: ignore[arg-type]
+
+
+def test_positions_tell_the_scale_whatever_tyres_are() -> None:
+    truck: Any = OneGear()
+    (found,) = speed_unit.faults(truck, [drive(1.05, tyres=1.05, positions=True)] * 2, Rules())
+    assert found.value == pytest.approx(1.05, abs=0.005) and "positions" in found.says
+    assert speed_unit.faults(truck, [drive(1.0, tyres=1.05, positions=True)] * 2, Rules()) == []
+    (blind,) = speed_unit.faults(truck, [drive(1.0, tyres=1.05)] * 2, Rules())
+    assert "tyres and axles" in blind.says  # nothing tells the two apart there
 
 
 def test_what_does_not_tell_is_not_asked() -> None:
