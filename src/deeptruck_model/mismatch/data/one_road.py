@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
-from deeptruck_model.compare.alignment import EARTH_M, NEAR_M
+from deeptruck_model.compare.alignment import NEAR_M
 from deeptruck_model.mismatch.data.prepared import Prepared, fill
 
 Array = NDArray[np.float64]
 
+AXIS_M, FLAT = 6378137.0, 0.00669437999  # of the ellipsoid WGS84: half its long axis, eccentricity squared
 STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 1000.0  # between two roads: knots of one do not reach the other
@@ -32,9 +33,8 @@ def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
     of another drive."""
     if not all(_positions(p) for p in drives):
         return tuple(drives)
-    about = np.concatenate([p.recording.channels["latitude"] for p in drives])
-    middle = float(np.nanmean(np.radians(about)))
-    ways = [_way(p, middle) for p in drives]
+    about = _position(drives[0])
+    ways = [_way(p, about) for p in drives]
     if not all(map(_as_driven, ways)):
         return tuple(drives)
     known, places, end = np.zeros((0, 4)), np.zeros(0), 0.0
@@ -53,13 +53,19 @@ def _positions(p: Prepared) -> bool:
     return all(np.isfinite(channels.get(name, np.nan)).any() for name in ("latitude", "longitude"))
 
 
-def _way(p: Prepared, middle: float) -> Array:
-    """Every STEP_M of a drive: east and north (m), and its heading as a vector of length NEAR_M, so that the
-    other way along one road is another place, (k, 4)."""
-    latitude, longitude = (np.radians(fill(p.recording.channels[n])) for n in ("latitude", "longitude"))
+def _position(p: Prepared) -> tuple[float, float]:
+    """Latitude and longitude (rad), the first that a drive tells."""
+    first = (np.radians(p.recording.channels[name]) for name in ("latitude", "longitude"))
+    latitude, longitude = (float(x[np.isfinite(x)][0]) for x in first)
+    return latitude, longitude
+
+
+def _way(p: Prepared, about: tuple[float, float]) -> Array:
+    """Every STEP_M of a drive: east and north of a position (m), and its heading as a vector of length
+    NEAR_M, so that the other way along one road is another place, (k, 4)."""
     driven = p.distance()
     grid = np.arange(driven[0], driven[-1] + STEP_M, STEP_M)
-    metres = EARTH_M * np.stack([np.cos(middle) * longitude, latitude])
+    metres = _metres(p, about)
     track = np.stack([gaussian_filter1d(np.interp(grid, driven, x), SMOOTH, mode="nearest") for x in metres])
     if len(grid) < 2:
         return np.concatenate([track, np.zeros_like(track)]).T
@@ -68,13 +74,25 @@ def _way(p: Prepared, middle: float) -> Array:
     return np.concatenate([track, NEAR_M * heading / length]).T
 
 
+def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
+    """East and north of a position (rad), (n,) each, on the ellipsoid WGS84: a sphere is off by up to half a
+    percent. Longitude may pass 180 degrees."""
+    latitude, longitude = about
+    left = 1.0 - FLAT * float(np.sin(latitude)) ** 2
+    east = (
+        np.remainder(np.radians(p.recording.channels["longitude"]) - longitude + np.pi, 2.0 * np.pi) - np.pi
+    )
+    north = np.radians(p.recording.channels["latitude"]) - latitude
+    east_m, north_m = float(np.cos(latitude)) / left**0.5, (1.0 - FLAT) / left**1.5
+    return AXIS_M * east_m * fill(east), AXIS_M * north_m * fill(north)
+
+
 def driven_by_told(p: Prepared) -> Array:
     """Metres by the recorded speed for each metre that positions tell, over every PIECE_M of a drive, (m,);
     none where it tells no positions."""
     if not _positions(p):
         return np.zeros(0)
-    middle = float(np.nanmean(np.radians(p.recording.channels["latitude"])))
-    track = _way(p, middle)[:: round(CHORD_M / STEP_M), :2]
+    track = _way(p, _position(p))[:: round(CHORD_M / STEP_M), :2]
     told = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
     gone = np.diff(told[:: round(PIECE_M / CHORD_M)])
     out: Array = PIECE_M / gone[gone > 0.0]

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch.data.one_road import on_one_road
+from deeptruck_model.mismatch.data.one_road import driven_by_told, on_one_road
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.recordings import Recording
 
@@ -67,6 +67,21 @@ def test_the_other_way_and_another_road_are_elsewhere(drives: list[Recording]) -
         a, b = on_one_road([there, others])
         assert b.place().min() >= a.place().max() + 900.0
         assert np.ptp(b.place()) == pytest.approx(other[-1], rel=0.05)
+
+
+@pytest.mark.parametrize("begins", [11.0, 179.99])
+def test_speed_is_judged_by_the_way_that_positions_tell(drives: list[Recording], begins: float) -> None:
+    """On the ellipsoid, and beyond 180 degrees too."""
+    driven = far(drives[0])
+    latitude = np.radians(48.0)
+    radius = 6378137.0 / np.sqrt(1.0 - 0.00669437999 * np.sin(latitude) ** 2)  # of the prime vertical
+    longitude = begins + np.degrees(driven / 1.05 / radius / np.cos(latitude))
+    told = {"latitude": np.full(len(driven), 48.0), "longitude": (longitude + 180.0) % 360.0 - 180.0}
+    p = prepare(replace(drives[0], channels=drives[0].channels | told), False)
+    assert np.median(driven_by_told(p)) == pytest.approx(1.05, abs=0.002)
+    assert np.array_equal(driven_by_told(prepare(drives[0], False)), [])
+    (placed,) = on_one_road([p])
+    assert np.diff(placed.place()).max() < 50.0
 
 
 def test_a_receiver_that_stands_still_is_not_believed(drives: list[Recording]) -> None:
