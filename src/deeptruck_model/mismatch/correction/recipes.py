@@ -108,13 +108,16 @@ class Trials:
 
 def recipes_of(e: Evidence, x: Explanation) -> list[Recipe]:
     """What is time-varying with its mean, held steady or left out, each with all moved parameters, with the
-    stated ones alone and with none."""
+    stated ones alone and with none. Beside what belongs to a place, parameters that nobody states as wrong
+    stay: elsewhere nothing would make up for them."""
     stated = [c.term for c in x.causes if c.term is not None]
     told = [s for s in _physics(x.model.named) if any(s is t for t in stated)]
     lasting = [s for s in told if not is_time_varying(s)]
     parameters = frozenset(c.effect for c in x.causes if c.kind == "parameter_error")
+    at_places = any(s.variant.comes_again for s in told)
+    moved = {parameters & x.model.free, frozenset()} | (set() if at_places else {x.model.free})
     out = []
-    for free in sorted({x.model.free, parameters & x.model.free, frozenset()}, key=lambda f: -len(f)):
+    for free in sorted(moved, key=lambda f: -len(f)):
         out.append(Recipe(x.model.named, tuple(told), free))
         if len(lasting) < len(told):
             held = tuple(held_steady(s, e) for s in x.model.named)

@@ -22,30 +22,38 @@ Array = NDArray[np.float64]
 AXIS_M, FLAT = 6378137.0, 0.00669437999  # of the ellipsoid WGS84: half its long axis, eccentricity squared
 STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
-APART_M = 1000.0  # between two roads: knots of one do not reach the other
+APART_M = 500.0  # between two roads: knots of one do not reach the other
+NOWHERE = -1.0  # the place of whoever does not tell it
 BELIEVED = 0.5  # of the way that was driven, or its inverse, that positions tell at least
 CHORD_M, PIECE_M = 30.0, 600.0  # a receiver's error lengthens short chords, bends shorten long ones
 LAP_M = 200.0  # a road that is met again sooner was not left
 
 
 def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
-    """The drives with their `road` where all tell positions; as they are where one does not, or tells those
-    of another drive."""
-    if not all(_positions(p) for p in drives):
+    """The drives with their `road` where two or more tell positions, NOWHERE along the others; as they are
+    where fewer do."""
+    ways = [_way(p, _position(p)) if _positions(p) else None for p in drives]
+    told = [p for p, way in zip(drives, ways, strict=True) if way is not None and _as_driven(way)]
+    if len(told) < min(2, len(drives)):
         return tuple(drives)
-    about = _position(drives[0])
-    ways = [_way(p, about) for p in drives]
-    if not all(map(_as_driven, ways)):
-        return tuple(drives)
-    known, places, end = np.zeros((0, 4)), np.zeros(0), 0.0
+    known, places, end, about = np.zeros((0, 4)), np.zeros(0), 0.0, _position(told[0])
     out = []
-    for p, way in zip(drives, ways, strict=True):
+    for p in drives:
+        if not any(p is other for other in told):
+            out.append(replace(p, road=np.full(len(p.recording), NOWHERE)))
+            continue
+        way = _way(p, about)
         own = _placed(way, known, places, end)
         known, places = np.concatenate([known, way]), np.concatenate([places, own])
-        end = float(places.max(initial=0.0)) + APART_M
+        end = float(places.max(initial=0.0)) + STEP_M
         driven = p.distance()
         out.append(replace(p, road=np.interp(driven, driven[0] + STEP_M * np.arange(len(own)), own)))
     return tuple(out)
+
+
+def without_a_place(drives: Sequence[Prepared]) -> list[str]:
+    """Names of the drives whose positions are missing or not believed, where others tell theirs."""
+    return [p.recording.name for p in drives if p.road is not None and (p.road == NOWHERE).all()]
 
 
 def _positions(p: Prepared) -> bool:
@@ -105,20 +113,20 @@ def _as_driven(way: Array) -> bool:
     return gone > BELIEVED * STEP_M * (len(way) - 1) and gone < STEP_M * (len(way) - 1) / BELIEVED
 
 
-def _placed(way: Array, known: Array, places: Array, begin: float) -> Array:
+def _placed(way: Array, known: Array, places: Array, end: float) -> Array:
     """Place of every step of a way (k, 4): of what is known there, else of this way's own earlier lap, else
-    the next of a new road that starts at `begin`."""
+    on a new road. That goes on at `end` where it is the road's own end that was driven beyond."""
     own = np.full(len(way), np.nan)
     if len(known):
         apart, nearest = cKDTree(known).query(way)
         own = np.where(apart < NEAR_M, places[nearest % len(known)], np.nan)
     laps = cKDTree(way).query_ball_point(way, NEAR_M)
-    at = begin - STEP_M
     for k in np.flatnonzero(np.isnan(own)):
         earlier = [j for j in laps[k] if j < k - LAP_M / STEP_M]
         if earlier:
             own[k] = own[min(earlier, key=lambda j: float(np.sum((way[j] - way[k]) ** 2)))]
             continue
-        at += STEP_M if k == 0 or own[k - 1] == at else APART_M
-        own[k] = at
+        goes_on = k > 0 and own[k - 1] >= end - NEAR_M
+        own[k] = end if goes_on or end == 0.0 else end + APART_M
+        end = own[k] + STEP_M
     return own

@@ -32,6 +32,7 @@ from deeptruck_model.mismatch.mechanisms.variants import (
     Gate,
     Gated,
     OwnCurve,
+    Places,
     Simple,
     Sum,
     Variant,
@@ -136,10 +137,7 @@ def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
         case Windowed(of, spans):
             return [replace(c, expression=During((c.expression,), spans)) for c in _forces(mechanism, of)]
         case Along(of, places):
-            return [
-                replace(c, expression=AlongRoad((c.expression, PLACE), places))
-                for c in _forces(mechanism, of)
-            ]
+            return [_along_road(c, places) for c in _forces(mechanism, of)]
         case Gated(of, gate):
             inside = _inside(gate)
             return [replace(c, expression=c.expression * inside) for c in _forces(mechanism, of)]
@@ -148,6 +146,12 @@ def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
         case Simple():
             return mechanism.build(variant)
     raise TypeError(f"{variant!r} is no variant of a term")
+
+
+def _along_road(c: Column, places: Places) -> Column:
+    """A column along places of the road alone, by whose metres it is named."""
+    where = ", ".join(f"{first:.0f} to {last:.0f} m" for first, last in places)
+    return replace(c, expression=AlongRoad((c.expression, PLACE), places), name=f"{c.name}[{where}]")
 
 
 def _inside(gate: Gate) -> Expression:

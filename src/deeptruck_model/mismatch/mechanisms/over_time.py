@@ -58,6 +58,7 @@ SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots
 COARSER = 3.0
 SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that is time-varying
 MOST_KNOTS = 80
+BIN_M = 10.0  # in which a road is counted
 TWICE = 1.5  # times that a road was driven, of which fewer show nothing that comes again
 
 
@@ -146,12 +147,13 @@ def profile(e: Evidence, along: Along, knots: Sequence[int], spacing: float, sd:
 def of_all(e: Evidence, v: Spline) -> Iterator[Spline]:
     """The same with knots at places, which every drive has that comes by; wider apart where the road is long.
     None where hardly any of it is driven twice."""
-    road = float(np.max(e["place"][e.valid], initial=0.0))
-    driven = sum(float(np.ptp(e["distance"][s.rows])) for s in e.stretches)
-    if driven < TWICE * road:
+    known = e.valid & (e["place"] >= 0.0)
+    driven = float(np.sum(e["speed"][known])) * e.dt
+    if driven < TWICE * BIN_M * len(np.unique((e["place"][known] / BIN_M).astype(int))):
         return
-    spacing = max(v.spacing, road / (MOST_KNOTS - 2))
-    knots = int(road / spacing) + 2
+    last = float(np.max(e["place"][known], initial=0.0))
+    spacing = max(v.spacing, last / (MOST_KNOTS - 2))
+    knots = int(last / spacing) + 2
     yield replace(v, knots=(knots,), spacing=spacing, shared=True, mean=1.0 / knots)
 
 

@@ -3,8 +3,7 @@
 What enters a mechanism's formula nonlinearly (time constants, thresholds, orders) are its `Constants`, a
 frozen dataclass beside each formula. Four variants say where a coefficient applies: `Static` always,
 `FromMoment` from a moment on, `PerRecording` in one recording each, `Spline` at knots in time or distance.
-`OwnCurve` is a curve through a few knots over a variable. `Windowed`, `Along`, `Gated` and `Sum` are made of
-other variants.
+`OwnCurve` is a curve through a few knots over a variable. The other four are made of variants.
 """
 
 from __future__ import annotations
@@ -149,9 +148,8 @@ class Static(Simple):
 
 @dataclass(frozen=True)
 class FromMoment(Simple):
-    """Zero before `after_s` (s) in recording `first` of `count`, and full from then on; one of so many
-    `moments` that are tried. A simulation of another drive always has it.
-    """
+    """Zero before `after_s` (s) in recording `first` of `count`, full from then on; one of so many `moments`
+    that are tried. A simulation of another drive always has it."""
 
     first: int
     after_s: float
@@ -337,6 +335,14 @@ class Sum(Variant):
     def gate(self) -> Gate | None:
         gates = {part.gate for part in self.summands}
         return gates.pop() if len(gates) == 1 else None
+
+    @property
+    def places(self) -> Places:
+        return tuple(place for part in self.summands for place in part.places)
+
+    @property
+    def comes_again(self) -> bool:
+        return all(part.comes_again for part in self.summands)
 
     @property
     def is_a_law(self) -> bool:

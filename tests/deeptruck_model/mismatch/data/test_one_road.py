@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch.data.one_road import driven_by_told, on_one_road
+from deeptruck_model.mismatch.data.one_road import driven_by_told, on_one_road, without_a_place
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.recordings import Recording
 
@@ -65,7 +65,7 @@ def test_the_other_way_and_another_road_are_elsewhere(drives: list[Recording]) -
     aside = at(drives[1], other, np.full_like(other, 500.0))
     for others in (back, aside):
         a, b = on_one_road([there, others])
-        assert b.place().min() >= a.place().max() + 900.0
+        assert b.place().min() >= a.place().max() + 400.0
         assert np.ptp(b.place()) == pytest.approx(other[-1], rel=0.05)
 
 
@@ -84,13 +84,27 @@ def test_speed_is_judged_by_the_way_that_positions_tell(drives: list[Recording],
     assert np.diff(placed.place()).max() < 50.0
 
 
-def test_a_receiver_that_stands_still_is_not_believed(drives: list[Recording]) -> None:
+def test_whoever_drives_on_beyond_the_end_makes_the_road_longer(drives: list[Recording]) -> None:
     first, other = far(drives[0]), far(drives[1])
-    a, b = on_one_road([at(drives[0], first, first), at(drives[1], 0.0 * other, 0.0 * other)])
-    assert np.array_equal(a.place(), first) and np.array_equal(b.place(), other)
+    begins = 0.5 * first[-1]
+    a, b = on_one_road(
+        [at(drives[0], first, np.zeros_like(first)), at(drives[1], begins + other, np.zeros_like(other))]
+    )
+    assert (begins + other).max() > first[-1] + 200.0
+    assert np.abs(b.place() - begins - other).max() < 40.0 and a.place().max() < b.place().max()
+
+
+def test_a_receiver_that_stands_still_leaves_its_drive_without_a_place(drives: list[Recording]) -> None:
+    first, other = far(drives[0]), far(drives[1])
+    still, none = at(drives[1], 0.0 * other, 0.0 * other), prepare(drives[1], False)
+    placed = on_one_road([at(drives[0], first, first), still, none, at(drives[0], first, first)])
+    assert without_a_place(placed) == [still.recording.name, none.recording.name]
+    assert (placed[1].place() < 0.0).all() and (placed[2].place() < 0.0).all()
+    assert np.abs(placed[3].place() - placed[0].place()).max() < 20.0
 
 
 def test_without_positions_all_begin_at_one_place(drives: list[Recording]) -> None:
     first = far(drives[0])
-    a, b = on_one_road([at(drives[0], first, first), prepare(drives[1], False)])
-    assert np.array_equal(a.place(), first) and np.array_equal(b.place(), far(drives[1]))
+    alone = on_one_road([at(drives[0], first, first), prepare(drives[1], False)])
+    assert np.array_equal(alone[0].place(), first) and np.array_equal(alone[1].place(), far(drives[1]))
+    assert without_a_place(alone) == []
