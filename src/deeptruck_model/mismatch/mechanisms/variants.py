@@ -342,7 +342,7 @@ class Sum(Variant):
 
     @property
     def comes_again(self) -> bool:
-        return all(part.comes_again for part in self.summands)
+        return any(part.comes_again for part in self.summands)
 
     @property
     def is_a_law(self) -> bool:

@@ -86,8 +86,7 @@ def _instead_of(search: Search, base: Model, term: CandidateTerm) -> list[tuple[
     else:
         tried = candidates(search, base)
         tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
-    if term.variant.places:
-        tried += by_place.along(search, base, term.variant.places)
+    tried += by_place.instead(search, base, term)
     tried = [m for m in tried if practical(search, m, m.named[-1])]
     instead = [(m.effects[-1], m) for m in tried if m.effects[-1] != term.mechanism.effect]
     biased = [p for p in search.parameters if p not in base.free]

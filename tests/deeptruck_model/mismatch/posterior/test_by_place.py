@@ -9,7 +9,7 @@ import pytest
 
 from deeptruck_model.mismatch.mechanisms.variants import Span
 from deeptruck_model.mismatch.posterior import by_place
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 FORCE = 0.2  # m/s^2
@@ -35,29 +35,54 @@ def spans(e: Evidence, *places: tuple[int, float, float]) -> list[Span]:
 
 
 def test_a_stretch_is_what_most_passes_find(passed: Evidence) -> None:
-    both = spans(passed, (0, *SOFT), (1, *SOFT), (1, 4000.0, 4200.0))
-    ((first, last),) = by_place.stretches(passed, both)
-    assert abs(first - SOFT[0]) <= 10.0 and abs(last - SOFT[1]) <= 10.0
-    assert by_place.stretches(passed, both[:1]) == ()
+    both = spans(passed, (0, 1480.0, 1820.0), (1, *SOFT), (1, 4000.0, 4200.0))
+    assert np.allclose(by_place.stretches(passed, passed.residual, both), [SOFT], atol=10.0)
+    assert by_place.stretches(passed, passed.residual, both[:1]) == ()
+
+
+def test_up_and_down_are_two_stretches(passed: Evidence) -> None:
+    hump = np.where((passed["place"] >= 1800.0) & (passed["place"] < 2000.0), FORCE, 0.0)
+    both = spans(passed, (0, 1500.0, 2000.0), (1, 1500.0, 2000.0))
+    found = by_place.stretches(passed, passed.residual + hump, both)
+    assert np.allclose(found, [SOFT, (1800.0, 2000.0)], atol=10.0)
 
 
 def test_what_is_held_out_finds_no_stretch(passed: Evidence) -> None:
     held = replace(passed, stretches=(passed.stretches[0], replace(passed.stretches[1], held_out=True)))
-    assert by_place.stretches(held, spans(passed, (0, *SOFT), (1, *SOFT))) == ()
+    assert by_place.stretches(held, held.residual, spans(passed, (0, *SOFT), (1, *SOFT))) == ()
 
 
 def test_what_a_shift_hides_of_a_pass_is_filled(passed: Evidence) -> None:
     seen = spans(passed, (0, 1500.0, 1600.0), (0, 1640.0, 1800.0), (1, 1500.0, 1620.0), (1, 1660.0, 1800.0))
-    search = Search(passed)
-    models = by_place.candidates(search, search.background(()), seen)
-    best = max(models, key=lambda m: m.score)
+    best = best_of(passed, seen)
     (stretch,) = best.named[-1].variant.places
     assert np.allclose(stretch, SOFT, atol=10.0)
-    assert best.effects[-1] in ("road_surface", "road_grade")
     force = best.named[-1].columns @ best.coefficients(best.effects[-1])
     assert force.min() == pytest.approx(-FORCE, rel=0.1) and best.named[-1].variant.comes_again
+    both = by_place.instead(Search(passed), Search(passed).background(()), best.named[-1])
+    assert {m.effects[-1] for m in both} == {"road_surface", "road_grade"}
+
+
+def test_a_drive_without_a_place_has_it_in_its_own_windows(passed: Evidence) -> None:
+    """The second drive passes twice here; of the first nobody knows where it was."""
+    e = passed
+    again = (e["place"] >= 4000.0) & (e["place"] < 4300.0) & (e.record == 1)
+    place = np.where(e.record == 0, -1.0, np.where(again, e["place"] - 2500.0, e["place"]))
+    lost = replace(e, signals=e.signals | {"place": place}, residual=e.residual - FORCE * again)
+    seen = spans(e, (0, *SOFT), (1, *SOFT), (1, 4000.0, 4300.0))
+    best = best_of(lost, seen)
+    assert best.named[-1].variant.places and best.named[-1].variant.parts[-1].spans == (seen[0],)
+    assert (
+        np.allclose(best.coefficients(best.effects[-1])[-1], FORCE, rtol=0.1)
+        or best.effects[-1] == "road_grade"
+    )
 
 
 def test_windows_without_a_place_give_no_candidate(passed: Evidence) -> None:
     search = Search(passed)
     assert by_place.candidates(search, search.background(()), spans(passed, (0, 700.0, 800.0))) == []
+
+
+def best_of(e: Evidence, seen: list[Span]) -> Model:
+    search = Search(e)
+    return max(by_place.candidates(search, search.background(()), seen), key=lambda m: m.score)
