@@ -60,6 +60,7 @@ FOUND = Result(
     (
         "verdict.json",
         "profiles.csv",
+        "road.csv",
         "report.html",
         *(f"{name}.png" for name in FIGURES),
         "simulator/simulator.json",

@@ -5,20 +5,30 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from deeptruck_model import simulators
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import APPLIED, check_applicable
+from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.report import headline
 from deeptruck_model.mismatch.report.what_now import Asked
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.results import FOUND
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.report.figures import Picture
+
+Array = NDArray[np.float64]
+
+ROAD_M = 10.0  # along the road, of a row of road.csv
 
 
 def summary(mismatch: Mismatch) -> list[str]:
@@ -35,8 +45,8 @@ def figures(mismatch: Mismatch) -> dict[str, Picture]:
 
 
 def write(mismatch: Mismatch, out: Path, *, overwrite: bool = False) -> None:
-    """Write verdict.json, profiles.csv, figures, report.html and simulator/ as the folder `out`, whole or
-    not at all. Raises InputError as `files.Result.check` does, and on a full disk.
+    """Write verdict.json, profiles.csv, road.csv, figures, report.html and simulator/ as the folder `out`,
+    whole or not at all. Raises InputError as `files.Result.check` does, and on a full disk.
     """
     with FOUND.replacing(out, overwrite=overwrite) as draft:
         fill(draft, mismatch, Asked(out))
@@ -49,6 +59,7 @@ def fill(draft: Path, mismatch: Mismatch, asked: Asked) -> None:
     (draft / "verdict.json").write_text(json.dumps(mismatch.verdict, indent=1))
     if mismatch.evidence is not None:
         _write_profiles(mismatch, draft / "profiles.csv")
+        _write_road(mismatch, draft / "road.csv")
     if mismatch.corrected is not None:
         mismatch.corrected.save(draft / "simulator")
     page.write(mismatch, draft, asked)
@@ -65,8 +76,7 @@ def _write_profiles(m: Mismatch, path: Path) -> None:
         for f in m.result.findings:
             if f.cause is None:
                 continue
-            force = e.newtons(f.cause.force) / e.mass
-            force *= -1.0 / GRAVITY if f.cause.effect == "road_grade" else e.unit.scale
+            force = _as_told(e, f.cause)
             for s in e.stretches:
                 for k in range(s.start, s.stop - every + 1, every):
                     value = float(force[k : k + every].mean())
@@ -81,6 +91,49 @@ def _write_profiles(m: Mismatch, path: Path) -> None:
                             f"{value:.6g}",
                         ]
                     )
+
+
+def _as_told(e: Evidence, cause: Cause) -> Array:
+    """The force of a cause (n,): as slope where it is one, else in the unit in which forces are told."""
+    force = e.newtons(cause.force) / e.mass
+    return force * (-1.0 / GRAVITY if cause.effect == "road_grade" else e.unit.scale)
+
+
+def _write_road(m: Mismatch, path: Path) -> None:
+    """What belongs to places, one row for every ROAD_M along the road, with the position where it is known;
+    no file where nothing does."""
+    causes = [f.cause for f in m.result.findings if f.cause is not None]
+    again = [c for c in causes if c.term is not None and c.term.variant.comes_again]
+    if m.evidence is None or not again:
+        return
+    with path.open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["place_m", "latitude", "longitude", "name", "value"])
+        for cause in again:
+            rows.writerows(_along_the_road(m.evidence, cause))
+
+
+def _along_the_road(e: Evidence, cause: Cause) -> Iterator[tuple[str, ...]]:
+    """Place, position, name and force as it is told, of every ROAD_M that was driven."""
+    value, unknown = _as_told(e, cause), np.full(len(e), np.nan)
+    position = [e.signals.get(name, unknown) for name in ("latitude", "longitude")]
+    bins = np.floor(e["place"] / ROAD_M)
+    for k in np.unique(bins[e["place"] >= 0.0]):
+        here = bins == k
+        latitude, longitude = (f"{_middle(x[here]):.7f}" for x in position)
+        yield (
+            f"{_middle(e['place'][here]):.1f}",
+            latitude,
+            longitude,
+            cause.effect,
+            f"{_middle(value[here]):.6g}",
+        )
+
+
+def _middle(x: Array) -> float:
+    """The median of what is known; NaN where nothing is."""
+    x = x[np.isfinite(x)]
+    return float(np.median(x)) if len(x) else float("nan")
 
 
 def apply(directory: Path, out: Path, *, overwrite: bool = False) -> None:

@@ -41,7 +41,7 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
 
 
 def _surely(model: Model, places: Places) -> Places:
-    """Those at which a model's last force is surely not zero: what parameters leave elsewhere looks like it."""
+    """Those at which a model's last force is surely not zero: other parameters leave a little anywhere."""
     name = model.effects[-1]
     sizes, sd = model.coefficients(name), np.sqrt(np.diag(model.covariance(name)))
     return tuple(p for p, size, doubt in zip(places, sizes, sd, strict=False) if abs(size) > Z95 * doubt)

@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.correction.worth import (
     worth,
 )
 from deeptruck_model.mismatch.finding import Finding, Kind
-from deeptruck_model.mismatch.fit_result import Chosen, FitResult
+from deeptruck_model.mismatch.fit_result import Chosen, FitResult, HandedOver
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report.identifiability import most_tried
@@ -39,6 +39,7 @@ HIDING = 0.03  # m/s^2 of a steady force: half of what tyres take
 MOVED = 3  # parameters in one sentence
 
 PARAMETERS_ALONE = "The correction is refitted parameters alone, which drove the fitted recordings best."
+ALONE = "Where nobody tells it the {names}, as in training and the nodes, this error is {after} m/s."
 BY_MEAN = "Of {} the correction holds the mean alone: what is there at one time or place is not in it."
 SHOWN = {
     Worth.BETTER: "So what was found is worth more than other parameters.",
@@ -76,6 +77,7 @@ class Headline:
     moved: str = ""  # parameters that the correction moves though none of them is a finding
     instead: tuple[str, ...] = ()  # names in the correction that are no finding
     by_mean: tuple[str, ...] = ()  # names in the correction that belong to a time, a place or a recording
+    alone: HandedOver | None = None  # the correction where nobody tells it all that it asks for
     suspected: tuple[str, ...] = ()  # where nothing was found: names for too little to be noticed
 
 
@@ -110,6 +112,7 @@ def of(verdict: Verdict) -> Headline:
         moved=_moved(fit, {f.effect for f in found}),
         instead=tuple(n for n in corrected if n in LIBRARY and n not in {f.effect for f in found}),
         by_mean=fit.by_mean if fit is not None else (),
+        alone=fit.handed_over if fit is not None and fit.validated else None,
     )
 
 
@@ -302,7 +305,14 @@ def _shown(h: Headline) -> list[str]:
     if h.by_mean:
         said.append(BY_MEAN.format(" and ".join(map(spoken_effect, h.by_mean[:NAMED]))))
     other = f"with {'its forces scaled' if h.scaled else 'all parameters refitted'} instead it is"
-    return [*said, f"{_runs(h.errors)}; {other} {number(h.errors.refitted)} m/s.", SHOWN[h.worth]]
+    said.append(f"{_runs(h.errors)}; {other} {number(h.errors.refitted)} m/s.")
+    return [*said, *_alone(h.alone), SHOWN[h.worth]]
+
+
+def _alone(told: HandedOver | None) -> list[str]:
+    if told is None:
+        return []
+    return [ALONE.format(names=" and the ".join(map(spoken_effect, told.without)), after=number(told.after))]
 
 
 def _again(p: NextPass | None) -> list[str]:

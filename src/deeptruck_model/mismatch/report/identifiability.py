@@ -145,7 +145,8 @@ def with_manoeuvres(found: Sequence[Finding]) -> list[Finding]:
     for f in found:
         if group := f.cannot_be_told_from:
             rival = LIBRARY[group[0]].told_by if group[0] in LIBRARY else TOLD_BY.get(group[0], "")
-            f = replace(f, would_be_told_by=f.would_be_told_by.and_then(rival)) if rival else f
+            if rival and rival not in str(f.would_be_told_by):
+                f = replace(f, would_be_told_by=f.would_be_told_by.and_then(rival))
         out.append(f)
     return out
 

@@ -37,8 +37,8 @@ UNSTATED = (
 EQUAL = "So these drives do not tell which of the two predicts better."
 NOT_BETTER = "the corrected simulator is not surely better where it was not fitted: nothing may be applied"
 HARMS = (
-    "without {names}, which no simulator is told, the corrected one predicts held-out recordings worse than "
-    "the one given ({before:.3g} -> {after:.3g} m/s): nothing may be applied"
+    "where nobody tells it the {names}, the corrected simulator predicts held-out recordings worse than the "
+    "one given ({before:.3g} -> {after:.3g} m/s): nothing may be applied"
 )
 UNCHANGED = (
     "no correction by what was found drove the fitted recordings better, so the simulator is as it was "

@@ -10,6 +10,12 @@ from deeptruck_model.mismatch.report.validation import unnamed_would_help
 from deeptruck_model.mismatch.result import Conclusion, Mismatch
 
 NEW_DRIVE = "NEW_DRIVE"
+PLACE = "place"
+TAKE_OVER = "Take the corrected simulator over:"
+TAKE_OVER_BY_PLACE = (
+    "The road has it and not the truck: road.csv tells where. The corrected simulator acts by it where it is "
+    "told its place:"
+)
 AS_IT_IS = "Use the simulator as it is: on such driving it leaves nothing out that these recordings show."
 
 
@@ -65,7 +71,7 @@ def steps(found: Mismatch, drive_next: list[str], asked: Asked) -> list[Step]:
     out = [Step(AS_IT_IS)] if verdict.kind is Conclusion.NOTHING else []
     if verdict.validated:
         better = _line("apply", str(asked.out), "--out", beside(asked.out, "corrected"))
-        out.append(Step("Take the corrected simulator over:", better))
+        out.append(Step(TAKE_OVER_BY_PLACE if _needs_its_place(found) else TAKE_OVER, better))
     if asked.recordings and _has_a_road(found):
         given = map(str, dict.fromkeys((*asked.recordings, *asked.held_out)))
         graded = _line("road", str(asked.out), *given, "--out", beside(asked.out, "with_road"))
@@ -81,6 +87,12 @@ def steps(found: Mismatch, drive_next: list[str], asked: Asked) -> list[Step]:
         again = with_new.command(ending="again")
         out += [Step("Then compare again, with the new recording among the others:", again)] if again else []
     return out
+
+
+def _needs_its_place(found: Mismatch) -> bool:
+    """Whether the correction belongs to places on the road, and is nothing without them."""
+    fit = found.result.fit
+    return fit is not None and fit.handed_over is not None and PLACE in fit.handed_over.without
 
 
 def _has_a_road(found: Mismatch) -> bool:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,6 +12,8 @@ from numpy.typing import NDArray
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch import find_mismatch
+from deeptruck_model.mismatch.output import write
+from deeptruck_model.mismatch.report.explorer.curves import curve
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks.driver import EPISODE, LOGGED, drive_along
@@ -49,8 +54,8 @@ def found() -> Mismatch:
 
 @pytest.mark.long
 def test_a_road_is_named(found: Mismatch) -> None:
-    names = {found.result.findings[0].effect, *found.result.findings[0].not_told_from}
-    assert names & {"road_surface", "road_grade"}
+    (only,) = found.findings
+    assert only.effect == "road_surface" and tuple(only.cannot_be_told_from) == ("road_grade",)
 
 
 @pytest.mark.long
@@ -61,3 +66,32 @@ def test_it_is_corrected_where_it_is(found: Mismatch) -> None:
     assert fit.errors.after.speed < 0.5 * fit.errors.parameters_only.speed
     assert not fit.by_mean
     assert fit.handed_over is not None and fit.handed_over.without == ("place",)
+
+
+@pytest.mark.long
+def test_where_it_is_stands_in_a_file_with_positions(found: Mismatch, tmp_path: Path) -> None:
+    write(found, tmp_path / "found")
+    with (tmp_path / "found" / "road.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    along = np.array([(float(r["latitude"]) - 48.0) * DEGREE_M for r in rows])
+    told = np.array([float(r["value"]) for r in rows])
+    soft = (along > SOFT[0] + 20.0) & (along < SOFT[1] - 20.0)
+    away = (along < SOFT[0] - 20.0) | (along > SOFT[1] + 20.0)
+    assert soft.sum() > 20 and (told[away] == 0.0).all()
+    per_mass = found.evidence.mass if found.evidence is not None else 0.0
+    wanted = FORCE / GRAVITY if rows[0]["name"] == "road_grade" else -FORCE * per_mass
+    assert told[soft] == pytest.approx(wanted, rel=0.1)
+
+
+@pytest.mark.long
+def test_it_is_drawn_along_the_road(found: Mismatch) -> None:
+    e, x = found.evidence, found.explanation
+    assert e is not None and x is not None
+    first = found.findings[0]
+    assert first.cause is not None
+    per_mass = 1.0 / e["effective_mass_gain"]
+    drawn = curve(e, x, first, e.residual - first.cause.force, per_mass)
+    assert drawn is not None and drawn.by == "place on the road, m" and drawn.share > 0.9
+    assert drawn.force[(drawn.x > SOFT[0] + 30.0) & (drawn.x < SOFT[1] - 30.0)] == pytest.approx(
+        -FORCE, rel=0.1
+    )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from deeptruck_model.mismatch.correction.worth import SpeedErrors, Worth
 from deeptruck_model.mismatch.finding import Kind, Suspicion
-from deeptruck_model.mismatch.fit_result import Chosen, Compared, Improvement, Rmse
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, HandedOver, Improvement, Rmse
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report import findings, headline, names
@@ -236,6 +236,15 @@ def test_parameters_that_the_correction_moves_beside_what_was_found_are_said() -
 def test_that_a_correction_holds_the_mean_of_a_force_alone_is_said() -> None:
     sentences = headline.sentences(headline.of(corrected("missing_physics", by_mean=("road_surface",))))
     assert headline.BY_MEAN.format("road surface") in sentences
+
+
+def test_what_a_correction_is_worth_where_nobody_tells_it_its_place_is_said() -> None:
+    alone = HandedOver(("place", "gap"), 0.59)
+    sentences = headline.sentences(headline.of(corrected("missing_physics", handed_over=alone)))
+    assert any("Where nobody tells it the place on the road and the gap" in s for s in sentences)
+    assert any("this error is 0.59 m/s" in s for s in sentences)
+    refused = headline.of(corrected("missing_physics", handed_over=alone, validated=False))
+    assert not any("Where nobody tells it" in s for s in headline.sentences(refused))
 
 
 def test_a_name_that_the_correction_holds_instead_of_what_was_found_is_said() -> None:

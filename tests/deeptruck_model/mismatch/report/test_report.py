@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ import pytest
 from found_mismatches import VERDICTS, mismatch
 from pages import Page, pixels
 
+from deeptruck_model.mismatch.fit_result import HandedOver
 from deeptruck_model.mismatch.posterior import formula
 from deeptruck_model.mismatch.report import headline, names, what_now, wording
 from deeptruck_model.mismatch.report import page as report
@@ -116,6 +118,14 @@ def test_a_call_from_python_is_not_repeated():
     found = mismatch("missing_physics")
     steps = what_now.steps(found, record_next(found), Asked(Path("found")))
     assert [s.command for s in steps] == ["deeptruck-model apply found --out found_corrected", ""]
+
+
+def test_what_the_road_has_is_not_said_to_be_the_truck():
+    found = mismatch("missing_physics")
+    alone = HandedOver(("place",), 0.6)
+    by_place = replace(found, result=replace(found.result, fit=replace(found.result.fit, handed_over=alone)))
+    for told, says in ((found, what_now.TAKE_OVER), (by_place, what_now.TAKE_OVER_BY_PLACE)):
+        assert what_now.steps(told, [], Asked(Path("found")))[0].says == says
 
 
 @pytest.mark.parametrize(("kind", "first"), [("nothing_missing", True), ("missing_physics", False)])

@@ -142,7 +142,7 @@ def test_a_correction_that_harms_where_nobody_tells_it_the_gap_is_refused_and_sa
     for after, harms in ((0.91, False), (1.4, True)):
         alone = replace(good, handed_over=HandedOver(("gap",), after), validated=not harms)
         assert alone.harms_alone == harms and FitResult.read(alone.to_json()) == alone
-        told = "without gap, which no simulator is told, the corrected one predicts held-out recordings worse"
+        told = "where nobody tells it the gap, the corrected simulator predicts held-out recordings worse"
         assert any(told in line for line in validation.said(alone)) == harms
         assert any(told in line for line in validation.caveats(alone, found=True)) == harms
 

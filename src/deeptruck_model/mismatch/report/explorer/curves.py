@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 PERIOD_S = 1.0
+PLACE, PLACE_M = "place on the road", 25.0  # what belongs to a place is drawn along the road, in such bins
 OWN_TELLS = 0.2  # share of how a force varies that its own variable must tell, to be drawn against it
 EVEN, QUANTILES = 8, 14  # bins: some of even width, and some of as much driving each
 SIGNALS_OF = {  # what the library calls its variables -> signals that can be drawn against
@@ -74,27 +75,42 @@ def curve(e: Evidence, x: Explanation, finding: Finding, left: Array, scale: Arr
     """
     cause = finding.cause
     rows = _periods(e)
+    if _by_place(cause):
+        rows = rows[e["place"][rows].min(axis=1) >= 0.0]
     if cause is None or len(rows) < 60:
         return None
     law = (cause.force * scale)[rows].mean(axis=1)
-    signals = {n: s[rows].mean(axis=1) for n, s in _signals(e, finding).items()}
-    by, share = _telling(law, signals, _own(finding))
-    if not by:
-        return None
-    bins = _bins(signals[by])
+    by, share, variable, bins = _against(e, finding, law, rows)
     kept = [k for k in np.unique(bins) if (bins == k).sum() * PERIOD_S >= LEAST_S]
-    if len(kept) < 2:
+    if not by or len(kept) < 2:
         return None
     columns, covariance = _sizes(e, x, cause, scale, rows)
     seen = law + (left * scale)[rows].mean(axis=1)
     at, force, error, shown, doubt = np.array(
-        [_bin(bins == k, signals[by], law, columns, covariance, seen) for k in kept]
+        [_bin(bins == k, variable, law, columns, covariance, seen) for k in kept]
     ).T
     band = covariance is not None
     return Curve(
-        label(by, e.command_units) if by != "distance" else "distance, m", share, at, force,
+        label(by, e.command_units) if by not in ("distance", PLACE) else f"{by}, m", share, at, force,
         force - error if band else None, force + error if band else None, shown, doubt,
     )  # fmt: skip
+
+
+def _by_place(cause: Cause | None) -> bool:
+    return cause is not None and cause.term is not None and cause.term.variant.comes_again
+
+
+def _against(e: Evidence, finding: Finding, law: Array, rows: Indices) -> tuple[str, float, Array, Indices]:
+    """What a force (periods,) is drawn against, the share of how it varies that this tells, its values and
+    their bins (periods,); no name where there is nothing."""
+    if _by_place(finding.cause):
+        along = e["place"][rows].mean(axis=1)
+        bins = (along / PLACE_M).astype(np.intp)
+        return PLACE, _share(law, bins), along, bins
+    signals = {n: s[rows].mean(axis=1) for n, s in _signals(e, finding).items()}
+    by, share = _telling(law, signals, _own(finding))
+    variable = signals.get(by, law)
+    return by, share, variable, _bins(variable)
 
 
 def _bin(
@@ -159,15 +175,15 @@ def _bins(x: Array) -> Indices:
 def _telling(law: Array, signals: dict[str, Array], own: list[str]) -> tuple[str, float]:
     """The signal a force depends on, or else the one whose bins tell most of it; and what share of its
     variance that tells."""
-    shares = {n: _share(law, s) for n, s in signals.items() if len(edges(s)) > 2 and np.ptp(s) > 0}
+    shares = {n: _share(law, _bins(s)) for n, s in signals.items() if len(edges(s)) > 2 and np.ptp(s) > 0}
     best = max(shares, key=lambda n: shares[n], default="")
     known = max((n for n in own if n in shares), key=lambda n: shares[n], default=best)
     chosen = known if shares.get(known, 0.0) >= OWN_TELLS else best
     return chosen, max(shares.get(chosen, 0.0), 0.0)
 
 
-def _share(law: Array, signal: Array) -> float:
-    _, bins = np.unique(_bins(signal), return_inverse=True)
+def _share(law: Array, bins: Indices) -> float:
+    _, bins = np.unique(bins, return_inverse=True)
     count = np.bincount(bins)
     means = np.bincount(bins, weights=law) / count
     left = float(np.sum((law - means[bins]) ** 2)) / max(len(law) - len(count), 1)
