@@ -23,7 +23,6 @@ SPOKEN = {  # names that are no words of their own once the underscores are gone
     "torque_derate": "derated torque",
     "command_rate_limit": "limited rate of the commands",
     "load_slosh": "sloshing load",
-    "place": "place on the road",
     "speed_scale": "scale of the speed sensor",
     "unknown": "unknown force",
 }

@@ -241,7 +241,7 @@ def test_that_a_correction_holds_the_mean_of_a_force_alone_is_said() -> None:
 def test_what_a_correction_is_worth_where_nobody_tells_it_its_place_is_said() -> None:
     alone = HandedOver(("place", "gap"), 0.59)
     sentences = headline.sentences(headline.of(corrected("missing_physics", handed_over=alone)))
-    assert any("Where nobody tells it the place on the road and the gap" in s for s in sentences)
+    assert any("Where nobody tells it the place and the gap" in s for s in sentences)
     assert any("this error is 0.59 m/s" in s for s in sentences)
     refused = headline.of(corrected("missing_physics", handed_over=alone, validated=False))
     assert not any("Where nobody tells it" in s for s in headline.sentences(refused))
