@@ -32,7 +32,7 @@ NUMERICS = {
     "data/prepared.py": {"LEAST_DRIVING_S", "LEAST_SPEED_SD"},
     "data/speed_unit.py": {"GEARS_AT_MOST", "MOSTLY", "NEAR", "SAME"},
     "data/units.py": {"NEAR"},
-    "posterior/by_place.py": {"MOSTLY", "NEAR", "Z95"},
+    "posterior/by_place.py": {"MOSTLY"},
     "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},
     "posterior/kernel_evidence.py": {"ACTING", "FEW_ROWS"},
     "posterior/formula.py": {"BEYOND", "CELLS", "LEAST_IN_CELL", "LEAST_R2"},

@@ -14,37 +14,43 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
 from deeptruck_model.mismatch.mechanisms.road import BOTH
 from deeptruck_model.mismatch.mechanisms.variants import Along, Places, Span, Sum, Variant, Windowed
+from deeptruck_model.mismatch.posterior.penalties import enough
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.windows import ENDS, LARGEST_LOG, steady, steps, within
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import Z95
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BIN_M, NEAR = 10.0, 10  # and so many bins about a place in which its ends are sought
+BIN_M, MOST_BINS = 10.0, 2000  # wider where the road is long
+TINY = 1e-12  # of a size that is held at zero
+MOST = 16  # stretches, those that stand out most
 MOSTLY = 0.5  # of the passes over a place, in which it is off: it belongs to the place then
 
 
 def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
-    """The road's mechanisms as if they acted along the places of the spans, added to `base` and fitted; none
-    where no place is off in most of its passes. In drives whose place nobody knows they act in the spans."""
+    """The road's mechanisms as if they acted along stretches of it alone, added to `base` and fitted; none
+    where none stands out. In drives whose place nobody knows they act in the spans."""
     e = search.e
     left = np.where(e.valid, e.residual - search.prediction(base), 0.0)
-    places = stretches(e, left, spans)
-    lost = tuple(s for s in spans if (e["place"][within([s], e)] < 0.0).all())
+    places = stretches(e, left)
     if not places:
         return []
+    lost = tuple(s for s in spans if (e["place"][within([s], e)] < 0.0).all())
     tried = along(search, base, places, lost)
-    fewer = {kept for m in tried if (kept := _surely(m, places)) and kept != places}
-    return [*tried, *(m for kept in fewer for m in along(search, base, kept, lost))]
+    fewer = {kept for m in tried if (kept := _worth(search, m, places)) and kept != places}
+    tried += [m for kept in fewer for m in along(search, base, kept, lost)]
+    best: dict[str, Model] = {}
+    for m in sorted(tried, key=lambda m: m.score - enough(search) * len(m.named[-1].variant.places)):
+        best[m.effects[-1]] = m
+    return list(best.values())
 
 
-def _surely(model: Model, places: Places) -> Places:
-    """Those at which a model's last force is surely not zero: other parameters leave a little anywhere."""
+def _worth(search: Search, model: Model, places: Places) -> Places:
+    """Those at which a model's last force gains as much as any term must: what is left is never all noise."""
     name = model.effects[-1]
-    sizes, sd = model.coefficients(name), np.sqrt(np.diag(model.covariance(name)))
-    return tuple(p for p, size, doubt in zip(places, sizes, sd, strict=False) if abs(size) > Z95 * doubt)
+    nats = 0.5 * model.coefficients(name) ** 2 / np.maximum(np.diag(model.covariance(name)), TINY)
+    return tuple(place for place, gained in zip(places, nats, strict=False) if gained > enough(search))
 
 
 def along(search: Search, base: Model, places: Places, lost: tuple[Span, ...]) -> list[Model]:
@@ -66,34 +72,43 @@ def instead(search: Search, base: Model, term: CandidateTerm) -> list[Model]:
     )
 
 
-def stretches(e: Evidence, left: Array, spans: list[Span]) -> Places:
-    """From and to (m along the road) of what stands out together of what is `left` (n,), about the places
-    that are off in most passes, of which there are two at least."""
+def stretches(e: Evidence, left: Array) -> Places:
+    """From and to (m along the road) of what stands out together of what is `left` (n,), alike in most
+    passes, of which there are two at least."""
     known = e.valid & ~e.held_out & (e["place"] >= 0.0)
     if not known.any():
         return ()
-    bins = np.maximum(e["place"] / BIN_M, 0.0).astype(int)
-    off, passes = _passes(e, bins, known & within(spans, e)), _passes(e, bins, known)
-    often = (off >= 2) & (off > MOSTLY * passes)
-    size = len(often)
-    z = np.bincount(bins[known], left[known], size) / np.sqrt(
-        np.maximum(np.bincount(bins[known], None, size), 1)
-    )
-    z /= max(1.4826 * float(np.median(np.abs(z[passes > 0]))), 1e-9)
-    near = np.convolve(often, np.ones(2 * NEAR + 1), mode="same") > 0.5
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
+    wide = max(BIN_M, float(e["place"][known].max()) / MOST_BINS)
+    bins = np.maximum(e["place"] / wide, 0.0).astype(int)
+    passing = _passes(bins, e.record)
+    total: Array = np.bincount(bins[known], left[known]).astype(float)
+    z = _standardised(total, np.bincount(bins[known]))
     found = [
-        (BIN_M * float(first + a), BIN_M * float(first + b))
-        for first, last in zip(edges[::2], edges[1::2], strict=True)
-        for a, b in steps(z[first:last], e.rules.stands_out)
+        (float(abs(z[a:b].sum()) / np.sqrt(b - a)), (wide * a, wide * b))
+        for a, b in steps(z, e.rules.stands_out)
+        if _alike(left[known & (bins >= a) & (bins < b)], passing[known & (bins >= a) & (bins < b)])
     ]
-    return tuple(found)
+    return tuple(sorted(place for _, place in sorted(found, reverse=True)[:MOST]))
 
 
-def _passes(e: Evidence, bins: NDArray[np.intp], rows: Mask) -> NDArray[np.intp]:
-    """How often each place is passed in these rows: a pass begins where a drive comes to it anew."""
-    anew = np.concatenate([[True], (np.diff(bins) != 0) | (np.diff(e.record) != 0) | ~rows[:-1]])
-    return np.bincount(bins[rows & anew], minlength=int(bins.max()) + 1)
+def _standardised(total: Array, count: NDArray[np.intp]) -> Array:
+    """Sums over bins in units of their noise."""
+    z = total / np.sqrt(np.maximum(count, 1))
+    return z / max(1.4826 * float(np.median(np.abs(z[count > 0]))), 1e-9)
+
+
+def _passes(bins: NDArray[np.intp], record: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The number of the pass that each row is of, (n,): a new one begins with each recording, and where a
+    drive comes back to where it was."""
+    return np.cumsum(np.concatenate([[True], (np.diff(bins) < -1) | (np.diff(record) != 0)]))
+
+
+def _alike(left: Array, passing: NDArray[np.intp]) -> bool:
+    """Whether what is left goes the same way in most of two or more passes."""
+    _, which = np.unique(passing, return_inverse=True)
+    means = np.bincount(which, left) / np.bincount(which)
+    same = np.sign(means) == np.sign(left.sum())
+    return len(means) >= 2 and bool(same.sum() >= 2 and same.mean() > MOSTLY)
 
 
 def _along(given: CandidateTerm, places: Places, lost: tuple[Span, ...], e: Evidence) -> CandidateTerm:

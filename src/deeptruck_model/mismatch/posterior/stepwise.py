@@ -97,7 +97,22 @@ def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
     if base.named and all(m is not bare for m in instead):
         instead.append(bare)
     instead = [m for m in instead if _gains_in_windows(search, base, m)]
-    return [found, *(_now_and_then(search, m, bare) for m in instead)]
+    return [found, *(_now_and_then(search, m, bare) for m in instead), *_stretches(search, base, bare)]
+
+
+def _stretches(search: Search, base: Model, bare: Model) -> list[Model]:
+    """The models with stretches of road instead of knots along it, which are rounder, and of windows in time,
+    which each pass needs anew; and the same without any law."""
+    others = (s for s in base.named if not (s.variant.comes_again or s.variant.acts_in_windows))
+    starts = {id(m): m for m in (search.background(tuple(others)), bare) if len(m.named) < MOST_TERMS}
+    return [m for start in starts.values() for m in _with_stretches(search, start)]
+
+
+def _with_stretches(search: Search, base: Model) -> list[Model]:
+    spans = windows.windows(search.e, base) if search.e.model_discrepancy == 0 else []
+    tried = [m for m in by_place.candidates(search, base, spans) if practical(search, m, m.named[-1])]
+    best = max(tried, key=lambda m: m.score, default=base)
+    return [search.background(best.named)] if best.score > base.score + enough(search) else []
 
 
 def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
@@ -157,7 +172,6 @@ def _now_and_then(search: Search, base: Model, bare: Model) -> Model:
         return base
     narrow = windows.narrowed(search, base, spans)
     tried = [m for where in (spans, narrow) for m in windows.candidates(search, base, where)]
-    tried += by_place.candidates(search, base, narrow)
     tried = [m for m in tried if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
     least = search.rules.weak + _beside(search, best) * (base.score - bare.score)
