@@ -30,7 +30,7 @@ NUMERICS = {
     "correction/worth.py": {"NOTICED", "NOTICED_M_S2"},
     "data/one_road.py": {"BELIEVED", "LAP_M", "STEP_M"},
     "data/prepared.py": {"LEAST_DRIVING_S", "LEAST_SPEED_SD"},
-    "data/speed_unit.py": {"GEARS_AT_MOST", "MOSTLY", "NEAR", "SAME"},
+    "data/speed_unit.py": {"FEWEST", "GEARS_AT_MOST", "MOSTLY", "NEAR", "SAME"},
     "data/units.py": {"NEAR"},
     "posterior/by_place.py": {"MOSTLY"},
     "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},

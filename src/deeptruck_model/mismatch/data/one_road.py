@@ -71,15 +71,19 @@ def _position(p: Prepared) -> tuple[float, float]:
 def _way(p: Prepared, about: tuple[float, float]) -> Array:
     """Every STEP_M of a drive: east and north of a position (m), and its heading as a vector of length
     NEAR_M, so that the other way along one road is another place, (k, 4)."""
-    driven = p.distance()
-    grid = np.arange(driven[0], driven[-1] + STEP_M, STEP_M)
-    metres = _metres(p, about)
-    track = np.stack([gaussian_filter1d(np.interp(grid, driven, x), SMOOTH, mode="nearest") for x in metres])
-    if len(grid) < 2:
+    track = gaussian_filter1d(_track(p, about, STEP_M), SMOOTH, axis=1, mode="nearest")
+    if track.shape[1] < 2:
         return np.concatenate([track, np.zeros_like(track)]).T
     heading = np.gradient(track, axis=1)
     length = np.maximum(np.hypot(*heading), 1e-6)
     return np.concatenate([track, NEAR_M * heading / length]).T
+
+
+def _track(p: Prepared, about: tuple[float, float], step_m: float) -> Array:
+    """East and north of a position at every step of the way that was driven, m, (2, k)."""
+    driven = p.distance()
+    grid = np.arange(driven[0], driven[-1] + step_m, step_m)
+    return np.stack([np.interp(grid, driven, x) for x in _metres(p, about)])
 
 
 def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
@@ -97,11 +101,11 @@ def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
 
 def driven_by_told(p: Prepared) -> Array:
     """Metres by the recorded speed for each metre that positions tell, over every PIECE_M of a drive, (m,);
-    none where it tells no positions."""
+    none where it tells no positions. Chords are not smoothed, which would cut bends short."""
     if not _positions(p):
         return np.zeros(0)
-    track = _way(p, _position(p))[:: round(CHORD_M / STEP_M), :2]
-    told = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
+    track = _track(p, _position(p), CHORD_M)
+    told = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=1)))])
     gone = np.diff(told[:: round(PIECE_M / CHORD_M)])
     out: Array = PIECE_M / gone[gone > 0.0]
     return out

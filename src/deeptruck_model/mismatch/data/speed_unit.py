@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 GEARS_AT_MOST = 2.0  # a simulator may drive a gear or two apart, which is no unit
 NEAR, MOSTLY = 0.01, 0.6  # so near its median, relative, so often: a converter that slips has no one ratio
 SAME = 0.5  # gears are whole
+FEWEST = 5  # pieces of road that tell a scale: one alone may be all bends
 BETWEEN, BY_PLACE = ("speed", "engine_speed"), ("speed", "latitude")
 PLACED = "speed is {scale:.3f} times what positions tell: it is scaled"
 SCALED = (
@@ -50,7 +51,8 @@ def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> 
     simulator's."""
     if any(p.measured_acceleration for p in prepared):
         return []
-    by_place = _scaled([driven_by_told(p) for p in prepared])
+    told = [driven_by_told(p) for p in prepared]
+    by_place = _scaled(told) if sum(map(len, told)) >= FEWEST else None
     if by_place is not None:
         return _beyond(by_place, rules, PLACED, "speed = k * speed by positions", BY_PLACE)
     by_engine = _scaled([_ratios(simulator, p, same_gear=True) for p in prepared])

@@ -84,6 +84,12 @@ def test_speed_is_judged_by_the_way_that_positions_tell(drives: list[Recording],
     assert np.diff(placed.place()).max() < 50.0
 
 
+def test_bends_of_a_test_track_scale_no_speed(drives: list[Recording]) -> None:
+    driven, radius = far(drives[0]), 80.0
+    p = at(drives[0], radius * np.cos(driven / radius), radius * np.sin(driven / radius))
+    assert np.median(driven_by_told(p)) == pytest.approx(1.0, abs=0.01)
+
+
 def test_whoever_drives_on_beyond_the_end_makes_the_road_longer(drives: list[Recording]) -> None:
     first, other = far(drives[0]), far(drives[1])
     begins = 0.5 * first[-1]
