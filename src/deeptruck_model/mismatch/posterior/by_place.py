@@ -1,6 +1,6 @@
-"""Stretches of road that are plainly off whenever a drive comes by: windows in time that share their places.
+"""Stretches of road that are off whenever a drive comes by.
 
-A window for each pass costs two ends each. One stretch for all passes costs two, and other drives show it.
+A window in time needs two ends in each pass. A stretch has two for all passes, and other drives show it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 BIN_M, MOST_BINS = 10.0, 2000  # wider where the road is long
 TINY = 1e-12  # of a size that is held at zero
 MOST = 16  # stretches, those that stand out most
-MOSTLY = 0.5  # of the passes over a place, in which it is off: it belongs to the place then
+MOSTLY = 0.5  # of the passes over a stretch, of which more must be off the same way
 
 
 def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
@@ -66,10 +66,10 @@ def along(search: Search, base: Model, places: Places, lost: tuple[Span, ...]) -
 
 def instead(search: Search, base: Model, term: CandidateTerm) -> list[Model]:
     """The other name of the road in place of a term that is one; none for any other."""
-    lost = (part.spans for part in term.variant.parts)
-    return (
-        along(search, base, term.variant.places, tuple(itertools.chain(*lost))) if term.variant.places else []
-    )
+    if not term.variant.places:
+        return []
+    lost = itertools.chain(*(part.spans for part in term.variant.parts))
+    return along(search, base, term.variant.places, tuple(lost))
 
 
 def stretches(e: Evidence, left: Array) -> Places:

@@ -112,7 +112,8 @@ def _with_stretches(search: Search, base: Model) -> list[Model]:
     spans = windows.windows(search.e, base) if search.e.model_discrepancy == 0 else []
     tried = [m for m in by_place.candidates(search, base, spans) if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
-    return [search.background(best.named)] if best.score > base.score + enough(search) else []
+    least = enough(search) + discrepancy_penalty(search, best)
+    return [search.background(best.named)] if best.score > base.score + least else []
 
 
 def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
