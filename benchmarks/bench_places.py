@@ -101,7 +101,7 @@ def main() -> None:
         "`python benchmarks/bench_places.py --out docs/results/places.md`",
         "",
         f"Eight drives of {SECONDS:.0f} s over one road, two held out; forces of 0.15 to 0.3 m/s² at places.",
-        "Errors are of speed over 40 s along the held-out drives, which tell their places, rms in m/s.",
+        "Errors are of speed over 40 s along the held-out drives, told the places they know, rms in m/s.",
         "[How places are known](../mismatch_road.md).",
         "",
         "| case | acts at, m | said | where, m | as given | parameters alone | corrected | validated |",
@@ -110,6 +110,12 @@ def main() -> None:
     for case in CASES:
         lines.append(row(case))
         print(lines[-1], flush=True)
+    lines += [
+        "",
+        "Where the held-out drives tell no positions, the correction changes nothing along them. What acts",
+        "in drives without a place may stand under another name. From other starts without positions nothing",
+        "tells that it is the road's.",
+    ]
     if out is not None:
         out.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
