@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs, off_for_long
 from deeptruck_model.mismatch.correction.worth import noticed, refitted_is_much_better
 from deeptruck_model.mismatch.data import checks, speed_unit
-from deeptruck_model.mismatch.data.one_road import on_one_road, without_a_place
+from deeptruck_model.mismatch.data.one_road import on_a_road_of_its_own, on_one_road, without_a_place
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
     each_once,
@@ -58,6 +58,7 @@ IMPOSSIBLE = (
     "see 'deeptruck-model check-simulator'"
 )
 LEFT_OUT = "left out of the library, as was asked for: {}"
+OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"
 NO_PLACE = "positions of {} are missing or do not fit the speed: where on the road these were is not known"
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
@@ -142,6 +143,7 @@ def checked_drives(
     useless = unusable([p for p, out in zip(prepared, flags, strict=True) if not out], rejected)
     data = DataReport(tuple(rejected))
     lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(prepared)) else []
+    lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(prepared)) else []
     return Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats, *lost), useless)
 
 

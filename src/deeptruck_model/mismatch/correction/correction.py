@@ -174,10 +174,11 @@ def _judged(errors: dict[str, Errors], others: dict[str, Errors]) -> dict[str, E
 
 
 def _better(errors: Compared | None, gained: Improvement | None) -> bool:
-    """Surely so over all that was driven unseen, and no worse over what was held out."""
+    """Surely so over all that was driven unseen, and over what was held out too, where a correction that
+    changes nothing shows nothing."""
     if errors is None or gained is None:
         return False
-    return gained.ci95[0] > 0.0 and errors.after.speed <= errors.before.speed
+    return gained.ci95[0] > 0.0 and errors.after.speed < errors.before.speed
 
 
 @dataclass(frozen=True)

@@ -46,14 +46,38 @@ def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
         own = _placed(way, known, places, end)
         known, places = np.concatenate([known, way]), np.concatenate([places, own])
         end = float(places.max(initial=0.0)) + STEP_M
-        driven = p.distance()
-        out.append(replace(p, road=np.interp(driven, driven[0] + STEP_M * np.arange(len(own)), own)))
+        out.append(replace(p, road=_between(p.distance(), own)))
     return tuple(out)
+
+
+def _between(driven: Array, own: Array) -> Array:
+    """The place at every row (n,) of a drive, between those of its steps (k,). From one road to another it is
+    not on what lies between the two."""
+    if len(own) < 2:
+        return np.full(len(driven), own[0])
+    steps = np.maximum((driven - driven[0]) / STEP_M, 0.0)
+    last = np.minimum(steps.astype(int), len(own) - 2)
+    onward = np.diff(own)[last]
+    goes_on = (onward >= 0.0) & (onward < NEAR_M)
+    placed: Array = own[last] + (steps - last) * np.where(goes_on, onward, STEP_M)
+    return placed
 
 
 def without_a_place(drives: Sequence[Prepared]) -> list[str]:
     """Names of the drives whose positions are missing or not believed, where others tell theirs."""
     return [p.recording.name for p in drives if p.road is not None and (p.road == NOWHERE).all()]
+
+
+def on_a_road_of_its_own(drives: Sequence[Prepared]) -> list[str]:
+    """Names of the drives whose positions are nowhere near those of any other, where two others do meet."""
+    told = [p for p in drives if p.road is not None and (p.road != NOWHERE).any()]
+    passed = [set(np.floor_divide(p.place(), STEP_M).tolist()) for p in told]
+    apart = [
+        p.recording.name
+        for k, p in enumerate(told)
+        if not any(passed[k] & other for j, other in enumerate(passed) if j != k)
+    ]
+    return apart if len(apart) < len(told) else []
 
 
 def _positions(p: Prepared) -> bool:

@@ -11,46 +11,51 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, candidate_term
 from deeptruck_model.mismatch.mechanisms.road import BOTH
 from deeptruck_model.mismatch.mechanisms.variants import Along, Places, Span, Sum, Variant, Windowed
 from deeptruck_model.mismatch.posterior.penalties import enough
 from deeptruck_model.mismatch.posterior.search import Model, Search
-from deeptruck_model.mismatch.posterior.windows import ENDS, LARGEST_LOG, steady, steps, within
+from deeptruck_model.mismatch.posterior.windows import ENDS, LARGEST_LOG, steady, steps
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BIN_M, MOST_BINS = 10.0, 2000  # wider where the road is long
+BIN_M, BIN_S, MOST_BINS = 10.0, 1.0, 2000  # wider where the road, or a drive, is long
+FINER = 10  # ends are told to so many parts of a bin
 TINY = 1e-12  # of a size that is held at zero
 MOST = 16  # stretches, those that stand out most
 MOSTLY = 0.5  # of the passes over a stretch, of which more must be off the same way
 
 
-def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
+def candidates(search: Search, base: Model) -> list[Model]:
     """The road's mechanisms as if they acted along stretches of it alone, added to `base` and fitted; none
-    where none stands out. In drives whose place nobody knows they act in the spans."""
+    where none stands out. In drives whose place nobody knows they act in spans of time."""
     e = search.e
     left = np.where(e.valid, e.residual - search.prediction(base), 0.0)
     places = stretches(e, left)
     if not places:
         return []
-    lost = tuple(s for s in spans if (e["place"][within([s], e)] < 0.0).all())
-    tried = along(search, base, places, lost)
-    fewer = {kept for m in tried if (kept := _worth(search, m, places)) and kept != places}
-    tried += [m for kept in fewer for m in along(search, base, kept, lost)]
+    tried = along(search, base, places, ())
+    told = max(tried, key=lambda m: m.score, default=base)  # no parameter stands in for the road any more
+    lost = _lost(e, np.where(e.valid, e.residual - search.prediction(told), 0.0))
+    tried += along(search, base, places, lost) if lost else []
+    fewer = {_worth(search, m) for m in tried} - {(places, lost), (places, ())}
+    tried += [m for kept in fewer if kept[0] for m in along(search, base, *kept)]
     best: dict[str, Model] = {}
-    for m in sorted(tried, key=lambda m: m.score - enough(search) * len(m.named[-1].variant.places)):
+    for m in sorted(tried, key=lambda m: m.score - enough(search) * len(m.named[-1].variant.parts)):
         best[m.effects[-1]] = m
     return list(best.values())
 
 
-def _worth(search: Search, model: Model, places: Places) -> Places:
+def _worth(search: Search, model: Model) -> tuple[Places, tuple[Span, ...]]:
     """Those at which a model's last force gains as much as any term must: what is left is never all noise."""
     name = model.effects[-1]
     nats = 0.5 * model.coefficients(name) ** 2 / np.maximum(np.diag(model.covariance(name)), TINY)
-    return tuple(place for place, gained in zip(places, nats, strict=False) if gained > enough(search))
+    parts = model.named[-1].variant.parts
+    kept = [part for part, gained in zip(parts, nats, strict=True) if gained > enough(search)]
+    return tuple(p for part in kept for p in part.places), tuple(s for part in kept for s in part.spans)
 
 
 def along(search: Search, base: Model, places: Places, lost: tuple[Span, ...]) -> list[Model]:
@@ -72,6 +77,28 @@ def instead(search: Search, base: Model, term: CandidateTerm) -> list[Model]:
     return along(search, base, term.variant.places, tuple(lost))
 
 
+def _lost(e: Evidence, left: Array) -> tuple[Span, ...]:
+    """Spans in which what stands out of what is `left` (n,) does so in drives that share no place with
+    others, those that stand out most: the road may do there what it does in the others. None beside a learned
+    simulator, which is off now and then anyway."""
+    if e.model_discrepancy > 0.0:
+        return ()
+    found: list[tuple[float, Span]] = []
+    for i, s in enumerate(e.stretches):
+        known, elapsed = e.valid[s.rows], e["elapsed"][s.rows]
+        if s.held_out or not known.any() or _meets(e, i):
+            continue
+        wide = max(BIN_S, float(elapsed[-1] - elapsed[0]) / MOST_BINS)
+        bins = ((elapsed - elapsed[0]) / wide).astype(int)
+        total: Array = np.bincount(bins[known], left[s.rows][known]).astype(float)
+        z = _standardised(total, np.bincount(bins[known]))
+        for a, b in steps(z, e.rules.stands_out):
+            off = float(abs(z[a:b].sum()) / np.sqrt(b - a))
+            begin, end = elapsed[0] + wide * a, elapsed[0] + wide * b
+            found.append((off, (i, *_ends(elapsed[known], left[s.rows][known], begin, end, wide))))
+    return tuple(sorted(span for _, span in sorted(found, reverse=True)[:MOST]))
+
+
 def stretches(e: Evidence, left: Array) -> Places:
     """From and to (m along the road) of what stands out together of what is `left` (n,), alike in most
     passes, of which there are two at least."""
@@ -84,11 +111,34 @@ def stretches(e: Evidence, left: Array) -> Places:
     total: Array = np.bincount(bins[known], left[known]).astype(float)
     z = _standardised(total, np.bincount(bins[known]))
     found = [
-        (float(abs(z[a:b].sum()) / np.sqrt(b - a)), (wide * a, wide * b))
+        (
+            float(abs(z[a:b].sum()) / np.sqrt(b - a)),
+            _ends(e["place"][known], left[known], wide * a, wide * b, wide),
+        )
         for a, b in steps(z, e.rules.stands_out)
         if _alike(left[known & (bins >= a) & (bins < b)], passing[known & (bins >= a) & (bins < b)])
     ]
     return tuple(sorted(place for _, place in sorted(found, reverse=True)[:MOST]))
+
+
+def _meets(e: Evidence, i: int) -> bool:
+    """Whether a drive comes by where another one does."""
+    place, own = np.floor(e["place"] / BIN_M), e.record == i
+    return bool(np.isin(place[own & (place >= 0.0)], place[~own]).any())
+
+
+def _ends(x: Array, left: Array, begin: float, end: float, wide: float) -> tuple[float, float]:
+    """From where to where of `x` (n,) near `begin` and `end`, each known to `wide`, what is `left` (n,)
+    stands out most."""
+    order = np.argsort(x, kind="stable")
+    total = np.concatenate([[0.0], np.cumsum(left[order])])
+    near = np.linspace(-wide, wide, 2 * FINER + 1)
+    first, last = np.searchsorted(x[order], begin + near), np.searchsorted(x[order], end + near)
+    count = np.maximum(last[None, :] - first[:, None], 1)
+    a, b = np.unravel_index(
+        np.argmax(np.abs(total[last][None, :] - total[first][:, None]) / np.sqrt(count)), count.shape
+    )
+    return float(begin + near[a]), float(end + near[b])
 
 
 def _standardised(total: Array, count: NDArray[np.intp]) -> Array:
@@ -114,8 +164,15 @@ def _alike(left: Array, passing: NDArray[np.intp]) -> bool:
 def _along(given: CandidateTerm, places: Places, lost: tuple[Span, ...], e: Evidence) -> CandidateTerm:
     """The candidate term along these places and in these spans alone, of a size of its own at each place."""
     each: list[Variant] = [Along(given.variant, (place,)) for place in places]
-    each += [Windowed(given.variant, lost)] if lost else []
+    each += [Windowed(given.variant, (span,)) for span in lost]
     made = candidate_term(given.mechanism, Sum(tuple(each)) if len(each) > 1 else each[0], e)
     prior = replace(made.prior, sd=np.full_like(made.prior.sd, BOTH[given.mechanism.effect]))
     ends = ENDS * (len(places) + len(lost))  # each is a choice
-    return replace(made, prior=prior, trials=float(np.exp(min(ends, LARGEST_LOG))))
+    parts = tuple(_in_drive(part, v, e) for part, v in zip(made.parts, each, strict=True))
+    return replace(made, parts=parts, prior=prior, trials=float(np.exp(min(ends, LARGEST_LOG))))
+
+
+def _in_drive(part: Column, of: Variant, e: Evidence) -> Column:
+    """The column of a span named by its drive and times; any other as it is."""
+    where = ", ".join(f"{e.stretches[i].name}, {a:.0f} to {b:.0f} s" for i, a, b in of.spans)
+    return replace(part, name=f"{part.name}[{where}]") if where else part

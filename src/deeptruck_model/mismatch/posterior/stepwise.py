@@ -109,8 +109,7 @@ def _stretches(search: Search, base: Model, bare: Model) -> list[Model]:
 
 
 def _with_stretches(search: Search, base: Model) -> list[Model]:
-    spans = windows.windows(search.e, base) if search.e.model_discrepancy == 0 else []
-    tried = [m for m in by_place.candidates(search, base, spans) if practical(search, m, m.named[-1])]
+    tried = [m for m in by_place.candidates(search, base) if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
     least = enough(search) + discrepancy_penalty(search, best)
     return [search.background(best.named)] if best.score > base.score + least else []

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from deeptruck_model.compare.alignment import NEAR_M
 from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Signal, maximum
 from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
@@ -150,7 +151,7 @@ def signals(
         "time": grid.stack([p.recording.time for p in prepared]),
         "elapsed": grid.stack([p.recording.time - p.recording.start_s for p in prepared]),
         "distance": grid.stack([p.distance() for p in prepared]),
-        "place": grid.stack([p.place() for p in prepared]),
+        "place": _places(grid, [p.place() for p in prepared]),
     }
     for name in (*prepared[0].recording.interface.u, *prepared[0].recording.interface.w):
         out[name] = grid.stack([_column(p, name) for p in prepared])
@@ -167,6 +168,12 @@ def signals(
         mass, is_known = _from_questions(out, simulator, prepared, runs, grid, known), known is not None
     _ratio(out)
     return out, mass, is_known
+
+
+def _places(grid: Grid, parts: Sequence[Array]) -> Array:
+    """Block means of places; where one road ends and another begins, no place between the two."""
+    mean, last = grid.stack(parts), grid.last(parts)
+    return np.where(np.abs(mean - last) < NEAR_M, mean, last)
 
 
 def tells_forces(run: Run) -> bool:

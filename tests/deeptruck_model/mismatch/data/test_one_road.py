@@ -9,7 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch.data.one_road import driven_by_told, on_one_road, without_a_place
+from deeptruck_model.mismatch.data.one_road import (
+    driven_by_told,
+    on_a_road_of_its_own,
+    on_one_road,
+    without_a_place,
+)
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.recordings import Recording
 
@@ -114,3 +119,37 @@ def test_without_positions_all_begin_at_one_place(drives: list[Recording]) -> No
     alone = on_one_road([at(drives[0], first, first), prepare(drives[1], False)])
     assert np.array_equal(alone[0].place(), first) and np.array_equal(alone[1].place(), far(drives[1]))
     assert without_a_place(alone) == []
+
+
+def test_between_two_roads_is_no_place(drives: list[Recording]) -> None:
+    """The second drive leaves the first one's road, and a third one's lies between in places."""
+    first, other = far(drives[0]), far(drives[1])
+    leaves = 0.4 * other[-1]
+    away = np.maximum(other - leaves, 0.0)
+    north = np.full_like(first, 50_000.0)
+    _, b, c = on_one_road(
+        [
+            at(drives[0], first, np.zeros_like(first)),
+            at(drives[0], first, north),
+            at(drives[1], np.minimum(other, leaves), away),
+        ]
+    )
+    assert not set(np.round(b.place(), -1)) & set(np.round(c.place(), -1))
+    on = other < leaves - 50.0
+    assert np.abs(c.place() - other)[on].max() < 20.0
+    assert (np.diff(c.place()) >= 0.0).all() and (c.place()[other > leaves + 50.0] > b.place().max()).all()
+
+
+def test_a_drive_that_meets_no_other_is_named(drives: list[Recording]) -> None:
+    """As where latitude and longitude are mixed up."""
+    first, other = far(drives[0]), far(drives[1])
+    swapped = at(drives[1], other, np.zeros_like(other)).recording
+    told = {
+        "latitude": swapped.channels["longitude"],
+        "longitude": swapped.channels["latitude"],
+    }
+    mixed_up = prepare(replace(swapped, name="mixed up", channels=swapped.channels | told), False)
+    met = [at(drives[0], first, np.zeros_like(first)), at(drives[1], other, np.zeros_like(other))]
+    assert on_a_road_of_its_own(on_one_road([*met, mixed_up])) == ["mixed up"]
+    assert on_a_road_of_its_own(on_one_road(met)) == []
+    assert on_a_road_of_its_own(on_one_road([met[0], mixed_up])) == []
