@@ -157,6 +157,11 @@ class FitResult:
             return False
         return self.handed_over.after > CLEARLY_WORSE * self.errors.before.speed
 
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether the held-out recordings are driven alike with the correction and without."""
+        return self.errors is not None and self.errors.after == self.errors.before
+
     def to_json(self) -> dict[str, Any]:
         """`fit`."""
         names = ("held_out", "horizon_s", "windows", "chosen", "corrected")

@@ -36,6 +36,10 @@ UNSTATED = (
 )
 EQUAL = "So these drives do not tell which of the two predicts better."
 NOT_BETTER = "the corrected simulator is not surely better where it was not fitted: nothing may be applied"
+STILL = (
+    "along the held-out recordings the correction changes nothing: hold out drives in which what was found "
+    "acts, and that tell where they are if it belongs to a place"
+)
 HARMS = (
     "where nobody tells it the {names}, the corrected simulator predicts held-out recordings worse than the "
     "one given ({before:.3g} -> {after:.3g} m/s): nothing may be applied"
@@ -107,6 +111,8 @@ def _passed(fit: FitResult, improvement: Improvement) -> list[str]:
         return [f"Yes, {gained}.", "The correction passed validation and may be applied."]
     if harm := _harms(fit):
         return [f"It is {_change(improvement.ci95)} (95 % interval over {over}).", f"But {harm}."]
+    if fit.changes_nothing:
+        return [f"It is {_change(improvement.ci95)} (95 % interval over {over}).", f"But {STILL}.", REFUSED]
     return [f"No, {gained}.", REFUSED]
 
 
@@ -157,7 +163,8 @@ def _resampled(fit: FitResult, recordings: int) -> str:
 def caveats(fit: FitResult, found: bool) -> list[str]:
     """What to know before the corrected simulator is applied."""
     e = fit.errors
-    no_better = UNCHANGED if fit.chosen is Chosen.NOTHING else NOT_BETTER
+    not_shown = f"{STILL}: nothing may be applied" if fit.changes_nothing else NOT_BETTER
+    no_better = UNCHANGED if fit.chosen is Chosen.NOTHING else not_shown
     refused = _harms(fit) or (no_better if e else NOT_DRIVEN)
     out = [refused] if found and not fit.validated else []
     if e is not None and e.free_model is not None and unnamed_would_help(fit):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,19 @@ def test_it_is_corrected_where_it_is(found: Mismatch) -> None:
     assert fit.errors.after.speed < 0.5 * fit.errors.parameters_only.speed
     assert not fit.by_mean
     assert fit.handed_over is not None and fit.handed_over.without == ("place",)
+
+
+@pytest.mark.long
+def test_held_out_drives_that_tell_no_place_validate_nothing() -> None:
+    drives = [drive(k) for k in range(8)]
+    unplaced = [
+        replace(d, channels={c: x for c, x in d.channels.items() if c not in ("latitude", "longitude")})
+        for d in drives[6:]
+    ]
+    mismatch = find_mismatch(TRUCK, drives[:6], unplaced)
+    (only,), fit = mismatch.findings, mismatch.result.fit
+    assert only.effect in ("road_surface", "road_grade")
+    assert fit is not None and fit.changes_nothing and not fit.validated
 
 
 @pytest.mark.long

@@ -59,6 +59,15 @@ def test_beside_refitted_parameters(beside: Interval, refitted: float, change: s
     assert change in said[3] and said[4] == end
 
 
+def test_a_correction_that_changes_nothing_of_what_is_held_out_is_not_applied() -> None:
+    """The other recordings speak for it; those that are held out do not tell where they are, say."""
+    still = replace(fit((0.3, 0.8), (0.1, 0.3), driven=8, validated=False), errors=errors(0.9, 0.2, 0.9))
+    said = validation.said(still)
+    assert said[1].startswith("It is 30 to 80 % smaller (95 % interval over 8 recordings")
+    assert said[2:4] == [f"But {validation.STILL}.", validation.REFUSED]
+    assert validation.caveats(still, True)[0].startswith(validation.STILL)
+
+
 def test_an_interval_that_rounds_to_one_number_is_said_once() -> None:
     said = validation.said(fit((0.988, 0.991), (-0.2, 0.1)))
     assert said[1].startswith("Yes, it is 99 % smaller (")
