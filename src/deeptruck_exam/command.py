@@ -31,7 +31,9 @@ from deeptruck_model.errors import InputError
 REPORT_SEED = 100_000
 NULL_FACTOR = 5  # nulls need numbers: a false alarm in fifty cannot be seen in forty
 SIMULATORS = ("physics", "deep")
-FORMS_HELP = "Family of effects to hide: all, first to twentieth, or sealed (unseen by the tool's authors)."
+FORMS_HELP = (
+    "Family of effects to hide: all, first to twenty-first, or sealed (unseen by the tool's authors)."
+)
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 

@@ -198,11 +198,11 @@ def test_the_sealed_truth_alone_says_the_family(tmp_path):
 
 def test_unknown_forms_are_refused_in_one_line(tmp_path):
     with pytest.raises(
-        InputError, match="--forms: there are no effects of 'twenty-first'; choose from all, first"
+        InputError, match="--forms: there are no effects of 'twenty-second'; choose from all, first"
     ):
-        draw_plan("noise", 0, None, "physics", 1.0, forms="twenty-first")
-    with pytest.raises(InputError, match="no effects of 'twenty-first'"):
-        prove(tmp_path / "p", forms="twenty-first")
+        draw_plan("noise", 0, None, "physics", 1.0, forms="twenty-second")
+    with pytest.raises(InputError, match="no effects of 'twenty-second'"):
+        prove(tmp_path / "p", forms="twenty-second")
     assert not (tmp_path / "p").exists()
 
 

@@ -1,6 +1,6 @@
 """All hidden effects, one folder for each part of the truck, one file for each name a right answer can have.
 
-In: a `Setting` and drawn sizes. Out: what is `Planted`. Every effect belongs to one of twenty families,
+In: a `Setting` and drawn sizes. Out: what is `Planted`. Every effect belongs to one of twenty-one families,
 which came from other sources one after the other; together they are the development set.
 `deeptruck_exam.sealed` is for the next family. Importing this package registers them all.
 """
@@ -20,7 +20,7 @@ for _paths, _package in ((__path__, __name__), (sealed.__path__, sealed.__name__
 
 
 def of_family(family: str = ALL) -> list[Effect]:
-    """The effects of a family, or of all twenty. A wrong parameter has no law and is the same effect in
+    """The effects of a family, or of all twenty-one. A wrong parameter has no law and is the same effect in
     every family. Raises InputError for a family that is not there."""
     wanted = FAMILIES if family == ALL else (family,)
     if not any(e.family in wanted for e in EFFECTS.values()):

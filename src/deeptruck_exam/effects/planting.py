@@ -45,6 +45,7 @@ FAMILIES = (
     "eighteenth",
     "nineteenth",
     "twentieth",
+    "twenty-first",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

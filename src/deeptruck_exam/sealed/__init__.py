@@ -1,4 +1,4 @@
-"""The twenty-first family of hidden effects, read by nobody who works on the tool until it has been proved.
+"""The twenty-second family of hidden effects, read by nobody who works on the tool until it has been proved.
 
 Contract: one module for each part of the truck, every law declared as in `deeptruck_exam.effects.planting`
 with the family "sealed". All 26 names of `deeptruck_exam.effects` and the four faults of measurement have a

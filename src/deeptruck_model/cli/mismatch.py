@@ -194,7 +194,7 @@ def prove(
     forms: Annotated[
         str,
         typer.Option(
-            help="Family of effects to hide: 'all', a proved one ('first' to 'twentieth') or 'sealed'."
+            help="Family of effects to hide: 'all', a proved one ('first' to 'twenty-first') or 'sealed'."
         ),
     ] = "all",
     real: Annotated[

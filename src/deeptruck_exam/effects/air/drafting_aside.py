@@ -1,4 +1,4 @@
-"""Less drag behind a leader whose wake goes another way than the truck, is carried off or turns narrow."""
+"""Less drag behind a leader whose wake goes another way or height, is carried off or turns narrow."""
 
 from __future__ import annotations
 
@@ -181,4 +181,24 @@ class RoundTankAhead(Hidden, narrow=0.0, saved=0.0):
         s.narrow = eased(s.narrow, wish, p.turns_s, dt)
         near = 1.0 / (1.0 + (np.clip(self.gap(view), 3.0, 1e4) / p.reach_m) ** 2)
         s.saved = eased(s.saved, p.most * near * (1.0 - (1.0 - p.narrow) * s.narrow), 0.6, dt)
+        return s.saved * view.drag_force * moving(view)
+
+
+@law("u_wake_misses_in_sags", "twenty-first", "hills highway")
+@sizes(most=(0.75, 0.95), reach_m=(110.0, 200.0), high_m=(0.25, 0.6), along_m=(25.0, 45.0))
+class WakeMissesInSags(Hidden, slope=9.0, saved=0.0):
+    """A leader's wake keeps to the slope that he drives on. In a sag he is already climbing, so that it goes
+    below the follower, and over a crest above: by the bend of the road up or down, and the square of the gap.
+    most: of the drag, saved right behind him on an even slope; high_m: by which it may miss; along_m: over
+    which the bend is taken.
+    Source: Hucho, Aerodynamics of Road Vehicles (1998), on wakes, and AASHTO, A Policy on Geometric Design
+    (2018), on vertical curves; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.5)
+        s.slope = np.where(s.slope > 1.0, view.grade, eased(s.slope, view.grade, p.along_m / speed, dt))
+        gap = np.clip(self.gap(view), 3.0, 1e4)
+        misses = 0.5 * (view.grade - s.slope) / p.along_m * np.minimum(gap, 250.0) ** 2
+        meets = np.exp(-np.minimum((misses / p.high_m) ** 2, 30.0))
+        s.saved = eased(s.saved, p.most * meets / (1.0 + (gap / p.reach_m) ** 2), 0.6, dt)
         return s.saved * view.drag_force * moving(view)

@@ -1,4 +1,4 @@
-"""Sheets, covers, nets, hatches, louvres, vanes and branches that change their drag."""
+"""Sheets, covers, nets, hatches, louvres, vanes, branches and pipes that change their drag."""
 
 from __future__ import annotations
 
@@ -217,3 +217,23 @@ class BrushwoodFoldsBack(Hidden):
         s.leaves = np.maximum(s.leaves * (1.0 - dt * tears), 0.0)
         area = (1.0 + (s.wind / p.bends_mps) ** 2) ** (-0.5 * p.power) * (0.45 + 0.55 * s.leaves)
         return -p.more * area * view.drag_force * moving(view)
+
+
+@law("u_pipes_sing", "twenty-first", "suburban hills highway", accepts="headwind")
+@sizes(more=(1.9, 3.0), at_mps=(10.0, 12.5), band=(0.1, 0.17), second=(0.6, 0.9), grows_s=(1.5, 4.0))
+@sizes(holds=(0.1, 0.25))
+class PipesSing(Hidden, swings=0.0):
+    """Pipes stand upright on the truck, and eddies leave them by turns. Where these come as fast as the pipes
+    like to swing, both lock together, and the drag of a swinging pipe is a multiple of a still one. `swings`:
+    of the most. A swing that is there holds on to a higher speed. The pipes have a second tone. more: of the
+    drag, at full swing; at_mps: of the first tone; band: of that speed; second: swing of the second tone.
+    Source: Blevins, Flow-Induced Vibration (1990), on lock-in and the drag of swinging cylinders; slender
+    pipes, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wind = np.maximum(view.speed, 0.0) / p.at_mps
+        late = 1.0 + p.holds * s.swings
+        first = np.exp(-(((wind / late - 1.0) / p.band) ** 2))
+        other = p.second * np.exp(-(((wind / late / 1.72 - 1.0) / p.band) ** 2))
+        s.swings = eased(s.swings, np.maximum(first, other), p.grows_s, dt)
+        return -p.more * (0.12 + 0.88 * s.swings) * view.drag_force * moving(view)

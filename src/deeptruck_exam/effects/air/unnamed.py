@@ -9,7 +9,7 @@ import numpy as np
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import SAMPLE_S, ou_series
+from deeptruck_exam.effects.series import SAMPLE_S, ou_series, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
@@ -179,3 +179,29 @@ class DrumTurnsInTheSideWind(Hidden, spin=0.6):
         later = self.side[:, min(index(view, self.side, SAMPLE_S) + 1, self.side.shape[1] - 1)]
         blows = np.clip(wind + share * (later - wind), -2.2, 2.2)
         return p.most * 20000.0 * 9.81 * s.spin**1.5 * blows * moving(view)
+
+
+@law("u_somebody_follows_closely", "twenty-first", "highway hills")
+@sizes(
+    most=(0.75, 0.95), reach_m=(12.0, 22.0), least_m=(2.0, 4.5), headway_s=(0.15, 0.35), stays_s=(30.0, 80.0)
+)
+class SomebodyFollowsClosely(Hidden, gap=12.0, pace=-1.0, saved=0.0):
+    """A coach follows so closely that its bow fills the truck's wake and pushes it along. `gap` m behind the
+    truck, `pace` m/s of the coach: it falls back when the truck draws away, and comes near as the truck
+    slows. It stays for a while and overtakes, and another comes. most: of the drag, at no gap.
+    Source: Zabat, Stabile, Farascaroli and Browand, The Aerodynamic Performance of Platoons, report
+    UCB-ITS-PRR-95-35 (1995), on savings of the vehicle ahead; a bold driver, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        stays = (0.5 * self.p.stays_s, 1.5 * self.p.stays_s)
+        self.there = spells(self.rng(2102), self.setting.batch, stays, (15.0, 50.0))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.pace = np.where(s.pace < 0.0, view.speed, s.pace)
+        there = within(self.there, view.time)
+        wish = p.least_m + p.headway_s * view.speed + 60.0 * (1.0 - there)
+        pulls = np.clip(0.12 * (s.gap - wish) + 0.7 * (view.speed - s.pace), -3.5, 1.0)
+        s.pace = np.maximum(s.pace + dt * pulls, 0.0)
+        s.gap = np.clip(s.gap + dt * (view.speed - s.pace), 1.0, 120.0)
+        s.saved = eased(s.saved, p.most * np.exp(-s.gap / p.reach_m), 0.5, dt)
+        return s.saved * view.drag_force * moving(view)

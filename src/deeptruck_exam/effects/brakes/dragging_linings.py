@@ -1,4 +1,4 @@
-"""Linings and shoes that stay on: hot, frozen, wedged, swollen, muddy, full of grit."""
+"""Linings and shoes that stay on: hot, frozen, wedged, swollen, shrunk on, muddy, full of grit."""
 
 from __future__ import annotations
 
@@ -171,3 +171,30 @@ class GritBetweenThePads(OnRoad):
         enters = self.between(self.road, view) * speed / p.enters_m * (1.0 - s.grit)
         s.grit = np.clip(s.grit + dt * (enters - s.grit * (speed / p.ground_m + crushes)), 0.0, 1.0)
         return -p.most * s.grit**0.7 * weight(view) * moving(view)
+
+
+@law("u_drums_shrink_on_their_shoes", "twenty-first", "suburban hills descent")
+@sizes(
+    most=(0.012, 0.02), warm_jpkg=(60.0, 140.0), drum_s=(12.0, 30.0), shoe_s=(60.0, 150.0), room=(0.06, 0.16)
+)
+@sizes(tight=(0.15, 0.3))
+class DrumsShrinkOnTheirShoes(Hidden):
+    """`drum`, `shoe`: their heat over the air's. Braking warms both; then the wind cools the drum long before
+    its shoes, so that it shrinks on them and drags, some time after a braking and most at speed. room: of the
+    clearance, as the difference of heat that closes it; tight: beyond it, for all the drag. most: of the
+    weight.
+    Source: Limpert, Brake Design and Safety (1999), on drums and shoes that grow with heat, and Newcomb and
+    Spurr, Braking of Road Vehicles (1967), on their cooling; narrow adjustment, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        shoe = self.rng(2112).uniform(0.1, 0.8, batch)
+        return {"shoe": shoe, "drum": 0.6 * shoe}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass / p.warm_jpkg
+        wind = 0.25 + 0.75 * np.clip(view.speed / 20.0, 0.0, 1.4)
+        s.drum = np.clip(s.drum + dt * (work - wind * s.drum / p.drum_s), 0.0, 2.0)
+        s.shoe = np.clip(s.shoe + dt * (0.8 * work - s.shoe / p.shoe_s), 0.0, 2.0)
+        grips = np.clip((s.shoe - s.drum - p.room) / p.tight, 0.0, 1.0)
+        off = 1.0 - np.clip(view.brake_force / (0.02 * self.truck.brake_capacity), 0.0, 1.0)
+        return -p.most * grips**1.5 * off * weight(view) * moving(view)

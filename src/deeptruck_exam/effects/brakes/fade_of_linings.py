@@ -184,3 +184,27 @@ class MetalMeltsInTheLinings(Hidden):
         work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
         s.heat = np.clip(s.heat + dt * (work / p.warm_jpkg - hot / p.cools_s), 0.0, 1.6)
         return p.most * molten * view.brake_force * moving(view)
+
+
+@law("u_tar_comes_to_the_face", "twenty-first", "suburban descent", accepts="brake_gain")
+@sizes(most=(0.5, 0.72), warm_jpkg=(45.0, 110.0), cools_s=(30.0, 80.0), at=(0.3, 0.55), makes_s=(4.0, 12.0))
+@sizes(rubs_jpkg=(70.0, 180.0))
+class TarComesToTheFace(Hidden):
+    """`heat` of linings whose resin was cooked too little. Hot, they sweat `tar`, which lies on their face
+    and stays there when they are cold again: only the work of further, cooler brakings rubs it off. most: of
+    the brake force, lost to a full coat; at: heat where it begins; rubs_jpkg: work that takes two thirds off.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on resins that decompose and how a lining
+    recovers from fade; poor linings, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(2111)
+        return {"heat": rng.uniform(0.1, 0.8, batch), "tar": rng.uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        airs = 0.4 + 0.6 * np.clip(view.speed / 20.0, 0.0, 1.4)
+        s.heat = np.clip(s.heat + dt * (work / p.warm_jpkg - airs * s.heat / p.cools_s), 0.0, 1.6)
+        sweats = np.maximum(s.heat - p.at, 0.0) * (1.0 - s.tar) / (0.4 * p.makes_s)
+        cool = np.clip((p.at - s.heat) / (0.5 * p.at), 0.0, 1.0)
+        s.tar = np.clip(s.tar + dt * (sweats - cool * work * s.tar / p.rubs_jpkg), 0.0, 1.0)
+        return p.most * s.tar * view.brake_force * moving(view)

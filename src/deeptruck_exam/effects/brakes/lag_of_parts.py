@@ -1,4 +1,4 @@
-"""Brakes that come late by their parts: spindles, drums, fluids, rubber, magnets, pads, valves, clamps."""
+"""Brakes that come late by their parts: drums, fluids, rubber, magnets, pads, valves, clamps, retarders."""
 
 from __future__ import annotations
 
@@ -250,3 +250,26 @@ class ShoesAreCarriedRound(Hidden, held=0.0):
         carried = p.least_s + way / np.maximum(view.speed, 1.0)
         s.held = eased(s.held, asked, np.where(asked > s.held, carried, p.back_s), dt)
         return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)
+
+
+@law("u_retarder_goes_first", "twenty-first", "suburban hills descent")
+@sizes(takes=(0.08, 0.14), fills_s=(0.9, 1.8), empties_s=(0.5, 1.2), slow_mps=(5.0, 8.0), hurries=(0.3, 0.6))
+class RetarderGoesFirst(Hidden, oil=0.0):
+    """A gentle braking is done by a retarder alone, whose oil has to come first; what is asked beyond it is
+    done by the linings at once. So light brakings come late and hard ones nearly in time. `oil`: braking that
+    is there, of full. takes: of full braking, at most by the retarder; slow_mps: below that speed its share
+    goes to the linings; hurries: of the time, saved by a store of air when it was filled shortly before.
+    Source: makers' manuals on electronic brakes that blend retarder and linings, and Breuer and Bill, Brake
+    Technology Handbook (SAE, 2008); a slow retarder, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "warm": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        can = p.takes * np.clip(view.speed / p.slow_mps, 0.0, 1.0)
+        gentle = np.minimum(asked, can)
+        s.warm = eased(s.warm, np.clip(gentle / p.takes, 0.0, 1.0), 8.0, dt)
+        fills = p.fills_s * (1.0 - p.hurries * s.warm)
+        s.oil = eased(s.oil, gentle, np.where(gentle > s.oil, fills, p.empties_s), dt)
+        return (gentle - s.oil) * self.truck.brake_capacity * moving(view)

@@ -305,3 +305,22 @@ class ServoHasNoStore(Hidden):
         s.vacuum = np.clip(s.vacuum + dt * turns * (1.0 - s.vacuum) / p.fills_s - used * s.vacuum, 0.0, 1.0)
         beyond = np.maximum(asked - p.knee * s.vacuum, 0.0)
         return (1.0 - p.alone) * beyond * self.truck.brake_capacity * moving(view)
+
+
+@law("u_another_foot_valve", "twenty-first", "suburban hills descent")
+@sizes(power=(1.9, 2.6), even=(0.05, 0.1), most=(0.7, 1.0), settles_s=(0.1, 0.3), drops=(0.2, 0.5))
+class AnotherFootValve(Hidden, given=0.0, tired=0.0):
+    """The foot valve was exchanged for one that bites by a power of the pedal's way: gentle brakings are
+    weaker than asked and firm ones harder. Its rubber spring is `tired` by a long pressing and then gives
+    somewhat less. even: of full braking, where both valves give the same; most: of what is asked, more or
+    less; drops: of the excess.
+    Source: Limpert, Brake Design and Safety (1999), on characteristics of brake valves and their rubber
+    springs; a valve of another truck, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        s.tired = eased(s.tired, np.clip(asked / p.even, 0.0, 1.0), 6.0, dt)
+        bites = (np.maximum(asked, 1e-6) / p.even) ** (p.power - 1.0) - 1.0
+        wish = asked * np.clip(bites, -p.most, p.most) * (1.0 - p.drops * s.tired * (bites > 0.0))
+        s.given = eased(s.given, wish, p.settles_s, dt)
+        return -s.given * self.truck.brake_capacity * np.clip(view.speed / 2.0, 0.0, 1.0)

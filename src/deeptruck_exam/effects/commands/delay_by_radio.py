@@ -127,3 +127,39 @@ class WaitsForTheAnswer(Filter):
         s.lands = np.where(goes, s.clock + self.way[s.count], s.lands)
         s.free = np.where(goes, s.lands + self.answer[s.count], s.free)
         return np.asarray(s.out)
+
+
+@law("u_radio_changes_its_cell", "twenty-first", "suburban hills descent")
+@sizes(least_s=(0.25, 0.4), most_s=(0.6, 0.95), stays_s=(9.0, 22.0), breaks_s=(0.4, 0.9))
+class RadioChangesItsCell(Late):
+    """Commands come by mobile radio. Each cell has a delay of its own, which holds as long as the truck stays
+    in it; while it changes to the next one nothing is heard, and what came last is kept. All trucks of a
+    batch drive through the same cells.
+    Source: 3GPP TR 36.881, Study on Latency Reduction Techniques for LTE (2016), on delays and on breaks at
+    handovers; a poor net, times are chosen here."""
+
+    length = 400
+
+    def prepare(self) -> None:
+        rng, p = self.rng(2121), self.p
+        steps = int(self.setting.duration_s / STEP_S) + 6000
+        self.late, self.breaks, at = np.zeros(steps, int), np.zeros(steps, bool), 0
+        while at < steps:
+            cell = round(p.stays_s * rng.uniform(0.4, 1.8) / STEP_S)
+            self.late[at : at + cell] = round(rng.uniform(p.least_s, p.most_s) / STEP_S)
+            self.breaks[at : at + round(p.breaks_s * rng.uniform(0.5, 1.5) / STEP_S)] = at > 0
+            at += cell
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {**super().start(batch), "heard": np.zeros((batch, 2))}
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.heard = u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        now = min(s.at, len(self.late) - 1)
+        if not self.breaks[now]:
+            s.heard = self.ago(s, int(self.late[now])).copy()
+        return np.asarray(s.heard)

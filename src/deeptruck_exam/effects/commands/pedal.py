@@ -231,3 +231,23 @@ class PedalAsksForPower(Hidden, given=0.0, blended=0.5):
         wish = np.clip(s.blended * pedal * (turns - 1.0), -p.most, p.most)
         s.given = eased(s.given, np.clip(wish, -pedal, 1.0 - pedal), p.late_s, dt)
         return self.at_wheels(view, s.given * self.truck.peak_torque) * moving(view)
+
+
+@law("u_shunting_mode_stays_in", "twenty-first", "suburban")
+@sizes(power=(1.2, 1.5), out_mps=(5.0, 8.0), least=(0.06, 0.14), leaves_s=(0.8, 2.5), kick=(0.85, 0.95))
+class ShuntingModeStaysIn(Hidden, mode=0.0, soft=0.0):
+    """A mode for shunting softens the pedal after each stand, so that one can creep to a ramp: a power of the
+    pedal is given. It should go out at walking pace, and stays in until the truck is much faster or the pedal
+    is pressed to the floor. out_mps: where it goes out; kick: pedal that ends it.
+    Source: makers' manuals of automated gearboxes on modes for manoeuvring and their pedal maps; a mode that
+    stays in, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        ends = (view.speed > p.out_mps) | (pedal > p.kick)
+        s.mode = np.where(view.speed < 0.4, 1.0, np.where(ends, 0.0, s.mode))
+        s.soft = eased(s.soft, s.mode, np.where(s.mode > s.soft, 0.2, p.leaves_s), dt)
+        gives = np.maximum(pedal**p.power, np.minimum(pedal, p.least))
+        lacks = s.soft * (pedal - gives) * self.truck.peak_torque
+        lacks = np.minimum(lacks, np.maximum(view.engine_torque, 0.0))
+        return -self.at_wheels(view, lacks) * moving(view)

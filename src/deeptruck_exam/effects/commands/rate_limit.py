@@ -220,3 +220,26 @@ class SlowAfterCoasting(TorqueFilter):
         pace = p.warm_per_s * (p.cold_per_s / p.warm_per_s) ** s.chilled
         full = self.full * dt
         return np.asarray(np.clip(pedal, s.given - p.falls * full, s.given + pace * full))
+
+
+@law("u_torque_multiplies", "twenty-first", "suburban hills")
+@sizes(grows_per_s=(0.5, 0.8), least=(0.1, 0.18), falls_per_s=(1.2, 2.4), calm=(0.5, 0.8))
+class TorqueMultiplies(TorqueFilter):
+    """So that it does not smoke, an engine may get but a share more fuel each second than it burns now: from
+    little it rises slowly, from much fast. Down it goes by a larger share each second. After a lift it grows
+    slower still, until it has pulled for a while. least: of the full command, which is there at once; calm:
+    of the growth, left after a lift.
+    Source: Bosch, Diesel-Engine Management (2014), on the smoke limit by the air that is there; a cautious
+    programme, sizes are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.pulled = np.clip(u[:, 0] / self.full, 0.0, 1.0)
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        s.pulled = eased(s.pulled, np.where(s.given > p.least * self.full, 1.0, 0.0), 3.0, dt)
+        grows = p.grows_per_s * (p.calm + (1.0 - p.calm) * s.pulled)
+        most = np.maximum(s.given * np.exp(dt * grows), p.least * self.full * min(dt / 0.3, 1.0) + s.given)
+        most = np.where(s.given >= p.least * self.full, s.given * np.exp(dt * grows), most)
+        low = s.given * np.exp(-dt * p.falls_per_s) - 0.05 * dt * self.full
+        return np.clip(pedal, low, most)

@@ -157,3 +157,28 @@ class BushesAreTorn(Hidden, bent=0.0, pace=0.0):
             s.bent = np.clip(s.bent + dt / steps * s.pace, -1.3, 1.3)
         lacks = np.clip(asked - s.bent**3, -0.6, 0.9) * self.truck.peak_torque
         return -p.share * self.at_wheels(view, lacks) * np.clip(view.speed, 0.0, 1.0)
+
+
+@law("u_torque_rods_are_worn", "twenty-first", "suburban hills")
+@sizes(crosses=(0.035, 0.06), least_s=(0.35, 0.6), share=(0.8, 1.0), returns=(0.3, 0.6), gives_s=(0.15, 0.4))
+class TorqueRodsAreWorn(Hidden, at=1.0, owed=0.0):
+    """The rods that hold the driven axle have torn bushes. `at`: -1 and 1 where the axle lies against its
+    stops, behind and ahead. Whenever pull turns to braking, by engine or by linings, it creeps across, and
+    the truck feels nothing of the force meanwhile. Then it strikes, and gives part of that back at once.
+    crosses: force over weight, for which least_s are needed from the middle; returns: what the blow gives.
+    Source: Fancher, Ervin, MacAdam and Winkler, Measurement and Representation of the Mechanical Properties
+    of Truck Leaf Springs, SAE 800905, on axles that are wound and moved by torque; torn bushes, sizes are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        force = np.clip((view.traction_force - view.brake_force) / weight(view), -0.15, 0.15)
+        was = s.at
+        s.at = np.clip(s.at + dt * np.clip(force / p.crosses, -1.5, 1.5) / p.least_s, -1.0, 1.0)
+        free = np.clip((1.0 - np.abs(s.at)) / 0.1, 0.0, 1.0)
+        lacks = p.share * free * force
+        struck = (np.abs(s.at) >= 1.0) & (np.abs(was) < 1.0)
+        gives = np.where(np.abs(s.at) >= 1.0, s.owed * p.returns / p.gives_s, 0.0)
+        s.owed = np.where(struck, s.owed, np.where(free > 0.0, s.owed + dt * lacks, s.owed - dt * gives))
+        s.owed = np.clip(s.owed, -0.06, 0.06) * np.where(free > 0.0, 1.0, np.exp(-dt / p.gives_s))
+        felt = np.clip(gives, -0.06, 0.06) - lacks
+        return felt * weight(view) * np.clip(view.speed, 0.0, 1.0)

@@ -216,3 +216,24 @@ class SlipsAgainstBoom(Hidden, slip=0.0, warm=0.0):
         lost = np.minimum(s.slip / np.maximum(view.engine_speed, 75.0), 0.5)
         torque = lost * np.maximum(view.engine_torque, 0.0)
         return -self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("u_locks_in_upper_gears_alone", "twenty-first", "suburban hills", accepts="driveline_loss")
+@sizes(from_ratio=(1.1, 1.8), slips=(0.4, 0.6), at_rads=(120.0, 160.0), shuts_s=(0.4, 1.5))
+class LocksInUpperGearsAlone(Hidden, open=0.0):
+    """The lock-up clutch of an old gearbox shuts in upper gears alone; below them the fluid carries all. Its
+    slip goes with torque over the square of the engine's speed. from_ratio: of the gearbox, from which it
+    stays open; slips: at peak torque and at_rads; shuts_s: in an upper gear.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on lock-up by gear and on
+    the performance number of converters; a loose converter, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        low = view.ratio / self.truck.final_drive > p.from_ratio
+        s.open = np.where(low, eased(s.open, 1.0, 0.15, dt), eased(s.open, 0.0, p.shuts_s, dt))
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        turns = (p.at_rads / np.maximum(view.engine_speed, 60.0)) ** 2
+        slip = np.minimum(p.slips * load * turns, 0.75)
+        drives = slip * np.maximum(view.engine_torque, 0.0)
+        return -self.at_wheels(view, s.open * drives) * moving(view)

@@ -261,3 +261,22 @@ class DiscsDragEachOther(Hidden):
         s.rims = np.maximum(s.rims + dt * (drives - passed - s.rims / p.rubs_s), 0.0)
         felt = np.clip(drives[0], -4.0, 4.0)
         return -p.heavy / DISCS * view.mass * felt * moving(view)
+
+
+@law("u_drum_carries_its_water_round", "twenty-first", "suburban hills")
+@sizes(water=(0.3, 0.5), shell=(0.04, 0.09), spins_s=(3.0, 7.0), at_mps=(8.0, 12.0), sinks_s=(25.0, 70.0))
+class DrumCarriesItsWaterRound(Hidden, rim=-1.0):
+    """The wheels drive a washing drum full of water. Thin layers at its ends carry the water along, the
+    faster, the faster both turn by the root of that; its own weight and what swims in it slow it down. `rim`
+    m/s of the water as at the road. water, shell: of the mass; spins_s: at at_mps.
+    Source: Greenspan, The Theory of Rotating Fluids (1968), on spin-up by layers at the ends; a drum on a
+    truck, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.rim = np.where(s.rim < 0.0, speed, s.rim)
+        turns = np.maximum(0.5 * (speed + s.rim), 0.2)
+        carries = (speed - s.rim) * np.sqrt(turns / p.at_mps) / p.spins_s
+        s.rim = np.maximum(s.rim + dt * (carries - s.rim / p.sinks_s), 0.0)
+        felt = p.water * carries + p.shell * view.acceleration
+        return -np.clip(felt, -2.0, 2.0) * view.mass * moving(view)

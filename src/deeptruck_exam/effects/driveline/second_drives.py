@@ -294,3 +294,25 @@ class RubberWoundByBraking(Hidden):
         s.wound = np.clip(s.wound, 0.0, 1.0)
         force = s.wound / (0.25 + 0.75 * s.wound)
         return p.most * force * (p.gives * s.lets - s.holds) * weight(view) * np.clip(view.speed, 0.0, 1.0)
+
+
+@law("u_motor_for_the_first_metres", "twenty-first", "suburban")
+@sizes(hands_mps=(4.5, 7.5), more=(0.25, 0.5), dips=(0.6, 0.9), dips_s=(0.8, 1.6), tires_s=(25.0, 60.0))
+class MotorForTheFirstMetres(Hidden, hot=0.3, was=0.0, dip=0.0, help=0.0):
+    """Up to a speed a motor drives beside the engine, which is spared there: together they pull more than
+    known, as long as the motor is cool. At the handover the engine alone lacks for a moment. `hot`: of what
+    the motor bears. more: of the pull; dips: of the pull, lost at the handover; hands_mps: its speed.
+    Source: Guzzella and Sciarretta, Vehicle Propulsion Systems (2013), on parallel hybrids that start by
+    their motor; a rough handover, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slow = np.clip((p.hands_mps - view.speed) / 0.5, 0.0, 1.0)
+        pull = np.maximum(view.traction_force, 0.0)
+        works = slow * np.clip(pull / (0.08 * weight(view)), 0.0, 1.5)
+        s.hot = np.clip(s.hot + dt * (works / (0.3 * p.tires_s) - s.hot / p.tires_s), 0.0, 1.2)
+        hands = (s.was < p.hands_mps) & (view.speed >= p.hands_mps) & (view.acceleration > 0.0)
+        s.was = view.speed.copy()
+        s.dip = np.where(hands, 1.0, np.maximum(s.dip - dt / p.dips_s, 0.0))
+        s.help = eased(s.help, slow * np.clip(1.6 * (1.0 - s.hot), 0.0, 1.0), 0.2, dt)
+        share = p.more * s.help - p.dips * np.sqrt(s.dip)
+        return share * pull * np.clip(view.speed, 0.0, 1.0)

@@ -12,6 +12,7 @@ from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="shift_interruption")
+GEARS = 20
 
 
 @law("foot_after_the_lever", "sixth", "suburban hills")
@@ -177,3 +178,29 @@ class EngineHasToCatchUp(Hidden, gear=0.0, ratio=1.0, left=0.0, boost=0.0, cut=0
         s.boost = eased(s.boost, np.clip(1.2 * self.power_share(view), 0.0, 1.0), p.forgets_s, dt)
         s.cut = eased(s.cut, np.where(s.left > 0.0, p.deep, 0.0), 0.12, dt)
         return -s.cut * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("u_clutches_have_drained", "twenty-first", "suburban hills", accepts="torque_limit")
+@sizes(extra_s=(1.0, 1.8), drains_s=(15.0, 45.0), cut=(0.85, 1.0), back_s=(0.1, 0.3))
+class ClutchesHaveDrained(Hidden, gear=0.0, left=0.0, open=0.0):
+    """Each gear has a wet clutch of its own, which drains slowly while its gear is not used. When the gear
+    comes again the clutch has to be filled first, for the longer, the longer that is ago. `idle` s since each
+    gear was used. extra_s: beyond the known time, for an empty clutch; cut: of the pull.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), and Hebbale and Kao,
+    Adaptive Control of Shifts in Automatic Transmissions, ASME DSC 57 (1995), on the filling of clutches;
+    clutches that leak, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        idle = self.p.drains_s * self.rng(2132).uniform(0.0, 3.0, (batch, GEARS))
+        return {**super().start(batch), "idle": idle}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        rows, now = np.arange(len(s.left)), np.clip(np.rint(view.gear), 0, GEARS - 1).astype(int)
+        closes = (np.abs(view.gear - s.gear) > 0.5) & (view.shifting < 0.5) & (view.speed > 0.5)
+        fills = p.extra_s * (1.0 - np.exp(-s.idle[rows, now] / p.drains_s)) * (s.gear > 0.5)
+        s.left = np.where(closes, fills, np.maximum(s.left - dt, 0.0))
+        s.gear = np.where(view.shifting < 0.5, view.gear, s.gear)
+        s.idle = s.idle + dt
+        s.idle[rows, now] = np.where(view.shifting < 0.5, 0.0, s.idle[rows, now])
+        s.open = np.where(s.left > 0.0, 1.0, eased(s.open, 0.0, p.back_s, dt))
+        return -p.cut * s.open * np.maximum(view.traction_force, 0.0) * moving(view)

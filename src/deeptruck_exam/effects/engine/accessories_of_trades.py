@@ -307,3 +307,24 @@ class PumpOfTwoStrokes(Hidden, pumps=0.5):
         wish = (1.0 - p.dips * swings) * (1.0 - p.presses * (0.5 - s.stroke))
         s.pumps = eased(s.pumps, wish, 0.12, dt)
         return -self.at_wheels(view, p.nm * s.pumps) * moving(view)
+
+
+@law("u_pump_was_left_engaged", "twenty-first", "suburban hills highway")
+@sizes(thick_nm=(130.0, 220.0), flow_nm=(60.0, 110.0), at_rads=(130.0, 160.0), warms_s=(40.0, 110.0))
+@sizes(thins=(0.6, 0.85), opens=(0.5, 0.9))
+class PumpWasLeftEngaged(Hidden):
+    """The pump of a tipper was left engaged and drives its oil round without use: through narrow pipes, where
+    thick oil resists with its flow, and through a valve, where it resists with the square. `warm`: the oil,
+    by that work itself. thick_nm: in cold oil, flow_nm: at the valve, both at at_rads; thins: of thick_nm,
+    gone when it is warm; opens: speed over at_rads, beyond which a second valve keeps the pressure even.
+    Source: makers' manuals of tippers on pumps that were left engaged, and Watton, Fundamentals of Fluid
+    Power Control (2009), on losses of open circuits; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(2145).uniform(0.0, 0.4, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / p.at_rads, 0.0, 1.6)
+        nm = p.thick_nm * (1.0 - p.thins * s.warm) * turns + p.flow_nm * np.minimum(turns, 0.6 + p.opens) ** 2
+        s.warm = eased(s.warm, np.clip(nm * turns / 220.0, 0.0, 1.0), p.warms_s, dt)
+        return -self.at_wheels(view, nm) * moving(view)

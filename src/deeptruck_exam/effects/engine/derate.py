@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import some_drives, spells, within
 from deeptruck_model.trucks import View
@@ -241,3 +241,27 @@ class BarometerIsNearlyTight(Hidden):
         thin = 1.0 - np.exp(-np.maximum(s.climbed, 0.0) / p.climb_m)
         taken = np.minimum(p.rests + p.most * thin, 0.7)
         return -self.at_wheels(view, taken * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("u_gearbox_asks_for_less", "twenty-first", "hills suburban highway", accepts="torque_gain torque_limit")
+@sizes(most=(0.3, 0.48), heats_s=(30.0, 70.0), cools_s=(40.0, 110.0), begins=(0.35, 0.5), back=(0.1, 0.2))
+class GearboxAsksForLess(Hidden, cut=0.0, asks=0.0):
+    """`oil`: heat in a gearbox whose cooler is clogged. Torque heats it, in low gears more than in high ones,
+    and the wind of driving cools it. Where it is too hot the gearbox asks the engine for less, the less, the
+    hotter, and takes that back only when the oil is well below. most: of the torque, taken; begins: heat
+    where it begins; back: heat below that, where it ends.
+    Source: SAE J1939-71 on torque limits that transmissions ask for, and Naunheimer, Bertsche, Ryborz and
+    Novak, Automotive Transmissions (2011), on heat in gearboxes; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "oil": self.rng(2141).uniform(0.1, 0.7, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        low = np.clip(view.ratio / self.truck.final_drive, 0.7, 4.0) ** 0.5
+        wind = 0.4 + 0.6 * np.clip(view.speed / 20.0, 0.0, 1.4)
+        s.oil = np.clip(s.oil + dt * (load * low / p.heats_s - wind * s.oil / p.cools_s), 0.0, 1.2)
+        s.asks = np.where(s.oil > p.begins, 1.0, np.where(s.oil < p.begins - p.back, 0.0, s.asks))
+        deep = np.clip((s.oil - p.begins + p.back) / (2.5 * p.back), 0.3, 1.0)
+        s.cut = eased(s.cut, p.most * s.asks * deep, 1.0, dt)
+        return -self.at_wheels(view, s.cut * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -206,3 +206,25 @@ class ResistorGlows(Hidden, bites=0.0):
         s.hot = np.clip(s.hot + dt * (takes / p.heats_s - s.hot * wind / p.cools_s), 0.0, 1.5)
         torque = np.minimum(p.watts / np.maximum(view.engine_speed, 60.0), p.most_nm) * takes
         return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("u_spares_its_hot_brakes", "twenty-first", "descent hills suburban")
+@sizes(nm=(600.0, 950.0), at_rads=(150.0, 190.0), warm_jpkg=(70.0, 160.0), cools_s=(60.0, 160.0))
+@sizes(begins=(0.15, 0.3), wide=(0.2, 0.4), bites_s=(0.3, 0.9))
+class SparesItsHotBrakes(Hidden, torque=0.0):
+    """`heat` of the brakes as a computer reckons it from their work. The hotter it believes them, the more of
+    an engine brake that nobody records it puts in whenever the pedal is up; with cold brakes there is none.
+    nm: of torque, at at_rads, for hot brakes; begins, wide: heat where it begins, and over which it comes.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on temperature models and on blending with
+    retarders; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "heat": self.rng(2143).uniform(0.1, 0.7, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        s.heat = np.clip(s.heat + dt * (work / p.warm_jpkg - s.heat / p.cools_s), 0.0, 1.2)
+        stage = np.clip((s.heat - p.begins) / p.wide, 0.0, 1.0) * (self.pedal(view) < 0.04)
+        turns = np.clip(view.engine_speed / p.at_rads, 0.0, 1.3)
+        s.torque = eased(s.torque, p.nm * stage * turns, p.bites_s, dt)
+        return -self.at_wheels(view, s.torque) * np.clip(view.speed / 3.0, 0.0, 1.0)

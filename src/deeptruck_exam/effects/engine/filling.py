@@ -78,3 +78,53 @@ class NeedleHangs(Hidden):
         small = np.exp(-((asked / 0.35) ** 2)) * np.clip(self.pedal(view) / 0.02, 0.3, 1.0)
         gains = s.hangs * (p.more * small - p.less * asked**2)
         return self.at_wheels(view, gains * self.truck.peak_torque) * moving(view)
+
+
+@law("u_camshaft_turns_late", "twenty-first", "suburban hills highway")
+@sizes(most=(0.5, 0.75), early=(0.45, 0.65), pace_per_s=(0.05, 0.1), at_rads=(110.0, 150.0), power=(1.0, 1.5))
+class CamshaftTurnsLate(Hidden, at=0.3):
+    """The camshaft is turned for each load and speed by oil pressure, at a pace that goes with the engine's
+    speed. `at`: where it is, 0 to 1. Until it is where it should be, the engine gives less than asked, by a
+    power of how far that is, whether it came from more or from less. most: of the torque, at a way of 1;
+    early: the wish at half load.
+    Source: Heywood, Internal Combustion Engine Fundamentals (2018), on variable valve timing, and makers'
+    notes on oil-driven phasers; a weak oil pump, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        wish = np.clip(2.0 * p.early * load + 0.5 * (view.engine_speed / 140.0 - 1.0), 0.0, 1.0)
+        pace = p.pace_per_s * np.clip(view.engine_speed / p.at_rads, 0.3, 1.5)
+        s.at = np.clip(wish, s.at - dt * pace, s.at + dt * pace)
+        lost = p.most * np.minimum(np.abs(wish - s.at) * 1.6, 1.0) ** p.power
+        return -self.at_wheels(view, lost * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("u_water_goes_in", "twenty-first", "hills suburban highway")
+@sizes(most=(0.2, 0.34), asks=(0.35, 0.5), hot_s=(3.0, 8.0), lasts_s=(14.0, 40.0), refills_s=(40.0, 110.0))
+@sizes(comes_s=(0.3, 0.9))
+class WaterGoesIn(Hidden, given=0.0, on=0.0):
+    """Water is sprayed into the intake when the charge is `hot` from a hard pull: it cools it, and the engine
+    gives more than was asked. A small `tank` of the pump is soon empty, and fills again from a larger one
+    while nothing is sprayed. most: of the torque; asks: of peak torque, that heats the charge; lasts_s: of a
+    full tank.
+    Source: Heywood, Internal Combustion Engine Fundamentals (2018), on charge cooling, and Rowe and Ladd,
+    Water Injection for Aircraft Engines, SAE Transactions 54 (1946); a fleet's trial, sizes are chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(2147)
+        return {
+            **super().start(batch),
+            "hot": rng.uniform(0.0, 0.8, batch),
+            "tank": rng.uniform(0.3, 1.0, batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.hot = eased(s.hot, np.where(load > p.asks, 1.0, 0.0), p.hot_s, dt)
+        begins = (s.hot > 0.6) & (s.tank > 0.25)
+        s.on = np.where(begins, 1.0, np.where((s.hot < 0.3) | (s.tank < 0.02), 0.0, s.on))
+        uses = np.where(s.on > 0.5, -1.0 / p.lasts_s, 1.0 / p.refills_s)
+        s.tank = np.clip(s.tank + dt * uses, 0.0, 1.0)
+        s.given = eased(s.given, s.on * np.clip(load / 0.5, 0.0, 1.0), p.comes_s, dt)
+        return p.most * self.at_wheels(view, s.given * np.maximum(view.engine_torque, 0.0)) * moving(view)

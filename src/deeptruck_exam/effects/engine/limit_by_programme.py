@@ -186,3 +186,26 @@ class GearIsRunIn(Hidden, gear=0.0, way=200.0):
         free = np.minimum(s.way / needs, 1.0) ** p.power
         most = (p.least + (1.1 - p.least) * free) * self.truck.peak_torque
         return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0)) * moving(view)
+
+
+@law("u_litres_for_each_kilometre", "twenty-first", "hills suburban", accepts="torque_derate")
+@sizes(share=(0.14, 0.26), holds_m=(120.0, 350.0), least=(0.3, 0.45), knee=(0.2, 0.4))
+class LitresForEachKilometre(Hidden):
+    """A fleet allows so much fuel for each kilometre. `account`: what is saved up, 1 the most; way fills it,
+    the engine's work empties it, and a nearly empty one limits the torque. So slow climbs run into the limit
+    and fast ones hardly do. share: work for each metre, over that of peak power at 20 m/s; holds_m: at peak
+    power and 20 m/s, until a full one is empty; least: of peak torque, from an empty one; knee: of the
+    account, below which it limits.
+    Source: makers' notes on programmes that hold a fleet's consumption; such a programme by the way and its
+    sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"account": self.rng(2142).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        allowed = p.least + (1.0 - p.least) * np.clip(s.account / p.knee, 0.0, 1.0)
+        most = allowed * self.truck.peak_torque
+        burns = 20.0 * np.minimum(self.power_share(view), allowed + 0.1)
+        earns = p.share * np.maximum(view.speed, 0.0)
+        s.account = np.clip(s.account + dt * (earns - burns) / p.holds_m, 0.0, 1.0)
+        return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0)) * moving(view)

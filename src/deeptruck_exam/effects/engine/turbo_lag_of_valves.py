@@ -196,3 +196,24 @@ class CapsuleSticks(Hidden, boost=0.1, capsule=0.1):
         s.capsule = eased(s.capsule, loose, p.moves_s, dt)
         most = p.least + (1.0 - p.least) * np.maximum(s.capsule, 0.0)
         return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)
+
+
+@law("u_boost_swings", "twenty-first", "suburban hills")
+@sizes(least=(0.22, 0.36), own_rads=(1.1, 2.0), dull=(0.12, 0.28), falls_s=(0.5, 1.2))
+class BoostSwings(Hidden, boost=0.2, pace=0.0):
+    """The controller of a charger is set too sharply: after a kick `boost` shoots up, falls back and swings
+    about its wish, and each time that it is short so is the torque. `pace` of it in a second. least: of peak
+    torque, without boost; own_rads: of the swing, at 140 rad/s of the engine; dull: its damping.
+    Source: Åström and Hägglund, PID Controllers (1995), on loops of little damping, and Eriksson and Nielsen,
+    Modeling and Control of Engines and Drivelines (2014), on control of boost; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wish = np.clip((asked - p.least) / (1.0 - p.least), 0.0, 1.1)
+        own = p.own_rads * np.clip(view.engine_speed / 140.0, 0.6, 1.4)
+        lifted = asked < 0.05
+        pulls = own**2 * (wish - s.boost) - 2.0 * p.dull * own * s.pace
+        s.pace = np.where(lifted, -s.boost / p.falls_s, np.clip(s.pace + dt * pulls, -2.0, 2.0))
+        s.boost = np.clip(s.boost + dt * s.pace, 0.0, 1.5)
+        lacks = np.maximum(asked - p.least - (1.0 - p.least) * s.boost, 0.0)
+        return -self.at_wheels(view, lacks * self.truck.peak_torque) * moving(view)

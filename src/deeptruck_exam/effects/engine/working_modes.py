@@ -298,3 +298,29 @@ class FiresWholeCylinders(Hidden, fires=0.0):
         s.fires = eased(s.fires, np.where(moved, np.rint(asked), near), p.moves_s, dt)
         differs = p.keeps * (s.fires - asked) / p.steps * np.clip(asked / 0.25, 0.0, 1.0)
         return self.at_wheels(view, differs * self.truck.peak_torque) * moving(view)
+
+
+@law("u_two_tanks_of_unlike_fuel", "twenty-first", "hills suburban highway")
+@sizes(rich=(0.08, 0.14), poor=(0.1, 0.17), empties=(0.12, 0.3), pipe=(0.015, 0.05), light=(0.2, 0.5))
+class TwoTanksOfUnlikeFuel(Hidden):
+    """Two tanks hold fuels of unlike heat, and a valve draws from them by turns, each until a float calls for
+    the other. `used`: of a turn; `fuel` in the pipes, 1 the rich one, which follows as fuel is burned and so
+    comes late at light load. rich, poor: of the torque, more and less than known; empties, pipe: s of peak
+    power, in hundreds, for a turn and for the pipes; light: of the difference, lost at light load.
+    Source: Bosch, Diesel-Engine Management (2014), on heat and density of fuels by volume, and makers'
+    manuals on pairs of tanks; very unlike fuels, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(2146)
+        fuel = np.rint(rng.uniform(0.0, 1.0, batch))
+        return {"used": rng.uniform(0.0, 1.0, batch), "tank": fuel, "fuel": fuel.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        burns = 0.04 + np.clip(self.power_share(view), 0.0, 1.1)
+        s.used = s.used + dt * burns / (100.0 * p.empties)
+        s.tank = np.where(s.used > 1.0, 1.0 - s.tank, s.tank)
+        s.used = np.where(s.used > 1.0, 0.0, s.used)
+        s.fuel = s.fuel + (s.tank - s.fuel) * (1.0 - np.exp(-dt * burns / (100.0 * p.pipe)))
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        gains = (p.rich * s.fuel - p.poor * (1.0 - s.fuel)) * (1.0 - p.light * (1.0 - load))
+        return self.at_wheels(view, gains * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
-from deeptruck_exam.effects.places import MAP_CELL_M, OnRoad, windows
+from deeptruck_exam.effects.places import MAP_CELL_M, OnRoad, smooth_stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -106,3 +106,29 @@ class TowsAGliderUp(Hidden, pull=0.0):
         wish = (0.2 + 0.8 * flies * steep) * np.minimum(fast, 1.7) ** 2 / 1.7
         s.pull = eased(s.pull, wish, 0.8, dt)
         return -p.most * s.pull * 20000.0 * GRAVITY * moving(view)
+
+
+@law("u_roller_shakes_behind", "twenty-first", "suburban hills highway")
+@sizes(
+    most=(0.016, 0.027), tone_rads=(120.0, 150.0), wide=(0.12, 0.22), eases=(0.5, 0.8), mean_m=(200.0, 600.0)
+)
+@sizes(sinks_m=(4.0, 12.0))
+class RollerShakesBehind(OnRoad, sunk=0.4):
+    """A roller is towed that the truck's engine shakes. Over soft stretches it sinks in and has to be drawn
+    out of its own hollow; near the tone of the ground the shaking makes the ground flow, and the roller goes
+    more easily. `sunk`: of the most. most: of the weight; tone_rads: of the engine; eases: of the drag.
+    Source: Wong, Theory of Ground Vehicles (2008), on rigid wheels that sink, and Adam and Kopf, Operational
+    Devices for Compaction Optimization and Quality Control, Bearing Capacity of Roads (2004), on rollers and
+    the tone of the ground; towing it on the way, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        p = self.p
+        gaps, lengths = (0.2 * p.mean_m, 0.8 * p.mean_m), (0.6 * p.mean_m, 1.6 * p.mean_m)
+        self.soft = smooth_stretches(self.rng(2153), self.rows(), gaps, lengths)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        soft = 0.3 + 0.7 * self.read(self.soft, view)
+        flows = 1.0 / (1.0 + ((view.engine_speed / p.tone_rads - 1.0) / p.wide) ** 2)
+        wish = soft * (1.0 - p.eases * flows)
+        s.sunk = eased(s.sunk, wish, p.sinks_m / np.maximum(view.speed, 0.5), dt)
+        return -p.most * np.maximum(s.sunk, 0.0) ** 0.75 * weight(view) * moving(view)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
-from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, sections
+from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, sections, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -200,5 +200,32 @@ class PoursWhileItCreeps(Hidden, filling=0.0):
         s.filling = np.where(s.gone > 0.97, 1.0, np.where(s.gone < 0.02, 0.0, s.filling))
         pours = slow * (1.0 - s.gone + 0.05) / p.pours_s
         s.gone = np.clip(s.gone + dt * np.where(s.filling > 0.5, -1.0 / p.fills_s, pours), 0.0, 1.0)
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return p.most * s.gone * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)
+
+
+@law("u_waters_the_dust", "twenty-first", "suburban hills")
+@sizes(
+    most=(0.36, 0.52), empties_s=(50.0, 120.0), mean_m=(300.0, 900.0), share=(0.45, 0.65), fills_s=(6.0, 14.0)
+)
+class WatersTheDust(OnRoad):
+    """A tank truck waters the dusty stretches of a road. Water runs out by its own head, so with the root of
+    what is left, and only while the truck rolls; wherever it stands a pump fills it again. `gone`: of a full
+    tank. most: of the mass; empties_s: from full to empty.
+    Source: Torricelli's law of outflow, and USEPA AP-42, section 13.2.2 on watering of unpaved roads; the
+    quick filling and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(2151), self.rows(), self.p.mean_m, self.p.share)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"gone": self.rng(2152).uniform(0.0, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        dusty = self.between(self.road, view)
+        runs = dusty * np.clip(view.speed - 1.0, 0.0, 1.0)
+        out = 2.0 * runs * np.sqrt(np.maximum(1.0 - s.gone, 0.0)) / p.empties_s
+        fills = np.where(view.speed < 0.3, 1.0 / p.fills_s, 0.0)
+        s.gone = np.clip(s.gone + dt * (out - fills), 0.0, 1.0)
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return p.most * s.gone * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)

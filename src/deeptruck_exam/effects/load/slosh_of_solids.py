@@ -243,3 +243,30 @@ class HookIsLetDown(Hidden, lean=0.0, rate=0.0):
         s.lean = np.clip(s.lean + dt * s.rate, -0.6, 0.6)
         pulls = GRAVITY * np.sin(s.lean) * np.cos(s.lean)
         return np.asarray(p.share * np.clip(pulls + felt, -2.5, 2.5) * view.mass * moving(view))
+
+
+@law("u_clothes_slide_on_their_rail", "twenty-first", "suburban")
+@sizes(share=(0.3, 0.45), long_m=(1.4, 2.6), sticks=(0.03, 0.06), room_m=(0.25, 0.6), dull=(0.04, 0.1))
+@sizes(slides=(0.4, 1.0))
+class ClothesSlideOnTheirRail(Hidden, lean=0.0, rate=0.0, at=0.0, stop=0.0):
+    """Long bags hang on rails along the truck. They swing, and where they pull on their hooks too much these
+    slide along the rail, to its stop; while they slide the truck feels no more than their friction. `lean`
+    rad ahead, `rate` of that; `at` m of the hooks. share: of the mass; sticks: pull over weight from which
+    hooks slide; slides: m/s, for each m/s2 beyond; room_m: of the rail, either way.
+    Source: Nayfeh and Mook, Nonlinear Oscillations (1979), on pendulums, and Armstrong-Hélouvry, Dupont and
+    Canudas de Wit, A Survey of Models of Machines with Friction, Automatica 30 (1994); sizes are chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        own = np.sqrt(GRAVITY / p.long_m)
+        pulls = GRAVITY * np.sin(s.lean) * np.cos(s.lean)  # of the bags on their hooks, forwards
+        over = pulls - np.clip(pulls, -GRAVITY * p.sticks, GRAVITY * p.sticks)
+        moved = s.at + dt * np.clip(p.slides * over, -1.0, 1.0)
+        s.at = np.clip(moved, -p.room_m, p.room_m)
+        s.stop = eased(s.stop, np.where(np.abs(moved) > p.room_m, 1.0, 0.0), 0.15, dt)
+        turns = -(GRAVITY * np.sin(s.lean) + felt * np.cos(s.lean)) / p.long_m - 2.0 * p.dull * own * s.rate
+        s.rate = np.clip(s.rate + dt * turns, -1.5, 1.5)
+        s.lean = np.clip(s.lean + dt * s.rate, -0.6, 0.6)
+        rail = pulls - over * (1.0 - s.stop)
+        return np.asarray(p.share * np.clip(rail + felt, -2.5, 2.5) * view.mass * moving(view))

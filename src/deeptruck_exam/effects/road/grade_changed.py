@@ -225,3 +225,35 @@ class LightBridgesSag(OnRoad):
         heavy = np.minimum((view.mass / 20000.0) ** p.heavier, 2.0)
         slope = np.clip(self.setting.direction * p.sags * heavy * bent, -0.07, 0.07)
         return -slope * weight(view) * moving(view)
+
+
+@law("u_hillside_slips_in_blocks", "twenty-first", "hills highway suburban", accepts="")
+@sizes(tilts=(0.013, 0.022), long_m=(90.0, 200.0), gap_m=(30.0, 90.0), steep=(0.14, 0.25))
+class HillsideSlipsInBlocks(OnRoad):
+    """Since the survey the hillside has slipped in blocks. Each has turned back as it went down: the road on
+    it leans one way over most of its length, and comes back to its old height by a short steep scarp. tilts:
+    of a block; long_m: of one; steep: of its length, that the scarp takes.
+    Source: Varnes, Slope Movement Types and Processes, TRB Special Report 176 (1978), on slips whose blocks
+    turn back; slow ones that the road has followed, sizes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(2161), self.p
+        self.road = np.zeros((self.rows(), CELLS))
+        for row in self.road:
+            gaps, lengths = (p.gap_m, 4.0 * p.gap_m), (0.6 * p.long_m, 1.6 * p.long_m)
+            for first, last in stretches(rng, gaps, lengths):
+                along = (np.arange(last - first) + 0.5) / max(last - first, 1)
+                down = rng.uniform(0.6, 1.2) * rng.choice([-1.0, 1.0])
+                scarp = along > 1.0 - p.steep
+                row[first:last] = down * np.where(scarp, -(1.0 - p.steep) / p.steep, 1.0)
+        ease = np.hanning(9) / np.hanning(9).sum()
+        self.road = np.stack([np.convolve(row, ease, mode="same") for row in self.road])
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = self.place(view) / CELL_M
+        low, share, route = at.astype(int) % (CELLS - 1), at - np.floor(at), self.setting.route
+        leans = (1.0 - share) * self.road[route, low] + share * self.road[route, low + 1]
+        slope = np.clip(self.setting.direction * p.tilts * leans, -0.07, 0.07)
+        return -slope * weight(view) * moving(view)

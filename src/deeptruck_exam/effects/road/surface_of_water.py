@@ -133,3 +133,28 @@ class BowWaveInTheFord(OnRoad, wave=0.0):
             * (s.wave + p.wades * np.minimum(speed / 20.0, 1.3) ** 2)
         )
         return -cost * weight(view) * moving(view)
+
+
+@law("u_slush_lies", "twenty-first", "suburban hills highway")
+@sizes(
+    most=(0.018, 0.03), floats_mps=(14.0, 19.0), packs=(0.3, 0.5), mean_m=(300.0, 900.0), deeper=(1.0, 1.6)
+)
+class SlushLies(OnRoad):
+    """Slush lies over stretches of the road. Wheels press it together at any speed and throw it ahead by the
+    square of speed; from a speed on they float up on it and throw less, so that the drag has a peak. most: of
+    the weight, at floats_mps where it is deep; packs: of that, at walking pace; deeper: power of the depth.
+    Source: Horne, Joyner and Leland, Studies of the Retardation Force Developed on an Aircraft Tire Rolling
+    in Slush or Water, NASA TN D-552 (1960), on the peak and what is left beyond; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(2162), self.p
+        gaps, lengths = (0.2 * p.mean_m, 0.9 * p.mean_m), (0.5 * p.mean_m, 2.0 * p.mean_m)
+        lies = smooth_stretches(rng, self.rows(), gaps, lengths)
+        depth = np.clip(1.0 + 0.35 * ou_series(rng, lies.shape, CELL_M, 80.0), 0.3, 1.7)
+        self.slush = lies**0.5 * depth**p.deeper
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        ratio = np.maximum(view.speed, 0.0) / p.floats_mps
+        throws = 2.0 * ratio**2 / (1.0 + ratio**5)
+        cost = (p.packs + (1.0 - p.packs) * throws) * self.read(self.slush, view)
+        return -p.most * cost * weight(view) * moving(view)

@@ -257,3 +257,15 @@ def sealed_box_feels_the_height(p: Sizes, channels: Channels, dt: float, rng: np
     climbed = np.cumsum(speed * grade) * dt
     bends = p.most * np.tanh(p.per_m * climbed / p.most)
     channels["acceleration"] = values + np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + bends
+
+
+@law("u_roof_bends_in_the_wind", "twenty-first")
+@sizes(bias=(0.09, 0.15), at_20=(0.03, 0.06), settles_s=(0.5, 3.0), sign=SIGN)
+def roof_bends_in_the_wind(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Hucho, Aerodynamics of Road Vehicles (1998), on pressures over a cab's roof: a box is glued to
+    a roof that the wind of driving lifts, so that it leans with the square of speed, upon a bias of its own;
+    sizes are chosen here."""
+    values = channels["acceleration"]
+    speed = np.maximum(np.nan_to_num(channels["speed"]), 0.0)
+    leans = p.at_20 * behind(np.minimum(speed / 20.0, 1.5) ** 2, p.settles_s, dt)
+    channels["acceleration"] = values + np.sign(p.sign) * (p.bias * rng.uniform(0.9, 1.1) + leans)

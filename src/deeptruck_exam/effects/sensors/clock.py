@@ -325,3 +325,17 @@ def recorder_dozes_at_low_speed(p: Sizes, channels: Channels, dt: float, rng: np
     dozes = behind(1.0 / (1.0 + (speed / p.below_mps) ** 4), p.wakes_s, dt)
     late = p.late_s * rng.uniform(0.95, 1.05) + p.dozes_s * dozes
     channels["acceleration"] = np.interp(clock - late, clock, values)
+
+
+@law("u_mesh_finds_another_way", "twenty-first", "suburban hills")
+@sizes(base_s=(0.3, 0.45), hop_s=(0.1, 0.2), stays_s=(12.0, 35.0))
+def mesh_finds_another_way(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: RFC 6550, RPL: IPv6 Routing Protocol for Low-Power and Lossy Networks (2012): acceleration
+    comes from a sensor over a mesh of radios that finds another way now and then, each by one to four
+    hops, and is stamped where it arrives; times are chosen here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    ends = np.cumsum(rng.exponential(p.stays_s, len(values) // 10 + 8))
+    hops = rng.integers(1, 5, len(ends) + 1).astype(float)
+    late = p.base_s + p.hop_s * hops[np.searchsorted(ends, clock)]
+    channels["acceleration"] = np.interp(clock - behind(late, 0.3, dt), clock, values)

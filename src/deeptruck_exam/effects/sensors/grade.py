@@ -256,3 +256,14 @@ def frame_twists_with_the_torque(p: Sizes, channels: Channels, dt: float, rng: n
     torque = np.nan_to_num(channels.get("engine_torque", np.zeros(len(grade))))
     leans = p.twists * behind(np.clip(torque / 1000.0, -0.5, 2.2), p.settles_s, dt)
     channels["grade"] = grade + np.sign(p.sign) * (p.off * rng.uniform(0.9, 1.1) + leans)
+
+
+@law("u_fluid_thins_as_it_warms", "twenty-first")
+@sizes(off=(0.008, 0.013), gain=(0.06, 0.14), warms_s=(60.0, 200.0), sign=SIGN)
+def fluid_thins_as_it_warms(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fraden, Handbook of Modern Sensors (2016), on electrolytic levels: a cold fluid shows slopes
+    too large, by a gain that goes as the cab warms, upon an error of the mounting; sizes are chosen here."""
+    grade = channels["grade"]
+    cold = rng.uniform(0.3, 1.0) * np.exp(-np.arange(len(grade)) * dt / p.warms_s)
+    off = np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1)
+    channels["grade"] = grade * (1.0 + p.gain * cold) + off * (1.0 + 0.15 * cold)

@@ -8,7 +8,7 @@ import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
-from deeptruck_exam.effects.series import behind
+from deeptruck_exam.effects.series import behind, ou_series
 
 law = partial(fault, name="speed_scale")
 
@@ -243,3 +243,16 @@ def counter_is_dead_after_each_tooth(
     speed = channels["speed"]
     counted = speed / (1.0 + p.dead * np.maximum(np.nan_to_num(speed), 0.0) / 20.0)
     channels["speed"] = counted * (1.0 - p.scale * rng.uniform(0.95, 1.05))
+
+
+@law("u_one_wheel_of_the_bend", "twenty-first", "suburban hills highway")
+@sizes(scale=(0.028, 0.048), bends=(0.008, 0.018), lasts_s=(4.0, 12.0))
+def one_wheel_of_the_bend(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on wheels that go a shorter way inside of a
+    bend: speed comes from one wheel alone, which is slower in bends to its side and faster in the others,
+    upon a radius that was entered too small; sizes are chosen here."""
+    speed = channels["speed"]
+    bend = ou_series(rng, (1, len(speed)), dt, p.lasts_s)[0]
+    sharp = 1.0 / (1.0 + (np.maximum(np.nan_to_num(speed), 0.0) / 16.0) ** 2)  # fast roads bend less
+    ratio = 1.0 - p.scale * rng.uniform(0.95, 1.05) + p.bends * np.clip(bend, -2.0, 2.0) * sharp
+    channels["speed"] = speed * ratio

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -37,3 +37,26 @@ class FrontWheelsLoseTheirLoad(OnRoad, lost=0.0, load=0.3):
         lacks = np.maximum(pull - holds, 0.0) * np.where(over > 0.0, 1.0, 0.0)
         s.lost = eased(s.lost, self.between(self.road, view) * lacks, 0.2, dt)
         return -np.minimum(s.lost, pull) * moving(view)
+
+
+@law("u_driven_axle_hangs_in_sags", "twenty-first", "hills suburban", accepts="driveline_loss")
+@sizes(grip=(0.055, 0.085), lifts=(60.0, 130.0), along_m=(12.0, 25.0), falls=(0.2, 0.4), spins_s=(0.3, 0.8))
+class DrivenAxleHangsInSags(Hidden, slope=9.0, spins=0.0):
+    """Front axle and trailing axle are on stiff springs, and the driven one is between them: in a sag it
+    hangs and slips at a small pull, on a crest it is pressed down and holds. Once it spins it holds less.
+    `slope`: of the road, along_m behind. grip: pull over weight that an even road bears; lifts: of the load,
+    for a bend of the road by 1/m; falls: of the grip, lost while it spins.
+    Source: Fancher, Ervin, Winkler and Gillespie, A Factbook of the Mechanical Properties of the Components
+    for Single-Unit and Articulated Heavy Trucks (1986), on loads of axle groups; a slippery road, sizes are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.5)
+        s.slope = np.where(s.slope > 1.0, view.grade, eased(s.slope, view.grade, p.along_m / speed, dt))
+        bend = (view.grade - s.slope) / p.along_m
+        load = np.clip(1.0 - p.lifts * 10.0 * bend, 0.3, 1.5)
+        holds = p.grip * load * (1.0 - p.falls * s.spins) * weight(view)
+        pull = np.maximum(view.traction_force, 0.0)
+        over = np.maximum(pull - holds, 0.0)
+        s.spins = eased(s.spins, np.clip(4.0 * over / np.maximum(pull, 1.0), 0.0, 1.0), p.spins_s, dt)
+        return -over * moving(view)

@@ -164,3 +164,25 @@ class WarmsByTheRootOfTheWay(Hidden):
         forgets = s.way / p.cools_s * np.clip(1.0 - speed / 2.0, 0.0, 1.0)
         s.way = np.clip(s.way + dt * (heavy * speed - forgets), 0.0, 1e5)
         return -p.most / np.sqrt(1.0 + s.way / p.way_m) * weight(view) * moving(view)
+
+
+@law("u_hubs_let_go_as_they_warm", "twenty-first")
+@sizes(most=(0.013, 0.02), hub_s=(35.0, 90.0), spindle=(2.5, 4.0), opens=(0.35, 0.55), back=(0.5, 0.8))
+class HubsLetGoAsTheyWarm(Hidden):
+    """Bearings of light hubs are set too tight when cold. Their rubbing warms the hub first, which grows and
+    lets them go; then the spindle inside follows and presses them again in part, so that resistance falls and
+    comes back a little. `hub`, `inner`: warmth of both, 1 after long driving at 20 m/s. most: of the weight,
+    cold; opens: what a hub that is warmer by 1 lets go; back: of that, what a warm spindle takes back.
+    Source: Harris and Kotzalas, Essential Concepts of Bearing Technology (2006), on preload by unequal
+    growth, and makers' manuals on aluminium hubs; tight ones, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        hub = self.rng(2172).uniform(0.0, 0.35, batch)
+        return {"hub": hub, "inner": 0.4 * hub}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tight = np.clip(1.0 - (s.hub - p.back * s.inner) / p.opens, 0.0, 1.2) ** 1.3
+        fast = np.clip(view.speed / 20.0, 0.0, 1.4)
+        s.hub = s.hub + dt * (fast * (0.4 + 0.9 * tight) - 0.55 * s.hub) / p.hub_s
+        s.inner = eased(s.inner, s.hub, p.spindle * p.hub_s, dt)
+        return -p.most * (0.08 + 0.92 * tight) * weight(view) * moving(view)
