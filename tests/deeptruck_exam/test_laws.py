@@ -64,6 +64,7 @@ HELPS = {
     "e_gas_in_the_air", "e_fan_that_is_gone",
     "y_ball_shuts_the_valve", "b_servo_has_no_store",
     "u_somebody_follows_closely", "u_water_goes_in",
+    "j_trailers_valve_opens_late", "j_has_to_be_pumped",
 }  # fmt: skip
 BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
     "headwind", "exchanged_bodies", "lining_on_the_dynamometer", "brake_lag", "road_grade", "payload_change",
@@ -85,6 +86,7 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "b_drum_turns_in_the_side_wind", "b_pedal_asks_for_power", "b_rubber_wound_by_braking",
     "b_two_maps_do_not_meet", "b_fires_whole_cylinders", "b_motor_lies_in_the_road",
     "u_another_foot_valve", "u_motor_for_the_first_metres", "u_two_tanks_of_unlike_fuel",
+    "j_sheds_its_servants",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 

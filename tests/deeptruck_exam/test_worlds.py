@@ -21,6 +21,7 @@ from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.playas import basins, held_up, washes_down
 from deeptruck_exam.worlds.polders import hairpins_down, lapses, polders
 from deeptruck_exam.worlds.roundabouts import roundabouts
+from deeptruck_exam.worlds.sand_ridges import cameras, dammed_down, sand_ridges
 from deeptruck_exam.worlds.terraces import stair_down, terraces, works
 from deeptruck_exam.worlds.traffic import zones
 
@@ -325,5 +326,22 @@ def test_treads_of_terraces_are_nearly_level_and_a_stair_has_steps_of_one_height
 def test_roadworks_slow_everywhere_and_hold_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (works(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_ridges_of_sand_are_steepest_at_their_crests_and_dams_at_their_ends():
+    for seed in range(4):
+        grade = sand_ridges(np.random.default_rng(seed), 0.03)
+        assert 0.022 < grade.std() < 0.032 and 0.3 < np.mean(np.abs(grade) < 0.01) < 0.7
+        crests = (grade[:-10] > 0.03) & (grade[10:] < -0.03)  # from steeply up to steeply down in 100 m
+        assert crests.sum() > 50
+    steps = np.diff(dammed_down(np.random.default_rng(5)))
+    assert np.mean(steps < -1e-6) > 0.6 and steps.max() > 3.0 * -steps.min()  # ever steeper, and then level
+
+
+def test_cameras_make_speeds_swing_and_gates_hold_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (cameras(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
     assert highway.std() > 0.8 and down.std() > 0.8

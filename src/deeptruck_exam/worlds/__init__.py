@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_exam.effects.planting import FAMILIES
+from deeptruck_exam.effects.planting import FAMILIES, SEALED
 from deeptruck_exam.worlds.by_land import BY_LAND
 from deeptruck_exam.worlds.by_people import BY_PEOPLE
 from deeptruck_exam.worlds.by_river import BY_RIVER
 from deeptruck_exam.worlds.by_rock import BY_ROCK
 from deeptruck_exam.worlds.by_trade import BY_TRADE
 from deeptruck_exam.worlds.by_water import BY_WATER
+from deeptruck_exam.worlds.sealed_world import SEALED_WORLD
 from deeptruck_exam.worlds.world import World
 
 WORLDS = {
@@ -33,5 +34,7 @@ def of(forms: str, simulator: str, seed: int = 0) -> World:
     """The world a case plays in: the family's own; of all families together, any by the seed."""
     if simulator != "physics":
         return WORLDS["plain"]
+    if forms == SEALED:
+        return SEALED_WORLD
     any_one = list(WORLDS)[np.random.default_rng([seed, 6]).integers(len(WORLDS))]
     return WORLDS[OF_FAMILY.get(forms, any_one)]
