@@ -285,6 +285,8 @@ def _inside(s: Simulator) -> str:
     for name, x in seen.items():
         if np.shape(x) != (batch,):
             raise MissingError(f"inside has {name} of {np.shape(x)}", f"give one value a row: ({batch},)")
+        if not np.isfinite(x).all():
+            raise MissingError(f"inside has {name} that is not finite", "give numbers, or leave it out")
         c = CHANNELS.get(name)
         if c is not None and not np.all((np.asarray(x) >= c.low) & (np.asarray(x) <= c.high)):
             raise MissingError(

@@ -141,6 +141,7 @@ def test_what_ends_every_drive_is_said_once() -> None:
         ),
         ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u, -w)}, "grade", "the opposite"),
         ({"inside": lambda self, state: {"gear": np.ones(7)}}, "inside", "gear of"),
+        ({"inside": lambda self, state: {"traction_force": np.full(3, np.nan)}}, "inside", "not finite"),
         (
             {"inside": lambda self, state: {"engine_speed": np.full(3, 1500.0)}},
             "inside",

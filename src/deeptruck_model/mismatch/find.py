@@ -37,6 +37,7 @@ from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.windows import often_off
 from deeptruck_model.mismatch.report import findings, identifiability, validation
+from deeptruck_model.mismatch.report.given import of_these_drives
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
@@ -219,7 +220,7 @@ def _caveats(e: Evidence, found: Sequence[Finding], fit: FitResult, exclude: Seq
         *([COUNTS_AS_LEARNED] if e.itself is None and not e.known_physics else []),
         *_without_mass(e, found),
         *([WITHOUT_FORMULA] if any(map(_nameless, found)) and not has_formulas() else []),
-        *validation.caveats(fit, any(f.cause is not None for f in found)),
+        *validation.caveats(fit, any(f.cause is not None for f in found), of_these_drives(found)),
     ]
 
 

@@ -5,8 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
-from deeptruck_model.protocol_check import Row, State, drive, start
-from deeptruck_model.signals import SPEED
+from deeptruck_model.protocol_check import (
+    BRAKE,
+    DRIVE_S,
+    ENGINE,
+    Row,
+    State,
+    commands,
+    drive,
+    road,
+    start,
+)
+from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 
 FORCES = (  # all of them, where there is a traction_force: each is read wherever the first is there
@@ -19,6 +29,7 @@ FORCES = (  # all of them, where there is a traction_force: each is read whereve
     "engine_speed",
     "engine_torque",
 )
+APART, APART_M_S2 = 0.5, 0.05  # that forces may be off: rotating masses in low gears, and a step's delay
 STEP, SHOWS = 0.2, 1e-6  # share of a parameter, and m/s of change that it makes
 
 
@@ -28,7 +39,7 @@ def rows(simulator: Simulator) -> list[Row]:
     own = simulator.parameters()
     out = [
         _refitted(simulator),
-        _components(set(seen)),
+        _components(simulator, set(seen)),
         _newtons(set(seen), own, simulator.interface.mass_kg),
         _gears(set(seen)),
     ]
@@ -50,8 +61,6 @@ def _refitted(s: Simulator) -> Row:
 
 
 def _moves(s: Simulator, name: str, value: float) -> bool:
-    from deeptruck_model.protocol_check import BRAKE, ENGINE
-
     i, other = s.interface, s.with_parameters({name: value * (1 + STEP)})
     pedals = [{"engine": ENGINE[i.engine_unit]}]
     pedals += [] if i.brake_unit is None else [{"brake": BRAKE[i.brake_unit]}]
@@ -59,15 +68,34 @@ def _moves(s: Simulator, name: str, value: float) -> bool:
     return max(float(np.abs(x).max()) for x in apart) > SHOWS
 
 
-def _components(seen: set[str]) -> Row:
+def _components(s: Simulator, seen: set[str]) -> Row:
     lacking = [name for name in FORCES if name not in seen]
     if "traction_force" in seen and lacking:
         mend = "tell all of these, or no traction_force"
         return Row("forces", State.NO, f"inside tells traction_force and not {', '.join(lacking)}", mend)
     if not lacking:
-        return Row("forces", State.YES, "traction, brake, drag and rolling are its own")
+        return _balance(s)
     says = "split from its acceleration by recorded engine_torque and engine_speed, else fuel_rate"
     return Row("forces", State.NOTE, says, f"tell {', '.join(FORCES)} in inside(), in SI")
+
+
+def _balance(s: Simulator) -> Row:
+    """Whether mass by acceleration is about what the forces add up to, on a level road."""
+    pedals = [{"engine": ENGINE[s.interface.engine_unit]}, {}]
+    pedals += [] if s.interface.brake_unit is None else [{"brake": BRAKE[s.interface.brake_unit]}]
+    for pedal in pedals:
+        state, y = start(s, 15.0), np.zeros((1, 2))
+        for _ in range(max(2, round(DRIVE_S / s.dt))):
+            state, y = s.step(state, commands(s.interface, 1, **pedal), road(s.interface, 1))
+        f = {name: float(x[0]) for name, x in s.inside(state).items() if name in FORCES}
+        forces = f["traction_force"] - f["brake_force"] - f["drag_force"] - f["rolling_force"]
+        needed = f["mass"] * float(y[0, ACCELERATION])
+        if abs(forces - needed) > APART * max(abs(forces), abs(needed)) + APART_M_S2 * f["mass"]:
+            doing = next(iter(pedal), "no pedal")
+            mend = "tell all in N; brake, drag and rolling above zero where they hold it back"
+            says = f"add up to {forces:.0f} N with {doing}, and mass by acceleration is {needed:.0f} N"
+            return Row("forces", State.NOTE, says, mend)
+    return Row("forces", State.YES, "traction, brake, drag and rolling are its own")
 
 
 def _newtons(seen: set[str], own: dict[str, float], stated_kg: float | None) -> Row:

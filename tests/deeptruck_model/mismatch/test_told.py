@@ -55,6 +55,16 @@ def test_half_of_the_forces_and_parameters_that_do_nothing_are_missing(shuttle: 
     assert found["refitted"].state is State.NO and "changes nothing" in found["refitted"].says
 
 
+@pytest.mark.parametrize(("name", "factor"), [("traction_force", 1e-3), ("brake_force", -1.0)])
+def test_forces_that_do_not_add_up_are_noted(name: str, factor: float) -> None:
+    """Of another unit or sign than the others."""
+    truck = trucks.load("trucksim")
+    own = truck.inside
+    truck.inside = lambda state: {n: x * (factor if n == name else 1.0) for n, x in own(state).items()}  # type: ignore[method-assign]
+    row = rows(truck)["forces"]
+    assert row.state is State.NOTE and "add up to" in row.says and "N" in row.mend
+
+
 class Limited:
     """A truck whose engine gives no more than a part of what it is asked for, N m."""
 

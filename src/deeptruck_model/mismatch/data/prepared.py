@@ -83,9 +83,10 @@ def each_once(
         known = next((other for other in [*chosen, *kept] if _same(r, other)), None)
         if known is not None:
             use = "held out" if any(known is h for h in chosen) else "fitted"
-            caveats.append(
-                f"recording '{r.name}' is the same as '{known.name}', which is {use}; it is used once"
+            same = (
+                f"is the same as '{known.name}', which is {use}" if r.name != known.name else "is given twice"
             )
+            caveats.append(f"recording '{r.name}' {same}; it is {use} once")
         else:
             kept.append(r)
     return kept, chosen, caveats

@@ -74,8 +74,8 @@ TOURS = (
 
 
 ALIKE = (
-    "What belongs to a time, a place or a recording proves nothing on other drives: compare recordings that "
-    "are alike in it by themselves."
+    "What was found belongs to a time, a place or a drive, as a load does: tell the simulator drive by "
+    "drive, or compare only drives that are alike in it."
 )
 
 
@@ -87,7 +87,7 @@ def record_next(m: Mismatch) -> list[str]:
         doubts = [f"To tell whether it is {spoken(name)}: {prose(by)}." for by, name in told.items()]
         return doubts or [f"To be able to say more, {TOURS}."]
     out = [text for f in v.findings if (text := _to_tell(f))]
-    if _of_these_drives(v) and not v.validated:
+    if of_these_drives(v.findings) and not v.validated:
         out.append(ALIKE)
     elif any(f.cause is not None for f in v.findings) and not v.validated:
         simple = next((r for r in v.regimes if len(r.bounds) == 1), None)
@@ -100,9 +100,9 @@ def record_next(m: Mismatch) -> list[str]:
     return out
 
 
-def _of_these_drives(v: Verdict) -> bool:
+def of_these_drives(findings: Sequence[Finding]) -> bool:
     """Whether all forces that were found belong to a time, a place or a recording."""
-    terms = [f.cause.term for f in v.findings if f.cause is not None]
+    terms = [f.cause.term for f in findings if f.cause is not None]
     return bool(terms) and all(t is not None and not t.variant.is_a_law for t in terms)
 
 

@@ -37,6 +37,7 @@ from deeptruck_model.mismatch.result import Conclusion, Verdict
 
 HIDING = 0.03  # m/s^2 of a steady force: half of what tyres take
 MOVED = 3  # parameters in one sentence
+MUCH, LITTLE = 0.25, 0.05  # of the error left, in so little of the time, is worth a look
 
 PARAMETERS_ALONE = "The correction is refitted parameters alone, which drove the fitted recordings best."
 ALONE = "Where nobody tells it the {names}, as in training and the nodes, this error is {after} m/s."
@@ -79,6 +80,7 @@ class Headline:
     by_mean: tuple[str, ...] = ()  # names in the correction that belong to a time, a place or a recording
     alone: HandedOver | None = None  # the correction where nobody tells it all that it asks for
     suspected: tuple[str, ...] = ()  # where nothing was found: names for too little to be noticed
+    most_of_it: str = ""  # likewise: where what is left is, if much of it lies in little of the time
 
 
 def text(verdict: Verdict) -> str:
@@ -134,6 +136,7 @@ def _order(finding: Finding, main: Conclusion) -> tuple[bool, float]:
 def _nothing(verdict: Verdict) -> Headline:
     seen = verdict.data.smallest_visible
     said = force(seen.always, seen.mass_kg) if seen is not None else ""
+    said += f", or {force(seen.rarely, seen.mass_kg)} for 2 % of the time," if seen is not None else ""
     claim = Claim.MUCH_COULD_HIDE if seen is not None and seen.always > HIDING else Claim.AGREES
     sizes = seen.parameters if seen else {}
     off = [f"{spoken_effect(p)} off by {number(100 * x)} %" for p, x in sizes.items() if x < most_tried(p)]
@@ -145,6 +148,7 @@ def _nothing(verdict: Verdict) -> Headline:
         seen_off=_or(off[:MOVED]),
         unseen_off=_or(more[:MOVED]),
         suspected=tuple(dict.fromkeys(s.effect for s in verdict.suspicions)),
+        most_of_it=_most_of_it(verdict),
     )
 
 
@@ -184,7 +188,8 @@ def sentences(h: Headline) -> list[str]:
         return ["No cause can be named.", f"{opened(prose(h.reason))}."]
     if h.claim is Claim.FOUND:
         return [*_found(h), *_shown(h), *_again(h.next_pass)]
-    beside = [*_seen_off(h), *_still_off(h.errors), *_suspected(h.suspected)]
+    left = [h.most_of_it] if h.most_of_it else []
+    beside = [*_seen_off(h), *_still_off(h.errors), *left, *_suspected(h.suspected)]
     if h.claim is Claim.AGREES:
         return [_agrees(h.seen), *beside]
     seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
@@ -209,8 +214,17 @@ def _seen_off(h: Headline) -> list[str]:
 
 
 def _agrees(seen: str) -> str:
-    said = "Nothing is missing: the simulator agrees with these recordings"
+    said = "Nothing missing was found"
     return f"{said}; a steady force above {seen} would have been seen." if seen else f"{said}."
+
+
+def _most_of_it(verdict: Verdict) -> str:
+    """Where the error is that is left, if much of it lies in little of the time; else empty."""
+    most = max(verdict.regimes, key=lambda r: r.share_of_error, default=None)
+    if most is None or most.share_of_error < MUCH or most.share_of_time > LITTLE:
+        return ""
+    time = percent(most.share_of_time)
+    return f"Of its error {percent(most.share_of_error)} is in {time} of the time, where {most.where}."
 
 
 def _found(h: Headline) -> list[str]:

@@ -43,6 +43,8 @@ SMOOTH_S = 1.0
 ROW_INCHES, HEAD_INCHES, WIDTH = 2.9, 0.5, 10.0
 GAP_INCHES = 0.14  # between panels: the tick labels at their edges do not touch
 RESIDUAL_WIDTH = 2.4  # wide, so that it is seen below what explains it
+RESIDUAL = "residual force, mean over 1 s; a mark where it goes beyond"
+USUAL, ROOM = 0.98, 1.5  # of the forces set the scale of their panels, with room above these
 PANELS = (1.0, 0.7, 1.0)  # speed and grade, commands, force
 
 
@@ -128,8 +130,11 @@ def timeline(m: Mismatch) -> tuple[Figure, list[float], int]:
     heights = PANELS if m.evidence is not None else PANELS[:2]
     row = ROW_INCHES * (sum(heights) + 0.35) / (sum(PANELS) + 0.35)
     made = figure(WIDTH, HEAD_INCHES + row * len(chosen))
+    reach = _reach(chosen)
     for k, track in enumerate(chosen):
-        _row(made, track, heights, HEAD_INCHES + row * k, row, _units(m))
+        panels = _row(made, track, heights, HEAD_INCHES + row * k, row, _units(m))
+        if track.force is not None:
+            _forces(panels[2], track, reach)
     _legend(made, m)
     ends = [HEAD_INCHES + row * (k + 1) for k in range(len(chosen))]
     return made, ends, len(every) - len(chosen)
@@ -145,7 +150,8 @@ def _units(m: Mismatch) -> tuple[str, str]:
 
 def _row(
     made: Figure, t: Track, heights: Sequence[float], top: float, row: float, units: tuple[str, str]
-) -> None:
+) -> list[Axes]:
+    """The panels of one recording, speed and commands drawn."""
     total = made.get_size_inches()[1]
     unit = (row - 0.55) / sum(heights)
     panels, at = [], top + 0.22
@@ -164,8 +170,7 @@ def _row(
     thin = slice(None, None, max(1, len(t.time) // POINTS))
     _driven(panels[0], t, thin)
     _commands(panels[1], t, thin, units)
-    if t.force is not None:
-        _forces(panels[2], t, thin)
+    return panels
 
 
 def _driven(ax: Axes, t: Track, thin: slice) -> None:
@@ -189,12 +194,29 @@ def _commands(ax: Axes, t: Track, thin: slice, units: tuple[str, str]) -> None:
         brake.set_ylim(bottom=0)
 
 
-def _forces(ax: Axes, t: Track, thin: slice) -> None:
+def _reach(chosen: Sequence[Track]) -> float:
+    """Half the height of all panels of forces: one scale for all drives, and no spike at a gear change sets
+    it. Zero where there is nothing to see."""
+    seen = np.concatenate([np.abs(t.force) for t in chosen if t.force is not None] or [np.zeros(1)])
+    stated = np.concatenate([np.abs(t.explained) for t in chosen if t.explained is not None] or [np.zeros(1)])
+    acts = stated[stated > 0.0]
+    usual = float(np.nanquantile(seen, USUAL)) if np.isfinite(seen).any() else 0.0
+    return ROOM * max(usual, float(np.quantile(acts, USUAL)) if len(acts) else 0.0)
+
+
+def _forces(ax: Axes, t: Track, reach: float) -> None:
+    """What is beyond `reach` is cut off there, with a mark."""
     assert t.force is not None
+    thin = slice(None, None, max(1, len(t.time) // POINTS))
     ax.axhline(0, color=GREY, lw=0.6)
     ax.plot(t.time[thin], t.force[thin], color=MINT, lw=RESIDUAL_WIDTH)
     if t.explained is not None:
         ax.plot(t.time[thin], t.explained[thin], color=WINE, lw=1.1)
+    if reach > 0.0:
+        ax.set_ylim(-reach, reach)
+        for sign, mark in ((1.0, "^"), (-1.0, "v")):
+            beyond = t.time[thin][np.nan_to_num(sign * t.force[thin]) > reach]
+            ax.plot(beyond, np.full(len(beyond), 0.96 * sign * reach), mark, color=MINT, ms=3, mec="none")
     ax.set_ylabel(f"force, {t.unit}", fontsize=8)
 
 
@@ -214,7 +236,7 @@ def _legend(made: Figure, m: Mismatch) -> None:
         Line2D([], [], color=VERMILION, lw=1, label="brake command"),
     ]
     if m.evidence is not None:
-        entries.append(Line2D([], [], color=MINT, lw=RESIDUAL_WIDTH, label="residual force, mean over 1 s"))
+        entries.append(Line2D([], [], color=MINT, lw=RESIDUAL_WIDTH, label=RESIDUAL))
     if m.explanation is not None and m.explanation.causes:
         entries.append(Line2D([], [], color=WINE, lw=1.1, label="as explained (same panel)"))
     for k, f in enumerate(m.result.findings):

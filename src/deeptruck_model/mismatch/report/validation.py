@@ -48,6 +48,9 @@ UNCHANGED = (
     "no correction by what was found drove the fitted recordings better, so the simulator is as it was "
     "given: nothing may be applied"
 )
+EACH_ITS_OWN = (
+    "what was found is each drive's own, and another one does not have its mean: nothing may be applied"
+)
 NOT_DRIVEN = "no held-out recording is long enough without a gap to judge by: nothing may be applied"
 UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
@@ -160,11 +163,12 @@ def _resampled(fit: FitResult, recordings: int) -> str:
     return f"{recordings} recordings{own}, in {runs}"
 
 
-def caveats(fit: FitResult, found: bool) -> list[str]:
-    """What to know before the corrected simulator is applied."""
+def caveats(fit: FitResult, found: bool, of_these_drives: bool = False) -> list[str]:
+    """What to know before the corrected simulator is applied; what was found may be of these drives alone."""
     e = fit.errors
     not_shown = f"{STILL}: nothing may be applied" if fit.changes_nothing else NOT_BETTER
-    no_better = UNCHANGED if fit.chosen is Chosen.NOTHING else not_shown
+    unchanged = EACH_ITS_OWN if of_these_drives else UNCHANGED
+    no_better = unchanged if fit.chosen is Chosen.NOTHING else not_shown
     refused = _harms(fit) or (no_better if e else NOT_DRIVEN)
     out = [refused] if found and not fit.validated else []
     if e is not None and e.free_model is not None and unnamed_would_help(fit):

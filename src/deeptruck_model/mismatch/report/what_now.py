@@ -16,7 +16,7 @@ TAKE_OVER_BY_PLACE = (
     "The road has it and not the truck: road.csv tells where. The corrected simulator acts by it where it is "
     "told its place:"
 )
-AS_IT_IS = "Use the simulator as it is: on such driving it leaves nothing out that these recordings show."
+AS_IT_IS = "Use the simulator as it is: on such driving nothing is missing that these drives could show."
 
 
 @dataclass(frozen=True)

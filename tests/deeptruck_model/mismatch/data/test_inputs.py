@@ -35,8 +35,8 @@ def test_a_drive_that_is_fitted_and_held_out_is_held_out(drives: list[Recording]
     fit, held, said = each_once([drives[0], drives[0], copy], [drives[1]])
     assert (names(fit), names(held)) == (["d0"], ["d1"])
     assert said == [
-        "recording 'd0' is the same as 'd0', which is fitted; it is used once",
-        "recording 'copy' is the same as 'd1', which is held out; it is used once",
+        "recording 'd0' is given twice; it is fitted once",
+        "recording 'copy' is the same as 'd1', which is held out; it is held out once",
     ]
 
 

@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.report import findings, headline, names
 from deeptruck_model.mismatch.report.headline import Claim, Headline
 from deeptruck_model.mismatch.report.names import Name
 from deeptruck_model.mismatch.report.wording import number, percent
-from deeptruck_model.mismatch.result import Conclusion, SmallestVisible, Verdict
+from deeptruck_model.mismatch.result import Bound, Conclusion, Regime, SmallestVisible, Verdict
 
 PARAMETERS = tuple(findings.NAMES)
 SENSORS = ("acceleration_bias", "speed_scale", "clock_offset", "grade_bias")
@@ -252,6 +252,21 @@ def test_a_name_that_the_correction_holds_instead_of_what_was_found_is_said() ->
     sentences = headline.sentences(headline.of(held))
     assert "It holds driveline loss instead, which comes near to it and is no finding." in sentences
     assert not [s for s in headline.sentences(headline.of(corrected("missing_physics"))) if "instead, " in s]
+
+
+def test_where_most_of_what_is_left_is_is_said() -> None:
+    pulls = (Bound("acceleration over 2 s", 0.5, float("inf"), "m/s²"),)
+    silent = unchanged(0.6)
+    v = replace(silent, regimes=(Regime(pulls, 0.55, 0.026), Regime((), 0.45, 0.974)))
+    told = "Of its error 55 % is in 3 % of the time, where acceleration over 2 s > 0.5 m/s²."
+    assert told in headline.sentences(headline.of(v))
+    even = replace(silent, regimes=(Regime(pulls, 0.1, 0.026), Regime((), 0.9, 0.974)))
+    assert not [s for s in headline.sentences(headline.of(even)) if "Of its error" in s]
+
+
+def test_a_rare_force_that_would_have_been_seen_is_said() -> None:
+    (first, *_) = headline.sentences(headline.of(unchanged(0.6)))
+    assert first.endswith("a steady force above 81 N, or 900 N for 2 % of the time, would have been seen.")
 
 
 def test_what_is_suspected_and_too_little_is_said_beside_nothing() -> None:

@@ -176,7 +176,7 @@ def test_an_unknown_force_shows_its_formula_and_shape(written):
 
 def test_nothing_missing_says_what_would_have_been_seen(written):
     text = text_of(written, "nothing_missing")
-    assert "a steady force above 81.2 N would have been seen." in text
+    assert "a steady force above 81.2 N, or " in text and "for 2 % of the time, would have been seen." in text
     assert "The smallest effect that would have been seen" in text
     assert "mass 2.0 %" in text
 

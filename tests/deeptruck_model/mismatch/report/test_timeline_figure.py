@@ -33,6 +33,21 @@ def test_no_two_lines_look_alike_and_the_residual_is_seen_below_what_explains_it
     assert residual.get_linewidth() > 2 * explained.get_linewidth()
 
 
+def test_forces_have_one_scale_that_no_spike_sets() -> None:
+    """What goes beyond has a mark at the edge."""
+    found = mismatch("missing_physics", count=2)
+    e = found.evidence
+    spiked = e.residual.copy()
+    spiked[40:44] += 50.0
+    made, _, _ = timeline_figure.timeline(replace(found, evidence=replace(e, residual=spiked)))
+    plain, _, _ = timeline_figure.timeline(found)
+    panels, without = ([a for a in m.axes if a.get_ylabel() == "force, kN"] for m in (made, plain))
+    assert len({p.get_ylim() for p in panels}) == 1
+    assert panels[0].get_ylim()[1] < 2.0 * without[0].get_ylim()[1]
+    up, down = ([len(x.get_xdata()) for x in panels[0].get_lines() if x.get_marker() == m] for m in "^v")
+    assert up[0] > 0 and down == [0]
+
+
 def test_nothing_is_shaded_where_nothing_is_compared() -> None:
     found = mismatch("missing_physics", count=2)
     e = found.evidence

@@ -68,6 +68,12 @@ def test_a_correction_that_changes_nothing_of_what_is_held_out_is_not_applied() 
     assert validation.caveats(still, True)[0].startswith(validation.STILL)
 
 
+def test_what_is_each_drives_own_is_told_so_where_its_mean_is_no_correction() -> None:
+    nothing = fit((0.0, 0.0), (-0.1, 0.1), validated=False, chosen=Chosen.NOTHING)
+    assert validation.caveats(nothing, True, of_these_drives=True) == [validation.EACH_ITS_OWN]
+    assert validation.caveats(nothing, True) == [validation.UNCHANGED]
+
+
 def test_an_interval_that_rounds_to_one_number_is_said_once() -> None:
     said = validation.said(fit((0.988, 0.991), (-0.2, 0.1)))
     assert said[1].startswith("Yes, it is 99 % smaller (")
