@@ -44,7 +44,8 @@ ROW_INCHES, HEAD_INCHES, WIDTH = 2.9, 0.5, 10.0
 GAP_INCHES = 0.14  # between panels: the tick labels at their edges do not touch
 RESIDUAL_WIDTH = 2.4  # wide, so that it is seen below what explains it
 RESIDUAL = "residual force, mean over 1 s; a mark where it goes beyond"
-USUAL, ROOM = 0.98, 1.5  # of the forces set the scale of their panels, with room above these
+MOSTLY, WIDER = 0.9, 2.5  # of the residual is far within its panel, whatever spikes do: 4 sd of noise
+NEARLY_ALL, ROOM = 0.98, 1.5  # of what is explained is in it, with room above
 PANELS = (1.0, 0.7, 1.0)  # speed and grade, commands, force
 
 
@@ -200,8 +201,8 @@ def _reach(chosen: Sequence[Track]) -> float:
     seen = np.concatenate([np.abs(t.force) for t in chosen if t.force is not None] or [np.zeros(1)])
     stated = np.concatenate([np.abs(t.explained) for t in chosen if t.explained is not None] or [np.zeros(1)])
     acts = stated[stated > 0.0]
-    usual = float(np.nanquantile(seen, USUAL)) if np.isfinite(seen).any() else 0.0
-    return ROOM * max(usual, float(np.quantile(acts, USUAL)) if len(acts) else 0.0)
+    usual = float(np.nanquantile(seen, MOSTLY)) if np.isfinite(seen).any() else 0.0
+    return max(WIDER * usual, ROOM * float(np.quantile(acts, NEARLY_ALL)) if len(acts) else 0.0)
 
 
 def _forces(ax: Axes, t: Track, reach: float) -> None:
