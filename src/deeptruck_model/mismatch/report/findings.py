@@ -227,7 +227,8 @@ def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
 
 def suspicion(cause: Cause) -> Suspicion:
     """What was found, and withdrawn as held-out drives speak against it."""
-    told = LIBRARY[cause.effect].told_by if cause.effect in LIBRARY else TOLD_BY.get(cause.effect)
+    changes = LIBRARY.get(cause.effect) if cause.kind != Kind.PARAMETER else None  # a drag area may do so too
+    told = changes.told_by if changes is not None else TOLD_BY.get(cause.effect)
     return Suspicion(cause.effect, round(cause.gain, 1), told or AT_ITS_MOMENTS)
 
 

@@ -98,3 +98,12 @@ def test_a_force_that_no_signal_predicts_is_told_with_the_driving_it_acts_in(
     assert "49 % of it is in 2 % of the time, where braking power over 60 s > 2.1 W/kg" in str(told.says)
     assert findings.with_regime(found, [replace(after_braking, share_of_time=0.4)]) == found
     assert findings.with_regime(found, []) == found
+
+
+def test_a_parameter_that_is_suspected_is_told_by_what_tells_a_wrong_one() -> None:
+    """A drag area may be wrong, or change."""
+    wrong, changing = (
+        findings.suspicion(Cause(kind, "drag_area", 10.0, 1.0, np.zeros(3)))
+        for kind in ("parameter_error", "missing_physics")
+    )
+    assert "both ways" in wrong.would_be_told_by and "before and after" in changing.would_be_told_by
