@@ -58,6 +58,7 @@ IMPOSSIBLE = (
     "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
     "see 'deeptruck-model check-simulator'"
 )
+FOR_LESS = "half the usual evidence of a name was asked for, as held-out drives show that something differs"
 LEFT_OUT = "left out of the library, as was asked for: {}"
 OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"
 NO_PLACE = "positions of {} are missing or do not fit the speed: where on the road these were is not known"
@@ -217,6 +218,7 @@ def _caveats(e: Evidence, found: Sequence[Finding], fit: FitResult, exclude: Seq
     """What limits the findings and their correction."""
     return [
         *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
+        *([FOR_LESS] if found and e.rules.least_gain < Rules.least_gain else []),
         *([COUNTS_AS_LEARNED] if e.itself is None and not e.known_physics else []),
         *_without_mass(e, found),
         *([WITHOUT_FORMULA] if any(map(_nameless, found)) and not has_formulas() else []),

@@ -16,7 +16,6 @@ from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
 from deeptruck_model.mismatch.report.wording import spoken
-from deeptruck_model.mismatch.rules import Rules
 
 MOST_NAMES = 14
 PALE = "#cccccc"
@@ -36,8 +35,7 @@ def ranking(x: Explanation) -> Figure:
 
     Parameters alone may gain far more than what matters between names, so long bars are cut at the edge.
     """
-    first = next((c for c in x.causes if c.term is not None), None)
-    group = set(first.not_told_from) if first else set()
+    group = {name for c in x.causes for name in c.not_told_from}
     bars: list[tuple[str, float, str]] = []
     tuned = x.parameters_only.score - x.null.score
     stated = {c.effect for c in x.causes if c.term is not None}
@@ -49,7 +47,7 @@ def ranking(x: Explanation) -> Figure:
     made = figure(10.0, 1.3 + 0.27 * len(bars))
     height = made.get_size_inches()[1]
     ax = made.add_axes((0.30, 0.55 / height, 0.66, (height - 1.0) / height))
-    _bars(ax, bars)
+    _bars(ax, bars, x.model.rules.least_gain)
     used = {tone for _, _, tone in bars}
     made.legend(
         handles=[Patch(color=tone, label=text) for tone, text in KINDS.items() if tone in used],
@@ -63,9 +61,9 @@ def _parameters(x: Explanation) -> str:
     return f"parameters only ({free})" if len(free) < 22 else "parameters only (several)"
 
 
-def _ends(gains: Sequence[float]) -> tuple[float, float]:
+def _ends(gains: Sequence[float], least: float) -> tuple[float, float]:
     """Where bars are cut: well beyond the names, and not so far below zero that the others are squeezed."""
-    limit = ROOM * max(*gains, 2 * Rules.least_gain)
+    limit = ROOM * max(*gains, 2 * least)
     return min(0.0, max(min(gains), -limit)), limit
 
 
@@ -85,14 +83,14 @@ def _number(ax: Axes, k: int, gain: float, low: float, limit: float) -> None:
     ax.text(at, k, text, bbox=box, va="center", ha=side, fontsize=8, color=tint)
 
 
-def _bars(ax: Axes, bars: list[tuple[str, float, str]]) -> None:
-    low, limit = _ends([gain for _, gain, _ in bars[1:]])
+def _bars(ax: Axes, bars: list[tuple[str, float, str]], least: float) -> None:
+    low, limit = _ends([gain for _, gain, _ in bars[1:]], least)
     for k, (_, gain, tone) in enumerate(bars):
         ax.barh(k, min(max(gain, low), limit), color=tone, height=0.7)
         _number(ax, k, gain, low, limit)
     ax.axvline(0, color=INK, lw=0.8)
-    ax.axvline(Rules.least_gain, color=GREEN, lw=1, ls="--")
-    ax.text(Rules.least_gain, -0.75, " least evidence of a name", fontsize=8, color=GREEN, va="bottom")
+    ax.axvline(least, color=GREEN, lw=1, ls="--")
+    ax.text(least, -0.75, " least evidence of a name", fontsize=8, color=GREEN, va="bottom")
     tidy(ax)
     ax.grid(axis="y", visible=False)
     ax.set_xlim(low - (ROOM_BELOW * (limit - low) if low < 0.0 else 0.0), limit)

@@ -10,7 +10,6 @@ from deeptruck_model.mismatch.report import headline, names, wording
 from deeptruck_model.mismatch.report.drawing import colour, words
 from deeptruck_model.mismatch.report.wording import apart, opened, percent, prose, spoken
 from deeptruck_model.mismatch.result import Mismatch, Verdict
-from deeptruck_model.mismatch.rules import Rules
 
 
 @dataclass(frozen=True)
@@ -100,19 +99,20 @@ def rejected_names(m: Mismatch) -> tuple[list[Unstated], list[str]]:
     for name, gain in sorted(m.explanation.ranking, key=lambda named: -named[1]):
         if name in told or gain < 1.0:
             continue
-        gained.append(Unstated(spoken(name), f"{gain:.1f}", _why(name, gain, nearest, winner)))
+        why = _why(name, gain, nearest, winner, m.explanation.model.rules.least_gain)
+        gained.append(Unstated(spoken(name), f"{gain:.1f}", why))
     seen = told | {n for n, g in m.explanation.ranking if g >= 1.0}
     tried = [n for n, x in LIBRARY.items() if n not in m.excluded and m.evidence.has(*x.needs)]
     nothing = [spoken(n) for n in tried if n not in seen]
     return gained, nothing
 
 
-def _why(name: str, gain: float, nearest: str | None, winner: str | None) -> str:
+def _why(name: str, gain: float, nearest: str | None, winner: str | None, least: float) -> str:
     """Why a name that gained some nats is not stated."""
     if name == nearest:
         return "explains too little of what a free model explains"
-    if gain < Rules.least_gain:
-        return f"too little evidence: {Rules.least_gain:.0f} nats are needed"
+    if gain < least:
+        return f"too little evidence: {least:.0f} nats are needed"
     if winner is not None:
         return f"{winner} explains the same better"
     return (

@@ -9,9 +9,10 @@ from found_mismatches import mismatch
 from matplotlib.colors import to_hex
 
 from deeptruck_model.mismatch.finding import Suspicion
+from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.report import error_figures
 from deeptruck_model.mismatch.report import text as page_text
-from deeptruck_model.mismatch.report.drawing import BLUE
+from deeptruck_model.mismatch.report.drawing import BLUE, SKY
 
 RANKING = (("brake_fade", 90.0), ("headwind", 14.0), ("dragging_brake", 87.0), ("load_slosh", -31.0))
 
@@ -65,3 +66,26 @@ def test_what_is_suspected_is_not_said_to_have_gained_nothing() -> None:
     suspected = replace(found.result, suspicions=(Suspicion("road_grade", 30.4, "drive it both ways"),))
     _, after = page_text.rejected_names(replace(found, result=suspected))
     assert set(before) - set(after) == {"road grade"}
+
+
+def test_names_that_a_parameter_is_not_told_from_are_not_drawn_as_rejected() -> None:
+    found = mismatch("missing_physics").explanation
+    off = Cause("parameter_error", "mass", 60.0, 1.0, found.causes[0].force, rivals=(("headwind", 1.0),))
+    assert "headwind" in off.not_told_from
+    (ax,) = error_figures.ranking(replace(found, ranking=RANKING, causes=(off,))).axes
+    tones = [to_hex(bar.get_facecolor()) for bar in ax.patches[1:-1]]
+    assert [tone == SKY.lower() for tone in tones] == [False, False, True, False]
+
+
+def test_the_least_evidence_is_what_was_asked_for() -> None:
+    """Half of it is, where held-out drives show that something differs."""
+    found = mismatch("missing_physics")
+    rules = replace(found.explanation.model.rules, least_gain=10.0)
+    x = replace(
+        found.explanation, ranking=RANKING, model=replace(found.explanation.model, rules=rules), causes=()
+    )
+    (ax,) = error_figures.ranking(x).axes
+    (least,) = [t for t in ax.texts if "least evidence" in t.get_text()]
+    assert least.get_position()[0] == 10.0
+    gained, _ = page_text.rejected_names(replace(found, explanation=x))
+    assert not any("too little evidence" in str(g) for g in gained)
