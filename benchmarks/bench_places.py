@@ -83,7 +83,8 @@ def row(case: Case) -> str:
     said = [" or ".join(f"`{n}`" for n in (f.effect, *f.cannot_be_told_from[:1])) for f in found.findings]
     places = [p for f in found.findings if f.cause and f.cause.term for p in f.cause.term.variant.places]
     where = ", ".join(f"{a:.0f} to {b:.0f}" for a, b in places) or ""
-    wanted = ", ".join(f"{a:.0f} to {b:.0f}" for a, b, _ in case.forces)
+    half = SPACING_M / 2.0  # between points of the road it is a line: what is at one begins halfway before
+    wanted = ", ".join(f"{a - half:.0f} to {b - half:.0f}" for a, b, _ in case.forces)
     errors = fit.errors if fit is not None else None
     assert e is not None and fit is not None and errors is not None
     worth = f"{errors.before.speed:.3f} | {errors.parameters_only.speed:.3f} | {errors.after.speed:.3f}"
@@ -112,9 +113,9 @@ def main() -> None:
         print(lines[-1], flush=True)
     lines += [
         "",
-        "Where the held-out drives tell no positions, the correction changes nothing along them. What acts",
-        "in drives without a place may stand under another name. From other starts without positions nothing",
-        "tells that it is the road's.",
+        "In the fifth case the held-out drives tell no positions: the correction changes nothing along",
+        "them, and they validate nothing. From other starts without positions nothing tells that it is the",
+        "road's.",
     ]
     if out is not None:
         out.write_text("\n".join(lines) + "\n", encoding="utf-8")
