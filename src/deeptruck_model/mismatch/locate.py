@@ -20,6 +20,7 @@ Mask = NDArray[np.bool_]
 
 NOTABLE = 0.02  # m/s^2
 MOST_SEGMENTS = 60
+SMALL = 1e-3  # of the range of a signal: a border so near zero is at zero to whoever reads it
 STANDING_M_S = 0.1  # slower, a truck may stand: a force that is told there shows in nothing
 
 
@@ -91,20 +92,22 @@ def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
         share = float(power[inside].sum() / power.sum())
         time = float(inside.mean())
         if share > 1.3 * time:
-            out.append(Regime(_bounds(tree, node, list(named), e.command_units), share, time))
+            ranges = dict(zip(named, np.ptp(X, axis=0), strict=True))
+            out.append(Regime(_bounds(tree, node, ranges, e.command_units), share, time))
     return sorted(out, key=lambda r: -r.share_of_error)[:most]
 
 
 def _bounds(
-    tree: DecisionTreeRegressor, leaf: int, names: list[str], units: Mapping[str, str]
+    tree: DecisionTreeRegressor, leaf: int, ranges: Mapping[str, float], units: Mapping[str, str]
 ) -> tuple[Bound, ...]:
-    """The path to a leaf, each signal once."""
-    t = tree.tree_
+    """The path to a leaf, each signal once. `ranges` of the signals, in the tree's order."""
+    t, names = tree.tree_, list(ranges)
     bounds: dict[str, list[float]] = {}
     node = 0
     below = {int(n): _under(t, int(n)) for n in range(t.node_count)}
     while t.children_left[node] != -1:
         name, at = names[t.feature[node]], float(t.threshold[node])
+        at = at if abs(at) > SMALL * ranges[name] else 0.0
         low_high = bounds.setdefault(name, [-np.inf, np.inf])
         if leaf in below[int(t.children_left[node])]:
             low_high[1] = min(low_high[1], at)

@@ -67,6 +67,15 @@ def test_a_regime_is_described_by_what_drives_the_error(evidence: Evidence) -> N
     assert "speed" in found[0].where and "m/s" in found[0].where
 
 
+def test_a_border_so_near_zero_that_nobody_reads_it_is_at_zero(evidence: Evidence) -> None:
+    rng = np.random.default_rng(0)
+    command = np.where(np.arange(N) % 7 < 2, -6e-6, rng.uniform(0.5, 40.0, N)) * (np.arange(N) % 5 > 0)
+    e = replace(evidence, signals=evidence.signals | {"engine_command": command})
+    found = locate.regimes(e, 0.3 * (command < 0.0) + rng.normal(0.0, 0.001, N))
+    (border,) = {b.high for b in found[0].bounds if b.signal == "engine_command"}
+    assert border == 0.0
+
+
 def test_an_error_that_is_everywhere_has_no_regime(evidence: Evidence) -> None:
     assert locate.regimes(evidence, np.ones(N)) == []
 

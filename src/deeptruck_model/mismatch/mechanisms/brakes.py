@@ -101,7 +101,7 @@ def _lags(e: Evidence) -> Iterator[Static]:
 def _lag(v: Simple) -> list[Column]:
     match v.constants:
         case BrakeRate(side, rate):
-            return [Column(Rerun(f"{side}_brake", rate), 0.3, "share", mean=1.0)]
+            return [Column(Rerun(f"{side}_brake", rate), 0.3, "share_of_brake_force", mean=1.0)]
         case BrakeLag(side, tau_s):
             return [Column(Rerun(f"{side}_brake", tau_s), 0.3, "time_constant", "s", tau_s, mean=1.0)]
     raise TypeError(f"{v!r} is no lag of a brake")
@@ -167,7 +167,7 @@ def _always_dragging(how: Constants) -> Column:
             return Column(-exp(-(DISTANCE / frees_m)), 0.1, "force", "N", per_mass=True)
         case Keeps(keeps_s, while_braking):  # a lag that rises at once and falls late
             held = RisingLag((-BRAKE,), keeps_s)
-            return Column(held if while_braking else held + BRAKE, 0.1, "share")
+            return Column(held if while_braking else held + BRAKE, 0.1, "share_of_brake_force")
         case LetsGo(decay_s, threshold):
             braking = threshold < BRAKE
             left = exp(-Since((braking,)) / decay_s) * (1.0 - braking)

@@ -78,11 +78,11 @@ def _loss(v: Simple) -> list[Column]:
             return [
                 Column(drag, 0.05, "drag", "N", per_mass=True),
                 Column(drag * (ENGINE_SPEED / OMEGA), 0.05, "drag_per_speed", "N", per_mass=True),
-                Column(-PULL, 0.1, "share"),
+                Column(-PULL, 0.1, "share_of_pull"),
             ]
         case LossByRatio("ratio", reference):
             return [Column(-(PULL * maximum(OVERALL_RATIO / reference - 1.0, 0.0)), 0.1, "share_per_ratio")]
-    return [Column(-absolute(ENGINE), 0.15, "share")]
+    return [Column(-absolute(ENGINE), 0.15, "share_of_engine_force")]
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def _shift(v: Simple) -> list[Column]:
     force = maximum(Lag((PULL,), 1.5), PULL)
     match v.constants:
         case Window(window_s):
-            return [Column(-(force * (since < window_s)), 0.6, "share")]
+            return [Column(-(force * (since < window_s)), 0.6, "share_of_pull")]
         case Stages(until_s):
             return [
                 Column(-(force * _between(since, first, last)), 0.6, f"share_{first:g}_to_{last:g}_s")

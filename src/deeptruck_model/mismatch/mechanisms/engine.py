@@ -85,7 +85,7 @@ def _turbo(v: Simple) -> list[Column]:
     late = minimum(boost - boosted, 0.0) * overall_ratio
     if how.slow_when_slow:
         late = late * minimum(OMEGA / maximum(ENGINE_SPEED, 50.0), 2.0)
-    return [Column(late, 0.7, "share")]
+    return [Column(late, 0.7, "share_of_boosted_pull")]
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ def _limit(v: Simple) -> list[Column]:
             over = maximum(PULL - OVERALL_RATIO / reference * top if reference else PULL - top, 0.0)
         case _:
             raise TypeError(f"{v!r} is no limit")
-    return [Column(-over, 0.5, "share")]
+    return [Column(-over, 0.5, "share_of_what_is_beyond")]
 
 
 MECHANISMS = (
