@@ -29,6 +29,7 @@ FORCES = (  # all of them, where there is a traction_force: each is read whereve
     "engine_speed",
     "engine_torque",
 )
+AGAINST = ("brake_force", "drag_force", "rolling_force")
 APART, APART_M_S2 = 0.5, 0.05  # that forces may be off: rotating masses in low gears, and a step's delay
 STEP, SHOWS = 0.2, 1e-6  # share of a parameter, and m/s of change that it makes
 
@@ -88,11 +89,11 @@ def _balance(s: Simulator) -> Row:
         for _ in range(max(2, round(DRIVE_S / s.dt))):
             state, y = s.step(state, commands(s.interface, 1, **pedal), road(s.interface, 1))
         f = {name: float(x[0]) for name, x in s.inside(state).items() if name in FORCES}
-        forces = f["traction_force"] - f["brake_force"] - f["drag_force"] - f["rolling_force"]
+        forces = f["traction_force"] - sum(abs(f[name]) for name in AGAINST)
         needed = f["mass"] * float(y[0, ACCELERATION])
         if abs(forces - needed) > APART * max(abs(forces), abs(needed)) + APART_M_S2 * f["mass"]:
             doing = next(iter(pedal), "no pedal")
-            mend = "tell all in N; brake, drag and rolling above zero where they hold it back"
+            mend = "tell all of them in N, and mass in kg; traction is positive forwards"
             says = f"add up to {forces:.0f} N with {doing}, and mass by acceleration is {needed:.0f} N"
             return Row("forces", State.NOTE, says, mend)
     return Row("forces", State.YES, "traction, brake, drag and rolling are its own")

@@ -55,14 +55,22 @@ def test_half_of_the_forces_and_parameters_that_do_nothing_are_missing(shuttle: 
     assert found["refitted"].state is State.NO and "changes nothing" in found["refitted"].says
 
 
-@pytest.mark.parametrize(("name", "factor"), [("traction_force", 1e-3), ("brake_force", -1.0)])
-def test_forces_that_do_not_add_up_are_noted(name: str, factor: float) -> None:
-    """Of another unit or sign than the others."""
+@pytest.mark.parametrize(
+    ("name", "factor", "state"),
+    [
+        ("traction_force", 1e-3, State.NOTE),
+        ("traction_force", -1.0, State.NOTE),
+        ("brake_force", 1e-3, State.NOTE),
+        ("mass", 1e-3, State.NOTE),
+        ("brake_force", -1.0, State.YES),  # what holds back counts by its size
+    ],
+)
+def test_forces_that_do_not_add_up_are_noted(name: str, factor: float, state: State) -> None:
     truck = trucks.load("trucksim")
     own = truck.inside
-    truck.inside = lambda state: {n: x * (factor if n == name else 1.0) for n, x in own(state).items()}  # type: ignore[method-assign]
+    truck.inside = lambda at: {n: x * (factor if n == name else 1.0) for n, x in own(at).items()}  # type: ignore[method-assign]
     row = rows(truck)["forces"]
-    assert row.state is State.NOTE and "add up to" in row.says and "N" in row.mend
+    assert row.state is state and ("add up to" in row.says) == (state is State.NOTE)
 
 
 class Limited:
