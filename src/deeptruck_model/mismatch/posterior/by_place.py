@@ -20,7 +20,6 @@ from deeptruck_model.mismatch.posterior.windows import ENDS, LARGEST_LOG, steady
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 BIN_M, BIN_S, MOST_BINS = 10.0, 1.0, 2000  # wider where the road, or a drive, is long
 FINER = 10  # ends are told to so many parts of a bin
@@ -85,17 +84,11 @@ def _lost(e: Evidence, left: Array) -> tuple[Span, ...]:
         return ()
     found: list[tuple[float, Span]] = []
     for i, s in enumerate(e.stretches):
-        known, elapsed = e.valid[s.rows], e["elapsed"][s.rows]
+        known = e.valid[s.rows]
         if s.held_out or not known.any() or _meets(e, i):
             continue
-        wide = max(BIN_S, float(elapsed[-1] - elapsed[0]) / MOST_BINS)
-        bins = ((elapsed - elapsed[0]) / wide).astype(int)
-        total: Array = np.bincount(bins[known], left[s.rows][known]).astype(float)
-        z = _standardised(total, np.bincount(bins[known]))
-        for a, b in steps(z, e.rules.stands_out):
-            off = float(abs(z[a:b].sum()) / np.sqrt(b - a))
-            begin, end = elapsed[0] + wide * a, elapsed[0] + wide * b
-            found.append((off, (i, *_ends(elapsed[known], left[s.rows][known], begin, end, wide))))
+        elapsed, own = e["elapsed"][s.rows][known], left[s.rows][known]
+        found += [(off, (i, a, b)) for off, a, b in _stands_out(elapsed, own, BIN_S, e.rules.stands_out)]
     return tuple(sorted(span for _, span in sorted(found, reverse=True)[:MOST]))
 
 
@@ -105,20 +98,26 @@ def stretches(e: Evidence, left: Array) -> Places:
     known = e.valid & ~e.held_out & (e["place"] >= 0.0)
     if not known.any():
         return ()
-    wide = max(BIN_M, float(e["place"][known].max()) / MOST_BINS)
-    bins = np.maximum(e["place"] / wide, 0.0).astype(int)
-    passing = _passes(bins, e.record)
-    total: Array = np.bincount(bins[known], left[known]).astype(float)
-    z = _standardised(total, np.bincount(bins[known]))
+    place, own, passing = e["place"][known], left[known], _passes(e["place"], e.record)[known]
     found = [
-        (
-            float(abs(z[a:b].sum()) / np.sqrt(b - a)),
-            _ends(e["place"][known], left[known], wide * a, wide * b, wide),
-        )
-        for a, b in steps(z, e.rules.stands_out)
-        if _alike(left[known & (bins >= a) & (bins < b)], passing[known & (bins >= a) & (bins < b)])
+        (off, (a, b))
+        for off, a, b in _stands_out(place, own, BIN_M, e.rules.stands_out)
+        if _alike(own[(place >= a) & (place < b)], passing[(place >= a) & (place < b)])
     ]
-    return tuple(sorted(place for _, place in sorted(found, reverse=True)[:MOST]))
+    return tuple(sorted(where for _, where in sorted(found, reverse=True)[:MOST]))
+
+
+def _stands_out(x: Array, left: Array, wide: float, off: float) -> list[tuple[float, float, float]]:
+    """By how many sd of its noise, and from where to where of `x` (n,), what is `left` (n,) is off together,
+    by `off` sd at least. Found in bins as `wide`, or wider where there would be too many."""
+    wide = max(wide, float(np.ptp(x)) / MOST_BINS)
+    first = wide * float(np.floor(x.min() / wide))
+    bins = ((x - first) / wide).astype(int)
+    z = _standardised(np.bincount(bins, left).astype(float), np.bincount(bins))
+    return [
+        (float(abs(z[a:b].sum()) / np.sqrt(b - a)), *_ends(x, left, first + wide * a, first + wide * b, wide))
+        for a, b in steps(z, off)
+    ]
 
 
 def _meets(e: Evidence, i: int) -> bool:
@@ -147,10 +146,10 @@ def _standardised(total: Array, count: NDArray[np.intp]) -> Array:
     return z / max(1.4826 * float(np.median(np.abs(z[count > 0]))), 1e-9)
 
 
-def _passes(bins: NDArray[np.intp], record: NDArray[np.intp]) -> NDArray[np.intp]:
+def _passes(place: Array, record: NDArray[np.intp]) -> NDArray[np.intp]:
     """The number of the pass that each row is of, (n,): a new one begins with each recording, and where a
     drive comes back to where it was."""
-    return np.cumsum(np.concatenate([[True], (np.diff(bins) < -1) | (np.diff(record) != 0)]))
+    return np.cumsum(np.concatenate([[True], (np.diff(place) < -2.0 * BIN_M) | (np.diff(record) != 0)]))
 
 
 def _alike(left: Array, passing: NDArray[np.intp]) -> bool:

@@ -136,7 +136,8 @@ def _order(finding: Finding, main: Conclusion) -> tuple[bool, float]:
 def _nothing(verdict: Verdict) -> Headline:
     seen = verdict.data.smallest_visible
     said = force(seen.always, seen.mass_kg) if seen is not None else ""
-    said += f", or {force(seen.rarely, seen.mass_kg)} for 2 % of the time," if seen is not None else ""
+    if seen is not None and seen.rarely > seen.always:
+        said += f", or {force(seen.rarely, seen.mass_kg)} for 2 % of the time,"
     claim = Claim.MUCH_COULD_HIDE if seen is not None and seen.always > HIDING else Claim.AGREES
     sizes = seen.parameters if seen else {}
     off = [f"{spoken_effect(p)} off by {number(100 * x)} %" for p, x in sizes.items() if x < most_tried(p)]

@@ -267,6 +267,8 @@ def test_where_most_of_what_is_left_is_is_said() -> None:
 def test_a_rare_force_that_would_have_been_seen_is_said() -> None:
     (first, *_) = headline.sentences(headline.of(unchanged(0.6)))
     assert first.endswith("a steady force above 81 N, or 900 N for 2 % of the time, would have been seen.")
+    (first, *_) = headline.sentences(headline.of(unchanged(0.6, always_n=1000.0)))
+    assert "for 2 % of the time" not in first
 
 
 def test_what_is_suspected_and_too_little_is_said_beside_nothing() -> None:
