@@ -20,6 +20,8 @@ from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 Array = NDArray[np.float64]
 
 DPI = 110
+MOSTLY, WIDER = 0.9, 2.5  # of the residual is far within its panel, whatever spikes do: 4 sd of noise
+NEARLY_ALL, ROOM = 0.98, 1.5  # of what is explained is in it, with room above
 # Okabe and Ito's colours, distinguishable by all kinds of colour vision
 INK, GREY, BLUE, ORANGE, GREEN = "#222222", "#999999", "#0072B2", "#E69F00", "#009E73"
 VERMILION, PURPLE, SKY = "#D55E00", "#CC79A7", "#56B4E9"
@@ -106,3 +108,12 @@ def strips(picture: bytes, ends: Sequence[float]) -> tuple[bytes, ...]:
 def drawn(e: Evidence, force: Array) -> tuple[Array, str]:
     """A force per mass (m/s^2) as it is drawn, and its unit: kN where the mass is known."""
     return (force * e.mass / 1000.0, "kN") if e.mass_known else (force, "m/s²")
+
+
+def usual_reach(residual: Sequence[Array], explained: Sequence[Array]) -> float:
+    """Half the height of a panel of forces, from those of every drive, (n,) each: one scale for all, and no
+    spike at a gear change sets it. Zero where there is nothing to see."""
+    seen, stated = (np.abs(np.concatenate([*x, np.zeros(0)])) for x in (residual, explained))
+    seen, acts = seen[np.isfinite(seen)], stated[stated > 0.0]
+    usual = float(np.quantile(seen, MOSTLY)) if len(seen) else 0.0
+    return max(WIDER * usual, ROOM * float(np.quantile(acts, NEARLY_ALL)) if len(acts) else 0.0)

@@ -25,6 +25,7 @@ from deeptruck_model.mismatch.report.drawing import (
     drawn,
     figure,
     tidy,
+    usual_reach,
     words,
 )
 from deeptruck_model.mismatch.report.given import as_given
@@ -44,8 +45,6 @@ ROW_INCHES, HEAD_INCHES, WIDTH = 2.9, 0.5, 10.0
 GAP_INCHES = 0.14  # between panels: the tick labels at their edges do not touch
 RESIDUAL_WIDTH = 2.4  # wide, so that it is seen below what explains it
 RESIDUAL = "residual force, mean over 1 s; a mark where it goes beyond"
-MOSTLY, WIDER = 0.9, 2.5  # of the residual is far within its panel, whatever spikes do: 4 sd of noise
-NEARLY_ALL, ROOM = 0.98, 1.5  # of what is explained is in it, with room above
 PANELS = (1.0, 0.7, 1.0)  # speed and grade, commands, force
 
 
@@ -131,7 +130,8 @@ def timeline(m: Mismatch) -> tuple[Figure, list[float], int]:
     heights = PANELS if m.evidence is not None else PANELS[:2]
     row = ROW_INCHES * (sum(heights) + 0.35) / (sum(PANELS) + 0.35)
     made = figure(WIDTH, HEAD_INCHES + row * len(chosen))
-    reach = _reach(chosen)
+    forces = [t.force for t in chosen if t.force is not None]
+    reach = usual_reach(forces, [t.explained for t in chosen if t.explained is not None])
     for k, track in enumerate(chosen):
         panels = _row(made, track, heights, HEAD_INCHES + row * k, row, _units(m))
         if track.force is not None:
@@ -193,16 +193,6 @@ def _commands(ax: Axes, t: Track, thin: slice, units: tuple[str, str]) -> None:
         brake = _second(ax, f"brake,\n{units[1]}")
         brake.plot(t.time[thin], t.signals["brake_command"][thin], color=VERMILION, lw=0.9)
         brake.set_ylim(bottom=0)
-
-
-def _reach(chosen: Sequence[Track]) -> float:
-    """Half the height of all panels of forces: one scale for all drives, and no spike at a gear change sets
-    it. Zero where there is nothing to see."""
-    seen = np.concatenate([np.abs(t.force) for t in chosen if t.force is not None] or [np.zeros(1)])
-    stated = np.concatenate([np.abs(t.explained) for t in chosen if t.explained is not None] or [np.zeros(1)])
-    acts = stated[stated > 0.0]
-    usual = float(np.nanquantile(seen, MOSTLY)) if np.isfinite(seen).any() else 0.0
-    return max(WIDER * usual, ROOM * float(np.quantile(acts, NEARLY_ALL)) if len(acts) else 0.0)
 
 
 def _forces(ax: Axes, t: Track, reach: float) -> None:

@@ -46,6 +46,17 @@ def test_a_block_is_the_mean_and_the_ends_of_its_rows(physics: Mismatch) -> None
     np.testing.assert_allclose(columns["speed"], e["speed"][s.rows].reshape(-1, 5).mean(axis=1), rtol=1e-3)
 
 
+def test_no_spike_sets_the_scale_of_forces(physics: Mismatch) -> None:
+    e = physics.evidence
+    assert e is not None
+    spiked = e.residual.copy()
+    spiked[40:50] += 50.0
+    plain, other = (
+        explorer.of(replace(physics, evidence=replace(e, residual=r)))["reach"] for r in (e.residual, spiked)
+    )
+    assert 0.0 < plain <= other < 1.5 * plain
+
+
 def test_what_is_not_compared_is_left_empty(physics: Mismatch) -> None:
     e = physics.evidence
     assert e is not None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.posterior import modelled
 from deeptruck_model.mismatch.posterior.free_law import features
 from deeptruck_model.mismatch.report import headline, names
-from deeptruck_model.mismatch.report.drawing import colour, drawn, label
+from deeptruck_model.mismatch.report.drawing import colour, drawn, label, usual_reach
 from deeptruck_model.mismatch.report.explorer.curves import Curve, curve
 from deeptruck_model.mismatch.report.given import as_given
 from deeptruck_model.mismatch.report.regime_figure import telling_pair
@@ -115,6 +115,7 @@ def _compared(m: Mismatch, e: Evidence) -> Json:
         "unit": forces.unit,
         "block_s": round(blocks.seconds, 3),
         "row_s": round(e.dt, 3),
+        "reach": _reach(e, blocks, forces),
         "explains": any(c is not None for c in causes),
         "refitted": _beside(forces),
         "axes": {n: label(n, e.command_units) for n in axes},
@@ -123,6 +124,12 @@ def _compared(m: Mismatch, e: Evidence) -> Json:
         "findings": [_finding(m, k, c) for k, c in enumerate(curves)],
         "held_out": _held_out(m, e),
     }
+
+
+def _reach(e: Evidence, blocks: Blocks, forces: _Forces) -> float:
+    """Half the height of what shows forces, in their unit."""
+    every = [[blocks.mean(x[s.rows]) for s in e.stretches] for x in (forces.residual, forces.explained)]
+    return max(usual_reach(*every), LEAST_REACH)
 
 
 def _beside(forces: _Forces) -> bool:
@@ -169,6 +176,7 @@ def _drive(e: Evidence, s: Stretch, blocks: Blocks, f: _Forces, axes: Mapping[st
     return _rounded(s.name, s.start_s, s.held_out, columns)
 
 
+LEAST_REACH = 1e-3  # kN, or m/s^2
 POSITION = ("latitude", "longitude")
 
 
@@ -186,6 +194,7 @@ def _driven(m: Mismatch) -> Json:
         "unit": "",
         "block_s": round(blocks.seconds, 3),
         "row_s": round(dt, 3),
+        "reach": 0.0,
         "explains": False,
         "refitted": False,
         "axes": {},

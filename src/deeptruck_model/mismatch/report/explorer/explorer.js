@@ -14,8 +14,7 @@ class State {
     this.axes = [...DATA.pair];
     this.chosen = null;
     this.usual = usualReach(this.drives);
-    const drawn = this.drives.flatMap(d => [d.columns.residual || [], d.columns.explained || []]);
-    this.forceReach = reach(drawn.concat([[0]]));
+    this.forceReach = [-DATA.reach, DATA.reach];
     this.whole();
   }
 

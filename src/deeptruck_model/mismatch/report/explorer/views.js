@@ -15,6 +15,11 @@ function usualReach(drives) {
   return sizes.length ? Math.max(sizes[Math.floor(0.98 * (sizes.length - 1))], 1e-3) : 1;
 }
 
+// A spike stands at the edge of what shows forces, where it can be marked.
+function withinReach(forces) {
+  return forces.map(v => known(v) ? Math.max(-DATA.reach, Math.min(DATA.reach, v)) : v);
+}
+
 // One drive along time: speed above, residual and explained force below.
 class Timeline {
   constructor(state, index, canvas) {
@@ -128,7 +133,9 @@ class Track extends Cloud {
     ];
   }
 
-  along(d) { return [d.columns.distance, d.columns.residual || d.columns.speed]; }
+  along(d) {
+    return [d.columns.distance, d.columns.residual ? withinReach(d.columns.residual) : d.columns.speed];
+  }
 
   columns(d) { return this.places.get(d); }
 
@@ -185,7 +192,9 @@ class Regimes extends Cloud {
 
 // Residual against what the findings explain; where they explain nothing, against the simulated acceleration.
 class Explained extends Cloud {
-  columns(d) { return [DATA.explains ? d.columns.explained : d.columns.simulated, d.columns.residual]; }
+  columns(d) {
+    return [DATA.explains ? d.columns.explained : d.columns.simulated, withinReach(d.columns.residual)];
+  }
 
   draw() {
     const {plot, state} = this, x = this.ends(0);
