@@ -149,7 +149,8 @@ def _standardised(total: Array, count: NDArray[np.intp]) -> Array:
 def _passes(place: Array, record: NDArray[np.intp]) -> NDArray[np.intp]:
     """The number of the pass that each row is of, (n,): a new one begins with each recording, and where a
     drive comes back to where it was."""
-    return np.cumsum(np.concatenate([[True], (np.diff(place) < -2.0 * BIN_M) | (np.diff(record) != 0)]))
+    back = np.diff(np.floor(place / BIN_M)) < -1
+    return np.cumsum(np.concatenate([[True], back | (np.diff(record) != 0)]))
 
 
 def _alike(left: Array, passing: NDArray[np.intp]) -> bool:
