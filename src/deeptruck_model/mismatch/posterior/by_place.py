@@ -149,8 +149,8 @@ def _standardised(total: Array, count: NDArray[np.intp]) -> Array:
 def _passes(place: Array, record: NDArray[np.intp]) -> NDArray[np.intp]:
     """The number of the pass that each row is of, (n,): a new one begins with each recording, and where a
     drive comes back to where it was."""
-    back = np.diff(np.floor(place / BIN_M)) < -1
-    return np.cumsum(np.concatenate([[True], back | (np.diff(record) != 0)]))
+    bins = np.floor(place / BIN_M)
+    return np.cumsum(np.concatenate([[True], (np.diff(bins) < -1) | (np.diff(record) != 0)]))
 
 
 def _alike(left: Array, passing: NDArray[np.intp]) -> bool:
