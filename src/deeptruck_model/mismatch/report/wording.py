@@ -138,6 +138,7 @@ IN = re.compile(r"(?P<name>[^\[]+)\[(?P<where>.+)\]")  # in one recording, or at
 NOTHING = 1e-3  # of the widest place on a curve: a place nearer to zero is zero
 ADD_UP = "what acts at a moment is the sum of all that hold there: {}"
 KNOT = re.compile(r"\d (s|m)$")  # a place in time or along the road
+STRETCH = re.compile(r"\d to \d+ (s|m)$")  # from one to another
 RECORDINGS = 8  # in one row
 NONE_SURE = "in no recording surely other than zero"
 THERE_ALONE = "in that recording or near that moment alone"
@@ -195,6 +196,8 @@ def _named(name: str, shown: Parameters) -> str:
         x = 0.0 if abs(x) < NOTHING * widest else x
         return " ".join(filter(None, [f"at {words(by)} of {number(x)}", unit(by, {})]))
     if own:
+        if STRETCH.search(own["where"]):
+            return f"{words(own['name'])} at {own['where']}"
         near = KNOT.search(own["where"])
         return f"{words(own['name'])} {'near' if near else 'in'} {own['where']}{'' if near else ' alone'}"
     return SETTINGS.get(name, words(name)) if shown[name].picked else _plain(name)

@@ -88,6 +88,12 @@ def test_a_curve_beside_a_known_form_is_added_to_it_also_where_a_time_was_picked
     assert rows["together"].endswith("hold there: force at 150 rad/s, the curve over engine speed")
 
 
+def test_a_size_along_a_stretch_is_told_at_its_ends() -> None:
+    size = Size(3000.0, "N", (2950.0, 3050.0))
+    sizes = {"force[1501 to 1751 m]": size, "force[drive_2, 72 to 88 s]": size}
+    assert list(shown(sizes))[:2] == ["force at 1501 to 1751 m", "force at drive_2, 72 to 88 s"]
+
+
 def test_a_terminal_tells_settings_and_sizes_but_no_places_of_a_curve() -> None:
     sizes = {
         "at speed 12": Size(0.2, "1", (0.1, 0.3)),
