@@ -121,9 +121,9 @@ def _stands_out(x: Array, left: Array, wide: float, off: float) -> list[tuple[fl
 
 
 def _meets(e: Evidence, i: int) -> bool:
-    """Whether a drive comes by where another one does."""
+    """Whether a drive comes by where another one does that is fitted too: held-out ones show nothing here."""
     place, own = np.floor(e["place"] / BIN_M), e.record == i
-    return bool(np.isin(place[own & (place >= 0.0)], place[~own]).any())
+    return bool(np.isin(place[own & (place >= 0.0)], place[~own & ~e.held_out]).any())
 
 
 def _ends(x: Array, left: Array, begin: float, end: float, wide: float) -> tuple[float, float]:

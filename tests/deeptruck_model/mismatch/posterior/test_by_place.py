@@ -77,6 +77,23 @@ def test_a_drive_that_meets_no_other_has_it_in_its_own_time(passed: Evidence, no
     )
 
 
+def test_a_drive_that_meets_but_what_is_held_out_has_it_in_its_own_time(passed: Evidence) -> None:
+    """The third drive, held out, is on the road of the first; the second passes its own one twice."""
+    e = passed
+    last = e.record == 1
+    again = (e["place"] >= 4000.0) & (e["place"] < 4300.0) & last
+    place = np.where(last, np.where(again, e["place"] - 2500.0, e["place"]), 1e5 + e["place"])
+    held = last & (e["elapsed"] > 480.0)
+    first, second = e.stretches
+    begin = int(np.flatnonzero(held)[0])
+    parts = (first, replace(second, stop=begin), Stretch("c", begin, len(e), 0.0, True))
+    place = np.where(held, 1e5 + SOFT[0] + np.arange(len(e)) % 300, place)
+    given = replace(
+        e, stretches=parts, signals=e.signals | {"place": place}, residual=e.residual - FORCE * again
+    )
+    assert [record for record, *_ in best_of(given).named[-1].variant.parts[-1].spans] == [0]
+
+
 def test_the_ends_are_told_to_a_metre(passed: Evidence) -> None:
     e = passed
     soft = (e["place"] >= 1403.0) & (e["place"] < 1667.0)
