@@ -119,7 +119,7 @@ def test_the_safety_core_stands_alone() -> None:
 FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
-        "errors", "files", "reading", "console", "checks", "constants", "vehicle_kinds",
+        "account", "errors", "files", "reading", "console", "checks", "constants", "vehicle_kinds",
         "outside.reference", "outside.saved", "outside.truck",
     )
 )  # fmt: skip

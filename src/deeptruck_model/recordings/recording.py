@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -32,6 +33,7 @@ class Recording:
     interface: TruckInterface
     start_s: float = 0.0
     notes: tuple[str, ...] = field(default=())  # what extraction did: derived channels, rejected samples
+    account: Account | None = field(default=None, compare=False)  # of the bag, log or table it came from
 
     def __len__(self) -> int:
         return len(self.channels["speed"])
