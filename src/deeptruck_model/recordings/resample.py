@@ -72,7 +72,7 @@ class Resampler:
         self._parts: dict[str, list[Series]] = {}
         self._periods: dict[str, float] = {}
         self._pieces: list[_Piece] = []  # the last one may still grow
-        self._single = 0
+        self._short = 0  # speed samples in pieces of fewer than two ticks
         self._late = 0
         self._done = -np.inf  # ticks before this are computed
         self._closed = -np.inf  # time of the last speed sample of a closed piece
@@ -114,8 +114,9 @@ class Resampler:
     def finish(self, interface: TruckInterface, notes: Sequence[str] = ()) -> list[Recording]:
         """The recordings. Raises InputError where there are none or a unit must be wrong."""
         notes = [*notes, *(note for r in self._ranges.values() if (note := r.note(self.name)))]
-        if self._single:
-            notes.append(f"dropped {self._single} single speed samples between gaps")
+        if self._short:
+            step = f"a step of {self.dt:g} s"
+            notes.append(f"left out {self._short} speed samples between gaps, in pieces shorter than {step}")
         if self._late:
             notes.append(f"left out {self._late} samples stamped over a minute before the speed beside them")
         if not self._pieces:
@@ -141,7 +142,7 @@ class Resampler:
         end = clock[j - 1]
         complete = end < until
         if clock[i] >= until or (complete and clock[i] == end):
-            self._single += int(complete)
+            self._short += int(complete)
             self._closed = end if complete else self._closed
             return
         growing = bool(self._pieces) and self._pieces[-1].growing
@@ -156,7 +157,11 @@ class Resampler:
             near = {channel: one.between(before, after) for channel, one in series.items()}
             piece.add({c: self._at(c, one, ticks, piece.count == 0) for c, one in near.items()}, len(ticks))
         piece.growing = not complete
-        self._closed = end if complete else self._closed
+        if complete:
+            self._closed = end
+            if piece.count < 2:  # no step, so no acceleration: not a drive
+                self._short += j - i
+                self._pieces.pop()
 
     def _at(self, channel: str, series: Series, ticks: Array, first: bool) -> Array:
         own = self._periods.get(channel, period(series.time))
@@ -252,6 +257,6 @@ def _step(clock: Array, native: float, rate_hz: float) -> float:
     if native <= 1.05 / rate_hz:
         return 1.0 / rate_hz
     steps = np.diff(clock)
-    mean = float(steps[steps < 1.5 * native].mean())
+    mean = float(steps[(steps > 0.5 * native) & (steps < 1.5 * native)].mean())
     neat = round(mean, 3)
     return neat if abs(neat - mean) < 5e-4 * mean else mean

@@ -105,6 +105,42 @@ def test_a_gap_in_the_speed_cuts(hole: float, pieces: int) -> None:
     assert recordings[-1].start_s == pytest.approx(0.0 if pieces == 1 else 10 + hole)
 
 
+@pytest.mark.parametrize("apart_s", [[0.0], [0.02], [0.04, 0.01], [0.098]])
+@pytest.mark.parametrize("place", ["first", "between", "last", "all three"])
+def test_samples_nearer_than_a_step_between_gaps_are_left_out_and_counted(
+    apart_s: list[float], place: str
+) -> None:
+    alone = np.concatenate([[0.0], np.cumsum(apart_s)]) if apart_s != [0.0] else np.zeros(1)
+    drives = [clock(10, 10, start=10.0), clock(10, 10, start=30.0)]
+    short = [alone + {"first": 0.0, "between": 25.0, "last": 45.0}[p] for p in ("first", "between", "last")]
+    chosen = short if place == "all three" else [short[("first", "between", "last").index(place)]]
+    time = np.sort(np.concatenate([*drives, *chosen]))
+    recordings = resampled({"speed": Series(time, 10 + 0.1 * time)})
+    assert [len(r) for r in recordings] == [101, 101]
+    np.testing.assert_allclose(recordings[1].channels["acceleration"], 0.1, atol=1e-9)
+    count = len(alone) * len(chosen)
+    assert f"left out {count} speed samples between gaps, in pieces shorter than a step of 0.1 s" in (
+        recordings[0].notes
+    )
+
+
+def test_nothing_but_samples_nearer_than_a_step() -> None:
+    time = np.array([0.0, 0.02, 10.0, 10.02, 20.0, 20.02])
+    with pytest.raises(InputError, match="no two speed samples in a row"):
+        resampled({"speed": Series(time, np.full(6, 5.0))})
+
+
+def test_telematics_that_report_when_something_changes() -> None:
+    """Rows 1 to 15 s apart: gaps go by the median, and short pieces do not stop the rest."""
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.choice([1.0, 2.0, 3.0, 5.0, 15.0], 2000, p=[0.3, 0.3, 0.2, 0.1, 0.1]))
+    recordings = resampled({"speed": Series(time, 20 + 5 * np.sin(time / 60))}, rate_hz=np.inf)
+    assert min(map(len, recordings)) >= 2
+    assert sum(len(r) * r.dt for r in recordings) > 2000
+    for r in recordings:
+        np.testing.assert_allclose(r.channels["speed"], 20 + 5 * np.sin(r.time / 60), atol=0.2)
+
+
 def test_a_source_slower_than_asked_keeps_its_rate_and_its_idea_of_a_gap() -> None:
     time = np.concatenate([np.arange(0, 60.0), np.arange(62, 120.0), np.arange(124, 180.0)])
     first, second = resampled({"speed": Series(time, time / 10)})
