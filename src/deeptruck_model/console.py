@@ -39,13 +39,15 @@ def run(
     SIGTERM or SIGHUP, with `interrupted` as the last word; 1 for a defect.
     """
     words = sys.argv[1:] if arguments is None else arguments
-    app.rich_markup_mode = None  # help as plain text: the library that draws boxes takes longer than the help
     try:
         _nothing_empty(words)
         # as a function, typer lets its errors out instead of drawing them over five lines
         with _ended_as_by_ctrl_c():
             code = _command(app)(words, prog_name=program, standalone_mode=False)
     except (InputError, TyperException) as error:
+        if type(error).__name__ == "NoArgsIsHelpError":  # typer's, which gives it no public place
+            print(error, file=sys.stderr)  # the help
+            sys.exit(2)
         sys.exit(_last_words(program, _line(error), 2))
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
@@ -64,6 +66,7 @@ def run(
 @cache
 def _command(app: typer.Typer) -> Callable[..., object]:
     """What parses for `app`, made once a process: reading the signatures of all commands takes long."""
+    app.rich_markup_mode = None  # help as plain text: the library that draws boxes takes longer than the help
     return get_command(app)
 
 
@@ -117,8 +120,8 @@ def _nothing_empty(words: Sequence[str]) -> None:
 def _line(error: InputError | TyperException) -> str:
     if isinstance(error, InputError):
         return str(error)
-    says = error.format_message().rstrip(".").replace(": Value error, ", ": ")  # the parser's own words
-    return f"{says or 'say which command'}; --help shows what it takes"  # without one, the help came first
+    says = " ".join(error.format_message().split()).rstrip(".").replace(": Value error, ", ": ")  # the parser's own words
+    return f"{says}; --help shows what it takes"
 
 
 def _last_words(program: str, text: str, code: int) -> int:

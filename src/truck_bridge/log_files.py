@@ -15,6 +15,8 @@ LINES = {".log", ".asc", ".trc"}  # text, written line behind line
 MF4 = ".mf4"
 WRITABLE = (".log", ".asc", ".blf", MF4, ".trc", BAG)
 FLUSH_S = 0.5  # what a recorder took before survives a kill -9
+TABLES = (".csv", ".tsv", ".parquet", ".xlsx")  # of signals, not frames
+FRAMES_AS_CSV = b"timestamp,arbitration_id,"  # how a CSV log of python-can begins
 KINDS = "candump text (.log), ASC, BLF, TRC, MF4, or a rosbag with raw frames"
 
 
@@ -24,6 +26,7 @@ def check(path: Path) -> None:
         raise InputError(f"{path} does not exist; give a CAN log: {KINDS}")
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise InputError(f"{path} is a folder without a rosbag's metadata.yaml; give a CAN log: {KINDS}")
+    _check_frames(path)
     _check_mf4(path)
 
 
@@ -42,6 +45,19 @@ def check_new_table(path: Path | None) -> None:
     if path.suffix.lower() != ".csv":
         raise InputError(f"{path}: the table is CSV; give a name that ends in .csv")
     files.check_new(path)
+
+
+def _check_frames(path: Path) -> None:
+    """Raises InputError for a table of signals, which 'deeptruck-model import' reads."""
+    if path.is_dir() or path.suffix.lower() not in TABLES:
+        return
+    with path.open("rb") as file:
+        if file.read(len(FRAMES_AS_CSV)) == FRAMES_AS_CSV and path.suffix.lower() == ".csv":
+            return
+    raise InputError(
+        f"{path} is a table, not a CAN log: 'deeptruck-model import {path} --columns COLUMNS.yaml --out BAG' "
+        f"reads tables of signals; give a CAN log here: {KINDS}"
+    )
 
 
 def _check_mf4(path: Path) -> None:

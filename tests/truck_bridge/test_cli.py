@@ -40,6 +40,24 @@ def test_decode_prints_the_table_and_writes_the_csv(monkeypatch, capsys, log, tm
     assert out.read_text() == before
 
 
+@pytest.mark.parametrize("name", ["drive.csv", "DRIVE.CSV", "drive.parquet", "empty.csv"])
+def test_a_table_of_signals_is_refused_by_one_line_that_names_the_import(monkeypatch, capsys, tmp_path, name):
+    table = tmp_path / name
+    table.write_text("" if name == "empty.csv" else "time,speed\n0,1\n")
+    for command in ("decode", "check"):
+        assert run(monkeypatch, command, table, "--vehicle", "volvo") == 2
+        says = capsys.readouterr().err
+        assert says.count("\n") == 1 and f"'deeptruck-model import {table} --columns" in says
+
+
+def test_a_table_of_frames_is_a_log(monkeypatch, capsys, tmp_path):
+    log = tmp_path / "frames.csv"
+    frame = "0.1,0x0CF00400,1,0,0,8,IZub3S8AD5s="
+    log.write_text(f"timestamp,arbitration_id,extended,remote,error,dlc,data\n{frame}\n")
+    assert run(monkeypatch, "decode", log, "--vehicle", "volvo") == 0
+    assert "EEC1.EngineSpeed" in capsys.readouterr().out
+
+
 def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, capsys, log, tmp_path):
     import threading
 

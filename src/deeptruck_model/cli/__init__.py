@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import sys
+from itertools import pairwise
 
 import typer
 
@@ -26,7 +27,7 @@ def spread(arguments: list[str]) -> list[str]:
     """
     out: list[str] = []
     current = ""
-    for word, after in zip(arguments, [*arguments[1:], "-"], strict=True):
+    for word, after in pairwise((*arguments, "-")):
         if word.startswith("-"):
             current = next((name for name in SEVERAL if word.split("=")[0] == name), "")
             if word != current:

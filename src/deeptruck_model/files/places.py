@@ -43,7 +43,7 @@ def straight(out: Path) -> Path:
 
 def unfinished(out: Path) -> Path:
     """Where work that can be gone on with is kept until `out` can be written whole."""
-    return out.with_name(f".{out.name}.unfinished")
+    return out.parent / f".{out.name}.unfinished"  # '.' has no name that could be exchanged
 
 
 def begun(out: Path) -> bool:
