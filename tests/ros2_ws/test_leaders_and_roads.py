@@ -10,6 +10,7 @@ import pytest
 from deeptruck_nodes import leaders, roads
 
 from deeptruck_model.errors import InputError
+from truck_bridge.emulator.road import road
 
 
 def speeds(text: str, times: list[float]) -> list[float]:
@@ -54,20 +55,44 @@ def test_recorded_leader_from_csv_starts_at_its_first_row(tmp_path: Path) -> Non
     assert speeds(f"recorded:path={tmp_path}/lead.csv,column=v2", [0, 2]) == pytest.approx([1, 2])
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufefftime,speed\n100,10\n102,14.5\n",
+        "time;speed\n100;10\n102;14,5\n",
+        "time\tspeed\ts\n100\t10\t\n102\t14.5\t\n",
+        "time,speed\ns,m/s\n100,10\ntime,speed\n102,14.5\nMean,12.25\n",
+        " time , speed \n100, 10,\n102, 14.5,\n",
+        "sep=;\ntime;speed\n100;10\n102;14.5\n",
+    ],
+)
+def test_leaders_and_roads_are_read_as_recordings_are(text: str, tmp_path: Path) -> None:
+    """Byte order marks, delimiters, decimal commas, units, repeated headers and means."""
+    (tmp_path / "lead.csv").write_text(text, encoding="utf-8")
+    assert speeds(f"recorded:path={tmp_path}/lead.csv", [0, 2]) == [10, 14.5]
+    (tmp_path / "wide.csv").write_text(text, encoding="utf-16")
+    assert speeds(f"recorded:path={tmp_path}/wide.csv", [0, 2]) == [10, 14.5]
+    slope = text.replace("time", "distance").replace("speed", "grade")
+    slope = slope.replace("14,5", "0,02").replace("14.5", "0.02").replace("10,", "0,").replace("10\n", "0\n")
+    (tmp_path / "road.csv").write_text(slope.replace("10\t", "0\t").replace(" 10", "0"), encoding="utf-8")
+    assert roads.parse(f"table:path={tmp_path}/road.csv").at(102)[0] == 0.02
+    assert road(f"{tmp_path}/road.csv")(102) == 0.02
+
+
 def test_roads_rise_as_much_as_their_grade_says() -> None:
     for text in ("constant:grade=0.02", "sine:grade=0.03,length=1000", "random:grade=0.02,seed=3"):
-        road = roads.parse(text)
+        profile = roads.parse(text)
         distance = np.linspace(0, 3000, 3001)
-        grade, elevation = np.array([road.at(d) for d in distance]).T
+        grade, elevation = np.array([profile.at(d) for d in distance]).T
         assert np.gradient(elevation, distance)[1:-1] == pytest.approx(grade[1:-1], abs=2e-4)
     assert roads.parse("flat").at(1e4) == (0.0, 0.0)
 
 
 def test_road_from_a_table(tmp_path: Path) -> None:
     (tmp_path / "road.csv").write_text("distance,grade\n0,0\n100,0.02\n200,0.02\n")
-    road = roads.parse(f"table:path={tmp_path}/road.csv")
-    assert road.at(50) == pytest.approx((0.01, 0.25))
-    assert road.at(200) == pytest.approx((0.02, 1.0 + 2.0))
+    table = roads.parse(f"table:path={tmp_path}/road.csv")
+    assert table.at(50) == pytest.approx((0.01, 0.25))
+    assert table.at(200) == pytest.approx((0.02, 1.0 + 2.0))
 
 
 @pytest.mark.parametrize(
@@ -82,7 +107,7 @@ def test_road_from_a_table(tmp_path: Path) -> None:
         ("sine:speed=1/2", "not a finite number"),
         ("random:seed=1.5", "seed=1.5 is not a number"),
         ("recorded", "needs path="),
-        ("recorded:path=/nowhere.csv", "cannot read leader /nowhere.csv"),
+        ("recorded:path=/nowhere.csv", "/nowhere.csv cannot be read: it does not exist"),
     ],
 )
 def test_bad_leaders_are_refused_in_one_line(text: str, names: str) -> None:
@@ -95,10 +120,12 @@ def test_bad_leaders_are_refused_in_one_line(text: str, names: str) -> None:
     ("rows", "names"),
     [
         ("time,v\n0,1\n", "has no column 'speed'"),
-        ("time,speed\n0,x\n", "needs a number"),
-        ("time,speed\n0,1\n0,2\n", "time does not grow"),
-        ("time,speed\n1,1\n2,nan\n", "outside -1..60"),
-        ("", "time does not grow"),
+        ("time,speed\n0,x\n", "column 'speed' holds no numbers; its first is 'x' in line 2"),
+        ("time,speed\n0,1\n1,x\n", "line 3 needs a number under time and speed"),
+        ("time,speed\n0,1\n0,2\n", "time does not grow in line 3"),
+        ("time,speed\n1,1\n2,99\n", "outside -1..60"),
+        ("time,speed\n1,1\n2,nan\n", "line 3 needs a number"),
+        ("", "is empty"),
     ],
 )
 def test_bad_leader_files_are_refused_in_one_line(rows: str, names: str, tmp_path: Path) -> None:

@@ -129,8 +129,13 @@ def import_log(
     pieces = len(done.recordings)
     print(f"{done.bag}: {seconds:.1f} s in {pieces} piece{'s' if pieces != 1 else ''}")
     print(f"channels: {', '.join(dict.fromkeys(c for r in done.recordings for c in r.channels))}")
+    accounts = {id(r.account): r.account for r in done.recordings if r.account is not None}
+    said = [line for account in accounts.values() for line in account.lines()]
+    for line in said:
+        print(line)
     for note in dict.fromkeys(note for r in done.recordings for note in r.notes):
-        print(f"note: {note}")
+        if f"  {note}" not in said:
+            print(f"note: {note}")
     if done.sealed is not None:
         print(f"sealed: {done.sealed} sha256 {done.sha256}")
 

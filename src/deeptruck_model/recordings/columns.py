@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +19,17 @@ from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, convers
 from deeptruck_model.signals import CHANNELS
 from deeptruck_model.vehicle_kinds import check_vehicle
 
-TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+TIME_UNITS = {
+    "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
+    "days": 86400.0, "d": 86400.0,
+}  # fmt: skip
 DATE_UNITS = ("iso", "iso8601", "datetime")
 
 KEYS = {
     "name": "of the truck interface; the file's name where absent",
-    "time": "the column with the time and its unit, or rate_hz where the file has no clock",
+    "time": "the column with the time and its unit or format, or rate_hz where the file has no clock",
     "channels": "what each column means; speed is needed, all others are optional",
-    "delimiter": "one character between the cells; a comma where absent",
+    "delimiter": "one character between the cells; found in the header where absent",
     "encoding": "of the text; utf-8 where absent",
     "skip_rows": "lines before the header",
     "decimal": "the decimal mark; a point where absent",
@@ -59,14 +64,23 @@ class Column:
 
 
 @dataclass(frozen=True)
+class Clock:
+    """Where the time of a row stands: in `columns`, as numbers of a unit, as ISO dates (unit 'iso'), or as
+    dates of a `format` of strptime. Without columns rows come at `rate_hz`."""
+
+    columns: tuple[str, ...] = ()
+    unit: str = "s"
+    format: str | None = None
+    rate_hz: float = 1.0
+
+
+@dataclass(frozen=True)
 class Columns:
     """A checked COLUMNS.yaml. `split_at` maps channels to the step (SI) that starts a new piece."""
 
     channels: dict[str, Column]
-    time_column: str | None = None
-    time_unit: str | None = None
-    rate_hz: float | None = None
-    delimiter: str = ","
+    time: Clock
+    delimiter: str | None = None
     encoding: str = "utf-8"
     skip_rows: int = 0
     decimal: str = "."
@@ -95,9 +109,8 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     parsed = {channel: _column(channel, entry, notes) for channel, entry in named}
     if "speed" not in parsed:
         raise InputError("COLUMNS needs 'channels' with at least 'speed: {column: ..., unit: m/s}'")
-    time_column, time_unit, rate_hz = _time(data.get("time"))
-    delimiter = str(data.get("delimiter", ","))
-    if len(delimiter) != 1:
+    delimiter = data.get("delimiter")
+    if delimiter is not None and len(str(delimiter)) != 1:
         raise InputError(f"delimiter must be one character, not {delimiter!r}")
     window = number(data, "grade_window_m", 0.0, "COLUMNS") if "grade_window_m" in data else None
     if window is not None and window <= 0:
@@ -105,10 +118,8 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     check_vehicle(data.get("vehicle"), data.get("mass_kg"))
     return Columns(
         channels=parsed,
-        time_column=time_column,
-        time_unit=time_unit,
-        rate_hz=rate_hz,
-        delimiter=delimiter,
+        time=_time(data.get("time")),
+        delimiter=None if delimiter is None else str(delimiter),
         encoding=str(data.get("encoding", "utf-8")),
         skip_rows=_rows(data.get("skip_rows", 0)),
         decimal=str(data.get("decimal", ".")),
@@ -154,22 +165,48 @@ def _column(channel: str, entry: Any, notes: list[str]) -> Column:
     return Column(str(entry["column"]), convert, scale, offset, late_s)
 
 
-def _time(entry: Any) -> tuple[str | None, str | None, float | None]:
+def _time(entry: Any) -> Clock:
     if isinstance(entry, Mapping):
-        _known(entry, {"column", "unit", "rate_hz"}, "'time' of COLUMNS")
+        _known(entry, {"column", "unit", "format", "rate_hz"}, "'time' of COLUMNS")
     if isinstance(entry, Mapping) and set(entry) == {"rate_hz"}:
         rate = number(entry, "rate_hz", 0.0, "time")
         if not 0 < rate <= FASTEST_HZ:
             raise InputError(f"rate_hz of 'time' must be positive and at most {FASTEST_HZ:g}, not {rate:g}")
-        return None, None, rate
-    if not isinstance(entry, Mapping) or "column" not in entry or set(entry) - {"column", "unit"}:
+        return Clock(rate_hz=rate)
+    if not isinstance(entry, Mapping) or "column" not in entry or "rate_hz" in entry:
         raise InputError(
             "COLUMNS needs 'time: {column: t, unit: s}', or 'time: {rate_hz: 1.0}' without a clock"
         )
-    unit = str(entry.get("unit", "s")).strip()
+    named = entry["column"] if isinstance(entry["column"], list) else [entry["column"]]
+    if not 1 <= len(named) <= 2:
+        raise InputError("'time' needs one column, or those of date and time of day, as in [Date, Time]")
+    columns = tuple(str(name) for name in named)
+    if "format" in entry:
+        if "unit" in entry:
+            raise InputError("'time' has a unit and a format; leave one of them out")
+        return Clock(columns, format=_format(entry["format"]))
+    unit = str(entry.get("unit", "s" if len(columns) == 1 else "iso")).strip()
+    unit = "days" if unit == "day" else unit
     if unit not in TIME_UNITS and unit.lower() not in DATE_UNITS:
-        raise InputError(f"unit '{unit}' of 'time' is not one of {', '.join((*TIME_UNITS, *DATE_UNITS))}")
-    return str(entry["column"]), unit, None
+        raise InputError(
+            f"unit '{unit}' of 'time' is not one of {', '.join((*TIME_UNITS, *DATE_UNITS))}; dates of "
+            'another form have a format, as in format: "%d.%m.%Y %H:%M:%S,%f"'
+        )
+    if len(columns) == 2 and unit in TIME_UNITS:
+        raise InputError("two columns of 'time' are a date and a time of day: give a format, or unit: iso")
+    return Clock(columns, unit=unit)
+
+
+def _format(value: Any) -> str:
+    """A format of strptime. Raises InputError for one that it does not know."""
+    if not isinstance(value, str) or "%" not in value:
+        raise InputError(f"format of 'time' must be such as \"%d.%m.%Y %H:%M:%S,%f\", not {value!r}")
+    try:
+        datetime.strptime("", value)
+    except (ValueError, re.error) as error:
+        if "does not match" not in str(error):
+            raise InputError(f"format '{value}' of 'time' cannot be used: {error}") from None
+    return value
 
 
 def _rows(value: Any) -> int:

@@ -63,8 +63,16 @@ def of_topics() -> Schema:
 
 def _times() -> list[Schema]:
     units = {"enum": [*columns.TIME_UNITS, *columns.DATE_UNITS]}
+    dates = {"enum": [*columns.DATE_UNITS]}
+    pair = {"type": "array", "items": _NAME, "minItems": 2, "maxItems": 2}
+    format_ = {**_TEXT, "pattern": "%"}
     rate = {**_POSITIVE, "maximum": columns.FASTEST_HZ}
-    return [_mapping({"column": _NAME, "unit": units}, ["column"]), _mapping({"rate_hz": rate}, ["rate_hz"])]
+    return [
+        _mapping({"column": _NAME, "unit": units}, ["column"]),
+        _mapping({"column": pair, "unit": dates}, ["column"]),
+        _mapping({"column": {"anyOf": [_NAME, pair]}, "format": format_}, ["column", "format"]),
+        _mapping({"rate_hz": rate}, ["rate_hz"]),
+    ]
 
 
 def _channels(keys: dict[str, str], required: list[str], *, unit: bool) -> Schema:

@@ -7,7 +7,7 @@ import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +18,16 @@ from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
-from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Column, Columns, load_columns
+from deeptruck_model.recordings.columns import Column, Columns, load_columns
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, period
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import Series, uniform
-from deeptruck_model.recordings.table_file import TextTable, read_table
+from deeptruck_model.recordings.row_times import timed
 from deeptruck_model.results import BAG
 from deeptruck_model.signals import CHANNELS, TruckInterface
-
-SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
+from deeptruck_model.table_file import RAGGED, TextTable, read_table
 
 Array = NDArray[np.float64]
 
@@ -98,13 +97,14 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         skip_rows=meaning.skip_rows,
         decimal=meaning.decimal,
     )
+    account = table.account
+    if not meaning.time.columns:
+        table = table.below_units(meaning.channels["speed"].name)
+        if RAGGED in account.total.aside:
+            account.remarks.append("rows are the clock: what lies behind one that was left out is too early")
+    table, time = timed(table, meaning.time)
     notes = list(meaning.notes)
-    if table.ragged:
-        note = f"{table.ragged} rows with more or fewer cells than the header left out"
-        untimed = meaning.time_column is None  # then rows are counted, and those behind come too early
-        notes.append(f"{note}; what lies behind them is timed too early" if untimed else note)
-    time = _time(table, meaning)
-    values = {channel: _values(table, channel, column, notes) for channel, column in meaning.channels.items()}
+    values = {channel: _values(table, channel, column) for channel, column in meaning.channels.items()}
     cuts = [
         time_of
         for channel, step in meaning.split_at.items()
@@ -126,48 +126,18 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
     )
     derive = "grade" not in values and "elevation" in values and "elevation" not in meaning.conceal
     window = meaning.grade_window_m or GRADE_WINDOW_M
-    return [_with_grade(recording, window) for recording in recordings] if derive else recordings
+    recordings = [_with_grade(recording, window) for recording in recordings] if derive else recordings
+    account.spans = [(r.start_s, r.start_s + r.dt * (len(r) - 1)) for r in recordings]
+    inside = np.zeros(len(time), dtype=bool)
+    for start, end in account.spans:
+        inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)
+    table.without(~inside, "outside the pieces, where speed is missing or has a single sample")
+    said = [line.strip() for line in islice(account.lines(), 1, None)]
+    return [replace(r, account=account, notes=(*r.notes, *said)) for r in recordings]
 
 
-def _time(table: TextTable, meaning: Columns) -> Array:
-    """Seconds since the first row, (n,). Raises InputError where it is missing, stands still or goes back."""
-    if len(table) < 2:
-        raise InputError(f"{table.path} has one row; a recording needs at least two")
-    if meaning.time_column is None or meaning.time_unit is None:
-        return np.arange(len(table)) / (meaning.rate_hz or 1.0)
-    if meaning.time_unit.lower() in DATE_UNITS:
-        time = table.dates(meaning.time_column)
-    else:
-        raw = table.numbers(meaning.time_column)[0]
-        time = (raw - raw[0]) * TIME_UNITS[meaning.time_unit]
-    first_row = meaning.skip_rows + 2  # line of the first row of numbers in a CSV file
-    missing = np.isnan(time)
-    if missing.any():
-        line = first_row + int(np.argmax(missing))
-        raise InputError(
-            f"{table.path}: {missing.sum()} rows have no time in '{meaning.time_column}', first line {line}"
-        )
-    steps = np.diff(time)
-    if not SHORTEST_S <= abs(float(np.median(steps))) <= LONGEST_S:
-        raise InputError(
-            f"{table.path}: rows are {np.median(steps):g} s apart; a unit of time other than "
-            f"'{meaning.time_unit}' is likely (between {SHORTEST_S:g} and {LONGEST_S:g} s is usual)"
-        )
-    if (steps <= 0).any():
-        at = int(np.argmax(steps <= 0))
-        what = "comes twice" if steps[at] == 0 else f"goes back by {-steps[at]:g} s"
-        count = int((steps <= 0).sum())
-        raise InputError(
-            f"{table.path}: time {what} in line {first_row + at + 1} ({count} such rows); "
-            "sort the rows, drop doubled ones, or import each run as its own table"
-        )
-    return time
-
-
-def _values(table: TextTable, channel: str, column: Column, notes: list[str]) -> Array:
-    values, strange = table.numbers(column.name)
-    if strange:
-        notes.append(f"{strange} non-numeric cells of {channel} ('{column.name}') made invalid")
+def _values(table: TextTable, channel: str, column: Column) -> Array:
+    values = table.numbers(column.name, channel)
     if column.scale != 1.0 or column.offset != 0.0:
         values = column.scale * values + column.offset
     return column.convert(values)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 from bisect import bisect_right
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 
+from deeptruck_model.reading import check_file
 from truck_bridge.errors import InputError
 
 STEEPEST = 0.5  # rise/run
 
 
 def road(text: str) -> Callable[[float], float]:
-    """Slope (rise/run) over distance (m), from a number or a CSV file; constant beyond the file's ends.
+    """Slope (rise/run) over distance (m), from a number or a table; constant beyond the file's ends.
 
     Raises InputError where it is neither.
     """
@@ -33,11 +32,12 @@ def within(what: str, value: float, low: float, high: float) -> None:
 
 
 def _of_file(text: str) -> Callable[[float], float]:
-    distances, slopes = _rows(text)
+    from deeptruck_model.table_file import read_curve
+
+    check_file(Path(text), "give a number or a table as --grade")
+    distances, slopes = (column.tolist() for column in read_curve(Path(text), "distance", "grade"))
     for slope in slopes:
         within(f"{text}: grade", slope, -STEEPEST, STEEPEST)
-    if not all(after > before for before, after in pairwise(distances)):
-        raise InputError(f"{text}: distance must be numbers that grow from row to row")
 
     def slope_at(distance: float) -> float:
         after = bisect_right(distances, distance)
@@ -48,16 +48,3 @@ def _of_file(text: str) -> Callable[[float], float]:
         return slopes[after - 1] + share * (slopes[after] - slopes[after - 1])
 
     return slope_at
-
-
-def _rows(text: str) -> tuple[list[float], list[float]]:
-    try:
-        with Path(text).open(newline="") as file:
-            rows = [(float(row["distance"]), float(row["grade"])) for row in csv.DictReader(file)]
-    except OSError as error:
-        raise InputError(f"--grade {text}: {error.strerror}; give a number or a CSV file") from None
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{text}: needs numeric columns distance and grade ({error})") from None
-    if not rows:
-        raise InputError(f"{text} holds no rows")
-    return [distance for distance, _ in rows], [slope for _, slope in rows]

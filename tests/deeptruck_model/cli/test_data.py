@@ -136,10 +136,13 @@ def test_ragged_rows_are_counted_on_the_terminal_and_in_the_bag(
     with (workplace / "drive.csv").open("a") as table:
         table.write("5,100,7\n5\n6,101\n")
     assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 0
-    says = "2 rows with more or fewer cells than the header left out; what lies behind them is timed"
-    says += " too early"
-    assert f"note: {says}" in capsys.readouterr().out
-    assert says in read(workplace / "bag")[0].notes
+    says = [
+        "2 with more or fewer cells than the header, first line 102",
+        "rows are the clock: what lies behind one that was left out is too early",
+    ]
+    printed = capsys.readouterr().out.splitlines()
+    assert "drive.csv: 103 rows read, 101 used, 2 set aside" in printed
+    assert all(f"  {line}" in printed and line in read(workplace / "bag")[0].notes for line in says)
 
 
 def test_a_bag_is_replaced_when_asked_only(

@@ -78,8 +78,8 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ),
     (
         "t,v\n0,1\n1,2\n",
-        {"time": {"column": "t", "unit": "days"}, "channels": SPEED},
-        "unit 'days' of 'time'",
+        {"time": {"column": "t", "unit": "weeks"}, "channels": SPEED},
+        "unit 'weeks' of 'time'",
     ),
     ("t,v\n0,1\n2,2\n1,3\n", {"time": {"column": "t"}, "channels": SPEED}, "time goes back by 1 s in line 4"),
     ("t,v\n0,1\n1,2\n1,3\n", {"time": {"column": "t"}, "channels": SPEED}, "time comes twice in line 4"),
@@ -88,7 +88,7 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
         {"time": {"column": "t"}, "channels": SPEED},
         "1 rows have no time in 't', first line 3",
     ),
-    ("v\nx\ny\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "column 'v' holds no numbers"),
+    ("v\nx\ny\nz\nx\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "column 'v' holds no numbers"),
     (
         "t;v\n0;1,5\n1;1,6\n",
         {"delimiter": ";", "time": {"column": "t"}, "channels": SPEED},

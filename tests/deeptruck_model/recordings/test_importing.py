@@ -143,8 +143,8 @@ def test_files_as_people_have_them(tmp_path: Path) -> None:
     (recording,) = import_table(table, columns, tmp_path / "bag").recordings
     np.testing.assert_allclose(recording.channels["speed"], [10, 10, np.nan, 10])
     np.testing.assert_allclose(recording.channels["ambient_temperature"], [20, np.nan, 20, 20])
-    assert "1 non-numeric cells of ambient_temperature ('Temp [°C]') made invalid" in recording.notes
-    assert "1 rows with more or fewer cells than the header left out" in recording.notes
+    assert "ambient_temperature: 1 of 4 samples no number, first 'n/a' in line 5" in recording.notes
+    assert "1 with more or fewer cells than the header, first line 8" in recording.notes
 
 
 def test_one_column_for_two_channels_with_scale(tmp_path: Path) -> None:

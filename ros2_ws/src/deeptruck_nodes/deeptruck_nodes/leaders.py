@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import functools
 import math
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
 from deeptruck_nodes import choice
 from deeptruck_nodes.choice import require
 from deeptruck_nodes.traffic import Sumo
@@ -126,7 +124,7 @@ class Random:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A leader driven before: CSV with a `time` column in s and a speed column in m/s, or a bag.
+    """A leader driven before: a table with a `time` column in s and a speed column in m/s, or a bag.
 
     From a bag the leader's speed is taken where it was recorded, the truck's own otherwise. At the end the
     last speed is kept.
@@ -143,8 +141,11 @@ class Recorded:
     @functools.cached_property
     def _samples(self) -> tuple[Array, Array]:
         path = Path(self.path)
-        if path.suffix == ".csv":
-            return _from_csv(path, self.column)
+        if not path.is_dir() and path.suffix not in (".mcap", ".db3", ".bag"):
+            from deeptruck_model.table_file import read_curve
+
+            times, speeds = read_curve(path, "time", self.column)
+            return times - times[0], speeds
         from deeptruck_model import recordings
 
         recording = recordings.read(path)[0]
@@ -154,20 +155,6 @@ class Recorded:
 
     def speed_at(self, t: float) -> float:
         return float(np.interp(t, *self._samples))
-
-
-def _from_csv(path: Path, column: str) -> tuple[Array, Array]:
-    try:
-        with path.open(newline="") as file:
-            rows = [(float(row["time"]), float(row[column])) for row in csv.DictReader(file)]
-    except OSError as error:
-        raise InputError(f"cannot read leader {path}: {error.strerror}") from None
-    except KeyError as error:
-        raise InputError(f"leader {path} has no column {error}") from None
-    except (TypeError, ValueError, csv.Error):
-        raise InputError(f"leader {path}: every row needs a number under time and {column}") from None
-    values = np.array(rows).reshape(-1, 2)
-    return values[:, 0] - (values[0, 0] if len(values) else 0.0), values[:, 1]
 
 
 KINDS: dict[str, type] = {

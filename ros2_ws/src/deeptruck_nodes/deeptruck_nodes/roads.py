@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import functools
 import math
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
 from deeptruck_nodes import choice
 from deeptruck_nodes.choice import require
 
@@ -53,29 +51,19 @@ class Sine:
 
 @dataclass(frozen=True)
 class Table:
-    """CSV with columns distance (m) and grade (rise/run), interpolated; the ends are continued."""
+    """A table with columns distance (m) and grade (rise/run), interpolated; the ends are continued."""
 
     path: str
 
     def __post_init__(self) -> None:
-        distances, grades, _ = self._profile
-        require(
-            len(distances) > 1 and bool(np.all(np.diff(distances) > 0)),
-            f"{self.path}: distance does not grow",
-        )
+        _, grades, _ = self._profile
         require(bool(np.all(np.abs(grades) <= 0.2)), f"{self.path}: a grade is outside -0.2..0.2")
 
     @functools.cached_property
     def _profile(self) -> tuple[Array, Array, Array]:
-        try:
-            with Path(self.path).open(newline="") as file:
-                rows = [(float(row["distance"]), float(row["grade"])) for row in csv.DictReader(file)]
-        except OSError as error:
-            raise InputError(f"cannot read road {self.path}: {error.strerror}") from None
-        except (KeyError, TypeError, ValueError, csv.Error):
-            raise InputError(f"road {self.path}: every row needs a number under distance and grade") from None
-        values = np.array(rows).reshape(-1, 2)
-        return _with_elevation(values[:, 0], values[:, 1])
+        from deeptruck_model.table_file import read_curve
+
+        return _with_elevation(*read_curve(Path(self.path), "distance", "grade"))
 
     def at(self, distance: float) -> tuple[float, float]:
         return _interpolate(self._profile, distance)

@@ -1,0 +1,291 @@
+"""The time of each row of a table: numbers of a unit, dates, times of day, or a Parquet file's own types.
+
+Whole numbers and dates stay integers until the first is subtracted: a float has an epoch to 256 ns only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Clock
+from deeptruck_model.table_file import TextTable, floats, shown
+
+Array = NDArray[np.float64]
+
+SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
+TICKS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of Arrow's types
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+DAY_S, HOUR_S = 86400.0, 3600.0
+INTEGER = r"^[+-]?\d{1,18}$|^[+-]?[1-8]\d{18}$"
+OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?")
+OF_DATE = re.compile(
+    r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})(?:[T _-]+(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?)?"
+    r" *(Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+)
+USUAL = (  # formats that are proposed where one of them fits
+    "%d.%m.%Y %H:%M:%S,%f", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M",
+    "%d/%m/%Y %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S",
+    "%d/%m/%Y %H:%M", "%m/%d/%Y %H:%M", "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %I:%M:%S.%f %p",
+    "%d-%m-%Y %H:%M:%S.%f", "%d-%m-%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S",
+    "%d.%m.%y %H:%M:%S", "%a %b %d %H:%M:%S GMT%z %Y", "%a %b %d %H:%M:%S %Y", "%Y%m%d %H:%M:%S",
+    "%Y-%m-%d %H-%M-%S", "%Y-%m-%d_%H-%M-%S", "%H:%M:%S:%f", "%I:%M:%S %p", "%M:%S.%f", "%M:%S,%f",
+)  # fmt: skip
+
+
+def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array]:
+    """The rows that have a time, and it in s since the first, (n,), ascending.
+
+    Raises InputError where it is missing in too many, stands still, goes back, or has an unlikely step.
+    """
+    if len(table) < 2:
+        raise InputError(f"{table.path} has one row; a recording needs at least two")
+    if not clock.columns:
+        return table, np.arange(len(table)) / clock.rate_hz
+    seconds = _seconds(table, clock)
+    known = ~np.isnan(seconds)
+    lost = int(np.argmax(~known))
+    wrong = table.cells(clock.columns[0])[lost].as_py()
+    advice = f" with {shown(wrong)}{_advice(clock, _joined(table, clock)[lost])}" if wrong else ""
+    table, seconds = table.with_key(known, "time", clock.columns, advice), seconds[known]
+    if len(table) < 2:
+        raise InputError(f"{table.path} has one row; a recording needs at least two")
+    time = seconds - seconds[0]
+    name = " and ".join(f"'{column}'" for column in clock.columns)
+    steps = np.diff(time)
+    _check_whole_stamps(table, time, name, clock)
+    if not SHORTEST_S <= abs(float(np.median(steps))) <= LONGEST_S:
+        raise InputError(
+            f"{table.path}: rows are {np.median(steps):g} s apart; a unit of time other than "
+            f"'{clock.format or clock.unit}' is likely (between {SHORTEST_S:g} and {LONGEST_S:g} s is usual)"
+        )
+    if (steps <= 0).any():
+        at = int(np.argmax(steps <= 0))
+        what = "comes twice" if steps[at] == 0 else f"goes back by {-steps[at]:g} s"
+        raise InputError(
+            f"{table.path}: time {what} in {table.at(at + 1)} ({(steps <= 0).sum()} such rows); "
+            "sort the rows, drop doubled ones, or import each run as its own table"
+        )
+    return table, time
+
+
+def _check_whole_stamps(table: TextTable, time: Array, name: str, clock: Clock) -> None:
+    """Raises InputError where several rows have each stamp: the log is faster than its clock."""
+    starts = np.flatnonzero(np.r_[True, np.diff(time) != 0])
+    if len(time) <= 1.5 * len(starts) or (np.diff(time) < 0).any():
+        return
+    first = shown(_joined(table, clock)[0].as_py())
+    if len(starts) == 1:
+        raise InputError(
+            f"{table.path}: all {len(time)} rows have the time {first} in {name}: export it with all its "
+            "digits, or set time: {rate_hz: ...} where the rows are evenly spaced"
+        )
+    stamps = time[starts]
+    whole = next((word for word, s in (("minutes", 60), ("seconds", 1)) if not (stamps % s).any()), "steps")
+    rate = float(f"{(len(time) - 1) / (time[-1] + np.median(np.diff(stamps))):.2g}")
+    raise InputError(
+        f"{table.path}: {name} is stamped in whole {whole} while rows come at about {rate:g} Hz (the first "
+        f"{starts[1]} have {first}): export it with fractions, or set time: {{rate_hz: {rate:g}}} where the "
+        "rows are evenly spaced; doubled rows must go"
+    )
+
+
+def _seconds(table: TextTable, clock: Clock) -> Array:
+    """Times (n,) in s since some row's, NaN where a row has none. Raises InputError where no row has one."""
+    column = table.column(clock.columns[0])
+    kind = column.type
+    if len(clock.columns) == 1 and not pa.types.is_string(kind):
+        if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+            return _since_first(pc.cast(column, pa.int64()), TICKS_S[kind.unit])
+        if pa.types.is_time(kind):
+            width = pa.int32() if pa.types.is_time32(kind) else pa.int64()
+            return _over_midnight(
+                table, _since_first(pc.cast(column, width).cast(pa.int64()), TICKS_S[kind.unit]), DAY_S
+            )
+        if clock.unit in TIME_UNITS and clock.format is None:
+            return _of_numbers(table, clock, column)
+    cells = _joined(table, clock)
+    if pc.all(pc.is_null(cells)).as_py():
+        raise InputError(f"{table.path}: column '{clock.columns[0]}' has no time; all its cells are blank")
+    if clock.format is not None:
+        return _of_format(table, clock, cells)
+    return (
+        _of_iso(table, clock, cells) if clock.unit.lower() in DATE_UNITS else _of_texts(table, clock, cells)
+    )
+
+
+def _joined(table: TextTable, clock: Clock) -> pa.ChunkedArray:
+    """The time's cells as text; those of two columns with a blank between."""
+    cells = [table.cells(name) for name in clock.columns]
+    return cells[0] if len(cells) == 1 else pc.binary_join_element_wise(*cells, " ")
+
+
+def _since_first(ticks: pa.ChunkedArray, tick_s: float) -> Array:
+    """Integers less the first of them, in s (n,); NaN for nulls."""
+    known = pc.is_valid(ticks).to_numpy()
+    if not known.any():
+        return np.full(len(ticks), np.nan)
+    whole = pc.fill_null(ticks, 0).to_numpy()
+    with np.errstate(over="ignore"):
+        return np.where(known, (whole - whole[known][0]).astype(np.float64) * tick_s, np.nan)
+
+
+def _of_numbers(table: TextTable, clock: Clock, column: pa.ChunkedArray) -> Array:
+    """Of a Parquet file's numbers."""
+    scale = TIME_UNITS[clock.unit]
+    try:
+        if pa.types.is_integer(column.type):
+            return _since_first(pc.cast(column, pa.int64()), scale)
+        if pa.types.is_decimal(column.type):
+            column = pc.subtract(column, pc.drop_null(column)[0])
+        values = pc.cast(column, pa.float64(), safe=False).fill_null(np.nan).to_numpy()
+    except (pa.ArrowException, IndexError):
+        values = table.numbers(clock.columns[0])
+    return _scaled(values, scale)
+
+
+def _scaled(values: Array, scale: float) -> Array:
+    known = np.isfinite(values)
+    first = values[known][0] if known.any() else 0.0
+    return np.where(known, (values - first) * scale, np.nan)
+
+
+def _of_texts(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
+    """Of numbers in a text: whole ones as integers, others as floats."""
+    scale = TIME_UNITS[clock.unit]
+    values, strange = floats(cells, table.decimal)
+    if np.isnan(values).all():
+        raise _none(table, clock, cells, strange)
+    whole = pc.fill_null(pc.match_substring_regex(cells, INTEGER), False)
+    if (whole.to_numpy() == np.isfinite(values)).all():
+        return _since_first(pc.if_else(whole, cells, pa.scalar(None, pa.string())).cast(pa.int64()), scale)
+    return _scaled(values, scale)
+
+
+def _of_iso(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
+    """Of ISO 8601 dates, also with slashes, dots and single digits, or of times of day."""
+    first = cells.drop_null()[0].as_py()
+    if OF_DAY.fullmatch(first):
+        return _over_midnight(table, _parsed(table, clock, cells, _ticks_of_day), DAY_S)
+    dashed = pc.replace_substring_regex(cells, r"^(\d{4})/(\d\d)/(\d\d)", r"\1-\2-\3")
+    for kind in (pa.timestamp("ns"), pa.timestamp("ns", tz="UTC")):
+        try:
+            return _since_first(dashed.cast(kind).cast(pa.int64()), TICKS_S["ns"])
+        except pa.ArrowInvalid:
+            pass  # zones that differ, single digits, or a cell that is no date
+    return _parsed(table, clock, cells, _ticks_of_date)
+
+
+def _of_format(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
+    form = str(clock.format)
+
+    def ticks(cell: str) -> int | None:
+        try:
+            return _ticks(datetime.strptime(re.sub(r"([.,:]\d{6})\d+", r"\1", cell), form))
+        except ValueError:
+            return None
+
+    seconds = _parsed(table, clock, cells, ticks)
+    if re.search(r"%[dejyYbBmxcDFGs]", form):
+        return seconds
+    return _over_midnight(table, seconds, DAY_S if re.search(r"%[HIXT]", form) else HOUR_S)
+
+
+def _parsed(
+    table: TextTable, clock: Clock, cells: pa.ChunkedArray, ticks: Callable[[str], int | None]
+) -> Array:
+    """Cells by a function that gives ns."""
+    found = pa.chunked_array(
+        [[None if cell is None else ticks(cell) for cell in cells.to_pylist()]], pa.int64()
+    )
+    if pc.all(pc.is_null(found)).as_py():
+        raise _none(table, clock, cells, pc.is_valid(cells).to_numpy())
+    return _since_first(found, TICKS_S["ns"])
+
+
+def _over_midnight(table: TextTable, seconds: Array, period_s: float) -> Array:
+    """Times of day with a day (or hour) added at each fall by more than half of one; the account says so."""
+    known = np.flatnonzero(~np.isnan(seconds))
+    falls = np.r_[False, np.diff(seconds[known]) < -period_s / 2]
+    if falls.any():
+        what = "midnight" if period_s == DAY_S else "the full hour"
+        table.account.remarks.append(
+            f"the time passes {what} in {table.at(int(known[np.argmax(falls)]))}"
+            + (f" and {falls.sum() - 1} times more" if falls.sum() > 1 else "")
+        )
+        seconds = seconds.copy()
+        seconds[known] += period_s * np.cumsum(falls)
+    return seconds
+
+
+def _ticks(date: datetime) -> int:
+    """ns since 1970; a date without a zone is taken as UTC."""
+    return (date.replace(tzinfo=date.tzinfo or UTC) - EPOCH) // timedelta(microseconds=1) * 1000
+
+
+def _ticks_of_day(cell: str) -> int | None:
+    match = OF_DAY.fullmatch(cell)
+    if match is None:
+        return None
+    hours, minutes, seconds = (int(part or 0) for part in match.groups()[:3])
+    return (hours * 3600 + minutes * 60 + seconds) * 10**9 + _fraction(match[4])
+
+
+def _ticks_of_date(cell: str) -> int | None:
+    match = OF_DATE.fullmatch(cell)
+    try:
+        if match is None:
+            return _ticks(datetime.fromisoformat(cell))
+        date = datetime(*(int(part or 0) for part in match.groups()[:6]))  # type: ignore[arg-type]
+    except ValueError:
+        return None
+    zone = re.fullmatch(r"([+-])(\d\d):?(\d\d)", match[8] or "")
+    ahead_s = int(f"{zone[1]}1") * (int(zone[2]) * 3600 + int(zone[3]) * 60) if zone else 0
+    return _ticks(date) + _fraction(match[7]) - ahead_s * 10**9
+
+
+def _fraction(digits: str | None) -> int:
+    """Digits behind the decimal mark as ns."""
+    return int((digits or "").ljust(9, "0")[:9])
+
+
+def _none(table: TextTable, clock: Clock, cells: pa.ChunkedArray, strange: NDArray[np.bool_]) -> InputError:
+    """That no cell is a time, with the first and what to set."""
+    at = int(np.argmax(strange))
+    cell = cells[at]
+    wanted = f"the format '{clock.format}'" if clock.format else f"unit '{clock.unit}'"
+    name = " and ".join(f"'{column}'" for column in clock.columns)
+    return InputError(
+        f"{table.path}: no cell of {name} is a time of {wanted}; the first is {shown(cell)} in "
+        f"{table.at(at)}{_advice(clock, cell)}"
+    )
+
+
+def _advice(clock: Clock, scalar: pa.Scalar) -> str:
+    """The keys that read such a cell."""
+    cell = str(scalar.as_py())
+    column = clock.columns[0] if len(clock.columns) == 1 else f"[{', '.join(clock.columns)}]"
+    if OF_DAY.fullmatch(cell) or _ticks_of_date(cell) is not None:
+        keys = ["unit: iso"] if clock.unit.lower() not in DATE_UNITS or clock.format else []
+    elif re.fullmatch(r"[+-]?\d+([.,]\d+)?", cell):
+        keys = [f"unit: {unit}" for unit in ("s", "ms", "us", "ns", "days")]
+        keys = [] if clock.unit in TIME_UNITS and not clock.format else keys
+    else:
+        keys = [f'format: "{form}"' for form in USUAL if form != clock.format and _fits(cell, form)]
+        keys = keys or ['format: "..." (of strptime, as "%d.%m.%Y %H:%M:%S,%f"), or rate_hz in place of all']
+    return f"; set time: {{column: {column}, {' or '.join(keys)}}}" if keys else ""
+
+
+def _fits(cell: str, form: str) -> bool:
+    try:
+        datetime.strptime(cell, form)
+    except ValueError:
+        return False
+    return True
