@@ -31,8 +31,21 @@ APPS = {
     "deeptruck-vehicle": _alone(start_vehicle.main),
     "deeptruck-replay": _alone(replay_recording.main),
 }
-WRONG = ("none", "none.yaml", ".", "/dev/null", "-1", "nan", "1e999", "a=b", "truck:", "python:none:none", "☃")
-NO_INPUT = {"deeptruck-model prove", "deeptruck-model experiment", "deeptruck-cacc pays"}  # what they need is only where to write
+WRONG = [
+    "none",
+    "none.yaml",
+    ".",
+    "/dev/null",
+    "-1",
+    "nan",
+    "1e999",
+    "a=b",
+    "truck:",
+    "python:none:none",
+    "☃",
+]
+# all that these need is where to write
+NO_INPUT = {"deeptruck-model prove", "deeptruck-model experiment", "deeptruck-cacc pays"}
 
 
 def commands() -> Iterator[tuple[str, tuple[str, ...], Any]]:
@@ -76,7 +89,10 @@ def test_no_arguments_and_an_unknown_option_are_one_line(
 
 @pytest.mark.parametrize("name", COMMANDS)
 @settings(
-    max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=30,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(data=st.data())
 def test_wrong_and_half_arguments_are_refused(
@@ -88,12 +104,18 @@ def test_wrong_and_half_arguments_are_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     program, words, command = COMMANDS[name]
-    value = st.sampled_from(WRONG) | st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8)
+    value = st.sampled_from(WRONG) | st.text(
+        st.characters(codec="utf-8", exclude_characters="\0"), max_size=8
+    )
     line = [*words]
     needed = [p for p in command.params if p.required]
     left_out = data.draw(st.sets(st.sampled_from(needed), min_size=int(name in NO_INPUT)), "left out")
     for p in command.params:
-        if p in left_out or getattr(p, "is_eager", False) or (not p.required and data.draw(st.booleans(), "not given")):
+        if (
+            p in left_out
+            or getattr(p, "is_eager", False)
+            or (not p.required and data.draw(st.booleans(), "not given"))
+        ):
             continue
         option = [p.opts[0]] if p.opts[0].startswith("-") else []
         if getattr(p, "is_flag", False):

@@ -120,7 +120,8 @@ def _nothing_empty(words: Sequence[str]) -> None:
 def _line(error: InputError | TyperException) -> str:
     if isinstance(error, InputError):
         return str(error)
-    says = " ".join(error.format_message().split()).rstrip(".").replace(": Value error, ", ": ")  # the parser's own words
+    says = " ".join(error.format_message().split())  # the parser's own words
+    says = says.rstrip(".").replace(": Value error, ", ": ")
     return f"{says}; --help shows what it takes"
 
 
