@@ -28,6 +28,7 @@ from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chu
 
 __all__ = ["INTERFACE_KEY", "NOTES_KEY", "BagSource"]
 
+OURS = "deeptruck."  # begins the keys whose values are JSON
 _BATCH = 65536  # messages read one by one are handed on in batches of this many
 
 
@@ -113,18 +114,21 @@ class BagSource:
         connections = sorted(self._reader.connections, key=lambda c: c.msgcount)
         return {c.topic: c.msgtype for c in connections}
 
-    def custom_data(self) -> dict[str, Any]:
-        """JSON values stored with the bag under `deeptruck.*` (custom_data, else MCAP metadata)."""
+    def stored(self) -> dict[str, str]:
+        """Texts stored with the bag by key, whoever wrote them (custom_data, else our MCAP metadata)."""
         reader: Any = self._reader.readers[0]
         custom = None if self.ros1 else reader.storage.metadata.custom
-        stored: dict[str, Any] = dict(custom) if isinstance(custom, Mapping) else {}
+        found = {str(k): str(v) for k, v in custom.items()} if isinstance(custom, Mapping) else {}
         for file in self._mcap_files():
             for name, entries in self._metadata(file):
-                stored.setdefault(name, entries.get("json", ""))
+                if "json" in entries:
+                    found.setdefault(name, entries["json"])
+        return found
+
+    def custom_data(self) -> dict[str, Any]:
+        """JSON values stored with the bag under `deeptruck.*`. Raises InputError where one is not JSON."""
         return {
-            key: _from_json(self.path, key, value)
-            for key, value in stored.items()
-            if "deeptruck." in str(key)
+            key: _from_json(self.path, key, text) for key, text in self.stored().items() if OURS in key
         }
 
     def _metadata(self, file: Path) -> Iterator[tuple[str, dict[str, str]]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -120,7 +119,7 @@ class CrashSafeWriter:
     def _write_metadata(self) -> None:
         topics = [Topic(name, channel.type_name, channel.count) for name, channel in self._topics.items()]
         start = min(self._first_ns, self._last_ns)
-        content = described(self.file.name, topics, start, self._last_ns, self.custom_data)
+        content = metadata_yaml(self.file.name, topics, start, self._last_ns, self.custom_data)
         unfinished = self.path / ".metadata.yaml.tmp"
         unfinished.write_text(content, encoding="utf-8")
         unfinished.replace(self.path / "metadata.yaml")
@@ -140,10 +139,3 @@ class CrashSafeWriter:
 class _Channel:
     def __init__(self, channel_id: int, type_name: str) -> None:
         self.id, self.type_name, self.count = channel_id, type_name, 0
-
-
-def described(file_name: str, topics: list[Topic], start_ns: int, end_ns: int, custom: dict[str, str]) -> str:
-    """The metadata.yaml of a folder with one file."""
-    for value in custom.values():
-        json.loads(value)  # custom data is JSON by agreement: BagSource.custom_data reads it back so
-    return metadata_yaml(file_name, topics, start_ns, end_ns, custom)

@@ -20,8 +20,7 @@ from deeptruck_model import files
 from deeptruck_model.checks import METADATA
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_file import RECORD_HEAD
-from deeptruck_model.recordings.bag_metadata import Topic
-from deeptruck_model.recordings.crash_safe import described
+from deeptruck_model.recordings.bag_metadata import Topic, metadata_yaml
 from deeptruck_model.recordings.mcap_chunks import UNREADABLE, why
 from deeptruck_model.recordings.mcap_scan import MAGIC, Found, is_an_end, scan
 
@@ -207,6 +206,8 @@ def _describe(path: Path, file: Path, found: Found) -> None:
         if "json" in metadata.metadata
     }
     statistics = _statistics(found)
-    content = described(file.name, topics, statistics.message_start_time, statistics.message_end_time, custom)
+    content = metadata_yaml(
+        file.name, topics, statistics.message_start_time, statistics.message_end_time, custom
+    )
     with files.new_file(path / METADATA) as draft:  # of a name that nobody else has
         draft.write_text(content, encoding="utf-8")

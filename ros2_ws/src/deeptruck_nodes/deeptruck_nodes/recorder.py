@@ -14,12 +14,12 @@ from rclpy.subscription import Subscription
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
+from deeptruck_model.recordings.bag_source import INTERFACE_KEY, BagSource
 from deeptruck_nodes import bag_place
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.topics import RECORD_QOS, RECORDED, TOPICS
 
-INTERFACE_KEY = "deeptruck.interface"
 BURST = 500  # messages of one topic taken before the others get their turn
 
 
@@ -32,8 +32,9 @@ class Recorder(DeeptruckNode):
         super().__init__("recorder")
         if not self.p["bag"]:
             raise InputError("recorder: say where to record with the parameter bag")
-        interface = self.p["interface"]
-        self._custom = {INTERFACE_KEY: interface} if _is_json(interface) else {}
+        self._custom = _stored_with(self.p["copy_of"])
+        if _is_json(self.p["interface"]):
+            self._custom[INTERFACE_KEY] = self.p["interface"]
         self._opened: CrashSafeWriter | None = None
         self._stack = ExitStack()
         self._subscribed: dict[str, Subscription] = {}
@@ -120,6 +121,14 @@ def header_stamp(cdr: bytes) -> int:
     """The stamp, ns, of a serialised message that begins with a std_msgs/Header."""
     order = "little" if cdr[1] & 1 else "big"
     return int.from_bytes(cdr[4:8], order) * SECOND + int.from_bytes(cdr[8:12], order)  # type: ignore[arg-type]
+
+
+def _stored_with(bag: str) -> dict[str, str]:
+    """Interface, notes and whatever else is stored with the bag that is copied, by key; of no bag nothing."""
+    if not bag:
+        return {}
+    with BagSource(Path(bag)) as source:
+        return source.stored()
 
 
 def _is_json(text: str) -> bool:

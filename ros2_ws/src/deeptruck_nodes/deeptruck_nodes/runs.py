@@ -115,6 +115,8 @@ def replay(common: Common, given: Sections) -> int:
     domain = _checked(misfits, common, sections)
     bag = Path(sections["replay"]["bag"])
     _mend(bag)
+    if common.record is not None:
+        sections["recorder"]["copy_of"] = str(bag.absolute())
     if common.page:
         own = _page(common, checks.bag(bag, any_topics=True).interface)[PAGE]
         sections[PAGE] = {**sections[PAGE], **own}
