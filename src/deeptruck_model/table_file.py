@@ -365,7 +365,7 @@ class _Csv:
 
     def read(self) -> tuple[pa.Table, list[str], NDArray[np.int64], Callable[[int], str]]:
         """The rows, the names of their columns, their numbers in the file, and where those stand."""
-        body = self.data[self.start :]
+        body = self._without_unclosed()
         names = self._names()
         if not body.strip():
             raise InputError(f"{self.path} is empty: it has no rows below its header")
@@ -386,20 +386,54 @@ class _Csv:
                 column_types=dict.fromkeys(columns, pa.string()), strings_can_be_null=True, null_values=[""]
             ),
         )
-        self.account.total.read = table.num_rows + len(odd)
+        self.account.total.read += table.num_rows + len(odd)
         place = self._places(body)
         numbers = np.setdiff1d(np.arange(table.num_rows + len(odd)), [row.number - 1 for row in odd])
+        if b'"' in body:
+            table, numbers = self._in_one_line(table, numbers, place)
         if not odd:
             return table, names, numbers, place
         kept, kept_numbers = self._sort_out(odd, names, place)
         if self.account.total.left_out > table.num_rows + len(kept):
-            self._refuse(odd)
+            self._refuse(odd[0])
         if kept:
             more = pa.table([pa.array(c, pa.string()) for c in zip(*kept, strict=True)], names=columns)
             numbers = np.concatenate([numbers, kept_numbers])
             order = np.argsort(numbers)
             table, numbers = pa.concat_tables([table, more]).take(pa.array(order)), numbers[order]
         return table, names, numbers, place
+
+    def _without_unclosed(self) -> bytes:
+        """What is below the header, with a blank line for one in which a quotation mark is left open.
+
+        It would take all rows up to the next one for a single cell.
+        """
+        body = self.data[self.start :]
+        lines = body.splitlines(keepends=True) if b'"' in body else []
+        odd = [k for k, line in enumerate(lines) if line.count(b'"') % 2]
+        if not odd:
+            return body
+        for k in odd:
+            lines[k] = b"\n"
+        self.account.total.read += len(odd)
+        self.account.total.set_aside(UNCLOSED, f"line {self.lines + odd[0] + 1}", len(odd))
+        body = b"".join(lines)
+        self.data = self.data[: self.start] + body
+        return body
+
+    def _in_one_line(
+        self, table: pa.Table, numbers: NDArray[np.int64], place: Callable[[int], str]
+    ) -> tuple[pa.Table, NDArray[np.int64]]:
+        """The rows none of whose cells goes on in the next line."""
+        breaks = np.zeros(len(numbers), dtype=np.int64)
+        for column in table.columns:
+            breaks += pc.count_substring_regex(pc.fill_null(column, ""), r"\r\n|\n|\r").to_numpy()
+        if not breaks.any():
+            return table, numbers
+        self.account.total.read += int(breaks.sum())
+        lines = int(breaks.sum() + (breaks > 0).sum())
+        self.account.total.set_aside(UNCLOSED, place(int(numbers[np.argmax(breaks > 0)])), lines)
+        return table.filter(pa.array(breaks == 0)), numbers[breaks == 0]
 
     def _names(self) -> list[str]:
         """The header with as many cells as most rows have, where what one of them has more is blank."""
@@ -436,7 +470,7 @@ class _Csv:
                 self.account.total.set_aside(RAGGED, where)
         return kept, numbers
 
-    def _refuse(self, odd: list[csv.InvalidRow]) -> None:
+    def _refuse(self, odd: csv.InvalidRow) -> None:
         """Raises InputError for a table most of whose rows do not fit its header."""
         count, read = _filled(self.header), self.account.total.read
         left = self.account.total.left_out
@@ -445,7 +479,7 @@ class _Csv:
         raise InputError(
             f"{self.path} is no table as it is read: its header has {count} cell{'s' if count != 1 else ''}, "
             f"and {few} of the {read} rows below has as many; set 'delimiter', or 'skip_rows' where the "
-            f"header comes later (first {first} with {odd[0].actual_columns})"
+            f"header comes later (first {first} with {odd.actual_columns})"
         )
 
     def _places(self, body: bytes) -> Callable[[int], str]:

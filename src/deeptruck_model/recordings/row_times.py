@@ -88,8 +88,9 @@ def _check_whole_stamps(table: TextTable, time: Array, name: str, clock: Clock) 
             "digits, or set time: {rate_hz: ...} where the rows are evenly spaced"
         )
     stamps = time[starts]
-    whole = next((word for word, s in (("minutes", 60), ("seconds", 1)) if not (stamps % s).any()), "steps")
-    rate = float(f"{(len(time) - 1) / (time[-1] + np.median(np.diff(stamps))):.2g}")
+    units = (("minutes", 60.0), ("seconds", 1.0))
+    whole = next((word for word, s in units if np.allclose(stamps / s, np.rint(stamps / s))), "steps")
+    rate = float(f"{len(time) / (time[-1] + np.median(np.diff(stamps))):.2g}")
     raise InputError(
         f"{table.path}: {name} is stamped in whole {whole} while rows come at about {rate:g} Hz (the first "
         f"{starts[1]} have {first}): export it with fractions, or set time: {{rate_hz: {rate:g}}} where the "

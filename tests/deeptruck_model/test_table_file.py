@@ -1,0 +1,195 @@
+"""Tables as people have them: which rows are samples, and that the account of all others is right."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyarrow import parquet
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import import_table
+from deeptruck_model.table_file import ABOVE, BELOW, BLANK, HEADER, RAGGED, UNCLOSED, read_curve, read_table
+
+COLUMNS = {"time": {"column": "t", "unit": "s"}, "channels": {"speed": {"column": "v", "unit": "m/s"}}}
+ROWS = [f"{k / 10:.1f},{10 + k % 3}" for k in range(30)]
+
+
+def account(tmp_path: Path, lines: list[str]) -> dict[str, tuple[int, str]]:
+    """What an import sets aside, by reason; all else is used."""
+    table = tmp_path / "drive.csv"
+    table.write_text("\n".join(lines) + "\n")
+    found = import_table(table, COLUMNS, tmp_path / "bag").recordings[0].account
+    assert found is not None and found.balanced
+    return {reason: (entry.count, entry.first) for reason, entry in found.total.aside.items()}
+
+
+@pytest.mark.parametrize(
+    ("lines", "aside"),
+    [
+        (["t,v", "s,m/s", *ROWS], {ABOVE: (1, "line 2")}),
+        (["t,v", "[s],[m/s]", "float,float", *ROWS], {ABOVE: (2, "line 2")}),
+        (["t,v", *ROWS, "Total,310", "Mean:,11.0"], {BELOW: (2, "line 32")}),
+        (
+            ["n,t,v", *(f"{k},{row}" for k, row in enumerate(ROWS)), "Mittelwert,1.5,11"],
+            {BELOW: (1, "line 32")},
+        ),
+        (["t,v", *ROWS[:9], "t,v", *ROWS[9:]], {HEADER: (1, "line 11")}),
+        (["t,v", *ROWS[:9], ",", "", *ROWS[9:]], {BLANK: (1, "line 11")}),
+        (["t,v", *ROWS[:9], "", *ROWS[9:], "t,v"], {HEADER: (1, "line 33")}),
+        (["t,v", *ROWS[:9], "0.9", "MARK 001", *ROWS[10:]], {RAGGED: (2, "line 11")}),
+        (["t,v", *ROWS[:9], "?,11", *ROWS[10:]], {"without a time in 't'": (1, "line 11")}),
+        (["t,v", *ROWS[:9], ',"11', *ROWS[10:20], '2.0,12"', *ROWS[21:]], {UNCLOSED: (2, "line 11")}),
+        (["t,v", *ROWS[:9], '0.9,11,"a', 'b"', *ROWS[10:]], {UNCLOSED: (2, "line 11")}),
+        (["t,v", *ROWS[:9], '0"9,"11', '1.0,12","9,"', *ROWS[11:]], {UNCLOSED: (23, "line 12")}),
+        (["t,v,", *ROWS], {}),
+        (["t,v", *(f"{row},," for row in ROWS)], {}),
+        (["t,v", *(row + "," * (k % 3) for k, row in enumerate(ROWS))], {}),
+        (["t,v,", *(f"{row}," for row in ROWS), "9,9,9"], {"outside the pieces": (1, "line 32")}),
+        (["sep=;", "t;v", *(row.replace(",", ";") for row in ROWS)], {}),
+        (["t\tv", *(row.replace(",", "\t") for row in ROWS)], {}),
+    ],
+)
+def test_rows_that_are_no_samples(
+    tmp_path: Path, lines: list[str], aside: dict[str, tuple[int, str]]
+) -> None:
+    found = account(tmp_path, lines)
+    assert {reason.partition(",")[0]: entry for reason, entry in found.items()} == aside
+
+
+def test_a_word_of_a_column_of_words_is_no_label_of_a_sum(tmp_path: Path) -> None:
+    """A fan at 'max' in the last rows."""
+    fan = ["auto" if k < 28 else "max" for k in range(30)]
+    assert account(tmp_path, ["t,v,fan", *(f"{row},{f}" for row, f in zip(ROWS, fan, strict=True))]) == {}
+
+
+def test_units_above_a_table_without_a_clock(tmp_path: Path) -> None:
+    (tmp_path / "d.csv").write_text("v,gear\nkm/h,1\n" + "36,3\n" * 20)
+    columns = {"time": {"rate_hz": 10}, "channels": {"speed": {"column": "v", "unit": "km/h"}}}
+    (recording,) = import_table(tmp_path / "d.csv", columns, tmp_path / "bag").recordings
+    assert recording.account is not None and recording.account.total.aside[ABOVE].count == 1
+    np.testing.assert_allclose(recording.channels["speed"], np.full(20, 10.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("t,v\n0,1,5\n1,1,6\n2,1,7\n", "its header has 2 cells, and none of the 3 rows below has as many"),
+        ("log\nt,v\n0,1\n1,2\n", "and none of the 3 rows below has as many; set 'delimiter', or 'skip_rows'"),
+        ("my log,\nt,v\n0,1\n1,2\n", "'t' stands in line 2: skip the lines before it by 'skip_rows'"),
+        ("t,v\n0,1\n?,2\n?,3\n3,4\n", "2 rows have no time in 't', first line 3 with '\\?'"),
+    ],
+)
+def test_what_is_no_table_is_refused_with_the_key(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "drive.csv").write_text(text)
+    with pytest.raises(InputError, match=says):
+        import_table(tmp_path / "drive.csv", COLUMNS, tmp_path / "bag")
+
+
+def test_a_decimal_comma_is_not_taken_for_a_missing_number(tmp_path: Path) -> None:
+    """Whole numbers among them are read, so that the column is not all NaN."""
+    (tmp_path / "drive.csv").write_text("t;v\n0;10\n1;10,5\n2;11\n3;11,5\n")
+    with pytest.raises(InputError, match=r"2 cells of 'v' are no numbers, first '10,5' in line 3: set"):
+        import_table(tmp_path / "drive.csv", COLUMNS, tmp_path / "bag")
+
+
+def test_a_column_of_a_name_that_comes_twice_is_said(tmp_path: Path) -> None:
+    (tmp_path / "drive.csv").write_text("t,v,v\n" + "".join(f"{row},5\n" for row in ROWS))
+    found = import_table(tmp_path / "drive.csv", COLUMNS, tmp_path / "bag").recordings[0].account
+    assert found is not None and found.remarks == ["several columns are named 'v': the first is used"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_byte_order_marks_and_encodings(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "d.csv").write_bytes("t,v °\n0,1\n1,2\n".encode(encoding))
+    given_encoding = "latin-1" if encoding == "latin-1" else "utf-8"
+    assert read_table(tmp_path / "d.csv", encoding=given_encoding).numbers("v °").tolist() == [1, 2]
+
+
+def test_a_compressed_table(tmp_path: Path) -> None:
+    (tmp_path / "d.csv.gz").write_bytes(gzip.compress(b"t,v\n0,1\n1,2\n"))
+    assert read_table(tmp_path / "d.csv.gz").numbers("v").tolist() == [1, 2]
+
+
+def test_types_of_parquet(tmp_path: Path) -> None:
+    words = pa.array(["1.5", "x", None])
+    columns = {
+        "large": words.cast(pa.large_string()),
+        "coded": words.dictionary_encode(),
+        "price": pa.array(["1.5", None, "2"]).cast(pa.decimal128(9, 2)),
+        "count": pa.array([1, 2**40, None], pa.uint64()),
+        "on": [True, False, None],
+    }
+    parquet.write_table(pa.table(columns), tmp_path / "d.parquet")
+    table = read_table(tmp_path / "d.parquet")
+    found = {name: table.numbers(name).tolist() for name in columns}
+    expected = {
+        "large": [1.5, np.nan, np.nan],
+        "coded": [1.5, np.nan, np.nan],
+        "price": [1.5, np.nan, 2],
+        "count": [1, 2**40, np.nan],
+        "on": [1, 0, np.nan],
+    }
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+    assert table.account.channels["coded"].to_dict() == {
+        "read": 2, "used": 1, "set_aside": {"no number": {"count": 1, "first": "'x' in row 2"}},
+    }  # fmt: skip
+
+
+def test_what_a_curve_leaves_out_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "road.csv").write_text("distance,grade\nm,1\n0,0\n100,0.02\n")
+    assert [column.tolist() for column in read_curve(tmp_path / "road.csv", "distance", "grade")] == [
+        [0, 100],
+        [0, 0.02],
+    ]
+    assert "road.csv: 3 rows read, 2 used, 1 set aside" in capsys.readouterr().err
+
+
+DAMAGE = st.sampled_from(
+    ["drop", "cut", "longer", "word", "no time", "header", "blank", "empty", "quote", "units"]
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(st.tuples(DAMAGE, st.integers(0, 39)), max_size=5), st.sampled_from(["", ",", ",,"]))
+def test_every_row_is_used_or_set_aside(
+    tmp_path_factory: pytest.TempPathFactory, damage: list[tuple[str, int]], trail: str
+) -> None:
+    """Rows read are the filled lines below the header, and each of them is accounted for."""
+    rows = {k: f"{k / 10:.1f},{10 + k % 3},7{trail}" for k in range(40)}
+    for kind, at in damage:
+        if kind == "drop":
+            rows.pop(at, None)
+        elif at in rows:
+            rows[at] = {
+                "cut": rows[at][:5],
+                "longer": f"{rows[at]},5,5,5",
+                "word": rows[at].replace(",1", ",x"),
+                "no time": "," + rows[at].partition(",")[2],
+                "header": f"{rows[at]}\nt,v,g{trail}",
+                "blank": f"{rows[at]}\n,,",
+                "empty": f"{rows[at]}\n",
+                "quote": rows[at].replace(",7", ',"7'),
+                "units": f"{rows[at]}\ns,m/s,-{trail}",
+            }[kind]
+    lines = [line for row in rows.values() for line in row.split("\n") if line]
+    folder = tmp_path_factory.mktemp("damaged")
+    (folder / "drive.csv").write_text("\n".join([f"t,v,g{trail}", *rows.values()]) + "\n")
+    channels = {**COLUMNS["channels"], "gear": {"column": "g"}}
+    try:
+        recordings = import_table(
+            folder / "drive.csv", {**COLUMNS, "channels": channels}, folder / "bag"
+        ).recordings
+    except InputError as error:
+        assert "\n" not in str(error)
+        return
+    found = recordings[0].account
+    assert found is not None and all(recording.account is found for recording in recordings)
+    assert found.total.read == len(lines)
+    assert found.balanced
