@@ -37,6 +37,7 @@ SHOWN = 12  # columns that an error lists
 SAMPLED = 100  # rows by which the number of cells of a row is found
 MOST_ABOVE, MOST_BELOW = 3, 10  # rows of units above the numbers, of totals below them
 MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
+MOST_BEFORE = 20  # lines in which the header of a leader or road is looked for
 NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
 LABELS = {  # in a cell of a row that sums up those above it
     "total", "totals", "sum", "mean", "average", "avg", "min", "max", "minimum", "maximum", "median", "std",
@@ -107,25 +108,24 @@ class TextTable:
             ) from None
         return pc.if_else(pc.equal(cells, ""), pa.scalar(None, pa.string()), cells)
 
+    def values(self, name: str) -> tuple[Array, Mask]:
+        """A column as float64 (n,), NaN for cells that are blank or no number, and which are the latter."""
+        column = self.column(name)
+        if pa.types.is_string(column.type):
+            return floats(self.cells(name), self.decimal)
+        try:
+            numbers = pc.cast(column, pa.float64(), safe=False).fill_null(np.nan).to_numpy()
+        except pa.ArrowException:
+            raise InputError(f"{self.path}: column '{name}' of type {column.type} holds no numbers") from None
+        return numbers.astype(np.float64), np.zeros(len(numbers), dtype=bool)
+
     def numbers(self, name: str, channel: str | None = None) -> Array:
         """A column as float64 (n,), NaN for cells that are blank or no number.
 
         The account counts the filled cells under `channel` (the column's name where None). Raises InputError
         where no cell is a number, or where most that are none would be by the other decimal mark.
         """
-        column = self.column(name)
-        if not pa.types.is_string(column.type):
-            try:
-                values: Array = (
-                    pc.cast(column, pa.float64(), safe=False).fill_null(np.nan).to_numpy().astype(np.float64)
-                )
-            except pa.ArrowException:
-                raise InputError(
-                    f"{self.path}: column '{name}' of type {column.type} holds no numbers"
-                ) from None
-            strange = np.zeros(len(values), dtype=bool)
-        else:
-            values, strange = floats(self.cells(name), self.decimal)
+        values, strange = self.values(name)
         tally = self.account.channel(channel or name)
         tally.read += int((~np.isnan(values)).sum() + strange.sum())
         tally.used += int((~np.isnan(values)).sum())
@@ -153,7 +153,7 @@ class TextTable:
         cells = self.cells(name).filter(pa.array(strange))
         if 2 * np.isfinite(floats(cells, other)[0]).sum() <= len(cells):
             return ""
-        return f': set decimal: "{other}" in the columns file, and export without marks of thousands'
+        return f': set decimal: "{other}" and export without marks of thousands'
 
     def without(self, out: Mask, reason: str, first: str = "") -> TextTable:
         """The table without the rows `out` (n,), which the account has set aside for a reason."""
@@ -169,10 +169,7 @@ class TextTable:
 
     def below_units(self, name: str) -> TextTable:
         """The table without a few rows at its beginning that have text in a column of numbers."""
-        column = self.column(name)
-        if not pa.types.is_string(column.type):
-            return self
-        strange = floats(self.cells(name), self.decimal)[1]
+        strange = self.values(name)[1]
         above = np.arange(len(self)) < (len(self) if strange.all() else int(np.argmin(strange)))
         return self.without(above, ABOVE) if above.sum() <= MOST_ABOVE else self
 
@@ -212,6 +209,7 @@ def read_table(
     encoding: str = "utf-8",
     skip_rows: int = 0,
     decimal: str = ".",
+    cure: str = "set 'delimiter', or 'skip_rows' where the header comes later",
 ) -> TextTable:
     """A CSV file (`skip_rows` lines before the header are ignored) or a Parquet file, by its suffix.
 
@@ -219,7 +217,8 @@ def read_table(
     at the end of rows or of the header are no columns; blank rows, repeated headers and rows that sum up are
     set aside, as are those with more or fewer cells than the header. CSV has no checksum: a changed digit is
     another number. Parquet's page checksums are looked at where the file has them. Raises InputError for a
-    file that is missing, empty, or not in that encoding, and where most rows do not fit the header.
+    file that is missing, empty, or not in that encoding, and, ending with `cure`, where most rows do not fit
+    the header.
     """
     reading.check_file(path, "give a CSV or Parquet table")
     account = Account(str(path), "rows")
@@ -231,7 +230,7 @@ def read_table(
             account.total.read = table.num_rows
             rows = np.arange(table.num_rows)
         else:
-            table, names, rows, place = _Csv(path, delimiter, encoding, skip_rows, account).read()
+            table, names, rows, place = _Csv(path, delimiter, encoding, skip_rows, account).read(cure)
     except (pa.ArrowException, UnicodeError, LookupError, OSError, text_csv.Error, EOFError) as error:
         raise InputError(f"{path} cannot be read: {_why(error, encoding)}") from None
     account.total.used = table.num_rows
@@ -252,15 +251,18 @@ def read_table(
 def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
     """A column of a table over an ascending one, such as a road's grade over distance: both (n,), n > 1.
 
-    Delimiter and decimal mark are found. Rows that were set aside are said on stderr. Raises InputError
-    with the line where a row has no number, or where `over` does not grow.
+    Lines before the header, the delimiter and the decimal mark are found. What was set aside is said on
+    stderr. Raises InputError with the line where a row has no number, or where `over` does not grow.
     """
-    table = read_table(path)
-    mark = _decimal_mark(table, over, of)
-    table = replace(table, decimal=mark)
-    table = table.with_key(~np.isnan(table.numbers(over)), over, (over,))
-    table.account.channels.clear()
-    x, y = table.numbers(over), table.numbers(of)
+    reading.check_file(path, "give a CSV or Parquet table")
+    table = read_table(
+        path,
+        skip_rows=_lines_before(path, over, of),
+        cure=f"it needs a header with {over} and {of}, and rows of as many cells",
+    )
+    table = replace(table, decimal=_decimal_mark(table, over, of))
+    table = table.with_key(~np.isnan(table.values(over)[0]), over, (over,))
+    x, y = table.values(over)[0], table.values(of)[0]
     without = ~np.isfinite(x) | ~np.isfinite(y)
     if without.any():
         at = table.at(int(np.argmax(without)))
@@ -363,7 +365,7 @@ class _Csv:
         header = next(filter(None, text_csv.reader(lines(), delimiter=delimiter)), [])
         return header, self.skip_rows + len(taken), start + sum(len(line.encode()) for line in taken)
 
-    def read(self) -> tuple[pa.Table, list[str], NDArray[np.int64], Callable[[int], str]]:
+    def read(self, cure: str) -> tuple[pa.Table, list[str], NDArray[np.int64], Callable[[int], str]]:
         """The rows, the names of their columns, their numbers in the file, and where those stand."""
         body = self._without_unclosed()
         names = self._names()
@@ -395,7 +397,7 @@ class _Csv:
             return table, names, numbers, place
         kept, kept_numbers = self._sort_out(odd, names, place)
         if self.account.total.left_out > table.num_rows + len(kept):
-            self._refuse(odd[0])
+            self._refuse(odd[0], cure)
         if kept:
             more = pa.table([pa.array(c, pa.string()) for c in zip(*kept, strict=True)], names=columns)
             numbers = np.concatenate([numbers, kept_numbers])
@@ -470,7 +472,7 @@ class _Csv:
                 self.account.total.set_aside(RAGGED, where)
         return kept, numbers
 
-    def _refuse(self, odd: csv.InvalidRow) -> None:
+    def _refuse(self, odd: csv.InvalidRow, cure: str) -> None:
         """Raises InputError for a table most of whose rows do not fit its header."""
         count, read = _filled(self.header), self.account.total.read
         left = self.account.total.left_out
@@ -478,8 +480,8 @@ class _Csv:
         first = next(iter(self.account.total.aside.values())).first
         raise InputError(
             f"{self.path} is no table as it is read: its header has {count} cell{'s' if count != 1 else ''}, "
-            f"and {few} of the {read} rows below has as many; set 'delimiter', or 'skip_rows' where the "
-            f"header comes later (first {first} with {odd.actual_columns})"
+            f"and {few} of the {read} rows below has as many; {cure} "
+            f"(first {first} with {odd.actual_columns})"
         )
 
     def _places(self, body: bytes) -> Callable[[int], str]:
@@ -554,6 +556,20 @@ def _sums_up(table: TextTable) -> Mask:
 
 def _is_label(cell: str | None) -> bool:
     return str(cell).lower().rstrip(":.").strip() in LABELS
+
+
+def _lines_before(path: Path, *names: str) -> int:
+    """Lines before the header with these names, 0 where none has them."""
+    if path.suffix.lower() in PARQUET:
+        return 0
+    for lines in range(MOST_BEFORE):
+        try:
+            header = _Csv(path, None, "utf-8", lines, Account(str(path), "rows")).header
+        except (UnicodeError, OSError, text_csv.Error, EOFError):
+            return 0  # as read_table says
+        if {name.strip() for name in header} >= set(names):
+            return lines
+    return 0
 
 
 def _decimal_mark(table: TextTable, *names: str) -> str:

@@ -63,6 +63,7 @@ def test_recorded_leader_from_csv_starts_at_its_first_row(tmp_path: Path) -> Non
         "time\tspeed\ts\n100\t10\t\n102\t14.5\t\n",
         "time,speed\ns,m/s\n100,10\ntime,speed\n102,14.5\nMean,12.25\n",
         " time , speed \n100, 10,\n102, 14.5,\n",
+        "my drive\nof May, 1st\ntime,speed\n100,10\n102,14.5\n",
         "sep=;\ntime;speed\n100;10\n102;14.5\n",
     ],
 )
@@ -120,12 +121,17 @@ def test_bad_leaders_are_refused_in_one_line(text: str, names: str) -> None:
     ("rows", "names"),
     [
         ("time,v\n0,1\n", "has no column 'speed'"),
-        ("time,speed\n0,x\n", "column 'speed' holds no numbers; its first is 'x' in line 2"),
+        ("time,speed\n0,x\n", "line 2 needs a number under time and speed"),
         ("time,speed\n0,1\n1,x\n", "line 3 needs a number under time and speed"),
         ("time,speed\n0,1\n0,2\n", "time does not grow in line 3"),
         ("time,speed\n1,1\n2,99\n", "outside -1..60"),
         ("time,speed\n1,1\n2,nan\n", "line 3 needs a number"),
         ("", "is empty"),
+        ("time;speed\n0;1,5\n1;2.5\n", "line 2 needs a number under time and speed"),
+        (
+            "time,speed\n0,1,5\n1,2,5\n",
+            "none of the 2 rows below has as many; it needs a header with time and",
+        ),
     ],
 )
 def test_bad_leader_files_are_refused_in_one_line(rows: str, names: str, tmp_path: Path) -> None:
