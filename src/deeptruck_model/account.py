@@ -110,8 +110,12 @@ class Account:
             spans = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in self.spans[:6])
             more = f" and {len(self.spans) - 6} more" if len(self.spans) > 6 else ""
             yield f"  in {len(self.spans)} pieces: {spans}{more}"
+        yield from (f"  {line}" for line in self.channel_lines())
+        yield from (f"  {remark}" for remark in self.remarks)
+
+    def channel_lines(self) -> Iterator[str]:
+        """For people: a line for each channel and reason that samples of it were set aside for."""
         for name, tally in self.channels.items():
             for reason, entry in tally.aside.items():
                 first = f", first {entry.first}" if entry.first else ""
-                yield f"  {name}: {entry.count} of {tally.read} samples {reason}{first}"
-        yield from (f"  {remark}" for remark in self.remarks)
+                yield f"{name}: {entry.count} of {tally.read} samples {reason}{first}"

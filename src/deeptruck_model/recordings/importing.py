@@ -113,7 +113,10 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
     series = {channel: _measured(channel, time, v, notes) for channel, v in values.items()}
     for channel, column in meaning.channels.items():
         if column.late_s:
+            stamped = int((~np.isnan(series[channel].values)).sum())
             series[channel] = _on_time(channel, series[channel], column.late_s, _stretches(time, cuts))
+            lost = stamped - int((~np.isnan(series[channel].values)).sum())
+            account.channel(channel).set_aside("outside their piece once put back by late_s", count=lost)
             notes.append(f"{channel} is stamped {column.late_s:g} s late and was put back")
     name = meaning.name or path.stem
     recordings = uniform(
@@ -123,6 +126,7 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         rate_hz=np.inf,  # the table's own
         cuts=cuts,
         notes=notes,
+        account=account,
     )
     derive = "grade" not in values and "elevation" in values and "elevation" not in meaning.conceal
     window = meaning.grade_window_m or GRADE_WINDOW_M
@@ -133,7 +137,7 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)
     table.without(~inside, "outside the pieces, where speed is missing or has a single sample")
     said = [line.strip() for line in islice(account.lines(), 1, None)]
-    return [replace(r, account=account, notes=(*r.notes, *said)) for r in recordings]
+    return [replace(r, notes=tuple(dict.fromkeys((*r.notes, *said)))) for r in recordings]
 
 
 def _values(table: TextTable, channel: str, column: Column) -> Array:

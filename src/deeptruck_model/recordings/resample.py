@@ -13,14 +13,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.account import Account, Tally
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, SNAP, at_ticks, period
+from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, reversing
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]
 
 MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
+NO_SPEED = "recorded while there was no speed"
 _SLOW_S = 1.0  # channels with longer periods reach further than that; they are few and stay in memory
 
 
@@ -45,14 +48,16 @@ def uniform(
     rate_hz: float = 10.0,
     cuts: Sequence[float] = (),
     notes: Sequence[str] = (),
+    account: Account | None = None,
 ) -> list[Recording]:
     """Recordings on one clock at `rate_hz`, or at the speed channel's own rate where that is slower.
 
     Cut where speed is missing for more than max(GAP_S, GAP_PERIODS native periods), and before every time
-    in `cuts`. Samples outside the channel's range become NaN. Raises InputError without speed, or where
-    so much is out of range that the unit must be wrong.
+    in `cuts`. Samples outside the channel's range and those of reversing become NaN; `account` gets the
+    samples of each channel, and the spans. Raises InputError without speed, or where the unit of speed or of
+    a command must be wrong.
     """
-    resampler = Resampler(name, rate_hz=rate_hz, cuts=cuts)
+    resampler = Resampler(name, rate_hz=rate_hz, cuts=cuts, account=account)
     for channel, one in series.items():
         resampler.add(channel, one)
     resampler.advance(np.inf)
@@ -62,74 +67,143 @@ def uniform(
 class Resampler:
     """`uniform`, fed in parts: `add` what came, `advance` to where it is complete, at the end `finish`."""
 
-    def __init__(self, name: str, *, rate_hz: float = 10.0, cuts: Sequence[float] = ()) -> None:
+    def __init__(
+        self,
+        name: str,
+        *,
+        rate_hz: float = 10.0,
+        cuts: Sequence[float] = (),
+        account: Account | None = None,
+    ) -> None:
         if not rate_hz > 0:
             raise InputError(f"rate_hz must be positive, not {rate_hz}")
         self.name, self.rate_hz, self.cuts = name, rate_hz, np.asarray(cuts, dtype=np.float64)
         self.dt = 0.0  # known once speed samples are there
+        self._account = account
+        self._tallies: dict[str, Tally] = {}  # of what is handed over to here
         self._gap = 0.0
-        self._ranges: dict[str, _Range] = {}
+        self._ranges: dict[str, Range] = {}
         self._parts: dict[str, list[Series]] = {}
         self._periods: dict[str, float] = {}
         self._pieces: list[_Piece] = []  # the last one may still grow
-        self._short = 0  # speed samples in pieces of fewer than two ticks
-        self._late = 0
         self._done = -np.inf  # ticks before this are computed
+        self._settled = -np.inf  # samples up to this are counted, and at hand no more
         self._closed = -np.inf  # time of the last speed sample of a closed piece
 
     def add(self, channel: str, part: Series) -> None:
-        """Samples of one channel, later than those added before."""
-        self._late += int(np.searchsorted(part.time, self._done - MARGIN_S))
-        values = self._ranges.setdefault(channel, _Range(channel)).masked(part.values)
-        self._parts.setdefault(channel, []).append(Series(part.time, values))
+        """Samples of one channel, later than those added before; NaN is none."""
+        tally = self._tallies.setdefault(channel, Tally())
+        tally.read += int((~np.isnan(part.values)).sum())
+        late = int(np.searchsorted(part.time, self._settled, side="right"))
+        if late:
+            first, count = f"at {part.time[0]:.6g} s", int((~np.isnan(part.values[:late])).sum())
+            tally.set_aside("stamped over a minute before the speed beside them", first, count)
+        time, values = part.time[late:], part.values[late:]
+        values = self._ranges.setdefault(channel, Range(channel, tally)).masked(time, values)
+        self._parts.setdefault(channel, []).append(Series(time, values))
 
     def advance(self, until: float) -> None:
         """Compute all ticks before `until`; every sample up to MARGIN_S later must have been added."""
         series = {channel: _joined(parts) for channel, parts in self._parts.items()}
         if "speed" not in series or len(series["speed"].time) < 2 or (until < np.inf and until <= self._done):
             return
+        speed = series["speed"]
         if not self.dt:
-            clock = series["speed"].time
-            native = period(clock)
-            self.dt, self._gap = _step(clock, native, self.rate_hz), max(GAP_S, GAP_PERIODS * native)
-        series["speed"] = _without_long_nan(series["speed"], self._gap)
-        clock = series["speed"].time
+            native = period(speed.time)
+            self.dt, self._gap = _step(speed.time, native, self.rate_hz), max(GAP_S, GAP_PERIODS * native)
+        backward = reversing(speed.time, speed.values, self._gear_at(speed.time, series))
+        below = ~backward & (speed.values < CHANNELS["speed"].low)
+        forward = Series(speed.time, np.where(backward | below, np.nan, speed.values))
+        clock = (kept := _without_long_nan(forward, self._gap)).time
         for channel, one in series.items():
             if channel not in self._periods and (len(one.time) >= 10 or until == np.inf):
-                self._periods[channel] = period(one.time)
+                self._periods[channel] = period(clock if channel == "speed" else one.time)
         if until < np.inf and period(clock) > _SLOW_S:
             return
         for i, j in self._stretches(clock):
-            self._stretch(series, clock, i, j, until)
-        self._done = until
+            self._stretch({**series, "speed": kept}, clock, i, j, until)
+        now = slice(*np.searchsorted(speed.time, [self._settled, until - MARGIN_S], side="right"))
+        for reason, these in ((REVERSING, backward), (self._ranges["speed"].reason, below)):
+            self._ranges["speed"].set_aside(reason, speed.time[now], speed.values[now], these[now])
+        for channel, one in {**series, "speed": forward}.items():
+            self._settle(channel, one, until - MARGIN_S)
+        self._done, self._settled = until, until - MARGIN_S
         for channel, one in series.items():
             slow = self._periods.get(channel, np.inf) > _SLOW_S
-            self._parts[channel] = [one if slow else one.between(until - MARGIN_S, np.inf)]
+            self._parts[channel] = [one if slow else one.between(self._settled, np.inf)]
+
+    def _gear_at(self, time: Array, series: dict[str, Series]) -> Array:
+        if "gear" not in series:
+            return np.full(len(time), np.nan)
+        gear = series["gear"]
+        return at_ticks("gear", gear.time, gear.values, time, self.dt, period(gear.time))
+
+    def _settle(self, channel: str, series: Series, until: float) -> None:
+        """Count the channel's samples that came to a piece, and those that are in none, up to a time."""
+        now = slice(*np.searchsorted(series.time, [self._settled, until], side="right"))
+        time = series.time[now][~np.isnan(series.values[now])]
+        beyond = 0.0 if channel == "speed" else self._gap  # commands are held, others are interpolated
+        starts = np.array([piece.start - beyond for piece in self._pieces])
+        ends = np.array([-np.inf, *(piece.end + beyond for piece in self._pieces)])
+        within = time <= ends[np.searchsorted(starts, time, side="right")]
+        tally = self._tallies[channel]
+        tally.used += int(within.sum())
+        if not within.all():
+            why = f"between gaps, in pieces shorter than a step of {self.dt:g} s"
+            first = f"at {time[int(np.argmin(within))]:.6g} s"
+            tally.set_aside(why if channel == "speed" else NO_SPEED, first, int((~within).sum()))
 
     @property
     def measured(self) -> set[str]:
-        """Channels of which at least one valid sample came."""
-        return {channel for channel, r in self._ranges.items() if r.measured > r.outside}
+        """Channels of which a valid sample came; for speed and commands any sample, as `finish` says what is
+        wrong with them."""
+        return {
+            channel
+            for channel, r in self._ranges.items()
+            if r.measured > (0 if channel in NEEDED else r.outside)
+        }
 
     def finish(self, interface: TruckInterface, notes: Sequence[str] = ()) -> list[Recording]:
-        """The recordings. Raises InputError where there are none or a unit must be wrong."""
-        notes = [*notes, *(note for r in self._ranges.values() if (note := r.note(self.name)))]
-        if self._short:
-            step = f"a step of {self.dt:g} s"
-            notes.append(f"left out {self._short} speed samples between gaps, in pieces shorter than {step}")
-        if self._late:
-            notes.append(f"left out {self._late} samples stamped over a minute before the speed beside them")
+        """The recordings. Raises InputError where there are none, or the unit of a needed channel must be
+        wrong."""
+        for one in self._ranges.values():
+            one.check(self.name, interface)
         if not self._pieces:
-            raise InputError(
-                f"'{self.name}' has no two speed samples in a row: nothing to make a recording of"
-            )
+            raise InputError(self._nothing())
+        account = self._accounted()
+        notes = [*notes, *account.channel_lines()]
         names = (
             [self.name] if len(self._pieces) == 1 else [f"{self.name}#{k}" for k in range(len(self._pieces))]
         )
         return [
-            piece.recording(name, self.dt, interface, notes)
+            piece.recording(name, self.dt, interface, notes, account)
             for name, piece in zip(names, self._pieces, strict=True)
         ]
+
+    def _accounted(self) -> Account:
+        """The account with spans and channels. What its reader counted as used was handed over."""
+        account = self._account or Account(self.name, "samples")
+        account.spans = [(piece.start, piece.end) for piece in self._pieces]
+        for channel in (channel for channel in CHANNELS if channel in self._tallies):
+            own, tally = self._tallies[channel], account.channels.setdefault(channel, Tally())
+            tally.read, tally.used = tally.read or own.read, own.used
+            for reason, entry in own.aside.items():
+                tally.set_aside(reason, entry.first, entry.count)
+        if self._account is None:
+            tallies = self._tallies.values()
+            account.total = Tally(sum(t.read for t in tallies), sum(t.used for t in tallies))
+            account.total.set_aside("by channel, as follows", count=sum(t.left_out for t in tallies))
+        return account
+
+    def _nothing(self) -> str:
+        """Why there is no recording."""
+        nothing = f"'{self.name}' has no two speed samples in a row: nothing to make a recording of"
+        speed = self._tallies.get("speed", Tally())
+        reasons = [
+            f"{entry.count} are {reason}, first {entry.first}" for reason, entry in speed.aside.items()
+        ]
+        unit = "; is its unit right?" if any(reason.startswith("outside") for reason in speed.aside) else ""
+        return f"{nothing} (of {speed.read}, {', '.join(reasons)}{unit})" if reasons else nothing
 
     def _stretches(self, clock: Array) -> list[tuple[int, int]]:
         """Index ranges of the speed samples between gaps and cuts, without those of closed pieces."""
@@ -142,7 +216,6 @@ class Resampler:
         end = clock[j - 1]
         complete = end < until
         if clock[i] >= until or (complete and clock[i] == end):
-            self._short += int(complete)
             self._closed = end if complete else self._closed
             return
         growing = bool(self._pieces) and self._pieces[-1].growing
@@ -156,11 +229,10 @@ class Resampler:
         if len(ticks):
             near = {channel: one.between(before, after) for channel, one in series.items()}
             piece.add({c: self._at(c, one, ticks, piece.count == 0) for c, one in near.items()}, len(ticks))
-        piece.growing = not complete
+        piece.growing, piece.end = not complete, min(end, until)
         if complete:
             self._closed = end
             if piece.count < 2:  # no step, so no acceleration: not a drive
-                self._short += j - i
                 self._pieces.pop()
 
     def _at(self, channel: str, series: Series, ticks: Array, first: bool) -> Array:
@@ -172,7 +244,7 @@ class _Piece:
     """One contiguous stretch of ticks, growing block by block."""
 
     def __init__(self, start: float) -> None:
-        self.start, self.count, self.growing = start, 0, True
+        self.start, self.end, self.count, self.growing = start, start, 0, True
         self._blocks: dict[str, list[Array]] = {}
 
     def add(self, block: dict[str, Array], count: int) -> None:
@@ -182,46 +254,16 @@ class _Piece:
             self._blocks.setdefault(channel, []).extend([*blank, values])
         self.count += count
 
-    def recording(self, name: str, dt: float, interface: TruckInterface, notes: list[str]) -> Recording:
+    def recording(
+        self, name: str, dt: float, interface: TruckInterface, notes: list[str], account: Account
+    ) -> Recording:
         needed = {*interface.u, *interface.w, *interface.y}  # stay, as NaN, where another piece has them
         joined = {channel: np.concatenate(blocks) for channel, blocks in self._blocks.items()}
         channels = {c: v for c, v in joined.items() if c in needed or not np.isnan(v).all()}
         if "acceleration" not in channels or np.isnan(channels["acceleration"]).all():
             channels["acceleration"] = derive_acceleration(channels["speed"], dt)
             notes = [*notes, "acceleration derived from speed"]
-        return Recording(name, dt, channels, interface, self.start, tuple(dict.fromkeys(notes)))
-
-
-class _Range:
-    """Counts the samples of a channel that no truck can produce."""
-
-    def __init__(self, channel: str) -> None:
-        self.channel, self.low, self.high = channel, CHANNELS[channel].low, CHANNELS[channel].high
-        self.measured = self.outside = 0
-        self.worst = 0.0
-
-    def masked(self, values: Array) -> Array:
-        """The values with NaN for those out of range."""
-        with np.errstate(invalid="ignore"):
-            outside = (values < self.low) | (values > self.high)
-        self.measured += int((~np.isnan(values)).sum())
-        if not outside.any():
-            return values
-        self.outside += int(outside.sum())
-        self.worst = max(self.worst, float(values[outside].max()), float(values[outside].min()), key=abs)
-        return np.where(outside, np.nan, values)
-
-    def note(self, name: str) -> str | None:
-        """What was done. Raises InputError where it is so much that the unit must be wrong."""
-        if not self.outside:
-            return None
-        limits = f"{self.low:g}..{self.high:g} {CHANNELS[self.channel].unit}"
-        if self.outside > (0.01 if self.channel == "speed" else 0.2) * self.measured:
-            raise InputError(
-                f"'{name}': {self.outside} of {self.measured} samples of '{self.channel}' are outside "
-                f"{limits} (for example {self.worst:g}): is its unit right?"
-            )
-        return f"{self.outside} samples of {self.channel} outside {limits} made invalid"
+        return Recording(name, dt, channels, interface, self.start, tuple(dict.fromkeys(notes)), account)
 
 
 def derive_acceleration(speed: Array, dt: float) -> Array:

@@ -25,5 +25,6 @@ def drive(interface: TruckInterface) -> Recording:
     channels["gap"] = channels["gap"].astype(np.float32).astype(np.float64)  # as sensor_msgs/Range carries it
     for name in channels:
         channels[name][rng.integers(0, 600, 5)] = np.nan
+    channels["gear"] = np.abs(channels["gear"])  # reversing is no drive
     channels["speed"][[0, -1]] = 10.0  # a recording begins and ends with a valid speed
     return Recording("drive", 0.1, channels, interface)

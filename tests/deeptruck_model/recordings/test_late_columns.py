@@ -43,8 +43,12 @@ def test_a_late_column_is_put_back_by_whole_rows(tmp_path: Path, late_s: float) 
         np.testing.assert_allclose(recording.channels[channel], expected, err_msg=channel)
     np.testing.assert_allclose(recording.channels["fuel_rate"], table["fuel"])
     np.testing.assert_array_equal(recording.channels["speed"], table["v"])
-    said = [note for note in recording.notes if "late" in note]
+    said = [note for note in recording.notes if "is stamped" in note]
     assert said == [f"{c} is stamped {late_s:g} s late and was put back" for c in LATE if late_s]
+    lost = [note for note in recording.notes if "outside their piece once put back by late_s" in note]
+    assert lost == [
+        f"{c}: {rows} of 12 samples outside their piece once put back by late_s" for c in LATE if rows > 0
+    ]
 
 
 def test_half_a_row_is_held_or_interpolated_as_ever(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from deeptruck_model.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, Series, uniform
 from deeptruck_model.recordings.resample import Resampler
@@ -17,6 +18,15 @@ def resampled(
     series: dict[str, Series], rate_hz: float = 10.0, cuts: tuple[float, ...] = ()
 ) -> list[Recording]:
     return uniform(series, name="t", interface=TRUCK, rate_hz=rate_hz, cuts=cuts)
+
+
+def balanced(recordings: list[Recording]) -> Account:
+    """The account of all pieces, of which each sample went somewhere."""
+    account = recordings[0].account
+    assert account is not None and account.balanced
+    assert all(r.account is account for r in recordings)
+    assert account.spans == [pytest.approx((r.time[0], r.time[-1]), abs=r.dt) for r in recordings]
+    return account
 
 
 def clock(rate: float, seconds: float, start: float = 0.0) -> Array:
@@ -119,9 +129,9 @@ def test_samples_nearer_than_a_step_between_gaps_are_left_out_and_counted(
     assert [len(r) for r in recordings] == [101, 101]
     np.testing.assert_allclose(recordings[1].channels["acceleration"], 0.1, atol=1e-9)
     count = len(alone) * len(chosen)
-    assert f"left out {count} speed samples between gaps, in pieces shorter than a step of 0.1 s" in (
-        recordings[0].notes
-    )
+    note = f"speed: {count} of {len(time)} samples between gaps, in pieces shorter than a step of 0.1 s"
+    assert f"{note}, first at {chosen[0][0]:g} s" in recordings[0].notes
+    assert balanced(recordings).channels["speed"].left_out == count
 
 
 def test_nothing_but_samples_nearer_than_a_step() -> None:
@@ -193,16 +203,180 @@ def test_values_no_truck_produces_become_invalid_and_are_noted() -> None:
     gap[:50] = 655.35  # a radar's 'no target'
     (recording,) = resampled({"speed": Series(time, time / 10), "gap": Series(time, gap)})
     assert np.isnan(recording.channels["gap"][:50]).all()
-    assert any("50 samples of gap" in note for note in recording.notes)
+    assert "gap: 50 of 601 samples outside 0..500 m, first at 0 s (655.35)" in recording.notes
 
 
-@pytest.mark.parametrize(("channel", "factor"), [("speed", 3.6), ("engine_speed", 30 / np.pi)])
-def test_a_wrong_unit_is_told(channel: str, factor: float) -> None:
+def drive(seconds: float = 60.0) -> dict[str, Series]:
+    """10 Hz: from standstill to 25 m/s, on with a ripple, and to a stop with the brake."""
+    time = clock(10, seconds)
+    speed = np.clip(np.minimum(time, 0.9 * (seconds - time)), 0.0, 25.0) * (1 + 0.01 * np.sin(time))
+    braking = np.where(time > seconds - 20, np.clip(time - seconds + 20, 0, 8), 0.0)
+    return {
+        "speed": Series(time, speed),
+        "engine_command": Series(time, 800 + 400 * np.sin(time / 3)),
+        "brake_command": Series(time, braking),
+    }
+
+
+def truck(engine_unit: str, brake_unit: str) -> TruckInterface:
+    return TruckInterface("t", engine_unit=engine_unit, brake_unit=brake_unit, grade=False, fuel=False)
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "units", "says"),
+    [
+        ("speed", 3.6, ("N m", "bar"), r"speed is 3\.6 times too large: km/h\?"),
+        ("speed", 1 / 0.44704 * 1.3, ("N m", "bar"), r"speed is 3\.6 times too large: km/h\?"),
+        ("speed", 100.0, ("N m", "bar"), r"speed is 100 times too large: cm/s\?"),
+        ("speed", 1000.0, ("N m", "bar"), r"speed is 1e\+03 times too large: mm/s\?"),
+        ("speed", -1.0, ("N m", "bar"), "speed has the wrong sign .*scale: -1"),
+        ("engine_command", 1000.0, ("N m", "bar"), "engine_command is 1e.03 times too large: N mm"),
+        ("engine_command", 10.0, ("percent", "bar"), "engine_command is 100 times too large: 0.01 percent"),
+        ("brake_command", 100.0, ("N m", "bar"), r"brake_command is 100 times too large: kPa\?"),
+        ("brake_command", 1e5, ("N m", "bar"), r"brake_command is 1e\+05 times too large: Pa\?"),
+        ("brake_command", 100.0, ("N m", "percent"), "brake_command is 10 times too large: per mille"),
+        ("brake_command", -1.0, ("N m", "bar"), "brake_command has the wrong sign .*scale: -1"),
+        ("brake_command", -0.1, ("N m", "m/s^2"), "brake_command has the wrong sign .*scale: -1"),
+    ],
+)
+def test_a_needed_channel_off_by_one_factor_is_refused_and_the_factor_said(
+    channel: str, factor: float, units: tuple[str, str], says: str
+) -> None:
+    series = drive()
+    series[channel] = Series(series[channel].time, factor * series[channel].values)
+    with pytest.raises(InputError, match=says):
+        uniform(series, name="t", interface=truck(*units))
+
+
+def test_a_drive_mostly_below_the_limit_is_still_seen_to_be_in_another_unit() -> None:
+    """In town by km/h: a tenth of the samples is above 60, reached as gradually as all others."""
+    time = clock(10, 600)
+    speed = 40 + 22 * np.sin(time / 40)
+    assert 0.05 < (speed > 60).mean() < 0.2
+    with pytest.raises(InputError, match="km/h"):
+        resampled({"speed": Series(time, speed)})
+
+
+@pytest.mark.parametrize("share", [0.001, 0.02, 0.1, 0.3])
+@pytest.mark.parametrize("value", [655.35, 255.0, 90.0, -30.0, 65535.0, -2.0])
+def test_faults_of_a_sensor_are_set_aside_and_counted(share: float, value: float) -> None:
+    series = {"speed": Series(clock(10, 200), 20 + np.sin(clock(10, 200) / 5))}
+    faults = np.random.default_rng(2).choice(2001, max(1, round(share * 2001)), replace=False)
+    series["speed"].values[faults] = value
+    recordings = resampled(series)
+    speed = balanced(recordings).channels["speed"]
+    assert speed.read == 2001
+    assert speed.aside["outside -1..60 m/s"].count == len(faults)
+    assert speed.aside["outside -1..60 m/s"].first == f"at {faults.min() / 10:g} s ({value:g})"
+    assert set(speed.aside) == {"outside -1..60 m/s"}
+    for recording in recordings:
+        speeds = recording.channels["speed"]
+        assert np.nanmin(speeds) > 18 and np.nanmax(speeds) < 22
+
+
+@pytest.mark.parametrize(
+    ("channel", "value"),
+    [("gap", 2400.0), ("engine_speed", 5000.0), ("grade", 90.0), ("elevation", -9999.0), ("gear", 255.0)],
+)
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_an_optional_channel_refuses_no_drive(channel: str, value: float, share: float) -> None:
+    series = drive()
+    values = np.full(601, 0.1 if channel == "grade" else 3.0)
+    values[: round(share * 601)] = value
+    recordings = resampled({**series, channel: Series(series["speed"].time, values)})
+    tally = balanced(recordings).channels[channel]
+    assert (tally.read, tally.left_out) == (601, round(share * 601))
+    assert np.isnan(recordings[0].channels.get(channel, np.full(1, np.nan))[0])
+
+
+def test_all_of_the_speed_out_of_range_is_said() -> None:
+    with pytest.raises(
+        InputError, match=r"no two speed samples .*601 are outside -1\.\.60 m/s, first at 0 s"
+    ):
+        resampled({"speed": Series(clock(10, 60), np.full(601, 65535.0))})
+
+
+def backing(signed: bool = True) -> dict[str, Series]:
+    """Forward, a stop, 20 s backward to a dock at up to 2.5 m/s, a stop, forward; gear -1 in reverse."""
+    time = clock(10, 100)
+    speed = np.interp(time, [0, 10, 30, 40, 44, 54, 58, 64, 70, 100], [0, 10, 10, 0, 0, -2.5, -2.5, 0, 0, 20])
+    gear = np.where((time > 42) & (time < 66), -1.0, 3.0)
+    series = {"speed": Series(time, speed if signed else np.abs(speed))}
+    return series if signed else {**series, "gear": Series(time, gear)}
+
+
+@pytest.mark.parametrize("signed", [True, False])
+def test_reversing_is_set_aside_by_itself_and_cuts(signed: bool) -> None:
+    series = backing(signed)
+    recordings = resampled(series)
+    account = balanced(recordings)
+    true = backing()["speed"].values < 0
+    assert account.channels["speed"].aside["reversing"].count == true.sum()
+    assert set(account.channels["speed"].aside) == {"reversing"}
+    assert [r.start_s for r in recordings] == pytest.approx([0.0, 64.0])
+    assert [r.time[-1] for r in recordings] == pytest.approx([44.0, 100.0])
+    for recording in recordings:
+        assert (recording.channels["speed"] >= 0).all()
+        assert (np.abs(recording.channels["acceleration"]) <= 1.0 + 1e-9).all()
+
+
+def test_reversing_in_parts_is_counted_as_in_the_whole() -> None:
+    series = backing()
+    resampler = Resampler("t")
+    for low in np.arange(0, 101, 5.0):
+        inside = (series["speed"].time >= low) & (series["speed"].time < low + 5.0)
+        resampler.add("speed", Series(series["speed"].time[inside], series["speed"].values[inside]))
+        resampler.advance(low + 5.0 - 60.0)
+    resampler.advance(np.inf)
+    parts, whole = resampler.finish(TRUCK), resampled(series)
+    assert balanced(parts).to_dict() == balanced(whole).to_dict()
+    assert [len(r) for r in parts] == [len(r) for r in whole]
+
+
+def test_creeping_back_on_a_slope_is_kept() -> None:
     time = clock(10, 60)
-    good = {"speed": np.full(601, 25.0), "engine_speed": np.full(601, 130.0)}
-    good[channel] = good[channel] * factor
-    with pytest.raises(InputError, match=f"'{channel}' are outside .*is its unit right"):
-        resampled({name: Series(time, values) for name, values in good.items()})
+    (recording,) = resampled(
+        {"speed": Series(time, np.interp(time, [0, 20, 25, 30, 60], [0, 0, -0.6, 0, 20]))}
+    )
+    assert recording.channels["speed"].min() == pytest.approx(-0.6)
+
+
+def test_samples_where_no_speed_was_recorded_are_counted() -> None:
+    time = np.concatenate([clock(10, 10), clock(10, 10, start=60)])
+    recordings = resampled(
+        {"speed": Series(time, time / 4), "engine_command": Series(clock(10, 70), clock(10, 70))}
+    )
+    tally = balanced(recordings).channels["engine_command"]
+    assert (tally.read, tally.used + tally.left_out) == (701, 701)
+    assert tally.aside["recorded while there was no speed"].count == pytest.approx(470, abs=2)
+    assert tally.aside["recorded while there was no speed"].first == "at 11.6 s"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_read_is_used_and_set_aside_on_damaged_drives(seed: int) -> None:
+    """Holes, faults, NaN, reversing, jitter and single samples, in parts: nothing is lost unsaid."""
+    rng = np.random.default_rng(seed)
+    time = np.sort(rng.uniform(0, 400, 3000))
+    time = time[rng.uniform(size=3000) < np.where(time % 97 < 30, 0.03, 1.0)]
+    series = {
+        "speed": Series(time, 12 * np.sin(time / rng.uniform(5, 40)) + 9),
+        "gap": Series(clock(3, 400), rng.normal(300, 200, 1201)),
+        "gear": Series(clock(1, 300), rng.integers(-1, 12, 301).astype(float)),
+    }
+    for one in series.values():
+        one.values[rng.uniform(size=len(one.time)) < 0.05] = np.nan
+        one.values[rng.uniform(size=len(one.time)) < 0.01] = 1e6
+    read = {channel: int((~np.isnan(one.values)).sum()) for channel, one in series.items()}
+    resampler = Resampler("t")
+    for low in range(0, 401, 50):
+        for channel, one in series.items():
+            inside = (one.time >= low) & (one.time < low + 50)
+            resampler.add(channel, Series(one.time[inside], one.values[inside]))
+        resampler.advance(low - 10.0)
+    resampler.advance(np.inf)
+    account = balanced(resampler.finish(TRUCK))
+    assert {channel: tally.read for channel, tally in account.channels.items()} == read
+    assert account.total.read == sum(read.values()) and account.total.left_out > 0
 
 
 def test_acceleration_is_derived_where_absent() -> None:

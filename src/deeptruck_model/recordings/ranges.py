@@ -1,0 +1,144 @@
+"""Which samples of a channel no truck can have produced, when that is a matter of its unit, and reversing."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.account import Tally
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import CHANNELS, TruckInterface
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NEEDED = ("speed", "engine_command", "brake_command")
+REVERSE_LOW = -15.0 / 3.6  # m/s: faster backward is no reversing but a wrong sign or a fault
+REVERSING = "reversing"
+_DEAD_BAND = 2.0  # m/s: slower than this many sensors show zero, so that reversing begins with a jump
+_SUSPECT_SHARE = 0.01  # of the samples that are not zero
+_KEPT = 10_000  # out-of-range values that are looked at for a factor
+
+# (channel, unit) -> what it reaches in a drive at most, and how many times too large it is in other units
+_OTHER_UNITS: dict[tuple[str, str], tuple[float, dict[str, float]]] = {
+    ("speed", "m/s"): (40.0, {"km/h": 3.6, "mph": 1 / 0.44704, "cm/s": 100.0, "mm/s": 1000.0}),
+    ("engine_command", "N m"): (5000.0, {"N cm": 100.0, "N mm": 1000.0}),
+    ("engine_command", "percent"): (130.0, {"0.01 percent": 100.0, "0.001 percent": 1000.0}),
+    ("engine_command", "g/s"): (40.0, {"mg/s": 1000.0, "g/h": 3600.0}),
+    ("engine_command", "cm^3/s"): (50.0, {"mm^3/s": 1000.0, "ml/h": 3600.0}),
+    ("brake_command", "percent"): (105.0, {"per mille": 10.0, "0.01 percent": 100.0}),
+    ("brake_command", "m/s^2"): (12.0, {"cm/s^2": 100.0, "mm/s^2": 1000.0}),
+    ("brake_command", "bar"): (15.0, {"kPa": 100.0, "mbar": 1000.0, "Pa": 1e5}),
+}
+
+
+class Range:
+    """Sets a channel's out-of-range samples aside, part by part, and remembers what says that its unit is
+    wrong."""
+
+    def __init__(self, channel: str, tally: Tally) -> None:
+        self.channel, self.tally = channel, tally
+        self.low, self.high = CHANNELS[channel].low, CHANNELS[channel].high
+        self.reason = f"outside {self.low:g}..{self.high:g} {CHANNELS[channel].unit}"
+        if CHANNELS[channel].unit in ("1", "interface"):
+            self.reason = f"outside {self.low:g}..{self.high:g}"
+        self.measured = self.outside = 0  # samples with a value, and those of them out of range
+        self._nonzero = self._negative = 0
+        self._size_below = self._size_above = 0.0  # sums of magnitudes below zero and above
+        self._crossings = self._gradual = 0
+        self._values: list[Array] = []  # of those outside, the first _KEPT
+
+    def masked(self, time: Array, values: Array) -> Array:
+        """The values (n,) with NaN for those out of range. Of speed, reversing stays: see `reversing`."""
+        low = REVERSE_LOW if self.channel == "speed" else self.low
+        valid = ~np.isnan(values)
+        with np.errstate(invalid="ignore"):
+            outside = (values < low) | (values > self.high)
+        self.measured += int(valid.sum())
+        if self.channel in NEEDED:
+            self._look(values[valid], outside[valid], low)
+        if not outside.any():
+            return values
+        self.set_aside(self.reason, time, values, outside)
+        return np.where(outside, np.nan, values)
+
+    def set_aside(self, reason: str, time: Array, values: Array, these: Mask) -> None:
+        """Count samples that are not used, with the time and value of the first one."""
+        self.outside += int(these.sum()) if reason == self.reason else 0
+        if these.any():
+            k = int(np.argmax(these))
+            self.tally.set_aside(reason, f"at {time[k]:.6g} s ({values[k]:.6g})", int(these.sum()))
+
+    def _look(self, values: Array, outside: Mask, low: float) -> None:
+        size = np.minimum(np.abs(values), self.high)
+        self._nonzero += int((values != 0.0).sum())
+        self._negative += int((values < low).sum())
+        self._size_below += float(size[values < 0.0].sum())
+        self._size_above += float(size[values > 0.0].sum())
+        if not outside.any():
+            return
+        if sum(map(len, self._values)) < _KEPT:
+            self._values.append(np.abs(values[outside & (values != 0.0)])[:_KEPT])
+        steps = np.abs(np.diff(values))
+        inside = ~(outside[1:] | outside[:-1])
+        across = outside[1:] != outside[:-1]
+        usual = 2.0 * float(np.quantile(steps[inside], 0.9)) if inside.sum() >= 20 else 0.0
+        self._crossings += int(across.sum())
+        self._gradual += int((steps[across] <= usual).sum())
+
+    def check(self, name: str, interface: TruckInterface) -> None:
+        """Raises InputError where one factor makes most samples of a needed channel plausible.
+
+        Most are off where most that are not zero are outside the range, or where values leave the range as
+        gradually as they change within it, so that those within are off too. A fault leaves it by a jump.
+        """
+        if self.channel not in NEEDED or not self.outside:
+            return
+        first = self.tally.aside[self.reason].first
+        count = f"{self.outside} of {self.measured} samples of '{self.channel}'"
+        what = f"'{name}': {count} are {self.reason}, first {first}"
+        signed = self.channel != "engine_command"  # whose negative values retard
+        if signed and self._negative > 0.5 * self._nonzero and self._size_below > self._size_above:
+            meaning = CHANNELS[self.channel].meaning
+            raise InputError(f"{what}: {self.channel} has the wrong sign ({meaning}): give it 'scale: -1'")
+        values = np.concatenate(self._values)[:_KEPT] if self._values else np.zeros(0)
+        if not len(values) or self.outside <= _SUSPECT_SHARE * self._nonzero:
+            return
+        code = self.outside < self.measured and float(np.ptp(values)) == 0.0  # such as 'not available'
+        most = self.outside > 0.5 * self._nonzero and not code
+        if not most and self._gradual <= 0.5 * self._crossings:
+            return
+        limit, units = _OTHER_UNITS.get((self.channel, interface.unit(self.channel)), (0.0, {}))
+        for unit, factor in units.items():
+            scaled = values / factor
+            if ((scaled > 0.05 * limit) & (scaled <= limit)).mean() >= 0.9:
+                raise InputError(
+                    f"{what}: {self.channel} is {factor:.3g} times too large: {unit}? "
+                    f"Give it its unit, or 'scale: {1 / factor:.6g}'"
+                )
+
+
+def reversing(time: Array, speed: Array, gear: Array) -> Mask:
+    """Which samples (n,) belong to reversing: backward from standstill to standstill, faster than a creep.
+
+    A sensor without a sign reverses where `gear` (n,), NaN where not known, is negative. What jumps below
+    zero faster than a truck can brake is no reversing but a fault.
+    """
+    with np.errstate(invalid="ignore"):
+        signed = np.where((gear < 0.0) & (speed <= -REVERSE_LOW), -np.abs(speed), speed)
+    found = np.zeros(len(speed), dtype=bool)
+    valid = np.flatnonzero(~np.isnan(signed))
+    t, v = time[valid], signed[valid]
+    if not len(v) or not (v < CHANNELS["speed"].low).any():
+        return found
+    starts = np.flatnonzero(np.diff(v < 0.0, prepend=not v[0] < 0.0))
+    ends = np.append(starts[1:], len(v))
+    lowest = np.minimum.reduceat(v, starts)
+    for k in np.flatnonzero(lowest < CHANNELS["speed"].low):
+        i, j = int(starts[k]), int(ends[k])
+        edges = [(e - 1, e) for e in (i, j) if 0 < e < len(v)]
+        if all(
+            abs(v[b] - v[a]) <= _DEAD_BAND - CHANNELS["acceleration"].low * (t[b] - t[a]) for a, b in edges
+        ):
+            found[valid[i:j]] = True
+    return found
