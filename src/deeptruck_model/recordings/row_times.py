@@ -89,8 +89,14 @@ def _check_whole_stamps(table: TextTable, time: Array, name: str, clock: Clock) 
         )
     stamps = time[starts]
     units = (("minutes", 60.0), ("seconds", 1.0))
-    whole = next((word for word, s in units if np.allclose(stamps / s, np.rint(stamps / s))), "steps")
+    whole = next((word for word, s in units if np.allclose(stamps / s, np.rint(stamps / s))), "")
     rate = float(f"{len(time) / (time[-1] + np.median(np.diff(stamps))):.2g}")
+    if not whole:
+        raise InputError(
+            f"{table.path}: times in {name} repeat (the first {starts[1]} rows have {first}): drop doubled "
+            f"rows, export it with more digits, or set time: {{rate_hz: {rate:g}}} where the rows are evenly "
+            "spaced"
+        )
     raise InputError(
         f"{table.path}: {name} is stamped in whole {whole} while rows come at about {rate:g} Hz (the first "
         f"{starts[1]} have {first}): export it with fractions, or set time: {{rate_hz: {rate:g}}} where the "

@@ -154,6 +154,7 @@ def test_nanoseconds_apart_stay_apart(tmp_path: Path) -> None:
             {"format": "%d.%m.%Y %H:%M"},
             "stamped in whole minutes while rows come at about 1 Hz",
         ),
+        ([k // 2 / 10 for k in range(40)], {"unit": "s"}, "times in 't' repeat .* drop doubled rows"),
         ([k // 2 for k in range(40)], {"unit": "s"}, "whole seconds while rows come at about 2 Hz"),
     ],
 )
