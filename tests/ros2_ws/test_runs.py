@@ -74,7 +74,10 @@ def test_bad_simulations(refused: Callable[..., str], options: dict[str, Any], s
         ({"vehicle": "tank"}, "no vehicle 'tank'"),
         ({"policy": "nowhere"}, "is not a policy directory"),
         ({"emulator": True, "leader": "fast"}, "there is no 'fast'"),
-        ({"emulator": True, "grade": "hill.csv"}, "hill.csv cannot be read: it does not exist; give a number or a table"),
+        (
+            {"emulator": True, "grade": "hill.csv"},
+            "hill.csv cannot be read: it does not exist; give a number or a table",
+        ),
         ({"emulator": True, "grade": "2"}, "--grade 2 must be a number from -0.5 to 0.5"),
         ({"interface": "smoke"}, "cannot open CAN interface 'smoke'"),
         ({"interface": "socketcan", "channel": "can9"}, "cannot open CAN interface 'socketcan'"),

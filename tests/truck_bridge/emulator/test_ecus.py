@@ -88,7 +88,10 @@ def test_real_processes_drive_and_the_driver_takes_over():
     ("arguments", "says"),
     [
         (["--vehicle", "tram"], "no vehicle 'tram'"),
-        (["--vehicle", "volvo", "--grade", "hill.csv"], "does not exist; give a number or a table as --grade"),
+        (
+            ["--vehicle", "volvo", "--grade", "hill.csv"],
+            "does not exist; give a number or a table as --grade",
+        ),
         (["--vehicle", "volvo", "--driver", "soon"], "SECONDS:KEY=VALUE"),
         ([], "Missing option '--vehicle'"),
         (["--vehicle", "volvo", "--speed", "fast"], "'--speed': Input should be a valid number"),
