@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks, files, reading, results
-from deeptruck_model.cli.inputs import Overwrite, TopicMap, mapped
+from deeptruck_model.cli.inputs import Overwrite, TopicMap, mapped, show_accounts
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -159,6 +159,7 @@ def table_of(
 
     check_table(out)
     recordings = read_all(bags, topic_map=topic_map, rate_hz=rate_hz)
+    show_accounts(recordings)
     write_table(out, recordings)
     samples = sum(map(len, recordings))
     print(f"{out}: {samples} rows of {len(recordings)} piece{'s' if len(recordings) != 1 else ''}")
@@ -180,10 +181,15 @@ def show_coverage(
     from rich.progress import track
 
     from deeptruck_model.recordings import coverage, read_all
+    from deeptruck_model.recordings.not_recorded import sentence
 
     bar = partial(track, description="reading", disable=len(bags) < 2)
-    found = coverage(read_all(bags, topic_map=topic_map, progress=bar))
+    recordings = read_all(bags, topic_map=topic_map, progress=bar)
+    found = coverage(recordings)
     found.save(out, overwrite=overwrite)
+    for missing in found.not_recorded:
+        print(f"not recorded: {sentence(missing)}")
+    show_accounts(recordings)
     for recording in found.recordings:
         print(f"{recording['name']}: {recording['duration_s']:.1f} s at {1 / recording['dt']:g} Hz")
     print(f"{found.duration_s / 3600:.3f} h; see {out / 'coverage.html'}")

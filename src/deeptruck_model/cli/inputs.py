@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -59,7 +61,17 @@ def mapped(topic_map: Path | None) -> Mapped | None:
 
 
 def read(bags: list[Path], topic_map: Path | None = None) -> list[Recording]:
-    """The recordings of all bags, in their order. Raises InputError as `recordings.read` does."""
+    """The recordings of all bags, in their order; shows their accounts. Raises InputError as `read` does."""
     from deeptruck_model.recordings import read_all
 
-    return read_all(bags, topic_map=topic_map)
+    recordings = read_all(bags, topic_map=topic_map)
+    show_accounts(recordings)
+    return recordings
+
+
+def show_accounts(recordings: Iterable[Recording]) -> None:
+    """On stderr, what was set aside or remarked when the recordings were read, once for each source."""
+    for account in {id(r.account): r.account for r in recordings if r.account is not None}.values():
+        if account.total.left_out or account.remarks or any(account.channel_lines()):
+            for line in account.lines():
+                print(line, file=sys.stderr)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
-from deeptruck_model.cli.inputs import SIMULATOR, Overwrite, TopicMap, mapped
+from deeptruck_model.cli.inputs import SIMULATOR, Overwrite, TopicMap, mapped, show_accounts
 from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
@@ -67,6 +67,7 @@ def mismatch(
             rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others)
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
+        show_accounts([*fit, *held])
         # the search's libraries take seconds to import: a bag that cannot be read is refused before
         from deeptruck_model.mismatch import find_mismatch
         from deeptruck_model.mismatch.output import fill

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.coverage_grid import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
+from deeptruck_model.recordings.not_recorded import not_recorded
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.results import COVERAGE
 
@@ -23,10 +24,13 @@ Array = NDArray[np.float64]
 class Coverage:
     """`seconds` (speed, acceleration, grade) is the time spent in each cell of the edges; the last grade cell
     stands for samples without a grade. What lies outside the edges counts in the outermost cells.
+    `not_recorded` are the inputs that were not recorded, `accounts` what became of all that was read.
     """
 
     seconds: Array
     recordings: list[dict[str, Any]]
+    not_recorded: list[dict[str, Any]]
+    accounts: list[dict[str, Any]]
 
     @property
     def duration_s(self) -> float:
@@ -50,8 +54,10 @@ class Coverage:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
+            "not_recorded": self.not_recorded,
             "duration_s": self.duration_s,
             "warnings": self.warnings,
+            "accounts": self.accounts,
             "recordings": self.recordings,
             "occupancy": {
                 "axes": ["speed", "acceleration", "grade"],
@@ -94,8 +100,12 @@ def coverage(recordings: Sequence[Recording]) -> Coverage:
     seconds = np.zeros(shape)
     for recording in recordings:
         seconds += _occupancy(recording, shape)
+    accounts = {id(r.account): r.account.to_dict() for r in recordings if r.account is not None}
     return Coverage(
-        seconds, [_summary(r, before) for before, r in zip((None, *recordings), recordings, strict=False)]
+        seconds,
+        [_summary(r, before) for before, r in zip((None, *recordings), recordings, strict=False)],
+        [missing.to_dict() for missing in not_recorded(recordings)],
+        list(accounts.values()),
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from deeptruck_model.pages.document import Picture, Table, document
+from deeptruck_model.recordings.not_recorded import sentence
 from deeptruck_model.signals import printed
 
 SHOWS = "Time over speed, acceleration and slope. What is bright was driven long, what is white not at all."
@@ -18,9 +19,30 @@ def page(found: Mapping[str, Any], picture: bytes) -> str:
     number = len(found["recordings"])
     what = f"{number} recordings" if number > 1 else "one recording"
     first = f"{found['duration_s'] / 3600:.3g} h of driving in {what}."
+    if found["not_recorded"]:
+        first = f"Not recorded: {', '.join(m['input'] for m in found['not_recorded'])}. {first}"
     return document(
-        first, found["warnings"], [_table(r) for r in found["recordings"]], [Picture(picture, SHOWS)]
+        first,
+        [*(f"Not recorded: {sentence(missing)}" for missing in found["not_recorded"]), *found["warnings"]],
+        [*map(_account, found["accounts"]), *map(_table, found["recordings"])],
+        [Picture(picture, SHOWS)],
     )
+
+
+def _account(account: dict[str, Any]) -> Table:
+    """What became of all that was read from one source."""
+    rows = [
+        (what, str(tally["read"]), str(tally["used"]), "", "")
+        for what, tally in ((account["items"], account), *account["channels"].items())
+    ]
+    asides = [
+        (f"{what}: {reason}", "", "", str(entry["count"]), entry["first"])
+        for what, tally in ((account["items"], account), *account["channels"].items())
+        for reason, entry in tally["set_aside"].items()
+    ]
+    remarks = [(remark, "", "", "", "") for remark in account["remarks"]]
+    says = f"What became of {account['source']}"
+    return Table(says, ("", "read", "used", "set aside", "first"), (*rows, *asides, *remarks))
 
 
 def _table(recording: dict[str, Any]) -> Table:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, coverage, coverage_figure
+from deeptruck_model.recordings import Recording, Series, coverage, coverage_figure, uniform
 from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
 from deeptruck_model.signals import TruckInterface
 
@@ -77,6 +77,31 @@ def test_the_page_has_the_numbers_and_fetches_nothing(tmp_path: Path, drive: Rec
     grade = found.to_dict()["recordings"][0]["channels"]["grade"]
     assert f'<td class="n">%</td><td class="n">{100 * grade["min"]:.4g}<' in text  # as the figure has it
     assert "data:image/png;base64," in text and not re.search(r"https?://|<script|@import", text)
+
+
+def test_the_account_of_each_source_is_written_once_and_shown(
+    tmp_path: Path, interface: TruckInterface
+) -> None:
+    time = np.arange(600) / 10
+    time[300:] += 20
+    gap = np.full(600, 40.0)
+    gap[5:15] = 2400.0
+    series = {"speed": Series(time, np.full(600, 9.0)), "gap": Series(time, gap)}
+    pieces = uniform(series, name="two<i>", interface=interface)
+    coverage(pieces).save(tmp_path / "out")
+    (account,) = json.loads((tmp_path / "out" / "coverage.json").read_text())["accounts"]
+    assert len(pieces) == 2 and account["spans_s"] == [[0.0, 29.9], [50.0, 79.9]]
+    assert account["channels"]["gap"] == {
+        "read": 600,
+        "used": 590,
+        "set_aside": {"outside 0..500 m": {"count": 10, "first": "at 0.5 s (2400)"}},
+    }
+    page = (tmp_path / "out" / "coverage.html").read_text()
+    assert (
+        "What became of two&lt;i&gt;" in page
+        and "gap: outside 0..500 m" in page
+        and "at 0.5 s (2400)" in page
+    )
 
 
 def test_a_command_without_a_valid_sample_is_said(drive: Recording) -> None:

@@ -1,0 +1,97 @@
+"""What recordings lack that a truck's motion depends on, what that hides, and the signal to record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from deeptruck_model.recordings.recording import Recording
+
+
+@dataclass(frozen=True)
+class Input:
+    """An input of the truck: what stays hidden without it, and where it is found."""
+
+    name: str
+    hides: str
+    signal: str
+    known: Callable[[Recording], bool]
+
+
+def _measured(*channels: str) -> Callable[[Recording], bool]:
+    """Whether one of the channels has a valid sample."""
+    return lambda r: any(c in r.channels and not np.isnan(r.channels[c]).all() for c in channels)
+
+
+INPUTS = (
+    Input(
+        "brake",
+        "Braking counts as drag, slope or retarder, and no effect of the brakes can be named.",
+        "brake pedal position, SPN 521 in EBC1 (PGN 61441); `brake_command` on `/truck/command`",
+        _measured("brake_command"),
+    ),
+    Input(
+        "gear",
+        "Losses and inertia that differ by gear, and the pauses of gear changes, are averaged.",
+        "current gear, SPN 523 in ETC2 (PGN 61445); `gear` on `/truck/status`",
+        _measured("gear"),
+    ),
+    Input(
+        "slope",
+        "The force of a slope, 1 % of the weight for each percent, counts as engine, drag or brake.",
+        "pitch or altitude, SPN 583 or 580 in VDS (PGN 65256); `grade` or `elevation` on `/road`",
+        _measured("grade", "elevation"),
+    ),
+    Input(
+        "mass",
+        "Forces are known in m/s² only, not in newtons, and a change of load is taken for other physics.",
+        "gross combination weight, SPN 1760 in CVW (PGN 65136); `mass_kg` in COLUMNS.yaml, or `--mass-kg`",
+        lambda r: r.interface.mass_kg is not None,
+    ),
+    Input(
+        "commands obeyed",
+        "Commands that drove nothing, as control was not engaged, are learned as if they had.",
+        "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`",
+        _measured("engaged", "engine_torque"),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Missing:
+    """An input that was not recorded: in no bag, or not in `sources`, the names of those without it."""
+
+    input: Input
+    sources: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain data for JSON."""
+        found: dict[str, object] = {
+            "input": self.input.name,
+            "hides": self.input.hides,
+            "signal": self.input.signal,
+        }
+        return found | ({"sources": list(self.sources)} if self.sources else {})
+
+
+def not_recorded(recordings: Sequence[Recording]) -> list[Missing]:
+    """The inputs that at least one bag lacks in all its pieces, in the order of INPUTS."""
+    bags: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        bags.setdefault(recording.name.partition("#")[0], []).append(recording)
+    missing = []
+    for one in INPUTS:
+        without = tuple(name for name, pieces in bags.items() if not any(map(one.known, pieces)))
+        if without:
+            missing.append(Missing(one, without if len(without) < len(bags) else ()))
+    return missing
+
+
+def sentence(missing: dict[str, object]) -> str:
+    """An entry of `not_recorded` in coverage.json for people."""
+    sources = missing.get("sources")
+    where = f" in {', '.join(map(str, sources))}" if isinstance(sources, list) else ""
+    signal = str(missing["signal"]).replace("`", "")
+    return f"{missing['input']}{where}. {missing['hides']} Record: {signal}."

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_model import cli
+from deeptruck_model.recordings import Recording, coverage, write_bag
+from deeptruck_model.recordings.not_recorded import INPUTS, not_recorded
+from deeptruck_model.signals import TruckInterface
+
+PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
+CHANNELS_OF = {
+    "brake": ("brake_command",),
+    "gear": ("gear",),
+    "slope": ("grade", "elevation"),
+    "commands obeyed": ("engine_torque",),
+}
+
+
+def without(drive: Recording, *channels: str) -> Recording:
+    return replace(drive, channels={c: v for c, v in drive.channels.items() if c not in channels})
+
+
+@pytest.fixture
+def whole(drive: Recording) -> Recording:
+    return replace(drive, interface=replace(drive.interface, mass_kg=24000.0))
+
+
+def test_of_a_whole_recording_nothing_is_missing(whole: Recording) -> None:
+    assert not_recorded([whole]) == []
+
+
+@pytest.mark.parametrize("name", CHANNELS_OF)
+@pytest.mark.parametrize("how", ["absent", "all invalid"])
+def test_each_input_is_missed_alone(whole: Recording, name: str, how: str) -> None:
+    lacking = without(whole, *CHANNELS_OF[name])
+    if how == "all invalid":
+        nothing = {c: np.full(600, np.nan) for c in CHANNELS_OF[name]}
+        lacking = replace(whole, channels=whole.channels | nothing)
+    (missing,) = not_recorded([lacking])
+    assert missing.to_dict() == {
+        "input": name,
+        "hides": missing.input.hides,
+        "signal": missing.input.signal,
+    }
+
+
+def test_the_mass_is_missed_where_no_interface_has_it(drive: Recording) -> None:
+    assert [m.input.name for m in not_recorded([drive])] == ["mass"]
+
+
+def test_elevation_serves_for_the_slope(whole: Recording) -> None:
+    assert not_recorded([without(whole, "grade")]) == []
+
+
+def test_bags_are_named_where_only_some_lack_it_and_pieces_are_no_bags(whole: Recording) -> None:
+    first, second = replace(without(whole, "gear"), name="a#0"), replace(whole, name="a#1")
+    assert not_recorded([first, second]) == []
+    (missing,) = not_recorded([first, second, replace(without(whole, "gear"), name="b")])
+    assert missing.to_dict()["sources"] == ["b"]
+
+
+def test_it_comes_first_on_the_terminal_in_the_numbers_and_on_the_page(
+    tmp_path: Path,
+    drive: Recording,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bare = TruckInterface("t", brake_unit=None, grade=False, fuel=False)
+    lacking = replace(without(drive, "brake_command", "grade", "elevation"), interface=bare)
+    bag = write_bag(tmp_path / "bag", [lacking], interface=bare)
+    monkeypatch.setattr("sys.argv", ["deeptruck-model", "coverage", str(bag), "--out", str(tmp_path / "out")])
+    with contextlib.suppress(SystemExit):
+        cli.main()
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition(".")[0] for line in lines[:3]] == [
+        "not recorded: brake",
+        "not recorded: slope",
+        "not recorded: mass",
+    ]
+    assert "SPN 521" in lines[0] and not lines[3].startswith("not recorded")
+    data = json.loads((tmp_path / "out" / "coverage.json").read_text())
+    assert next(iter(data)) == "not_recorded"
+    assert [m["input"] for m in data["not_recorded"]] == ["brake", "slope", "mass"]
+    page = (tmp_path / "out" / "coverage.html").read_text()
+    body = page[page.index("<body>") :]
+    assert body.index("<h1>Not recorded: brake, slope, mass.") < body.index("SPN 521") < body.index("<h2>")
+    assert coverage([lacking]).not_recorded == data["not_recorded"]
+
+
+def test_the_documented_table_is_the_one_that_is_used() -> None:
+    section = (
+        PAGE.read_text(encoding="utf-8").partition("## What was not recorded\n")[2].partition("\n## ")[0]
+    )
+    rows = re.findall(r"^\| (.+) \| (.+) \| (.+) \|$", section, re.MULTILINE)[2:]
+    assert rows == [(one.name, one.hides, one.signal) for one in INPUTS]
