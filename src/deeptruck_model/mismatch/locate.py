@@ -54,7 +54,7 @@ def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int
         float(at[0]),
         float(at[1]),
         finding,
-        float(e.newtons(force)[rows][seen[rows]].mean()),
+        float(e.newtons(force)[rows][seen[rows]].mean()) if e.mass_known else None,
         rows.start,
         rows.stop,
         energy,

@@ -47,7 +47,7 @@ class Segment:
     start_s: float
     end_s: float
     finding: int
-    mean_force_n: float
+    mean_force_n: float | None  # None where no mass is known
     start: int
     stop: int
     energy: float
@@ -59,7 +59,7 @@ class Segment:
             "start_s": round(self.start_s, 2),
             "end_s": round(self.end_s, 2),
             "finding": self.finding,
-            "mean_force_n": round(self.mean_force_n, 1),
+            "mean_force_n": None if self.mean_force_n is None else round(self.mean_force_n, 1),
         }
 
 

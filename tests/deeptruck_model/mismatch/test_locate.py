@@ -49,6 +49,15 @@ def test_a_stretch_has_no_standstill_and_no_row_that_is_not_compared(evidence: E
     assert only.mean_force_n == pytest.approx(0.2 * MASS, rel=0.05)
 
 
+def test_without_a_known_mass_a_segment_has_no_newtons(evidence: Evidence) -> None:
+    force = np.zeros(N)
+    force[100:300] = 0.2
+    (known,) = locate.segments(evidence, {0: cause(force)})
+    (unknown,) = locate.segments(replace(evidence, mass_known=False), {0: cause(force)})
+    assert unknown.to_json() == known.to_json() | {"mean_force_n": None}
+    assert known.mean_force_n == pytest.approx(0.2 * MASS, rel=0.05)
+
+
 def test_near_stretches_are_one_and_blinks_are_none(evidence: Evidence) -> None:
     force = np.zeros(N)
     force[100:130] = force[135:170] = 0.2
