@@ -131,7 +131,6 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
     derive = "grade" not in values and "elevation" in values and "elevation" not in meaning.conceal
     window = meaning.grade_window_m or GRADE_WINDOW_M
     recordings = [_with_grade(recording, window) for recording in recordings] if derive else recordings
-    account.spans = [(r.start_s, r.start_s + r.dt * (len(r) - 1)) for r in recordings]
     inside = np.zeros(len(time), dtype=bool)
     for start, end in account.spans:
         inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)

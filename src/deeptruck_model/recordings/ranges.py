@@ -104,7 +104,7 @@ class Range:
         values = np.concatenate(self._values)[:_KEPT] if self._values else np.zeros(0)
         if not len(values) or self.outside <= _SUSPECT_SHARE * self._nonzero:
             return
-        code = self.outside < self.measured and float(np.ptp(values)) == 0.0  # such as 'not available'
+        code = self.outside < self.measured and bool(values.min() == values.max())  # such as 'not available'
         most = self.outside > 0.5 * self._nonzero and not code
         if not most and self._gradual <= 0.5 * self._crossings:
             return
