@@ -120,7 +120,7 @@ FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
         "account", "errors", "files", "reading", "console", "checks", "constants", "vehicle_kinds",
-        "table_file", "outside.reference", "outside.saved", "outside.truck",
+        "table_file", "outside.reference", "outside.saved", "outside.truck", "interrupts", "script_start",
     )
 )  # fmt: skip
 

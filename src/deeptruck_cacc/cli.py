@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import deeptruck_model.script_start  # noqa: F401 - Ctrl-C during the imports that follow
+
+# isort: split
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -280,8 +283,4 @@ def _config(
 
 def main() -> None:
     """Entry point."""
-    console.run(
-        app,
-        "deeptruck-cacc",
-        interrupted="interrupted; what has --resume goes on with it",
-    )
+    console.run(app, "deeptruck-cacc")

@@ -14,6 +14,7 @@ from multiprocessing import get_context, parent_process
 from threading import Thread
 from typing import Any, TypeVar, get_args, get_type_hints
 
+from deeptruck_model import interrupts
 from deeptruck_model.errors import InputError
 
 Settings = dict[str, Any]
@@ -47,7 +48,8 @@ def _in_processes(work: Callable[[Job], Result], jobs: Sequence[Job], workers: i
     left = dict(enumerate(jobs))
     for _ in range(RETRIES + 1):
         pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=end_with_parent)
-        running = {pool.submit(work, job): key for key, job in left.items()}
+        with interrupts.held_back():  # the pool starts its processes here, which this one ends
+            running = {pool.submit(work, job): key for key, job in left.items()}
         try:
             for done in as_completed(running):
                 yield done.result()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import deeptruck_model.script_start  # noqa: F401 - Ctrl-C during the imports that follow
+
+# isort: split
 import functools
 import sys
 from pathlib import Path

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from deeptruck_model import console
+from deeptruck_model import console, script_start
 from deeptruck_model.errors import InputError
 
 
@@ -27,12 +28,12 @@ def outcome(
     app = typer.Typer(add_completion=False)
 
     @app.command()
-    def main(size: int, colour: Colour = Colour.red) -> None:
+    def main(size: int, colour: Colour = Colour.red, resume: bool = False) -> None:
         if raised is not None:
             raise raised
 
     with pytest.raises(SystemExit) as ended:
-        console.run(app, "tool", arguments, interrupted="interrupted; go on with --resume")
+        console.run(app, "tool", arguments)
     return int(ended.value.code or 0), capsys.readouterr().err.removeprefix("\n")  # of the line with ^C
 
 
@@ -43,7 +44,7 @@ def outcome(
         (typer.Exit(1), 1, ""),
         (InputError("no such truck; try volvo"), 2, "tool: no such truck; try volvo\n"),
         (PermissionError(13, "Permission denied", "/x"), 2, "tool: /x: Permission denied\n"),
-        (KeyboardInterrupt(), 130, "tool: interrupted; go on with --resume\n"),
+        (KeyboardInterrupt(), 130, "tool: interrupted; the same command with --resume goes on\n"),
     ],
 )
 def test_how_a_command_ends(
@@ -59,6 +60,9 @@ from deeptruck_model import console, files, sweeps
 signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal, wherever this test runs
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 app = typer.Typer()
+def wait() -> None:
+    while True:
+        time.sleep(0.05)  # a signal just before a long sleep would be heeded after it
 @app.command()
 def main() -> None:
     with files.Result('a result', ('a',)).replacing(Path('out')):
@@ -67,32 +71,95 @@ def main() -> None:
 if __name__ == '__main__':
     console.run(app, 'tool', [])
 """
-ALONE, SIDE_BY_SIDE = "time.sleep(60)", "list(sweeps.run(time.sleep, [60, 60], workers=2))"
+ALONE, SIDE_BY_SIDE = "wait()", "list(sweeps.run(time.sleep, [60, 60], workers=2))"
+SWALLOWED = """
+        while True:
+            try:
+                wait()
+            except KeyboardInterrupt:
+                pass
+"""
+MADE_ANOTHER = """
+        try:
+            wait()
+        except KeyboardInterrupt:
+            raise RuntimeError("of a compiler")
+"""
+IN_A_DESTRUCTOR = """
+        class Slow:
+            def __del__(self):
+                wait()
+        Slow()
+        wait()
+"""
+IN_AN_IMPORT = "import slow"
+SLOW = "import time\nwhile True:\n    time.sleep(0.05)\n"
+BEGUN = "begun\n"
 
 
-@pytest.mark.parametrize(
-    ("work", "number"),
-    [(ALONE, signal.SIGINT), (ALONE, signal.SIGTERM), (ALONE, signal.SIGHUP), (SIDE_BY_SIDE, signal.SIGTERM)],
-)
-def test_a_command_that_is_ended_leaves_nothing_under_a_final_name(
-    tmp_path: Path, work: str, number: signal.Signals
-) -> None:
-    """As a job queue or a closed terminal ends it, which do not reach the processes that it has started."""
-    (tmp_path / "tool.py").write_text(PROGRAM.replace("WORK", work))
+def ended(folder: Path, program: str, number: signal.Signals, after: float = 0.0) -> tuple[int, list[str]]:
+    """Exit code and last words of a program that says when it has begun, ended as a terminal does it."""
     run = subprocess.Popen(
-        [sys.executable, "tool.py"], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, program],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
     )
     try:
-        assert run.stdout is not None and run.stdout.readline() == "begun\n"
-        if work == SIDE_BY_SIDE:
-            time.sleep(2.0)  # the workers are there
-        run.send_signal(number)
+        assert run.stdout is not None and run.stdout.readline() == BEGUN
+        time.sleep(after)
+        os.killpg(run.pid, number) if number is signal.SIGINT else run.send_signal(number)
         _, errors = run.communicate(timeout=30)
     finally:
         run.kill()
         run.wait()
-    assert run.returncode == 130 and errors.splitlines()[-1] == "tool: interrupted"
-    assert [path.name for path in tmp_path.iterdir() if path.name != "__pycache__"] == ["tool.py"]
+    return run.returncode, errors.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("work", "number"),
+    [
+        (ALONE, signal.SIGINT),
+        (ALONE, signal.SIGTERM),
+        (ALONE, signal.SIGHUP),
+        (SIDE_BY_SIDE, signal.SIGTERM),
+        (SIDE_BY_SIDE, signal.SIGINT),
+        (SWALLOWED, signal.SIGINT),
+        (MADE_ANOTHER, signal.SIGINT),
+        (IN_A_DESTRUCTOR, signal.SIGINT),
+        (IN_AN_IMPORT, signal.SIGINT),
+    ],
+)
+def test_a_command_that_is_ended_leaves_nothing_and_says_one_line(
+    tmp_path: Path, work: str, number: signal.Signals
+) -> None:
+    """Also where the interrupt is lost on its way, and where other processes work for the command."""
+    (tmp_path / "slow.py").write_text(SLOW)
+    (tmp_path / "tool.py").write_text(PROGRAM.replace("WORK", work.strip()))
+    workers_start_s = 2.0 if work == SIDE_BY_SIDE else 0.0
+    assert ended(tmp_path, "tool.py", number, workers_start_s) == (130, ["tool: interrupted"])
+    left = {path.name for path in tmp_path.iterdir()} - {"__pycache__", "slow.py"}
+    assert left == {"tool.py"}
+
+
+@pytest.mark.parametrize("package", ["deeptruck_model", "deeptruck_cacc", "truck_bridge"])
+def test_a_script_that_is_interrupted_while_it_is_imported_says_one_line(
+    tmp_path: Path, package: str
+) -> None:
+    """typer, which every console script imports first, is slow here."""
+    program = {"truck_bridge": "truck-bridge"}.get(package, package.replace("_", "-"))
+    (tmp_path / "typer.py").write_text("print('begun', flush=True)\n" + SLOW)
+    (tmp_path / program).write_text(
+        "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        f"from {package}.cli import main\nmain()\n"
+    )
+    assert ended(tmp_path, program, signal.SIGINT) == (130, [f"{program}: interrupted"])
+
+
+def test_a_program_of_another_name_keeps_its_own_handler() -> None:
+    assert signal.getsignal(signal.SIGINT) is not script_start.end_at_once
 
 
 @pytest.mark.parametrize("arguments", [("3", "--colour", ""), ("3", "--colour=")])

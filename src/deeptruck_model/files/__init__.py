@@ -2,10 +2,11 @@
 
 In comes a place that the user named; out goes a result that stands there whole, or nothing. `results` is the
 rule for folders, `owned` says whose one is, `ledger` tells a command's own files, `single` writes one file,
-`places` names what is unfinished. Standard library only.
+`places` names what is unfinished, `drafts` removes it where the process ends at once. Standard library only.
 """
 
 from deeptruck_model.files.again import rewrite
+from deeptruck_model.files.drafts import removing
 from deeptruck_model.files.ledger import LEDGER, is_as_written, renew
 from deeptruck_model.files.places import (
     begun,
@@ -48,6 +49,7 @@ __all__ = [
     "is_as_written",
     "left_beside",
     "new_file",
+    "removing",
     "renew",
     "rewrite",
     "tell_left_beside",

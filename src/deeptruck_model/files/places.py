@@ -18,6 +18,7 @@ import hashlib
 import itertools
 import os
 import re
+import secrets
 import socket
 import sys
 from collections.abc import Iterator
@@ -44,6 +45,11 @@ def straight(out: Path) -> Path:
 def unfinished(out: Path) -> Path:
     """Where work that can be gone on with is kept until `out` can be written whole."""
     return out.parent / f".{out.name}.unfinished"  # '.' has no name that could be exchanged
+
+
+def draft(out: Path) -> Path:
+    """A free name for a draft of `out`."""
+    return out.with_name(f".{out.name}.{secrets.token_hex(4)}.tmp")
 
 
 def begun(out: Path) -> bool:

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import ledger, places
+from deeptruck_model.files import drafts, ledger, places
 from deeptruck_model.files.ledger import LEDGER
 from deeptruck_model.files.owned import Owned
 from deeptruck_model.files.parts import remove
 from deeptruck_model.files.places import unfinished, writing
-from deeptruck_model.files.single import advice, aside, umask
+from deeptruck_model.files.single import advice, aside
 
 OVERWRITE_HELP = "Replace what this command wrote there, once the new one is whole."
 
@@ -47,22 +46,24 @@ class Result(Owned):
         something else came to `out` meanwhile: then the new result is kept beside it.
         """
         out = places.straight(out)
+        draft, is_whole = places.draft(out), False
+
+        def drop() -> None:
+            if draft.exists() and not is_whole:
+                self._drop(draft)
+
         with self._held(out, overwrite):
-            draft, is_whole = None, False
             self._tidy(out)
             try:
-                draft = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".tmp", dir=out.parent))
-                draft.chmod(0o777 & ~umask())
-                self.claim(draft)
-                yield draft
-                self.sign(draft)
-                is_whole = True
-                self._publish(draft, out, overwrite)
+                with drafts.removing(drop):
+                    draft.mkdir()
+                    self.claim(draft)
+                    yield draft
+                    self.sign(draft)
+                    is_whole = True
+                    self._publish(draft, out, overwrite)
             except OSError as error:
                 raise InputError(f"cannot write {out}: {error.strerror or error}; {advice(error)}") from None
-            finally:
-                if draft is not None and draft.exists() and not is_whole:
-                    self._drop(draft)
 
     @contextmanager
     def going_on(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
@@ -175,18 +176,20 @@ class Result(Owned):
     def _held(self, out: Path, overwrite: bool) -> Iterator[None]:
         self.check(out, overwrite=overwrite)
         new = not out.exists()
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write {out}: {error.strerror}; {advice(error)}") from None
-        try:
-            with writing(out, self.elsewhere):
-                self._older(out, overwrite)  # another run may have written it meanwhile
-                yield
-        finally:
+
+        def remove() -> None:
             if new:
                 with suppress(OSError):  # it holds what was written
                     out.rmdir()
+
+        with drafts.removing(remove):
+            try:
+                out.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(f"cannot write {out}: {error.strerror}; {advice(error)}") from None
+            with writing(out, self.elsewhere):
+                self._older(out, overwrite)  # another run may have written it meanwhile
+                yield
 
     def _publish(self, draft: Path, out: Path, overwrite: bool) -> None:
         """Rename a finished folder to `out`, where nothing came between; else keep it beside, as NAME.new.

@@ -6,14 +6,14 @@ import errno
 import glob
 import itertools
 import os
+import secrets
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import ledger
+from deeptruck_model.files import drafts, ledger
 
 ADVICE = "make room or choose another --out"
 ELSEWHERE = "choose another --out"
@@ -79,21 +79,16 @@ def new_file(path: Path) -> Iterator[Path]:
     for other in sorted(path.parent.glob(f".{name}.????????{suffix}")):
         says = f"{other} is unfinished work on {path.name}; remove it if no run is at it"
         print(f"note: {says}", file=sys.stderr)
-    draft = None
+    draft = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        number, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
-        os.close(number)
-        draft = Path(name)
-        draft.chmod(0o666 & ~umask())
-        yield draft
-        _put(draft, path)
+        with drafts.removing(lambda: draft.unlink(missing_ok=True)):
+            draft.touch(exist_ok=False)
+            yield draft
+            _put(draft, path)
     except OSError as error:
         cure = advice(error, f"make room or {RENAME}", RENAME)
         raise InputError(f"cannot write {path}: {error.strerror or error}; {cure}") from None
-    finally:
-        if draft is not None:
-            draft.unlink(missing_ok=True)
 
 
 def _put(draft: Path, path: Path) -> None:
@@ -133,10 +128,3 @@ def write(path: Path, content: bytes, where_full: str = ADVICE) -> None:
 def advice(error: BaseException, where_full: str = ADVICE, else_where: str = ELSEWHERE) -> str:
     """What mends an error of writing: room helps a full disk alone, and no folder that may not be written."""
     return where_full if getattr(error, "errno", None) in FULL else else_where
-
-
-def umask() -> int:
-    """The bits that new files lack."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -127,9 +127,7 @@ class BagSource:
 
     def custom_data(self) -> dict[str, Any]:
         """JSON values stored with the bag under `deeptruck.*`. Raises InputError where one is not JSON."""
-        return {
-            key: _from_json(self.path, key, text) for key, text in self.stored().items() if OURS in key
-        }
+        return {key: _from_json(self.path, key, text) for key, text in self.stored().items() if OURS in key}
 
     def _metadata(self, file: Path) -> Iterator[tuple[str, dict[str, str]]]:
         with file.open("rb") as stream:

@@ -5,9 +5,9 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
 import struct
-import tempfile
 from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
@@ -65,10 +65,9 @@ def _refuse_links(path: Path, file: Path) -> None:
 
 def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
     """Put a mended copy in the place of `file`; the file that keeps what was cut off, if there is one."""
-    number, name = tempfile.mkstemp(prefix=f".{file.name}.", suffix=".tmp", dir=file.parent)
-    os.close(number)
-    draft, before, is_ours = Path(name), file.stat(), files.is_as_written(file)
-    try:
+    draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}.tmp")
+    before, is_ours = file.stat(), files.is_as_written(file)
+    with files.removing(lambda: draft.unlink(missing_ok=True)):
         shutil.copyfile(file, draft)
         shutil.copymode(file, draft)
         with draft.open("r+b") as stream:
@@ -94,8 +93,6 @@ def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
         else:
             draft.replace(file)
         return found, cut
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _scanned(stream: BinaryIO, file: Path) -> Found:

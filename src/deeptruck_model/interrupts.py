@@ -1,0 +1,108 @@
+"""How a command ends before its time: in order where its stack unwinds soon, else with its drafts removed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Lock, Timer
+from types import FrameType
+
+from deeptruck_model.files import drafts
+from deeptruck_model.script_start import INTERRUPTED, end_at_once
+
+GRACE_S = (
+    1.0  # for unwinding: a library's compiler may swallow the exception, and compiled code does not see it
+)
+SHOW_CURSOR = "\x1b[?25h"
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+REPLACED = (signal.SIG_DFL, signal.default_int_handler, end_at_once)
+
+
+class Interrupt:
+    """An interrupt of the running command. `end` prints the `last_words` and never returns."""
+
+    def __init__(self, last_words: Callable[[], object]) -> None:
+        self.asked = False
+        self._last_words = last_words
+        self._ending = Lock()
+
+    def __call__(self, _number: int, frame: FrameType | None) -> None:
+        """The signal's handler: raises KeyboardInterrupt, and ends the process where that does not."""
+        if self.asked:  # once more, while the first one's cleaning is under way
+            return
+        self.asked = True
+        sys.unraisablehook = lambda _: None  # where the exception is swallowed it is not printed either
+        for process in _descendants():  # not ignored by what a shell has started in the background
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGTERM)
+        if _is_importing(frame):  # a library of which half is loaded may abort the process
+            self.end()
+        timer = Timer(GRACE_S, self.end)
+        timer.daemon = True
+        timer.start()
+        raise KeyboardInterrupt
+
+    def end(self) -> None:
+        """Ends the process at once: threads of compiled libraries crash an interpreter that shuts down."""
+        self._ending.acquire()  # never released: who comes second waits for the end
+        drafts.remove_all()
+        with suppress(Exception):
+            sys.stdout.flush()
+        if sys.stderr.isatty():
+            sys.stderr.write(SHOW_CURSOR)
+        self._last_words()
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)
+
+
+@contextmanager
+def heeded(last_words: Callable[[], object]) -> Iterator[Interrupt]:
+    """Ctrl-C, and what a job queue or a closed terminal sends unless it is ignored (nohup), end the block.
+
+    A terminal's Ctrl-C reaches all processes of a command; so does each of these.
+    """
+    interrupt = Interrupt(last_words)
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    ours = [number for number, handler in before.items() if handler in REPLACED]
+    for number in ours:
+        signal.signal(number, interrupt)
+    try:
+        yield interrupt
+    finally:
+        for number in ours:
+            if signal.getsignal(number) is interrupt:
+                signal.signal(number, before[number])
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Ctrl-C waits for the end of the block, and never reaches processes that are started in it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_globals.get("__name__") == "importlib._bootstrap":
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _descendants() -> list[int]:
+    """The processes that this one has started, and those that they have."""
+    parent = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            parent[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
+    found = [os.getpid()]
+    for process in found:  # grows as it goes
+        found += [child for child, of in parent.items() if of == process]
+    return found[1:]
