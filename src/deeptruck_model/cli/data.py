@@ -98,12 +98,14 @@ def _tell_topics(found: Suggestion) -> None:
     from deeptruck_model.recordings.suggestion import rate, span
 
     likely = {id(one.field): one for several in found.candidates.values() for one in several}
+    commanded = {id(one.field): one.channel for several in found.commanded.values() for one in several}
     for topic in found.survey.topics:
         said = topic.why or rate(topic)
         print("  ".join(map(reading.plain, (topic.name, topic.msgtype, said))))
         for field in topic.fields:
             one = likely.get(id(field))
             channel = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""
+            channel = f"  commanded {commanded[id(field)]}" if id(field) in commanded else channel
             print(f"  {reading.plain(field.path)}  {span(field)}{channel}")
 
 

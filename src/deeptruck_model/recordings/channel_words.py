@@ -1,4 +1,4 @@
-"""By which message types, words and ranges a number in a bag is taken for one of our channels."""
+"""By which words and ranges a number in a bag or table is taken for one of our channels."""
 
 from __future__ import annotations
 
@@ -6,39 +6,15 @@ import math
 import re
 from dataclasses import dataclass
 
-FORWARD = "forward speed, as x is forward (REP 103)"
-GNSS = "position by satellites"
-BY_TYPE: dict[str, dict[str, tuple[str, str, str]]] = {  # message type: field: (channel, unit, why)
-    "nav_msgs/msg/Odometry": {"twist.twist.linear.x": ("speed", "m/s", FORWARD)},
-    "geometry_msgs/msg/TwistStamped": {"twist.linear.x": ("speed", "m/s", FORWARD)},
-    "geometry_msgs/msg/TwistWithCovarianceStamped": {"twist.twist.linear.x": ("speed", "m/s", FORWARD)},
-    "geometry_msgs/msg/Twist": {"linear.x": ("speed", "m/s", FORWARD)},
-    "geometry_msgs/msg/AccelStamped": {"accel.linear.x": ("acceleration", "m/s^2", "x is forward (REP 103)")},
-    "geometry_msgs/msg/AccelWithCovarianceStamped": {
-        "accel.accel.linear.x": ("acceleration", "m/s^2", "x is forward (REP 103)")
-    },
-    "sensor_msgs/msg/Imu": {
-        "linear_acceleration.x": (
-            "acceleration",
-            "m/s^2",
-            "forward if the sensor is mounted so; has gravity in it on slopes, so leave it out if in doubt",
-        )
-    },
-    "sensor_msgs/msg/NavSatFix": {
-        "altitude": ("elevation", "m", "height by satellites"),
-        "latitude": ("latitude", "deg", GNSS),
-        "longitude": ("longitude", "deg", GNSS),
-    },
-    "sensor_msgs/msg/Range": {"range": ("gap", "m", "distance to what is ahead, if the sensor looks ahead")},
-    "sensor_msgs/msg/Temperature": {
-        "temperature": ("ambient_temperature", "degC", "a temperature; check that it is that of the air")
-    },
-}
-WITH_QUATERNION = ("sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry")
-
-COMMANDED = frozenset((
-    "cmd", "command", "commanded", "target", "desired", "setpoint", "reference", "ref", "request",
-    "requested", "demand", "goal", "limit", "max", "min",
+COMMANDED = frozenset((  # anywhere in a topic, type or field: what is asked for, not what was measured
+    "cmd", "cmds", "command", "commands", "commanded", "target", "desired", "setpoint", "setpoints", "set",
+    "reference", "ref", "request", "requested", "req", "demand", "demanded", "goal", "control", "ctrl",
+    "planned", "planning", "plan", "trajectory", "predicted", "recommended", "advised", "nominal", "cruise",
+))  # fmt: skip
+STATISTIC = frozenset((  # of a number, not the number
+    "limit", "limits", "max", "min", "maximum", "minimum", "average", "avg", "mean", "total", "error",
+    "delta", "difference", "accuracy", "uncertainty", "variance", "std", "valid", "validity", "quality",
+    "avail", "available", "timeout", "fault",
 ))  # fmt: skip
 LEADER = frozenset(("lead", "leader", "front", "preceding", "ahead", "radar"))
 
@@ -59,29 +35,34 @@ def _words(any_of: str, none_of: str = "", more: frozenset[str] = frozenset()) -
 
 BY_WORDS: dict[str, Words] = {
     "speed": _words(
-        "speed,velocity,vel,vx", "engine motor shaft turbo fan angular wind relative rel", COMMANDED | LEADER
+        "speed,velocity,vel,vx",
+        "engine motor shaft turbo fan pump angular yaw heading lateral vertical wind relative rel",
+        STATISTIC,
     ),
     "acceleration": _words(
-        "acceleration,accel,acc,ax", "pedal throttle angular lateral vertical gravity", COMMANDED | LEADER
+        "acceleration,accel,acc,ax",
+        "pedal throttle brake brakes angular lateral vertical gravity relative rel",
+        STATISTIC | LEADER,
     ),
     "engine_command": _words(
         "throttle,accelerator,accel pedal,gas pedal,gas,engine command,engine cmd,engine request,"
         "torque request,torque requested,torque command,torque cmd,torque demand",
-        "brake brakes retarder steering min max limit",
+        "brake brakes retarder steering exhaust temperature temp pressure min max limit",
     ),
     "brake_command": _words(
         "brake,brakes,xbr,deceleration request", "parking temperature temp wear lamp light throttle torque"
     ),
     "grade": _words("grade,slope,gradient,incline,inclination,pitch", "rate angular gear"),
     "fuel_rate": _words("fuel", "level tank temperature temp pressure total economy"),
-    "gear": _words("gear", "ratio", COMMANDED),
-    "engine_speed": _words("engine speed,engine rpm,rpm", "wheel turbo fan", COMMANDED),
-    "engine_torque": _words("torque", "brake steering wheel", COMMANDED),
+    "gear": _words("gear", "ratio", STATISTIC),
+    "engine_speed": _words("engine speed,engine rpm,rpm", "wheel turbo fan", STATISTIC),
+    "engine_torque": _words("torque", "brake steering wheel", STATISTIC),
     "elevation": _words("elevation,altitude,alt"),
     "gap": _words("gap,distance,headway,range", "travelled traveled trip total time rate min max"),
     "leader_speed": _words(
         ",".join(f"{who} {what}" for who in sorted(LEADER) for what in ("speed", "velocity", "vel")),
-        "relative rel rate",
+        "relative rel rate wheel axle tire tyre left right",
+        STATISTIC,
     ),
     "ambient_temperature": _words(
         "ambient temperature,outside temperature,air temperature,ambient temp,outside temp,ambient",
@@ -92,8 +73,8 @@ BY_WORDS: dict[str, Words] = {
 }
 UNIT_WORDS = {
     "kmh": "km/h", "kph": "km/h", "mph": "mph", "mps": "m/s", "rpm": "rpm", "percent": "percent",
-    "pct": "percent", "ratio": "ratio", "nm": "N m", "bar": "bar", "kpa": "kPa", "psi": "psi", "deg": "deg",
-    "rad": "rad", "lph": "l/h",
+    "pct": "percent", "percentage": "percent", "ratio": "ratio", "nm": "N m", "bar": "bar", "kpa": "kPa",
+    "psi": "psi", "deg": "deg", "rad": "rad", "lph": "l/h",
 }  # fmt: skip
 _DECELERATION = {"deceleration", "decel", "acceleration", "xbr"}
 _PITCH = {"pitch", "incline", "inclination"}
