@@ -180,12 +180,13 @@ def show_coverage(
         lambda: results.COVERAGE.check(out, overwrite=overwrite),
         lambda: checks.inputs(None, bags, mapped=mapped(topic_map)),
     )
+    from rich.console import Console
     from rich.progress import track
 
     from deeptruck_model.recordings import coverage, read_all
     from deeptruck_model.recordings.not_recorded import sentence
 
-    bar = partial(track, description="reading", disable=len(bags) < 2)
+    bar = partial(track, description="reading", disable=len(bags) < 2, console=Console(stderr=True))
     recordings = read_all(bags, topic_map=topic_map, progress=bar)
     found = coverage(recordings)
     found.save(out, overwrite=overwrite)

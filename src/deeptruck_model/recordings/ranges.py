@@ -79,7 +79,7 @@ class Range:
             return
         if sum(map(len, self._values)) < _KEPT:
             self._values.append(np.abs(values[outside & (values != 0.0)])[:_KEPT])
-        steps = np.abs(np.diff(values))
+        steps = np.abs(np.diff(np.clip(values, -1e12, 1e12)))  # infinities have no difference
         inside = ~(outside[1:] | outside[:-1])
         across = outside[1:] != outside[:-1]
         usual = 2.0 * float(np.quantile(steps[inside], 0.9)) if inside.sum() >= 20 else 0.0
@@ -104,7 +104,8 @@ class Range:
         values = np.concatenate(self._values)[:_KEPT] if self._values else np.zeros(0)
         if not len(values) or self.outside <= _SUSPECT_SHARE * self._nonzero:
             return
-        code = self.outside < self.measured and bool(values.min() == values.max())  # such as 'not available'
+        same = bool(values.min() == values.max())
+        code = same and (self.outside < self._nonzero or _is_code(float(values[0])))
         most = self.outside > 0.5 * self._nonzero and not code
         if not most and self._gradual <= 0.5 * self._crossings:
             return
@@ -116,6 +117,14 @@ class Range:
                     f"{what}: {self.channel} is {factor:.3g} times too large: {unit}? "
                     f"Give it its unit, or 'scale: {1 / factor:.6g}'"
                 )
+
+
+def _is_code(value: float) -> bool:
+    """Whether a value is infinite, or a raw 'not available': all bits set, times a power of ten."""
+    if np.isinf(value):
+        return True
+    exponents = np.log10(value / np.array([2.0**8 - 1, 2.0**15 - 1, 2.0**16 - 1, 2.0**32 - 1]))
+    return bool((np.abs(exponents - np.round(exponents)) < 1e-4).any())
 
 
 def reversing(time: Array, speed: Array, gear: Array) -> Mask:

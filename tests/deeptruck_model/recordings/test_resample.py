@@ -258,7 +258,7 @@ def test_a_drive_mostly_below_the_limit_is_still_seen_to_be_in_another_unit() ->
 
 
 @pytest.mark.parametrize("share", [0.001, 0.02, 0.1, 0.3])
-@pytest.mark.parametrize("value", [655.35, 255.0, 90.0, -30.0, 65535.0, -2.0])
+@pytest.mark.parametrize("value", [655.35, 255.0, 90.0, -30.0, 65535.0, -2.0, np.inf, -np.inf])
 def test_faults_of_a_sensor_are_set_aside_and_counted(share: float, value: float) -> None:
     series = {"speed": Series(clock(10, 200), 20 + np.sin(clock(10, 200) / 5))}
     faults = np.random.default_rng(2).choice(2001, max(1, round(share * 2001)), replace=False)
@@ -289,11 +289,23 @@ def test_an_optional_channel_refuses_no_drive(channel: str, value: float, share:
     assert np.isnan(recordings[0].channels.get(channel, np.full(1, np.nan))[0])
 
 
-def test_all_of_the_speed_out_of_range_is_said() -> None:
+@pytest.mark.parametrize("value", [65535.0, 655.35, 255.0, np.inf])
+def test_all_of_the_speed_out_of_range_is_said(value: float) -> None:
     with pytest.raises(
         InputError, match=r"no two speed samples .*601 are outside -1\.\.60 m/s, first at 0 s"
     ):
-        resampled({"speed": Series(clock(10, 60), np.full(601, 65535.0))})
+        resampled({"speed": Series(clock(10, 60), np.full(601, value))})
+
+
+def test_a_brake_of_one_level_in_another_unit_is_refused_and_a_code_is_not() -> None:
+    series = drive()
+    on = series["brake_command"].values > 0
+    brake = Series(series["speed"].time, np.where(on, 300.0, 0.0))
+    with pytest.raises(InputError, match=r"brake_command is 100 times too large: kPa\?"):
+        uniform({**series, "brake_command": brake}, name="t", interface=truck("N m", "bar"))
+    brake = Series(series["speed"].time, np.where(on, 255.0, 0.0))  # a raw 'not available'
+    recordings = uniform({**series, "brake_command": brake}, name="t", interface=truck("N m", "bar"))
+    assert balanced(recordings).channels["brake_command"].aside["outside 0..200"].count == on.sum()
 
 
 def backing(signed: bool = True) -> dict[str, Series]:
