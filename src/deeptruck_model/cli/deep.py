@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -226,6 +226,9 @@ class Experiment(StrEnum):
     minutes = "minutes"
 
 
+MODED = (Experiment.error_statistics, Experiment.field)
+
+
 def experiment(
     name: Annotated[Experiment, typer.Argument(help="Which of the paper's experiments, or one past it.")],
     out: Annotated[
@@ -235,15 +238,21 @@ def experiment(
         int, typer.Option(help="Models trained; 0 takes the experiment's own number.", min=0)
     ] = 0,
     budget: Annotated[int, typer.Option(help="Gradient updates of each; 0 chooses.", min=0)] = 0,
+    mode: Annotated[
+        Mode, typer.Option(help="paper: the paper's recipe, for error-statistics and field.")
+    ] = Mode.default,
     overwrite: Overwrite = False,
 ) -> None:
     """Repeat an experiment of the paper on the reference trucks: figures, table and metrics.json.
 
     Example: deeptruck-model experiment error-statistics --seeds 30
     """
+    if mode is not Mode.default and name not in MODED:
+        raise InputError(f"{name.value} has no --mode; {' and '.join(e.value for e in MODED)} have")
     folder = out / name.value
     results.EXPERIMENT.check(folder, overwrite=overwrite)
-    given = {"seeds": seeds} if seeds else {}
+    given: dict[str, Any] = {"seeds": seeds} if seeds else {}
+    given |= {"mode": mode.value} if name in MODED else {}
     with results.EXPERIMENT.replacing(folder, overwrite=overwrite) as draft:
         from deeptruck_model.deep.experiments.paper import EXPERIMENTS
 

@@ -24,7 +24,7 @@ class Arguments:
     seed: int = 0
     """member m starts from seed + m"""
     mode: Literal["default", "paper"] = "default"
-    """default: deployment form, AdamW with a cosine; paper: training form, Adagrad"""
+    """default: deployment form, AdamW with a cosine; paper: training form, Adagrad, plain squared error"""
     form: Literal["", "training", "deployment"] = ""
     """which y is fed back while training; empty: the mode's own"""
     members: int = 1
@@ -42,12 +42,13 @@ class Arguments:
     learning_rate: float = 0.0
     """0: the mode's own"""
     weight_decay: float = 1e-4
-    clip: float = 1.0
-    """largest norm of one member's gradient"""
+    clip: float = 0.0
+    """largest norm of one member's gradient; 0: the mode's own, 1 or in paper mode none"""
     speed_s: float = 5.0
-    """a speed error costs as much as the acceleration that brings it about in this time"""
+    """a speed error costs as much as the acceleration that brings it about in this time; paper mode takes
+    the plain squared error of each channel in its unit"""
     fuel: float = 0.5
-    """cost of a fuel error of one standard deviation"""
+    """cost of a fuel error of one standard deviation; not in paper mode"""
     teach: float = 0.3
     """the same for gear, engine speed and torque where recorded; D has to know them, no one else does"""
     kind: Literal["black", "grey"] = "black"

@@ -20,6 +20,7 @@ MATRICES = (*GATED, "decoder")  # the few columns of `output` are as good as vec
 MOMENTUM = 0.95
 ITERATIONS, A, B, C = 5, 3.4445, -4.7750, 2.0315  # Newton-Schulz, as published
 PAPER_RATE, RATE, ADAPTING_RATE = 0.02, 6e-3, 2e-3
+CLIP = 1.0
 RMS = 0.2  # of a step; about that of Adam, so that both take one learning rate
 
 
@@ -77,6 +78,11 @@ def peak_rate(arguments: Arguments) -> float:
     """The highest rate of a run: the one given, or the mode's own."""
     own = PAPER_RATE if arguments.mode == "paper" else ADAPTING_RATE if arguments.start else RATE
     return arguments.learning_rate or own
+
+
+def largest_gradient(arguments: Arguments) -> float:
+    """To which norm a member's gradient is clipped; the paper says nothing of clipping."""
+    return arguments.clip or (math.inf if arguments.mode == "paper" else CLIP)
 
 
 def learning_rate(arguments: Arguments, done: int, updates: int) -> float:

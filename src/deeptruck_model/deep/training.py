@@ -27,7 +27,7 @@ from deeptruck_model.deep.identity import differences, identity_in, identity_of
 from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.kernels.compiled import FloatArray
 from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
-from deeptruck_model.deep.optimizer import guard, learning_rate, optimizers, peak_rate
+from deeptruck_model.deep.optimizer import guard, largest_gradient, learning_rate, optimizers, peak_rate
 from deeptruck_model.deep.selection import Best, finite, validate
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError
@@ -156,9 +156,12 @@ def _begin(data: Prepared, arguments: Arguments, identity: dict[str, Any]) -> _R
     seeds = tuple(arguments.seed + m for m in range(arguments.members))
     network = _fresh(data, arguments, seeds) if data.start is None else _copies(data.start, seeds)
     shape = network.shape
-    weight = loss_weights(
-        data.scales, shape.responses, shape.taught, arguments.speed_s, arguments.fuel, arguments.teach
-    )
+    if arguments.mode == "paper":
+        weight = np.ones(shape.responses + shape.taught, np.float32)
+    else:
+        weight = loss_weights(
+            data.scales, shape.responses, shape.taught, arguments.speed_s, arguments.fuel, arguments.teach
+        )
     return _Run(
         data, arguments, identity, network, weight, optimizers(network, arguments), Best(network), seeds
     )
@@ -230,7 +233,7 @@ def _round(
     for i in range(count):
         x, target = sequences.gather(starts[:, i * batch : (i + 1) * batch], run.steps)
         losses = loss.gradient(run.network, x, target, run.weight, arguments.feedback)
-        guard(run.network, losses, arguments.clip)
+        guard(run.network, losses, largest_gradient(arguments))
         for optimizer in run.optimizers:
             optimizer.param_groups[0]["lr"] = learning_rate(arguments, done + i, run.updates)
             optimizer.step()

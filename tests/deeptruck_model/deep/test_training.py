@@ -72,6 +72,20 @@ def test_paper_mode_learns(drive, small, tmp_path):
     assert speed_error(trained, test) < 0.5 * speed_error(untrained, test)
 
 
+def test_paper_mode_weighs_every_channel_by_its_unit_and_clips_nothing(drive, small, tmp_path, monkeypatch):
+    seen, learn = [], training.loss.gradient
+
+    def gradient(network, x, target, weight, form):
+        seen.append((weight.tolist(), form))
+        return learn(network, x, target, weight, form)
+
+    monkeypatch.setattr(training.loss, "gradient", gradient)
+    limits = []
+    monkeypatch.setattr(training, "guard", lambda network, losses, limit: limits.append(limit))
+    train([drive(60)], tmp_path / "sim", replace(small, mode="paper", updates=2))
+    assert seen == [([1.0, 1.0, 1.0], "training")] * 2 and limits == [float("inf")] * 2
+
+
 def test_same_seed_same_truck_other_seed_another(drive, small, tmp_path):
     drives = [drive(300)]
     short = replace(small, updates=60)

@@ -1,33 +1,84 @@
-"""Figure and table of losses against gradient updates, in both forms, over many seeds."""
+"""Losses against passes over the data, in both forms and by what is fed back, over many seeds."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from matplotlib.figure import Figure
+
+from deeptruck_model.deep.data.scales import Scales
+from deeptruck_model.deep.data.windows import Sequences
+from deeptruck_model.deep.kernels import loss
+from deeptruck_model.deep.network import TruckNetwork
+from deeptruck_model.recordings import Recording
 
 COLOURS = {"training": "tab:blue", "deployment": "tab:red"}
 ROWS = 8  # of the table, evenly spread on a logarithmic scale
+STEPS = 100  # K
+FED = {"nothing": (), "speed": (1,), "acceleration": (0,), "fuel": (2,), "everything": (0, 1, 2)}
+
+
+class Unseen:
+    """Two drives that no training sees, one for each form, as the paper has it."""
+
+    def __init__(self, forced: Recording, free: Recording) -> None:
+        self.drives = {"training": forced, "deployment": free}
+
+    def losses(self, network: TruckNetwork) -> dict[str, list[float]]:
+        """Plain squared error by form, (members,) each, over windows of K steps from zero state."""
+        weight = np.ones(network.shape.responses + network.shape.taught, np.float32)
+        weight[network.shape.responses :] = 0.0
+        return {
+            form: loss.loss(network, *_windows(network, drive), weight, form).tolist()
+            for form, drive in self.drives.items()
+        }
+
+    def by_feedback(self, network: TruckNetwork) -> dict[str, list[float]]:
+        """Mean squared error of acceleration, speed and fuel on the drive of the deployment form, by which
+        recorded responses are fed to the network in place of its own. One member."""
+        x, target = _windows(network, self.drives["deployment"])
+        width = x.shape[-1]
+        inputs = torch.as_tensor(x[0]).transpose(0, 1) * network.scale[:width] + network.mean[:width]
+        u, w = inputs[..., : network.shape.controls], inputs[..., network.shape.controls :]
+        recorded = torch.as_tensor(target[0]).transpose(0, 1)
+        found = {}
+        for name, channels in FED.items():
+            fed = recorded.clone()
+            own = [j for j in range(network.shape.responses) if j not in channels]
+            fed[:, 1:, own] = torch.nan
+            with torch.no_grad():
+                made = network.unfold(u, w, fed, "training")[0, ..., : network.shape.responses]
+            found[name] = torch.nanmean((made - recorded[:, 1:]) ** 2, dim=(0, 1)).tolist()
+        return found
+
+
+def _windows(network: TruckNetwork, drive: Recording) -> tuple[Any, Any]:
+    scales = Scales(network.mean.numpy(), network.scale.numpy(), network.top_speed)
+    starts = np.arange(0, len(drive) - STEPS, STEPS)
+    return Sequences.of([drive], scales).gather(np.repeat(starts[None], network.shape.members, axis=0), STEPS)
 
 
 def learning_curves_page(out: Path, curves: dict[str, Any]) -> None:
-    """Write learning_curves.png and README.md under `out`. `curves` holds `updates` (n,) and the losses
-    `training` and `deployment` (n, seeds) on unseen drives."""
+    """Write learning_curves.png and README.md under `out`. `curves` holds `passes` over the data (n,) and the
+    losses `training` and `deployment` (n, seeds) on unseen drives."""
     out.mkdir(parents=True, exist_ok=True)
-    _figure(curves).savefig(out / "learning_curves.png", dpi=120)
+    figure(curves).savefig(out / "learning_curves.png", dpi=120)
     (out / "README.md").write_text(_table(curves))
 
 
-def _figure(curves: dict[str, Any]) -> Figure:
+def figure(curves: Mapping[str, Any]) -> Figure:
+    """Both losses over the passes: mean, and the range of the seeds."""
     figure = Figure(figsize=(7, 4), layout="constrained")
-    axis, at = figure.subplots(), curves["updates"]
+    axis, at = figure.subplots(), curves["passes"]
     for form, colour in COLOURS.items():
         losses = np.array(curves[form])
         axis.fill_between(at, losses.min(1), losses.max(1), color=colour, alpha=0.25)
         axis.plot(at, losses.mean(1), color=colour, label=f"{form} form")
-    axis.set(xlabel="gradient updates", ylabel="loss on an unseen drive", yscale="log")
+    axis.set(xlabel="passes over the training data", ylabel="squared error on an unseen drive", yscale="log")
     axis.set_title(_seeds(losses.shape[1]), fontsize="small", loc="right")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize="small", frameon=False)
     return figure
@@ -39,17 +90,17 @@ def _seeds(count: int) -> str:
 
 def _table(curves: dict[str, Any]) -> str:
     """Mean over the seeds, in brackets the least and the largest."""
-    at, training, deployment = (np.array(curves[key]) for key in ("updates", *COLOURS))
+    at, training, deployment = (np.array(curves[key]) for key in ("passes", *COLOURS))
     rows = np.unique(np.geomspace(1, len(at), ROWS).round().astype(int)) - 1
     lines = [
         "# Learning curves in paper mode",
         "",
-        f"`deeptruck-model experiment learning-curves --seeds {training.shape[1]} --budget {at[-1]}`: 4 h of",
-        f"`trucksim`, loss on an unseen hour for each form, {_seeds(training.shape[1])}.",
+        f"`deeptruck-model experiment learning-curves --seeds {training.shape[1]}`: 4 h of `trucksim`, plain",
+        f"squared error on an unseen hour for each form, {_seeds(training.shape[1])}.",
         "",
-        "| updates | training form | deployment form |",
+        "| passes | training form | deployment form |",
         "| ---: | ---: | ---: |",
-        *(f"| {at[k]} | {_cell(training[k], 4)} | {_cell(deployment[k], 2)} |" for k in rows),
+        *(f"| {at[k]:.0f} | {_cell(training[k], 3)} | {_cell(deployment[k], 2)} |" for k in rows),
         "",
         "![learning curves](learning_curves.png)",
     ]

@@ -7,19 +7,16 @@ settings were chosen on validation drives (seed 2), the test drives below are on
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from deeptruck_model import trucks
 from deeptruck_model.deep import report
-from deeptruck_model.deep.data.scales import Scales
-from deeptruck_model.deep.data.windows import Sequences, loss_weights
 from deeptruck_model.deep.evaluation import statistics, trials
 from deeptruck_model.deep.experiments import classics
 from deeptruck_model.deep.experiments.fitted_physics import physics
-from deeptruck_model.deep.experiments.learning_curves import learning_curves_page
+from deeptruck_model.deep.experiments.learning_curves import COLOURS, Unseen, learning_curves_page
 from deeptruck_model.deep.experiments.look_alikes import LookAlikes
 from deeptruck_model.deep.experiments.minutes import minutes_of_data
 from deeptruck_model.deep.experiments.output import (
@@ -33,28 +30,29 @@ from deeptruck_model.deep.experiments.output import (
     write,
 )
 from deeptruck_model.deep.experiments.setup import (
+    FIELD,
+    FIELD_RUNS,
+    FIELD_S,
     LOOK_ALIKE_SEED,
     OTHER_SEED,
+    PAPER,
     TEST_SEED,
     TRAIN_SEED,
     VALIDATION_SEED,
     chosen,
     drive_of,
+    field_drives,
+    passes,
     trained,
 )
-from deeptruck_model.deep.kernels import loss
-from deeptruck_model.deep.kernels.compiled import FloatArray
-from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrated, inside
-from deeptruck_model.driving_cycles import FREEWAY, YARD, drive
+from deeptruck_model.driving_cycles import drive
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
 LOOK_ALIKE_H = 12
 INTERVAL_RUNS = 300
-FIELD_RUNS, FIELD_S = 10, 15.0
-FIELD = {"freightliner": (16, YARD), "volvo": (24, FREEWAY)}  # minutes and cycle of the paper's field data
 
 
 def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "default") -> dict[str, Any]:
@@ -94,39 +92,34 @@ def _intervals(truck: DeepTruck, test: Recording) -> dict[str, dict[str, float]]
 
 
 def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, Any]:
-    """Paper mode: loss in training and deployment form against updates, each on a drive of its own."""
-    observed: list[tuple[int, Any, Any]] = []
-    unseen = [drive_of("trucksim", 60, TEST_SEED), drive_of("trucksim", 60, OTHER_SEED)]
-
-    def observe(done: int, network: TruckNetwork) -> None:
-        scales = Scales(network.mean.numpy(), network.scale.numpy(), network.top_speed)
-        weight = loss_weights(scales, 3, 0, 5.0, 1.0, 0.0)
-        forced = _loss(network, unseen[0], scales, weight, "training")
-        observed.append((done, forced, _loss(network, unseen[1], scales, weight, "deployment")))
-
-    trained([drive_of("trucksim", 240, TRAIN_SEED)], chosen(seeds, updates, "paper"), observe)
-    curves = {"updates": [o[0] for o in observed], "training": [o[1].tolist() for o in observed]}
-    curves |= {"deployment": [o[2].tolist() for o in observed]}
+    """Paper mode: loss in training and deployment form against passes, each on a drive of its own."""
+    observed: list[tuple[int, dict[str, list[float]]]] = []
+    unseen = Unseen(drive_of("trucksim", 60, TEST_SEED), drive_of("trucksim", 60, OTHER_SEED))
+    truck = trained(
+        [drive_of("trucksim", 240, TRAIN_SEED)],
+        replace(PAPER, members=seeds, updates=updates),
+        lambda done, network: observed.append((done, unseen.losses(network))),
+    )
+    curves: dict[str, Any] = {form: [losses[form] for _, losses in observed] for form in COLOURS}
+    curves["passes"] = [passes(truck, done) for done, _ in observed]
     learning_curves_page(out, curves)
     return write(out, curves)
 
 
-def field(out: Path, seeds: int = 5, updates: int = 0) -> dict[str, Any]:
+def field(out: Path, seeds: int = 5, updates: int = 0, mode: str = "default") -> dict[str, Any]:
     """The two field configurations with the paper's budgets: 85/15 by time, ten simulations of 15 s."""
     metrics: dict[str, Any] = {}
     rows: list[Row] = []
-    for name, (minutes, cycle) in FIELD.items():
-        whole = drive_of(name, minutes, TRAIN_SEED, cycle)
-        edge = round(0.85 * len(whole))
-        truck = trained([whole.piece(0, edge)], chosen(seeds, updates))
-        held_out = [whole.piece(edge, len(whole))]
+    for name in FIELD:
+        training, held_out = field_drives(name)
+        truck = trained([training], chosen(seeds, updates, mode))
         (out / name).mkdir()
-        metrics[name] = report.evaluate_into(out / name, truck, held_out, FIELD_RUNS, FIELD_S)
-        members = [statistics(trials(single, held_out, FIELD_RUNS, FIELD_S)) for single in singles(truck)]
+        metrics[name] = report.evaluate_into(out / name, truck, [held_out], FIELD_RUNS, FIELD_S)
+        members = [statistics(trials(single, [held_out], FIELD_RUNS, FIELD_S)) for single in singles(truck)]
         metrics[name]["seeds"] = members
-        what = f"{name}, {minutes} min: "
+        what = f"{name}, {FIELD[name].minutes} min: "
         rows += [(f"{what}mean of all seeds", metrics[name]), *of_seeds(members, what, SHORT_RUNS)]
-    title = "Field configurations on the reference trucks: ten runs of 15 s"
+    title = f"Field configurations on the reference trucks, mode {mode}: ten runs of 15 s"
     table(out, title, rows, budget(truck), SHORT_RUNS)
     return write(out, metrics)
 
@@ -163,12 +156,3 @@ def _look_alikes() -> LookAlikes:
 def singles(truck: DeepTruck) -> list[DeepTruck]:
     """The members of an ensemble, each as a truck of its own."""
     return [DeepTruck(truck.network.member(m), truck.interface) for m in range(truck.network.shape.members)]
-
-
-def _loss(
-    network: TruckNetwork, recording: Recording, scales: Scales, weight: FloatArray, form: str
-) -> np.ndarray[Any, Any]:
-    sequences, steps = Sequences.of([recording], scales), 100
-    starts = np.arange(0, len(recording) - steps, steps)
-    x, target = sequences.gather(np.repeat(starts[None], network.shape.members, axis=0), steps)
-    return loss.loss(network, x, target, weight, form)

@@ -5,18 +5,32 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from deeptruck_model import trucks
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.driving_cycles import CycleSettings, drive
+from deeptruck_model.driving_cycles import FREEWAY, YARD, CycleSettings, drive
 from deeptruck_model.recordings import Recording
 
 # Seeds of the drives: settings were chosen on the validation drives, the test drives are only ever read.
 TRAIN_SEED, VALIDATION_SEED, TEST_SEED, OTHER_SEED, LOOK_ALIKE_SEED, FLEET_SEED = 1, 2, 3, 4, 5, 7
+
+
+class Field(NamedTuple):
+    """What the paper recorded of a truck in the field."""
+
+    minutes: float
+    cycle: CycleSettings
+
+
+FIELD_RUNS, FIELD_S = 10, 15.0
+FIELD = {"freightliner": Field(16, YARD), "volvo": Field(24, FREEWAY)}
+
+PAPER = Arguments(mode="paper", rounds=60)
+"""The paper's recipe, looked at every tenth pass of its 600."""
 
 
 def chosen(seeds: int, updates: int, mode: Any = "default") -> Arguments:
@@ -37,3 +51,17 @@ def trained(
     """A truck trained on `drives`; nothing is left on the disk."""
     with tempfile.TemporaryDirectory() as folder:
         return train(drives, Path(folder) / "truck", arguments, observe=observe)
+
+
+def field_drives(name: str) -> tuple[Recording, Recording]:
+    """The first 85 percent of a field truck's driving, and the rest."""
+    whole = drive_of(name, FIELD[name].minutes, TRAIN_SEED, FIELD[name].cycle)
+    edge = round(0.85 * len(whole))
+    return whole.piece(0, edge), whole.piece(edge, len(whole))
+
+
+def passes(truck: DeepTruck, updates: int) -> float:
+    """How often `updates` gradient steps of its training saw every sample."""
+    config, training = truck.details["config"], truck.details["training"]
+    seen = updates * training["steps"] * config["sequences"] * truck.dt
+    return float(seen / 3600 / training["hours"])

@@ -19,24 +19,55 @@ def test_field_experiment_writes_tables_and_figures(tmp_path):
     assert json.loads((tmp_path / "metrics.json").read_text())["volvo"]["trials"] == 10
 
 
-@pytest.mark.long
-def test_learning_curves_hold_every_seed(tmp_path, monkeypatch):
-    drive = paper.drive_of
-    monkeypatch.setattr(paper, "drive_of", lambda name, minutes, seed: drive(name, minutes / 20, seed))
-    curves = paper.learning_curves(tmp_path, seeds=2, updates=40)
-    assert np.shape(curves["training"]) == np.shape(curves["deployment"]) == (40, 2)
+def test_field_experiment_in_paper_mode_says_so(tmp_path):
+    out = ["--out", str(tmp_path), "--seeds", "1", "--budget", "2"]
+    done = CliRunner().invoke(whole(), ["experiment", "field", "--mode", "paper", *out])
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "field" / "README.md").read_text()
+    assert "mode paper: ten runs of 15 s" in page and "1 seed(s), 2 updates each, mode paper." in page
+
+
+def test_an_experiment_without_modes_refuses_one(tmp_path):
+    done = CliRunner().invoke(whole(), ["experiment", "minutes", "--mode", "paper", "--out", str(tmp_path)])
+    assert done.exit_code != 0 and "minutes has no --mode; error-statistics and field have" in str(
+        done.exception
+    )
+
+
+def short(monkeypatch, module, share=40):
+    """The drives of an experiment, but shorter."""
+    monkeypatch.setattr(module, "drive_of", lambda name, minutes, seed: drive_of(name, minutes / share, seed))
+
+
+def test_learning_curves_hold_every_seed_against_passes(tmp_path, monkeypatch):
+    short(monkeypatch, paper)
+    curves = paper.learning_curves(tmp_path, seeds=2, updates=6)
+    assert np.shape(curves["training"]) == np.shape(curves["deployment"]) == (6, 2)
     assert np.isfinite(curves["deployment"]).all()
+    seen = 6 * 16 * 10.0 / (0.85 * 240 / 40 * 60)  # updates, sequences of 10 s; s of training
+    assert curves["passes"][-1] == pytest.approx(seen)
     assert (tmp_path / "learning_curves.png").exists()
     table = (tmp_path / "README.md").read_text()
-    assert "mean, min and max of 2 seeds" in table and "--seeds 2 --budget 40`" in table
-    first = f"{np.mean(curves['training'][0]):.4f} ({np.min(curves['training'][0]):.4f} to "
-    assert f"| 1 | {first}" in table
+    assert "mean, min and max of 2 seeds" in table and "learning-curves --seeds 2`" in table
+    last = f"{np.mean(curves['training'][-1]):.3f} ({np.min(curves['training'][-1]):.3f} to "
+    assert f"| {seen:.0f} | {last}" in table
+
+
+def test_what_is_fed_back_is_all_that_parts_the_two_forms(drive, truck):
+    unseen = learning_curves.Unseen(drive(60, seed=3), drive(60, seed=4))
+    found = unseen.by_feedback(truck.network.member(0))
+    free = unseen.losses(truck.network.member(0))["deployment"][0]
+    assert sum(found["nothing"]) == pytest.approx(free, rel=1e-3)
+    unseen.drives["training"] = unseen.drives["deployment"]
+    forced = unseen.losses(truck.network.member(0))["training"][0]
+    assert sum(found["everything"]) == pytest.approx(forced, rel=1e-3)
+    assert found["speed"][1] < found["nothing"][1]
 
 
 def test_one_seed_has_no_spread():
-    curves = {"updates": [5, 10], "training": [[0.2], [0.1]], "deployment": [[0.5], [0.4]]}
+    curves = {"passes": [5, 10], "training": [[0.2], [0.1]], "deployment": [[0.5], [0.4]]}
     table = learning_curves._table(curves)
-    assert "one seed" in table and "| 10 | 0.1000 | 0.40 |" in table
+    assert "one seed" in table and "| 10 | 0.100 | 0.40 |" in table
 
 
 def test_rows_of_seeds_take_each_figure_on_its_own():
