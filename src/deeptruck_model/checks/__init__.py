@@ -20,6 +20,7 @@ from deeptruck_model.checks.bags import (
     RECORD_AGAIN,
     TOPICS,
     BagFacts,
+    Clock,
     Mapped,
     bag,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "TOPICS",
     "WEIGHTS",
     "BagFacts",
+    "Clock",
     "Mapped",
     "SimulatorFacts",
     "adapted",

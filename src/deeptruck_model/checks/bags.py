@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
@@ -17,6 +17,7 @@ from deeptruck_model.signals import TruckInterface
 
 METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished
 INTERFACE_KEY, NOTES_KEY = "deeptruck.interface", "deeptruck.notes"  # stored with a bag, as JSON
+Clock = Literal["log", "stamp"]  # of a message's two times: when it was recorded, and its header's
 TOPICS = {  # of the channels that a simulator cannot do without, as docs/architecture.md names them
     "speed": "/truck/twist",
     "engine_command": "/truck/command",

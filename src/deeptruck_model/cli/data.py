@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks, files, reading, results
-from deeptruck_model.cli.inputs import Overwrite, TopicMap, mapped, show_accounts
+from deeptruck_model.cli.inputs import ClockOption, Overwrite, TopicMap, mapped, show_accounts
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -118,15 +118,16 @@ def import_log(
         Path, typer.Option(help="COLUMNS.yaml: what the columns mean; of a bag, its topic map")
     ],
     out: Annotated[Path, typer.Option(help="the bag to write, a new folder")],
+    clock: ClockOption = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Import one table, CAN log or bag."""
     from deeptruck_model.recordings import import_checks
 
-    import_checks.check(table, columns, out, overwrite=overwrite)
+    import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     from deeptruck_model.recordings import import_table
 
-    done = import_table(table, columns, out, overwrite=overwrite)
+    done = import_table(table, columns, out, overwrite=overwrite, clock=clock)
     seconds = sum(len(r) * r.dt for r in done.recordings)
     pieces = len(done.recordings)
     print(f"{done.bag}: {seconds:.1f} s in {pieces} piece{'s' if pieces != 1 else ''}")
@@ -150,6 +151,7 @@ def table_of(
         typer.Option(help="Samples a second; no more than the speed was recorded with.", min=0.1, max=1000),
     ] = 10.0,
     topic_map: TopicMap = None,
+    clock: ClockOption = None,
 ) -> None:
     """Write the recordings of bags as a table."""
     checks.every(
@@ -160,7 +162,7 @@ def table_of(
     from deeptruck_model.recordings import check_table, read_all, write_table
 
     check_table(out)
-    recordings = read_all(bags, topic_map=topic_map, rate_hz=rate_hz)
+    recordings = read_all(bags, topic_map=topic_map, rate_hz=rate_hz, clock=clock)
     show_accounts(recordings)
     write_table(out, recordings)
     samples = sum(map(len, recordings))
@@ -172,6 +174,7 @@ def show_coverage(
     bags: Bags,
     out: Annotated[Path, typer.Option(help="folder for coverage.json, .png and .html")],
     topic_map: TopicMap = None,
+    clock: ClockOption = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Draw what the bags hold."""
@@ -187,7 +190,7 @@ def show_coverage(
     from deeptruck_model.recordings.not_recorded import sentence
 
     bar = partial(track, description="reading", disable=len(bags) < 2, console=Console(stderr=True))
-    recordings = read_all(bags, topic_map=topic_map, progress=bar)
+    recordings = read_all(bags, topic_map=topic_map, clock=clock, mixed_clocks=True, progress=bar)
     found = coverage(recordings)
     found.save(out, overwrite=overwrite)
     for missing in found.not_recorded:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deeptruck_model import checks, files, results
-from deeptruck_model.cli.inputs import Bags, Overwrite, TopicMap, deep_truck, mapped, read
+from deeptruck_model.cli.inputs import Bags, ClockOption, Overwrite, TopicMap, deep_truck, mapped, read
 from deeptruck_model.cli.judging import calibrate, evaluate
 from deeptruck_model.errors import InputError
 
@@ -61,6 +61,7 @@ def train(
         int, typer.Option(help="Models in the ensemble; 3 or more give intervals.", min=1, max=100)
     ] = 1,
     topic_map: TopicMap = None,
+    clock: ClockOption = None,
 ) -> None:
     """Train a deep truck on recordings of one truck.
 
@@ -82,7 +83,7 @@ def train(
         members=members,
         start="" if start is None else str(start),
     )
-    _train(read(bags, topic_map), out, arguments, resumes=resume, overwrite=overwrite)
+    _train(read(bags, topic_map, clock), out, arguments, resumes=resume, overwrite=overwrite)
 
 
 def _train(
@@ -134,6 +135,7 @@ def sweep(
         typer.Option("--resume", help="Go on where a killed sweep stopped, or add to a finished one."),
     ] = False,
     topic_map: TopicMap = None,
+    clock: ClockOption = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Train a grid of settings and seeds, and rank them on held-out driving.
@@ -162,6 +164,7 @@ def sweep(
         workers=workers,
         engine=engine.value,
         topic_map=topic_map,
+        clock=clock,
         resumes=resume,
         overwrite=overwrite,
         tell=say,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import files
-from deeptruck_model.checks import Mapped
+from deeptruck_model.checks import Clock, Mapped
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,6 +30,12 @@ TopicMap = Annotated[
     Path | None,
     typer.Option(
         help="YAML that says which of your topics is which channel; 'suggest' proposes one.", metavar="FILE"
+    ),
+]
+ClockOption = Annotated[
+    Clock | None,
+    typer.Option(
+        "--clock", help="Time every topic by header stamps or by log times, where their clocks differ."
     ),
 ]
 
@@ -60,11 +66,11 @@ def mapped(topic_map: Path | None) -> Mapped | None:
     return facts(topic_map)
 
 
-def read(bags: list[Path], topic_map: Path | None = None) -> list[Recording]:
+def read(bags: list[Path], topic_map: Path | None = None, clock: Clock | None = None) -> list[Recording]:
     """The recordings of all bags, in their order; shows their accounts. Raises InputError as `read` does."""
     from deeptruck_model.recordings import read_all
 
-    recordings = read_all(bags, topic_map=topic_map)
+    recordings = read_all(bags, topic_map=topic_map, clock=clock)
     show_accounts(recordings)
     return recordings
 

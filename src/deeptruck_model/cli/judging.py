@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deeptruck_model import checks, results
-from deeptruck_model.cli.inputs import SIMULATOR, Bags, Overwrite, TopicMap, deep_truck, mapped, read
+from deeptruck_model.cli.inputs import (
+    SIMULATOR,
+    Bags,
+    ClockOption,
+    Overwrite,
+    TopicMap,
+    deep_truck,
+    mapped,
+    read,
+)
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,6 +36,7 @@ def evaluate(
     horizon: Annotated[float, typer.Option(help="Length of a free run in s.", min=1.0)] = 40.0,
     seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
     topic_map: TopicMap = None,
+    clock: ClockOption = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Open-loop error statistics of a simulator on recordings: metrics.json and figures.
@@ -42,7 +52,7 @@ def evaluate(
     from deeptruck_model import simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
-    truck, recordings = simulators.load(simulator), read(bags, topic_map)
+    truck, recordings = simulators.load(simulator), read(bags, topic_map, clock)
     metrics = evaluate_simulator(
         truck, recordings, out, trials, horizon, seed, overwrite=overwrite, named=simulator
     )
@@ -69,6 +79,7 @@ def calibrate(
     bags: Bags,
     out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
     topic_map: TopicMap = None,
+    clock: ClockOption = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is worth it.
@@ -84,7 +95,7 @@ def calibrate(
     from deeptruck_model.deep import card, remarks, uncertainty
     from deeptruck_model.deep.data import duplicates
 
-    truck, recordings = deep_truck(simulator), read(bags, topic_map)
+    truck, recordings = deep_truck(simulator), read(bags, topic_map, clock)
     duplicates.refuse_twice(recordings)
     calibrated = uncertainty.calibrated(truck, recordings)
     card.publish_calibrated(calibrated, recordings, Path(simulator), out, overwrite)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
-from deeptruck_model.cli.inputs import SIMULATOR, Overwrite, TopicMap, mapped, show_accounts
+from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, Overwrite, TopicMap, mapped, show_accounts
 from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
@@ -39,6 +39,7 @@ def mismatch(
         typer.Option(help="Mass of the truck, kg, where the simulator does not tell it: forces in newtons."),
     ] = None,
     topic_map: TopicMap = None,
+    clock: ClockOption = None,
     exclude: Annotated[
         list[str] | None,
         typer.Option(metavar="EFFECT", help="Leave this effect out of the library; repeat for more."),
@@ -64,7 +65,7 @@ def mismatch(
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
         fit, held = (
-            rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others)
+            rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others, clock=clock)
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
         show_accounts([*fit, *held])
@@ -84,7 +85,7 @@ def mismatch(
             mass_kg=mass_kg,
         )
         say("writing the report")
-        asked = Asked(out, simulator, tuple(recordings), tuple(held_out), topic_map, mass_kg)
+        asked = Asked(out, simulator, tuple(recordings), tuple(held_out), topic_map, mass_kg, clock)
         fill(draft, found, asked)
     _tell(found, asked)
 
@@ -149,6 +150,7 @@ def road(
         ),
     ] = None,
     topic_map: TopicMap = None,
+    clock: ClockOption = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write recordings again with the slope that was recovered as their grade, to train a truck on it.
@@ -166,7 +168,7 @@ def road(
     from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
     from deeptruck_model.mismatch.correction.road_of_another import with_road_of_another
 
-    roads, read = Roads.read(directory), rec.read_all(recordings, topic_map=topic_map)
+    roads, read = Roads.read(directory), rec.read_all(recordings, topic_map=topic_map, clock=clock)
     if other is None:
         made, left_out = with_road(roads, read)
         notes = [f"left out, as no slope was told of them: {', '.join(left_out)}"] if left_out else []

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_model.checks import Clock
 from deeptruck_model.compare import sides, statistics
 from deeptruck_model.compare.alignment import By, Offset, Road, offset, road
 from deeptruck_model.compare.sides import Side
@@ -42,14 +43,18 @@ class Comparison:
 
 
 def compare(
-    texts: Sequence[str], *, given: Mapping[str, float] | None = None, topic_map: Path | None = None
+    texts: Sequence[str],
+    *,
+    given: Mapping[str, float] | None = None,
+    topic_map: Path | None = None,
+    clock: Clock | None = None,
 ) -> Comparison:
     """Bags, or simulators along bags ('SIM@BAG'), of which the first is the one to compare with.
 
     `given` are offsets in s by the names of sides, in place of those that agree best. Raises InputError as
     `recordings.read`, and for a name that is none.
     """
-    loaded = sides.load(texts, STEP_S, topic_map)
+    loaded = sides.load(texts, STEP_S, topic_map, clock)
     unknown = set(given or ()) - {s.name for s in loaded[1:]}
     if unknown:
         names = ", ".join(s.name for s in loaded[1:])

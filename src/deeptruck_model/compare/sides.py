@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model import simulators
+from deeptruck_model.checks import Clock
 from deeptruck_model.compare.naming import short_names, split_name
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, read
@@ -46,12 +47,14 @@ class Side:
         return travelled
 
 
-def load(texts: Sequence[str], step_s: float, topic_map: Path | None = None) -> list[Side]:
+def load(
+    texts: Sequence[str], step_s: float, topic_map: Path | None = None, clock: Clock | None = None
+) -> list[Side]:
     """The sides in their order, each named as it was given. Raises InputError as `recordings.read`."""
     out = []
     for name, text in zip(short_names(texts), texts, strict=True):
         simulator, bag = split_name(text)
-        recordings = read(bag, topic_map=topic_map)
+        recordings = read(bag, topic_map=topic_map, clock=clock)
         if simulator is not None:
             recordings = _driven(simulators.load(simulator), recordings, text)
         out.append(replace(_side(name, recordings, step_s), simulated=simulator or "", bag=bag))

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deeptruck_model import recordings, sweeps
-from deeptruck_model.checks import MANIFEST
+from deeptruck_model.checks import MANIFEST, Clock
 from deeptruck_model.deep.arguments import OPTIONS, Arguments
 from deeptruck_model.errors import InputError
 from deeptruck_model.results import DEEP_TRUCK, SWEEP, check_start
@@ -31,6 +31,7 @@ class Job(NamedTuple):
     folder: str
     settings: sweeps.Settings
     topic_map: str | None = None
+    clock: Clock | None = None
 
 
 def sweep(
@@ -42,6 +43,7 @@ def sweep(
     workers: int = 1,
     engine: str = "processes",
     topic_map: str | Path | None = None,
+    clock: Clock | None = None,
     resumes: bool = False,
     overwrite: bool = False,
     tell: Callable[[str], None] = lambda line: None,
@@ -52,8 +54,8 @@ def sweep(
     The trucks are `out`/SETTINGS/seed-N; `out` also gets sweep.json and sweep.md, all at the end and
     together. A killed sweep, or a finished one with more settings or seeds, goes on with `resumes`: what is
     finished is never trained again, nor after a worker was killed. `overwrite` begins anew. The workers of a
-    Ray cluster must reach `bags`, `out` and `topic_map`, which is that of `recordings.read`. Raises
-    InputError for an unknown setting or value, or data that cannot be trained on.
+    Ray cluster must reach `bags`, `out` and `topic_map`, which as `clock` is that of `recordings.read`.
+    Raises InputError for an unknown setting or value, or data that cannot be trained on.
     """
     chosen = combinations(grid)
     out = Path(out).absolute()
@@ -68,7 +70,7 @@ def sweep(
         else:
             SWEEP.anew(out)
         jobs = [
-            Job(paths, str(_folder(draft, settings, seed)), {**settings, "seed": seed}, by_map)
+            Job(paths, str(_folder(draft, settings, seed)), {**settings, "seed": seed}, by_map, clock)
             for seed in range(seeds)
             for settings in chosen
         ]
@@ -108,7 +110,7 @@ def train_one(job: Job) -> str:
     of it where that is not a truck."""
     from deeptruck_model.deep.training import DivergedError, train
 
-    drives = recordings.read_all(job.bags, topic_map=job.topic_map)
+    drives = recordings.read_all(job.bags, topic_map=job.topic_map, clock=job.clock)
     with redirect_stderr(io.StringIO()):  # progress bars of several workers would overwrite each other
         try:
             train(drives, Path(job.folder), arguments_of(job.settings), resumes=True)

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model import reading
+from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY, BagSource
+from deeptruck_model.recordings.clocks import Clocks
 from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.ordering import REORDER_NS, Queue
 from deeptruck_model.recordings.recording import Recording
@@ -30,32 +32,44 @@ def read(
     topic_map: TopicMap | str | Path | None = None,
     rate_hz: float = 10.0,
     interface: TruckInterface | None = None,
+    clock: Clock | None = None,
+    mixed_clocks: bool = False,
 ) -> list[Recording]:
     """The recordings in a bag: contiguous, on one clock at `rate_hz` or the speed's own rate where that is
     slower.
 
-    Samples are timed by their header stamps, or by log time where a message has none. `topic_map` maps
+    Samples are timed by their header stamps, or by log time where a message has none; `clock` times every
+    topic by its 'stamp' or by 'log' time. Where the clocks of topics that are used differ by more than 0.5 s,
+    the account says so; without `clock` they are refused unless `mixed_clocks`. `topic_map` maps
     channels to fields of the user's topics (a mapping or a YAML file, see docs/recordings.md); without it
     the topics of docs/architecture.md are read. The truck interface is `interface`, else the one stored
     with the bag, else what the topic map and the channels present say. Raises InputError for a bag that
-    is missing, damaged or empty, a topic or field that is not there, time going back, or units that
-    cannot be right.
+    is missing, damaged or empty, a topic or field that is not there, time going back, clocks that differ,
+    or units that cannot be right.
     """
     path = Path(path)
     sources = DEFAULT_TOPICS if topic_map is None else load(topic_map)
     with reading.of(path):
-        return _read(path, sources, topic_map is not None, rate_hz, interface)
+        return _read(
+            path, sources, topic_map is not None, rate_hz, interface, Clocks(clock, mixed=mixed_clocks)
+        )
 
 
 def _read(
-    path: Path, sources: dict[str, Source], asked: bool, rate_hz: float, interface: TruckInterface | None
+    path: Path,
+    sources: dict[str, Source],
+    asked: bool,
+    rate_hz: float,
+    interface: TruckInterface | None,
+    clocks: Clocks,
 ) -> list[Recording]:
     with BagSource(path) as bag:
         _check_topics(bag, sources, asked=asked)
         stored = bag.custom_data()
         name = path.stem if path.is_file() else path.resolve().name
         resampler = Resampler(name, rate_hz=rate_hz)
-        notes = [*_stored_notes(stored), *_feed(bag, sources, resampler)]
+        notes = [*_stored_notes(stored), *_feed(bag, sources, resampler, clocks)]
+        clock_remarks = clocks.remarks(path, sources["speed"].topic)
     if "speed" not in resampler.measured:
         raise InputError(
             f"{path} has no speed on {sources['speed'].topic}, only other messages; see with 'ros2 topic hz' "
@@ -63,7 +77,10 @@ def _read(
         )
     if interface is None:
         interface = _interface(name, stored, sources, resampler.measured)
-    return resampler.finish(interface, notes)
+    recordings = resampler.finish(interface, [*notes, *clock_remarks])
+    if recordings[0].account is not None:
+        recordings[0].account.remarks += clock_remarks
+    return recordings
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
@@ -85,7 +102,7 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
             )
 
 
-def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler) -> list[str]:
+def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler, clocks: Clocks) -> list[str]:
     """Put every channel into the resampler, in s since the bag's first used sample; what had to be mended."""
     topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     by_topic: dict[str, list[str]] = {}
@@ -102,7 +119,9 @@ def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler) -> l
     horizon = -(2**63)  # speed is complete up to this stamp
     ends: list[tuple[int, int]] = []  # log time and stamp of the last message of each speed batch
     for batch in bag.batches(set(readers)):
-        stamps, columns = readers[batch.topic].read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
+        reader = readers[batch.topic]
+        stamps, columns = reader.read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
+        stamps = clocks.timed(batch.topic, stamps, batch.log_ns, reader.clocked)
         queues[batch.topic].put(stamps, columns)
         if batch.topic == clock_topic:
             ends.append((int(batch.log_ns.max()), int(stamps.max())))

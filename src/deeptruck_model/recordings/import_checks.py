@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_model import checks, files
+from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.columns import load_columns
 from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
@@ -22,20 +23,24 @@ A_MAP = (
 Meaning = Mapping[str, Any] | str | Path
 
 
-def check(table: Path, columns: Meaning, out: Path, *, overwrite: bool = False) -> None:
+def check(
+    table: Path, columns: Meaning, out: Path, *, overwrite: bool = False, clock: Clock | None = None
+) -> None:
     """Raises one InputError with every misfit."""
     checks.every(
-        *_of_source(table, columns),
+        *_of_source(table, columns, clock),
         lambda: BAG.check(out, overwrite=overwrite),
         lambda: apart(out, table),
         lambda: files.check_new(sealed(out)) if out.name else None,
     )
 
 
-def _of_source(table: Path, columns: Meaning) -> list[Callable[[], object]]:
+def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Callable[[], object]]:
     """What is to be checked of a table, CAN log or bag, and of what says its meaning."""
     if is_bag(table, columns):
         return [lambda: checks.inputs(None, [table], mapped=facts(columns))]
+    if clock is not None:
+        raise InputError(f"'--clock {clock}' is for bags, whose messages have two times; {table} is none")
     return [
         lambda: _check_table(table),
         lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model import files
+from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
@@ -54,13 +55,14 @@ def import_table(
     out: str | Path,
     *,
     overwrite: bool = False,
+    clock: Clock | None = None,
 ) -> Imported:
     """Turn a CSV or Parquet table, a CAN log, or a bag into the rosbag2 folder `out`, as COLUMNS.yaml says.
 
     Of a bag with other topics `columns` is the topic map, and `out` holds the recordings that `read` gives
-    by it. The recordings of a table keep its rate. Acceleration is derived from speed, and grade from an
-    elevation that is not concealed, where the table has none; the bag notes it. Concealed channels go only
-    to `<out>.sealed.csv`. A CAN log (by its suffix) is handed to the first entry point of
+    by it and by `clock`. The recordings of a table keep its rate. Acceleration is derived from speed, and
+    grade from an elevation that is not concealed, where the table has none; the bag notes it. Concealed
+    channels go only to `<out>.sealed.csv`. A CAN log (by its suffix) is handed to the first entry point of
     'deeptruck.importers', a function `(log: Path, columns: dict) -> (channels, interface)`: `channels`
     maps our channel names to (times (n,) in s, ascending, values (n,)) in canonical units, `interface` is
     the dict of a TruckInterface, and may have `notes`, which the recordings keep; the message of its
@@ -69,9 +71,9 @@ def import_table(
     used; nothing is left behind.
     """
     table, out = Path(table), Path(out)
-    import_checks.check(table, columns, out, overwrite=overwrite)
+    import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     if import_checks.is_bag(table, columns):
-        recordings = read(table, topic_map=columns)
+        recordings = read(table, topic_map=columns, clock=clock, mixed_clocks=True)
         write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
     if import_checks.is_can_log(table):

@@ -169,7 +169,7 @@ class Columns:
     def __init__(self, walker: Walker, msgtype: str, paths: tuple[str, ...]) -> None:
         self.walker, self.msgtype, self.paths = walker, msgtype, paths
         self.stamped = all(walker.has(msgtype, part) for part in STAMP)
-        self._clocked = False
+        self.clocked = False  # whether a message had a stamp
         self._layouts: dict[int, list[Layout]] = {}
 
     def read(self, buffer: Bytes, starts: Index, sizes: Index, log_ns: Index) -> tuple[Index, list[Array]]:
@@ -187,8 +187,8 @@ class Columns:
                     self._layouts[int(size)].append(layout)
                 rest = self._take(layout, buffer, starts, rest, stamps, columns)
         # a clock may start at zero, but one that stays there was never set
-        self._clocked = self._clocked or bool(stamps.any())
-        return (stamps if self._clocked else log_ns), columns
+        self.clocked = self.clocked or bool(stamps.any())
+        return (stamps if self.clocked else log_ns), columns
 
     def _take(
         self, layout: Layout, buffer: Bytes, starts: Index, rest: Index, stamps: Index, columns: list[Array]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from deeptruck_model.checks import Clock
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import TopicMap
@@ -17,6 +18,8 @@ def read_all(
     topic_map: TopicMap | str | Path | None = None,
     rate_hz: float = 10.0,
     among: Sequence[str | Path] = (),
+    clock: Clock | None = None,
+    mixed_clocks: bool = False,
     progress: Callable[[Sequence[str | Path]], Iterable[str | Path]] = iter,
 ) -> list[Recording]:
     """The recordings of all bags, in their order, as `read` has them.
@@ -29,7 +32,10 @@ def read_all(
     return [
         recording
         for bag in progress(bags)
-        for recording in _called(names[Path(bag)], read(bag, topic_map=topic_map, rate_hz=rate_hz))
+        for recording in _called(
+            names[Path(bag)],
+            read(bag, topic_map=topic_map, rate_hz=rate_hz, clock=clock, mixed_clocks=mixed_clocks),
+        )
     ]
 
 

@@ -6,6 +6,7 @@ import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from deeptruck_model.checks import Clock
 from deeptruck_model.mismatch.report.validation import unnamed_would_help
 from deeptruck_model.mismatch.result import Conclusion, Mismatch
 
@@ -29,6 +30,7 @@ class Asked:
     held_out: tuple[Path, ...] = ()
     topic_map: Path | None = None
     mass_kg: float | None = None
+    clock: Clock | None = None
 
     def command(self, *, ending: str, more: tuple[str, ...] = ()) -> str:
         """The call again, with `more` at its end, into a new folder whose name ends on `ending`."""
@@ -38,6 +40,7 @@ class Asked:
         alone = set(fitted) <= {Path(NEW_DRIVE)}  # all that was given is held out too: it judges nothing
         held = () if alone or not self.held_out else ("--held-out", *map(str, dict.fromkeys(self.held_out)))
         by_map = ("--topic-map", str(self.topic_map)) if self.topic_map else ()
+        timing = ("--clock", self.clock) if self.clock else ()
         weighing = ("--mass-kg", f"{self.mass_kg:g}") if self.mass_kg else ()
         words = (
             "--simulator",
@@ -46,6 +49,7 @@ class Asked:
             *map(str, dict.fromkeys(self.recordings) if alone else fitted),
             *held,
             *by_map,
+            *timing,
             *weighing,
             *more,
         )

@@ -1,0 +1,118 @@
+"""The clocks of a bag: of each topic that is used, the header stamps against the log times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.checks import Clock
+from deeptruck_model.errors import InputError
+
+Index = NDArray[np.int64]
+
+MOST_S = 0.5  # that the stamps of two topics may differ by, at the same log time
+_SIMULATED_NS = 10**17  # stamps before 1973 are no dates
+_LOG_RUNS = 0.1  # of the stamps' own span: messages logged in less were not logged as they came
+
+
+class TopicClock:
+    """The first stamp and log time of a topic's messages in each second of log time."""
+
+    def __init__(self) -> None:
+        self.stamped = False
+        self._log_ns: list[Index] = []
+        self._stamps: list[Index] = []
+
+    def put(self, stamps: Index, log_ns: Index, stamped: bool) -> None:
+        """Messages as logged: stamps and log times (n,) in ns; without headers both are the same."""
+        seconds = log_ns // 1_000_000_000
+        first = np.flatnonzero(np.diff(seconds, prepend=seconds[0] - 1))
+        self._log_ns.append(log_ns[first])
+        self._stamps.append(stamps[first])
+        self.stamped = stamped
+
+    def times(self) -> tuple[Index, Index]:
+        """Log times, ascending, and the stamps at them, in ns (n,)."""
+        log_ns, stamps = np.concatenate(self._log_ns), np.concatenate(self._stamps)
+        order = np.argsort(log_ns, kind="stable")
+        return log_ns[order], stamps[order]
+
+
+class Clocks:
+    """Times the messages of each topic, by `clock` where one is given, else by stamps where there are any."""
+
+    def __init__(self, clock: Clock | None = None, *, mixed: bool = False) -> None:
+        self.clock, self._mixed = clock, mixed
+        self._topics: dict[str, TopicClock] = {}
+
+    def timed(self, topic: str, stamps: Index, log_ns: Index, stamped: bool) -> Index:
+        """The times (n,) in ns of messages as logged, from their stamps, which are the log times where the
+        topic has none, and their log times."""
+        self._topics.setdefault(topic, TopicClock()).put(stamps, log_ns, stamped)
+        return log_ns if self.clock == "log" else stamps
+
+    def remarks(self, bag: Path, reference: str) -> list[str]:
+        """By how much the clocks differ, and which one was taken.
+
+        Raises InputError where they differ, no clock was chosen and mixed ones are not allowed, or where
+        stamps were chosen and a topic that differs has none.
+        """
+        differ = self._difference(reference)
+        if not differ:
+            return []
+        bare = [topic for topic, clock in self._topics.items() if not clock.stamped]
+        if self.clock == "stamp" and bare:
+            raise InputError(
+                f"{bag}: {differ}; '--clock stamp' cannot time {' and '.join(bare)}: give '--clock log'"
+            )
+        if self.clock is None and not self._mixed:
+            either = "" if bare else " or '--clock stamp'"
+            raise InputError(f"{bag}: {differ}; give '--clock log'{either} to time every topic by one clock")
+        chosen = {"log": "log times", "stamp": "stamps"}
+        return [
+            f"{differ}; " + (f"{chosen[self.clock]} were taken" if self.clock else "each was read by its own")
+        ]
+
+    def _difference(self, reference: str) -> str:
+        """A sentence where the clocks differ by more than MOST_S, else ''.
+
+        A topic is compared with `reference` at the same log times, so that stamps which run slower or faster
+        than the log, as those of a simulation, agree with each other. Where all messages were logged at
+        once, as a conversion may do, log times say nothing and stamps are not compared.
+        """
+        if reference not in self._topics:
+            return ""
+        times = {topic: clock.times() for topic, clock in self._topics.items()}
+        log, stamps = times[reference]
+        at_once = np.ptp(log) < _LOG_RUNS * np.ptp(stamps) and self._topics[reference].stamped
+        apart_s = 0.0
+        for topic, (other_log, other_stamps) in times.items():
+            if at_once and self._topics[topic].stamped:
+                continue
+            expected = np.interp((other_log - log[0]) / 1e9, (log - log[0]) / 1e9, (stamps - log) / 1e9)
+            apart_s = max(apart_s, abs(float(np.median((other_stamps - other_log) / 1e9 - expected))))
+        if apart_s <= MOST_S:
+            return ""
+        alike: dict[str, list[str]] = {}
+        for topic, (log, stamps) in times.items():
+            alike.setdefault(_by(self._topics[topic], log, stamps), []).append(topic)
+        says = "; ".join(f"{', '.join(topics)}: {by}" for by, topics in alike.items())
+        return f"clocks of topics differ by {_size(apart_s)} ({says})"
+
+
+def _by(clock: TopicClock, log: Index, stamps: Index) -> str:
+    """By which clock a topic goes."""
+    if not clock.stamped:
+        return "no stamps, timed by the log"
+    offset_s = float(np.median(stamps - log)) / 1e9
+    if stamps[0] < _SIMULATED_NS <= log[0]:
+        return f"stamps in simulation time, from {stamps[0] / 1e9:.6g} s"
+    if abs(offset_s) < 0.05:
+        return "stamps that agree with the log"
+    return f"stamps {_size(abs(offset_s))} {'ahead of' if offset_s > 0 else 'behind'} the log"
+
+
+def _size(seconds: float) -> str:
+    return f"{seconds:.1f} s" if seconds < 1e5 else f"{seconds:.3g} s"
