@@ -39,6 +39,7 @@ MOST_ABOVE, MOST_BELOW = 3, 10  # rows of units above the numbers, of totals bel
 MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
 MOST_BEFORE = 20  # lines in which the header of a leader or road is looked for
 NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
+_WITH_MARK = {mark: rf"^[+-]?\d*[{mark}]\d+([eE][+-]?\d+)?$" for mark in ",."}
 LABELS = {  # in a cell of a row that sums up those above it
     "total", "totals", "sum", "mean", "average", "avg", "min", "max", "minimum", "maximum", "median", "std",
     "stdev", "count", "summe", "gesamt", "mittel", "mittelwert", "durchschnitt", "minimalwert", "maximalwert",
@@ -260,7 +261,7 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
         skip_rows=_lines_before(path, over, of),
         cure=f"it needs a header with {over} and {of}, and rows of as many cells",
     )
-    table = replace(table, decimal=_decimal_mark(table, over, of))
+    table = replace(table, decimal=decimal_mark(table, over, of))
     table = table.with_key(~np.isnan(table.values(over)[0]), over, (over,))
     x, y = table.values(over)[0], table.values(of)[0]
     without = ~np.isfinite(x) | ~np.isfinite(y)
@@ -572,11 +573,14 @@ def _lines_before(path: Path, *names: str) -> int:
     return 0
 
 
-def _decimal_mark(table: TextTable, *names: str) -> str:
+def decimal_mark(table: TextTable, *names: str) -> str:
     """A comma where a number of these columns has one and none has a point."""
-    cells = [cell for name in names for cell in table.cells(name)[:SAMPLED].to_pylist() if cell]
-    numbers = [cell for cell in cells if re.fullmatch(r"[+-]?\d*[.,]?\d+", cell)]
-    return "," if any("," in cell for cell in numbers) and not any("." in cell for cell in numbers) else "."
+    found = set()
+    for name in names:
+        if pa.types.is_string(table.column(name).type):
+            cells = table.cells(name)
+            found |= {m for m in ",." if pc.any(pc.match_substring_regex(cells, _WITH_MARK[m])).as_py()}
+    return "," if found == {","} else "."
 
 
 def _why(error: BaseException, encoding: str) -> str:

@@ -14,7 +14,7 @@ from deeptruck_model.cli.inputs import ClockOption, Overwrite, TopicMap, mapped,
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
-    from deeptruck_model.recordings import Suggestion
+    from deeptruck_model.recordings import Suggestion, TableSuggestion
 
 _IMPORT_HELP = """Turn a table (CSV, Parquet), a CAN log, or a bag with other topics into a bag of ours.
 
@@ -38,13 +38,17 @@ Example:
 
   deeptruck-model table drive1 drive2 --out drives.parquet
 """
-_SUGGEST_HELP = """List the topics and numbers of a bag, and propose a topic map for --topic-map.
+_SUGGEST_HELP = """List what a bag or table holds, and propose a topic map or COLUMNS.yaml for it.
 
 Examples:
 
   deeptruck-model suggest mybag --out topics.yaml
 
   deeptruck-model train mybag --topic-map topics.yaml --out simulator
+
+  deeptruck-model suggest drive.csv --out columns.yaml
+
+  deeptruck-model import drive.csv --columns columns.yaml --out drive
 """
 _REPAIR_HELP = """Make a bag whose recorder was killed whole again, in place.
 
@@ -70,32 +74,46 @@ def register(app: typer.Typer) -> None:
 
 
 def suggest_map(
-    bag: Annotated[Path, typer.Argument(help="rosbag2 folder, .mcap, .db3 or .bag file")],
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="BAG|TABLE", help="rosbag2 folder, .mcap, .db3 or .bag file; CSV or Parquet"),
+    ],
     out: Annotated[
         Path | None, typer.Option(help="YAML file to write; without it the map is printed", metavar="FILE")
     ] = None,
 ) -> None:
-    """Say what a bag holds, and which of it may be which channel."""
-    checks.every(
-        *([lambda: files.check_new(out), lambda: results.apart(out, bag)] if out else []),
-        lambda: checks.bag(bag, any_topics=True),
-    )
-    from deeptruck_model.recordings import suggest
+    """Say what a bag or table holds, and which of it may be which channel."""
+    from deeptruck_model.recordings import import_checks
 
-    found = suggest(bag)
-    _tell_topics(found)
+    table = import_checks.is_table(source)
+    checks.every(
+        *([lambda: files.check_new(out), lambda: results.apart(out, source)] if out else []),
+        lambda: import_checks.check_table(source) if table else checks.bag(source, any_topics=True),
+    )
+    found: Suggestion | TableSuggestion
+    if table:
+        from deeptruck_model.recordings import suggest_columns
+
+        found = suggest_columns(source)
+        print("\n".join(found.listing()))
+    else:
+        from deeptruck_model.recordings import suggest
+
+        found = suggest(source)
+        _tell_topics(found)
+    what, option = ("columns", "--columns") if table else ("topic map", "--topic-map")
     if out is None:
         print(f"\n{found.text()}")
     else:
         with files.new_file(out) as draft:
             draft.write_text(found.text(), encoding="utf-8")
-        print(f"\nproposed topic map: {out}; check it, then give it as --topic-map {out}")
+        print(f"\nproposed {what}: {out}; check it, then give it as {option} {out}")
     for line in found.lacking:
         print(f"note: {line}", file=sys.stderr)
 
 
 def _tell_topics(found: Suggestion) -> None:
-    from deeptruck_model.recordings.suggestion import rate, span
+    from deeptruck_model.recordings.candidates import rate, span
 
     likely = {id(one.field): one for several in found.candidates.values() for one in several}
     commanded = {id(one.field): one.channel for several in found.commanded.values() for one in several}

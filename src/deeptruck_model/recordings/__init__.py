@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from deeptruck_model.recordings.several import read_all
     from deeptruck_model.recordings.splits import data_hash, split
     from deeptruck_model.recordings.suggestion import Suggestion, suggest
+    from deeptruck_model.recordings.table_suggestion import TableSuggestion, suggest_columns
     from deeptruck_model.recordings.table_writer import check_table, write_table
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "Recording",
     "Series",
     "Suggestion",
+    "TableSuggestion",
     "check_table",
     "coverage",
     "data_hash",
@@ -36,6 +38,7 @@ __all__ = [
     "repair",
     "split",
     "suggest",
+    "suggest_columns",
     "uniform",
     "write_bag",
     "write_table",
@@ -56,6 +59,7 @@ __getattr__ = lazy.names(
         "several": ("read_all",),
         "splits": ("data_hash", "split"),
         "suggestion": ("Suggestion", "suggest"),
+        "table_suggestion": ("TableSuggestion", "suggest_columns"),
         "table_writer": ("check_table", "write_table"),
     },
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 COMMANDED = frozenset((  # anywhere in a topic, type or field: what is asked for, not what was measured
@@ -27,6 +28,15 @@ class Words:
     none_of: frozenset[str]
 
 
+@dataclass(frozen=True)
+class Named:
+    """A channel that words may mean: which of them say so, and their place among the rule's `any_of`."""
+
+    channel: str
+    asked: frozenset[str]
+    place: int
+
+
 def _words(any_of: str, none_of: str = "", more: frozenset[str] = frozenset()) -> Words:
     return Words(
         tuple(frozenset(one.split()) for one in any_of.split(",")), frozenset(none_of.split()) | more
@@ -36,7 +46,8 @@ def _words(any_of: str, none_of: str = "", more: frozenset[str] = frozenset()) -
 BY_WORDS: dict[str, Words] = {
     "speed": _words(
         "speed,velocity,vel,vx",
-        "engine motor shaft turbo fan pump angular yaw heading lateral vertical wind relative rel",
+        "engine motor shaft turbo fan pump angular angle steering yaw heading lateral vertical wind "
+        "relative rel",
         STATISTIC,
     ),
     "acceleration": _words(
@@ -45,18 +56,21 @@ BY_WORDS: dict[str, Words] = {
         STATISTIC | LEADER,
     ),
     "engine_command": _words(
-        "throttle,accelerator,accel pedal,gas pedal,gas,engine command,engine cmd,engine request,"
+        "accelerator,accel pedal,acc pedal,gas pedal,throttle,gas,engine command,engine cmd,engine request,"
         "torque request,torque requested,torque command,torque cmd,torque demand",
-        "brake brakes retarder steering exhaust temperature temp pressure min max limit",
+        "brake brakes retarder steering exhaust temperature temp pressure min max limit switch kickdown",
     ),
     "brake_command": _words(
-        "brake,brakes,xbr,deceleration request", "parking temperature temp wear lamp light throttle torque"
+        "brake,brakes,xbr,deceleration request",
+        "parking temperature temp wear lamp light switch engine exhaust retarder throttle torque",
     ),
     "grade": _words("grade,slope,gradient,incline,inclination,pitch", "rate angular gear"),
-    "fuel_rate": _words("fuel", "level tank temperature temp pressure total economy"),
-    "gear": _words("gear", "ratio", STATISTIC),
-    "engine_speed": _words("engine speed,engine rpm,rpm", "wheel turbo fan", STATISTIC),
-    "engine_torque": _words("torque", "brake steering wheel", STATISTIC),
+    "fuel_rate": _words("fuel", "level tank temperature temp pressure total economy trim"),
+    "gear": _words("gear", "ratio oil temperature temp pressure", STATISTIC),
+    "engine_speed": _words(
+        "engine speed,engine rpm,rpm", "wheel turbo fan pump shaft output input transmission", STATISTIC
+    ),
+    "engine_torque": _words("torque", "brake steering wheel retarder friction losses reference", STATISTIC),
     "elevation": _words("elevation,altitude,alt"),
     "gap": _words("gap,distance,headway,range", "travelled traveled trip total time rate min max"),
     "leader_speed": _words(
@@ -78,24 +92,28 @@ UNIT_WORDS = {
 }  # fmt: skip
 _DECELERATION = {"deceleration", "decel", "acceleration", "xbr"}
 _PITCH = {"pitch", "incline", "inclination"}
-_BY_RANGE: dict[str, tuple[tuple[float, str], ...]] = {  # the first unit in which so much is plausible
-    "speed": ((45.0, "m/s"), (160.0, "km/h")),
-    "leader_speed": ((45.0, "m/s"), (160.0, "km/h")),
-    "acceleration": ((15.0, "m/s^2"),),
-    "engine_command": ((1.05, "ratio"), (105.0, "percent"), (6000.0, "N m")),
-    "brake_command": ((1.05, "ratio"), (15.0, ""), (105.0, "percent")),  # up to 15: bar, m/s^2 or percent
-    "brake pressure": ((15.0, "bar"), (1500.0, "kPa")),
-    "brake deceleration": ((15.0, "m/s^2"),),
-    "grade": ((0.4, "ratio"), (40.0, "percent")),
-    "pitch": ((0.4, "rad"), (25.0, "deg")),
-    "gear": ((24.0, "1"),),
-    "engine_speed": ((300.0, "rad/s"), (7000.0, "rpm")),
-    "engine_torque": ((130.0, ""), (6000.0, "N m")),  # up to 130: percent of a torque that nobody names
-    "elevation": ((6000.0, "m"),),
-    "gap": ((500.0, "m"),),
-    "ambient_temperature": ((70.0, "degC"), (345.0, "K")),
-    "latitude": ((90.0, "deg"),),
-    "longitude": ((180.0, "deg"),),
+_BY_OWN_WORDS = frozenset(("speed", "engine_command", "brake_command"))  # words around spoil none of these
+_BY_RANGE: dict[
+    str, tuple[tuple[float, float, str], ...]
+] = {  # least and most that a drive reaches, and unit
+    "speed": ((2.0, 45.0, "m/s"), (8.0, 160.0, "km/h"), (5.0, 85.0, "mph")),
+    "leader_speed": ((2.0, 45.0, "m/s"), (8.0, 160.0, "km/h"), (5.0, 85.0, "mph")),
+    "acceleration": ((0.3, 15.0, "m/s^2"), (0.03, 1.0, "g")),
+    "engine_command": ((0.1, 1.05, "ratio"), (10.0, 105.0, "percent"), (105.0, 6000.0, "N m")),
+    # up to 15: bar, m/s^2 or percent
+    "brake_command": ((0.1, 1.05, "ratio"), (1.05, 15.0, ""), (5.0, 105.0, "percent")),
+    "brake pressure": ((1.0, 15.0, "bar"), (50.0, 1500.0, "kPa"), (10.0, 220.0, "psi")),
+    "brake deceleration": ((0.3, 15.0, "m/s^2"),),
+    "grade": ((0.005, 0.4, "ratio"), (0.5, 40.0, "percent"), (0.3, 22.0, "deg")),
+    "pitch": ((0.005, 0.4, "rad"), (0.3, 25.0, "deg"), (0.5, 40.0, "percent")),
+    "gear": ((1.0, 24.0, "1"),),
+    "engine_speed": ((60.0, 300.0, "rad/s"), (500.0, 7000.0, "rpm")),
+    "engine_torque": ((0.0, 130.0, ""), (0.0, 6000.0, "N m")),  # up to 130: percent of an unnamed torque
+    "elevation": ((0.0, 6000.0, "m"), (0.0, 20000.0, "ft")),
+    "gap": ((1.0, 500.0, "m"), (3.0, 1600.0, "ft")),
+    "ambient_temperature": ((0.0, 70.0, "degC"), (0.0, 140.0, "degF"), (220.0, 345.0, "K")),
+    "latitude": ((1e-3, 90.0, "deg"),),
+    "longitude": ((1e-3, 180.0, "deg"),),
 }
 
 
@@ -104,13 +122,31 @@ def words(text: str) -> frozenset[str]:
     return frozenset(word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text))
 
 
+def named_channels(own: frozenset[str], around: frozenset[str]) -> Iterator[Named]:
+    """The channels that a number may be by its own words and those around it, the likeliest first."""
+    for channel, rule in BY_WORDS.items():
+        asked = [k for k, one in enumerate(rule.any_of) if one <= own | around and (one & own or not own)]
+        spoilt = rule.none_of & (own if own and channel in _BY_OWN_WORDS else own | around)
+        spoilt |= LEADER & (own | around) if channel == "speed" else frozenset()
+        if asked and not spoilt:
+            yield Named(channel, rule.any_of[asked[0]], asked[0])
+
+
 def unit_by_range(channel: str, named: frozenset[str], largest: float) -> str:
-    """The unit in which values up to `largest` are plausible; '' where none is, or several are."""
-    kind = channel
+    """The first unit in which values up to `largest` are plausible; '' where none is, or none is likely."""
+    limits = _BY_RANGE.get(_kind(channel, named), ())
+    return next((unit for _, most, unit in limits if math.isfinite(largest) and largest <= most), "")
+
+
+def units_by_range(channel: str, named: frozenset[str], largest: float) -> list[str]:
+    """Every unit in which a drive may reach `largest` and no more; '' stands for several."""
+    return [
+        unit for least, most, unit in _BY_RANGE.get(_kind(channel, named), ()) if least <= largest <= most
+    ]
+
+
+def _kind(channel: str, named: frozenset[str]) -> str:
     if channel == "brake_command":
-        kind = "brake pressure" if "pressure" in named else kind
-        kind = "brake deceleration" if _DECELERATION & named else kind
-    elif channel == "grade" and _PITCH & named:
-        kind = "pitch"
-    limits = _BY_RANGE.get(kind, ())
-    return next((unit for most, unit in limits if math.isfinite(largest) and largest <= most), "")
+        channel = "brake pressure" if "pressure" in named else channel
+        return "brake deceleration" if _DECELERATION & named else channel
+    return "pitch" if channel == "grade" and _PITCH & named else channel

@@ -42,7 +42,7 @@ def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Calla
     if clock is not None:
         raise InputError(f"'--clock {clock}' is for bags, whose messages have two times; {table} is none")
     return [
-        lambda: _check_table(table),
+        lambda: check_table(table),
         lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),
     ]
 
@@ -86,7 +86,23 @@ def _mapping(columns: Meaning) -> dict[str, Any]:
     return load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
 
 
-def _check_table(table: Path) -> None:
+def is_table(path: Path) -> bool:
+    """Whether a file is a table to `suggest`: any that is no bag by its suffix.
+
+    Raises InputError for a CAN log, whose meaning a vehicle file has.
+    """
+    if not path.is_file() or path.suffix.lower() in (*BAG_SUFFIXES, ".mcap"):
+        return False
+    if is_can_log(path):
+        raise InputError(
+            f"{path} is read as a CAN log, for its suffix: 'truck-bridge decode' shows its signals "
+            "(docs/can_bridge.md); a table needs another suffix, such as .csv"
+        )
+    return True
+
+
+def check_table(table: Path) -> None:
+    """Raises InputError where there is no file."""
     if not table.exists():
         raise InputError(f"{table} does not exist")
     if not table.is_file():

@@ -36,7 +36,10 @@ USUAL = (  # formats that are proposed where one of them fits
     "%d/%m/%Y %H:%M", "%m/%d/%Y %H:%M", "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %I:%M:%S.%f %p",
     "%d-%m-%Y %H:%M:%S.%f", "%d-%m-%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S",
     "%d.%m.%y %H:%M:%S", "%a %b %d %H:%M:%S GMT%z %Y", "%a %b %d %H:%M:%S %Y", "%Y%m%d %H:%M:%S",
-    "%Y-%m-%d %H-%M-%S", "%Y-%m-%d_%H-%M-%S", "%H:%M:%S:%f", "%I:%M:%S %p", "%M:%S.%f", "%M:%S,%f",
+    "%Y-%m-%d %H-%M-%S", "%Y-%m-%d_%H-%M-%S", "%H:%M:%S:%f", "%I:%M:%S %p",
+    "%d.%m.%Y, %H:%M:%S", "%b %d, %Y %I:%M:%S %p", "%b %d, %Y, %I:%M:%S %p", "%b %d %Y %H:%M:%S",
+    "%m/%d/%y %H:%M:%S", "%m/%d/%y %I:%M:%S %p", "%d %b %Y %H:%M:%S", "%Y%m%dT%H%M%S", "%d.%m.%y %H:%M:%S,%f",
+    "%M:%S.%f", "%M:%S,%f",
 )  # fmt: skip
 
 
@@ -263,6 +266,16 @@ def _fraction(digits: str | None) -> int:
     return int((digits or "").ljust(9, "0")[:9])
 
 
+def is_iso(cell: str) -> bool:
+    """Whether a cell is a date that `unit: iso` reads."""
+    return _ticks_of_date(cell) is not None
+
+
+def usual_formats(cell: str) -> list[str]:
+    """The formats among the usual ones in which a cell is a date or time."""
+    return [form for form in USUAL if _fits(cell, form)]
+
+
 def _none(table: TextTable, clock: Clock, cells: pa.ChunkedArray, strange: NDArray[np.bool_]) -> InputError:
     """That no cell is a time, with the first and what to set."""
     at = int(np.argmax(strange))
@@ -279,13 +292,13 @@ def _advice(clock: Clock, scalar: pa.Scalar) -> str:
     """The keys that read such a cell."""
     cell = str(scalar.as_py())
     column = clock.columns[0] if len(clock.columns) == 1 else f"[{', '.join(clock.columns)}]"
-    if OF_DAY.fullmatch(cell) or _ticks_of_date(cell) is not None:
+    if OF_DAY.fullmatch(cell) or is_iso(cell):
         keys = ["unit: iso"] if clock.unit.lower() not in DATE_UNITS or clock.format else []
     elif re.fullmatch(r"[+-]?\d+([.,]\d+)?", cell):
         keys = [f"unit: {unit}" for unit in ("s", "ms", "us", "ns", "days")]
         keys = [] if clock.unit in TIME_UNITS and not clock.format else keys
     else:
-        keys = [f'format: "{form}"' for form in USUAL if form != clock.format and _fits(cell, form)]
+        keys = [f'format: "{form}"' for form in usual_formats(cell) if form != clock.format]
         keys = keys or ['format: "..." (of strptime, as "%d.%m.%Y %H:%M:%S,%f"), or rate_hz in place of all']
     return f"; set time: {{column: {column}, {' or '.join(keys)}}}" if keys else ""
 

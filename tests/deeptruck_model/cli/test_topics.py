@@ -158,7 +158,9 @@ def test_a_map_that_is_none_is_one_line(
     ("words", "says"),
     [
         (("suggest", "none"), "none does not exist"),
-        (("suggest", "table.csv"), "cannot be read as a bag"),
+        (("suggest", "drive.log"), "is read as a CAN log, for its suffix"),
+        (("suggest", "table.csv", "--out", "other.yaml"), "other.yaml"),
+        (("suggest", "words.csv"), "words.csv is no table"),
         (("import", "mine", "--columns", "none.yaml", "--out", "out"), "none.yaml cannot be read"),
         (
             ("import", "mine", "--columns", "other.yaml", "--out", "out"),
@@ -175,6 +177,8 @@ def test_bad_input_of_suggest_and_import(
 ) -> None:
     foreign(here / "mine", 10.0)
     (here / "table.csv").write_text("a,b\n1,2\n")
+    (here / "drive.log").write_text("")
+    (here / "words.csv").write_text("It was a dark night.\n")
     (here / "other.yaml").write_text("speed: {topic: /v, field: data}\n")
     code, _, errors = script(*words)
     assert code == 2 and says in errors and errors.count("\n") == 1 and not Path("out").exists()

@@ -1,0 +1,180 @@
+"""Numbers of a bag or table that may be channels, and the YAML that proposes the likeliest of each."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from deeptruck_model.reading import plain
+from deeptruck_model.recordings.message_types import Role
+from deeptruck_model.recordings.survey import Field, Topic
+from deeptruck_model.recordings.units import conversion, known_units
+from deeptruck_model.signals import CHANNELS
+
+NEEDED = {
+    "speed": "without it there is no recording",
+    "engine_command": "needed to learn the engine",
+    "brake_command": "needed to learn the brakes",
+}
+OURS, TYPE, FIELD, TOPIC = 4, 3, 2, 1  # what a candidate is known by, the surest highest
+DEMANDS = ("engine_command", "brake_command")  # of these channels a command is a candidate
+SAFE = re.compile(r"[A-Za-z_/][\w/.]*")  # what YAML reads as text without quotes
+_PLAIN_TEXT = {"yes", "no", "on", "off", "true", "false", "null", "y", "n"}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A number that may be the channel; `unit` is '' where nothing says it, `sure` one of OURS to TOPIC.
+
+    `topic` is None for a column of a table. `scale` and `offset` come before the unit. `place` is its rank
+    among the fields of its type or the words for its channel. `needs` says what must be filled in before it
+    is of use, where that is more than a unit.
+    """
+
+    channel: str
+    topic: Topic | None
+    field: Field
+    unit: str
+    why: str
+    sure: int
+    role: Role = Role.MEASURED
+    scale: float = 1.0
+    offset: float = 0.0
+    place: int = 0
+    needs: str = ""
+
+    @property
+    def order(self) -> tuple[object, ...]:
+        """The most likely first: measured, surest, then what has a unit, changes, and comes most often."""
+        often = -self.topic.rate_hz if self.topic and np.isfinite(self.topic.rate_hz) else 0.0
+        known = (-self.sure, not self.unit, self.field.still, self.place, often)
+        names = (self.topic.name, self.field.path) if self.topic else ()
+        return (self.sure != OURS, self.role, *known, *names)
+
+    @property
+    def label(self) -> str:
+        """Its topic and field, or its column, for people."""
+        return plain(f"{self.topic.name}, {self.field.path}" if self.topic else self.field.path)
+
+    @property
+    def line(self) -> str:
+        """The line of a topic map or of the channels in COLUMNS.yaml."""
+        name = yaml_text(self.field.path)
+        source = f"topic: {yaml_text(self.topic.name)}, field: {name}" if self.topic else f"column: {name}"
+        unit = f", unit: {yaml_text(self.unit or '?')}"
+        if (self.scale, self.offset) != (1.0, 0.0):
+            unit += f", scale: {self.scale:g}, offset: {self.offset:g}"
+        return f"{self.channel}: {{{source}{unit}}}"
+
+    @property
+    def remark(self) -> str:
+        """Why, and which values are there."""
+        at = f" at {rate(self.topic)}" if self.topic else ""
+        still = "; never changes here" if self.field.still else ""
+        return f"{self.why}; {span(self.field)}{at}{still}{self._beyond()}"
+
+    def _beyond(self) -> str:
+        """A warning where the values, in this unit, are none of a truck."""
+        if not self.unit:
+            return ""
+        ends = self.scale * np.array([self.field.low, self.field.high]) + self.offset
+        ends = conversion(self.channel, self.unit)(ends)
+        known = CHANNELS[self.channel]
+        if known.low <= ends.min() and ends.max() <= known.high:
+            return ""
+        return f"; beyond {known.low:g} to {known.high:g}, what a truck can: is the unit right?"
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The candidates of each channel that has some, the most likely first.
+
+    `commanded` are set points of channels that must be measured, such as a desired speed: they are shown and
+    never proposed.
+    """
+
+    candidates: dict[str, list[Candidate]]
+    commanded: dict[str, list[Candidate]]
+
+    SOURCE: ClassVar[str] = "topic"
+    BLANK: ClassVar[str] = "topic: /TOPIC, field: FIELD"
+
+    def taken(self, channel: str) -> Candidate | None:
+        """The candidate that is proposed; None where there is none, or its unit is not known."""
+        found = self.candidates.get(channel, [])
+        return found[0] if found and found[0].unit else None
+
+    @property
+    def lacking(self) -> list[str]:
+        """What must be filled in before the proposal serves for training, a line each."""
+        return [
+            f"{channel} has no line yet, {why}: "
+            + ("say in which unit it is" if self.candidates.get(channel) else self._unlike)
+            for channel, why in NEEDED.items()
+            if self.taken(channel) is None
+        ]
+
+    @property
+    def _unlike(self) -> str:
+        return f"no {self.SOURCE} looks like it"
+
+    def blocks(self) -> Iterator[str]:
+        """The lines of all channels, what speaks for each above it, with a blank line before each channel."""
+        for channel in CHANNELS:
+            block = list(self._block(channel))
+            yield from ("", *block) if block else ()
+
+    def _block(self, channel: str) -> Iterator[str]:
+        """The lines of one channel; none where it is not needed and has no candidate."""
+        found, taken = self.candidates.get(channel, []), self.taken(channel)
+        title = f"# {channel}: {CHANNELS[channel].meaning}."
+        asked = [
+            f"# {one.label} is a command, not taken: {one.remark}." for one in self.commanded.get(channel, [])
+        ]
+        if not found:
+            if channel in NEEDED:
+                yield f"{title} NOT FOUND, {NEEDED[channel]}. Fill in:"
+                unit = known_units(channel)[0]
+                yield f"# {channel}: {{{self.BLANK}, unit: {unit}}}"
+            elif absent := self.absent(channel):
+                yield f"{title} Not found; {absent}."
+            elif asked:
+                yield f"{title} Not found."
+            yield from asked
+            return
+        number = f" {len(found)} candidates, the likeliest first." if len(found) > 1 else ""
+        yield f"{title}{number}"
+        for one in found:
+            if not one.unit:
+                units = ", ".join(dict.fromkeys(known_units(channel)))
+                yield f"# The next line needs {one.needs or f'a unit, one of: {units}'}."
+            yield f"# {one.remark}."
+            yield f"{'' if one is taken else '# '}{one.line}"
+        yield from asked
+
+    def absent(self, channel: str) -> str:
+        """Why a channel that is not needed has no candidate, where that is worth a remark."""
+        return ""
+
+
+def span(field: Field) -> str:
+    """The range of a field."""
+    if np.isnan(field.largest):
+        return "never a number"
+    return f"{field.low:.4g} to {field.high:.4g}" if not field.still else f"{field.low:.4g}"
+
+
+def rate(topic: Topic) -> str:
+    """How often a topic comes."""
+    return f"{topic.rate_hz:.3g} Hz" if np.isfinite(topic.rate_hz) else f"{topic.messages} messages"
+
+
+def yaml_text(text: str) -> str:
+    """A text as a YAML value."""
+    safe = SAFE.fullmatch(text) and text.lower() not in _PLAIN_TEXT
+    return text if safe else json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,162 @@
+"""Which column of a table is its clock, and in which form, by trying the reader of row times on it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from deeptruck_model.account import Account
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.candidates import yaml_text
+from deeptruck_model.recordings.columns import TIME_UNITS, Clock
+from deeptruck_model.recordings.header_words import NO_TIME, TIME, Header
+from deeptruck_model.recordings.row_times import OF_DAY, is_iso, timed, usual_formats
+from deeptruck_model.table_file import MOST_ABOVE, TextTable
+
+Array = NDArray[np.float64]
+
+UNITS = ("s", "ms", "us", "ns", "min", "h", "days")  # tried where none is stated
+EPOCHS = (  # what counts from 1970, or the days of Excel and Matlab
+    (9e8, 5e9, "s"), (9e11, 5e12, "ms"), (9e14, 5e15, "us"), (9e17, 5e18, "ns"),
+    (2e4, 8e4, "days"), (6e5, 8e5, "days"),
+)  # fmt: skip
+USUAL_ACCELERATION = 3.0  # in units of a speed, in a second: in km/h about 0.8 m/s^2
+DATE_ALONE = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}")
+DAY_ALONE = re.compile(r"\d{1,2}:\d{2}(:\d{2}.*)?")
+
+
+@dataclass(frozen=True)
+class RowClock:
+    """The line `time:` of COLUMNS.yaml, '' where no column is a clock, and why.
+
+    `seconds` (n,) are the times of the rows, NaN where one has none.
+    """
+
+    line: str
+    why: str
+    columns: tuple[str, ...] = ()
+    seconds: Array | None = None
+
+
+@dataclass(frozen=True)
+class _Trial:
+    clock: Clock
+    why: str
+    place: int
+    sure: bool = True  # the unit is stated
+
+
+def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence[Array]) -> RowClock:
+    """The clock of a table by its headers (column -> header) and cells.
+
+    `speeds`, each (n,), are columns of a speed in any unit: their rates of change choose among units of
+    time. Of several clocks the one with fractions of a second is taken, then date with time of day, then the
+    plainest name.
+    """
+    found: list[tuple[tuple[object, ...], RowClock]] = []
+    refused = ""
+    for trial in _trials(table, headers):
+        fresh = replace(table, account=Account(str(table.path), "rows"))
+        try:
+            kept, time = timed(fresh, trial.clock)
+        except InputError as error:
+            refused = refused or (str(error).removeprefix(f"{table.path}: ") if trial.sure else "")
+            continue
+        seconds = np.full(len(table), np.nan)
+        seconds[np.searchsorted(table.rows, kept.rows)] = time
+        columns = trial.clock.columns
+        extra = len(frozenset().union(*(headers[name].words for name in columns)) - TIME)
+        off = 0.0 if trial.sure else _unlikely(seconds, speeds)
+        whole = not trial.sure or bool(np.allclose(time, np.rint(time)))
+        order = (whole, -len(columns), extra, trial.place, off)
+        found.append((order, RowClock(_line(trial.clock), trial.why, columns, seconds)))
+    if found:
+        return min(found, key=lambda one: one[0])[1]
+    return RowClock("", refused or "no column looks like a clock")
+
+
+def _line(clock: Clock) -> str:
+    names = [yaml_text(name) for name in clock.columns]
+    column = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
+    how = f', format: "{clock.format}"' if clock.format else f", unit: {clock.unit}" if clock.unit else ""
+    return f"time: {{column: {column}{how}}}"
+
+
+def _trials(table: TextTable, headers: Mapping[str, Header]) -> Iterator[_Trial]:
+    first = {name: _first(table, name) for name in table.columns}
+    dates = [name for name, cell in first.items() if DATE_ALONE.fullmatch(cell)]
+    days = [name for name, cell in first.items() if DAY_ALONE.fullmatch(cell)]
+    places = {name: k for k, name in enumerate(table.columns)}
+    for date in dates:
+        for day in days:
+            yield from _dated((date, day), f"{first[date]} {first[day]}", places[date])
+    for name, column in table.columns.items():
+        words, unit = headers[name].words, headers[name].unit
+        if pa.types.is_temporal(column.type):
+            yield _Trial(Clock((name,), unit=""), f"'{name}' has the type {column.type}", places[name])
+        elif is_number(first[name]):
+            if words & TIME and not words & NO_TIME:
+                yield from _numbers(table, name, unit, headers[name].stated, places[name])
+        elif name not in dates and (words & TIME or places[name] == 0):
+            yield from _dated((name,), first[name], places[name])
+
+
+def _dated(names: tuple[str, ...], cell: str, place: int) -> Iterator[_Trial]:
+    """Clocks of dates or times of day as this cell."""
+    what = " and ".join(f"'{name}'" for name in names)
+    if OF_DAY.fullmatch(cell) or is_iso(cell):
+        yield _Trial(Clock(names, unit="iso"), f"{what} as {cell}", place)
+        return
+    for form in usual_formats(cell):
+        yield _Trial(Clock(names, format=form), f"{what} as {cell}", place)
+
+
+def _numbers(table: TextTable, name: str, unit: str, stated: str, place: int) -> Iterator[_Trial]:
+    if unit in TIME_UNITS:
+        yield _Trial(Clock((name,), unit=unit), f"'{name}', {stated}", place)
+        return
+    if unit:
+        return
+    values = table.values(name)[0]
+    values = values[np.isfinite(values)]
+    step = float(np.median(np.diff(values))) if len(values) > 1 else np.nan
+    for low, high, epoch in EPOCHS:
+        if len(values) and low <= values[0] < high and (epoch != "days" or step < 1e-3):
+            yield _Trial(Clock((name,), unit=epoch), f"'{name}' counts {epoch} by its size", place)
+            return
+    for one in UNITS:
+        why = f"'{name}', rows {step * TIME_UNITS[one]:.4g} s apart if in {one}, which no header says: check"
+        yield _Trial(Clock((name,), unit=one), why, place, sure=False)
+
+
+def _unlikely(seconds: Array, speeds: Sequence[Array]) -> float:
+    """How far rates of change of speeds are from a vehicle's; a unit of time differs by 60 or more."""
+    worst = 0.0
+    for speed in speeds:
+        filled = np.isfinite(seconds) & np.isfinite(speed)
+        t, v = seconds[filled], speed[filled]
+        k = max(1, len(t) // 1000)
+        if len(t) > 10 and v.max() > v.min():
+            steep = float(np.quantile(np.abs((v[k:] - v[:-k]) / (t[k:] - t[:-k])), 0.95))
+            worst = max(worst, abs(np.log(max(steep, 1e-12) / USUAL_ACCELERATION)))
+    return worst
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number."""
+    return bool(re.fullmatch(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?", cell))
+
+
+def _first(table: TextTable, name: str) -> str:
+    """The first filled cell below a row of units."""
+    try:
+        cells = table.cells(name)
+    except InputError:
+        return ""
+    some = [str(cell) for cell in cells[: MOST_ABOVE + 200].to_pylist() if cell]
+    return next((cell for cell in some if re.search(r"\d", cell)), "")

@@ -1,0 +1,113 @@
+"""How a text table is written, found from its beginning: encoding, delimiter, lines before the header."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import re
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from deeptruck_model import reading
+from deeptruck_model.errors import InputError
+from deeptruck_model.table_file import BYTE_ORDER_MARKS, DELIMITERS, PARQUET
+
+LOOKED_AT = 200  # lines in which header and delimiter are looked for
+MOST_HEAD = 2**20  # characters of those lines
+NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?%?")
+DATE = re.compile(r".*\d{1,4}[-./]\d{1,2}[-./]\d{1,4}.*|.*\d{1,2}:\d{2}.*|\d{4}-\d{2}-\d{2}T.*")
+BY_HAND = "write COLUMNS.yaml by hand (docs/recordings.md)"
+
+
+@dataclass(frozen=True)
+class Form:
+    """What read_table needs to know. Parquet needs nothing of it."""
+
+    delimiter: str | None = None
+    encoding: str = "utf-8"
+    skip_rows: int = 0
+
+
+def find_form(path: Path) -> Form:
+    """Raises InputError for a file that is missing, no text, or without a header above rows of numbers."""
+    reading.check_file(path, "give a CSV or Parquet table")
+    if path.suffix.lower() in PARQUET:
+        return Form()
+    try:
+        data = path.read_bytes()
+        data = gzip.decompress(data) if path.suffix.lower() == ".gz" else data
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path} cannot be read: {reading.plain(str(error))}") from None
+    if not data.strip():
+        raise InputError(f"{path} is empty")
+    encoding = _encoding(data)
+    try:
+        text = data.decode(encoding).lstrip("\ufeff")
+    except UnicodeError:
+        text = "\0"
+    if "\0" in text[:4096]:
+        raise InputError(f"{path} is no text table but binary; export it as CSV or Parquet")
+    lines = text[:MOST_HEAD].split("\n")[:LOOKED_AT]
+    found = {mark: _header(lines, mark) for mark in DELIMITERS}
+    best = max(found, key=lambda mark: (found[mark][1] > 0, *found[mark][:2]))
+    columns, rows, header = found[best]
+    if columns < 2:
+        raise InputError(f"{path} is no table: no {LOOKED_AT} lines hold rows of numbers; {BY_HAND}")
+    if rows == 0:
+        raise InputError(f"{path} has no header: add a line with the columns' names above its numbers")
+    return Form(best, encoding, header)
+
+
+def _encoding(data: bytes) -> str:
+    for mark, encoding in BYTE_ORDER_MARKS.items():
+        if data.startswith(mark):
+            return encoding
+    even, odd = (data[:4096][k::2].count(0) for k in (0, 1))
+    if max(even, odd) > 4 * min(even, odd) and max(even, odd) > 0.3 * min(len(data), 4096) / 2:
+        return "utf-16-le" if odd > even else "utf-16-be"
+    try:
+        data.decode()
+        return "utf-8"
+    except UnicodeDecodeError:
+        return "cp1252" if re.search(rb"[\x80\x82-\x8c\x8e\x91-\x9c\x9e\x9f]", data) else "latin-1"
+
+
+def _header(lines: Sequence[str], delimiter: str) -> tuple[int, int, int]:
+    """By one delimiter: cells of a row of numbers, names in the header (0 without one), lines before it."""
+    rows = []
+    for line in lines:
+        try:
+            rows.append(
+                [cell.strip() for cell in next(csv.reader([line.rstrip("\r")], delimiter=delimiter), [])]
+            )
+        except csv.Error:
+            rows.append([])
+    first = next((k for k in range(len(rows)) if _begins(rows, k)), None)
+    if first is None:
+        return 0, 0, 0
+    cells = len(rows[first])
+    names = [sum(bool(cell) and not is_value(cell) for cell in row) for row in rows[:first]]
+    most = max(names, default=0)
+    enough = most >= max(2, min(cells, sum(map(bool, rows[first]))) // 2)
+    return cells, most if enough else 0, names.index(most) if enough else 0
+
+
+def _begins(rows: Sequence[list[str]], first: int) -> bool:
+    """Whether rows of numbers begin here."""
+    if not _is_data(rows[first]):
+        return False
+    following = [row for row in rows[first : first + 6] if any(row)]
+    same = [row for row in following if _is_data(row) and abs(len(row) - len(rows[first])) <= 1]
+    return 2 * len(same) > len(following)
+
+
+def _is_data(row: Sequence[str]) -> bool:
+    values = sum(map(is_value, row))
+    return values >= 2 and 3 * values >= sum(map(bool, row))
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell is a number, a date or a time of day."""
+    return bool(NUMBER.fullmatch(cell) or DATE.fullmatch(cell)) or cell.lower() in ("nan", "inf")

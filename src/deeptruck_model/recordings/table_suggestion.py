@@ -1,0 +1,260 @@
+"""COLUMNS.yaml proposed for a table: what its header, a row of units and its numbers say of each column."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.reading import plain
+from deeptruck_model.recordings.candidates import DEMANDS, FIELD, Candidate, Proposal, span
+from deeptruck_model.recordings.channel_words import COMMANDED, named_channels, units_by_range
+from deeptruck_model.recordings.header_words import IMPERIAL, METRIC, Header, fits, header
+from deeptruck_model.recordings.message_types import Role
+from deeptruck_model.recordings.row_clock import RowClock, find_clock
+from deeptruck_model.recordings.survey import Field
+from deeptruck_model.recordings.table_form import Form, find_form
+from deeptruck_model.recordings.unit_evidence import fitting
+from deeptruck_model.recordings.units import conversion
+from deeptruck_model.table_file import MOST_ABOVE, TextTable, decimal_mark, read_table
+
+Array = NDArray[np.float64]
+
+LOOKED_AT = 100_000  # rows by which the clock is found and units are compared
+RARE = 0.002  # of the values: codes of faults, which say nothing of the unit
+MOSTLY = 0.5  # of the filled cells of a column of numbers
+SWITCH = "a measured value: this one is on or off only"
+_OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # units that the others rule out
+_NAMES = frozenset(("pid", "signal", "name", "parameter", "diagnostic", "sensor", "messwert", "measurement"))
+_VALUES = frozenset(("value", "values", "wert", "reading"))
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """One column of numbers: its header, its values (n,) of all rows, and its range."""
+
+    name: str
+    header: Header
+    values: Array
+    field: Field
+
+    @property
+    def largest(self) -> float:
+        """The largest magnitude without rare codes; NaN for a column without numbers."""
+        sizes = np.abs(self.values[np.isfinite(self.values)])
+        return float(np.quantile(sizes, 1.0 - RARE, method="lower")) if len(sizes) else np.nan
+
+    @property
+    def filled(self) -> float:
+        """The share of rows that have a number."""
+        return float(np.isfinite(self.values).mean())
+
+
+@dataclass(frozen=True)
+class TableSuggestion(Proposal):
+    """How a table is written, which column is its clock, and which may be which channel."""
+
+    table: TextTable
+    form: Form
+    columns: list[TableColumn]
+    clock: RowClock
+
+    SOURCE: ClassVar[str] = "column"
+    BLANK: ClassVar[str] = "column: COLUMN"
+
+    @property
+    def lacking(self) -> list[str]:
+        """What must be filled in before `import` reads the table for training, a line each."""
+        no_clock = [] if self.clock.line else [f"time has no line yet: {self.clock.why}"]
+        return [*no_clock, *super().lacking]
+
+    @property
+    def _unlike(self) -> str:
+        names = {column: header(column).words for column in self.table.columns}
+        named = next((column for column, found in names.items() if found & _NAMES), None)
+        value = next((column for column, found in names.items() if found & _VALUES), None)
+        if named is None or value is None:
+            return super()._unlike
+        return plain(
+            f"each row has one '{value}' of the '{named}' it names: export a table with a column for each"
+        )
+
+    def text(self) -> str:
+        """COLUMNS.yaml, with what speaks for each line."""
+        lines = [
+            f"# Columns of {plain(str(self.table.path))}, proposed by 'deeptruck-model suggest'.",
+            "# Check every line: a table does not say what its numbers mean.",
+            "# What begins with '#' is not read: other candidates, and channels that were not found.",
+            "# A channel may have scale and offset too: scale: -1 turns a sign.",
+            f"# time: {plain(self.clock.why)}.",
+            self.clock.line or "# time: {column: COLUMN, unit: s}   # or time: {rate_hz: 10}",
+        ]
+        if self.form.delimiter not in (None, ","):
+            lines.append(f"delimiter: {json.dumps(self.form.delimiter)}")
+        if self.form.encoding != "utf-8":
+            lines.append(f"encoding: {self.form.encoding}")
+        if self.form.skip_rows:
+            lines.append(f"skip_rows: {self.form.skip_rows}")
+        if self.table.decimal != ".":
+            lines.append(f'decimal: "{self.table.decimal}"')
+        blocks = (f"  {line}" if line else "" for line in self.blocks())
+        return "\n".join([*lines, "channels:", *blocks]) + "\n"
+
+    def listing(self) -> list[str]:
+        """Every column with its range and what it may be, a line each."""
+        likely = {id(one.field): one for several in self.candidates.values() for one in several}
+        asked = {id(one.field): one.channel for several in self.commanded.values() for one in several}
+        fields = {column.name: column.field for column in self.columns}
+        lines = []
+        for name in self.table.columns:
+            field = fields.get(name, Field(name))
+            one = likely.get(id(field))
+            said = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""
+            said = f"  commanded {asked[id(field)]}" if id(field) in asked else said
+            said = "  time" if name in self.clock.columns else said
+            lines.append(f"{plain(name) or '(no name)'}  {span(field)}{said}")
+        return lines
+
+
+def suggest_columns(path: str | Path) -> TableSuggestion:
+    """What a CSV or Parquet table holds. Raises InputError where it is missing, damaged, or no table."""
+    path = Path(path)
+    form = find_form(path)
+    table = read_table(path, delimiter=form.delimiter, encoding=form.encoding, skip_rows=form.skip_rows)
+    table = replace(table, decimal=decimal_mark(table, *table.columns))
+    columns = [column for name in table.columns if (column := _column(table, name)) is not None]
+    head = replace(
+        table,
+        columns={name: cells.slice(0, LOOKED_AT) for name, cells in table.columns.items()},
+        rows=table.rows[:LOOKED_AT],
+    )
+    system = _system(headers := {name: header(name, _below(table, name)) for name in table.columns})
+    meanings = [meaning for column in columns if (meaning := _meaning(column, system)) is not None]
+    speeds = [one.column.values[:LOOKED_AT] for one in meanings if one.channel == "speed"]
+    clock = find_clock(head, headers, speeds)
+    meanings = _compared([one for one in meanings if one.column.name not in clock.columns], clock)
+    candidates: dict[str, list[Candidate]] = {}
+    commanded: dict[str, list[Candidate]] = {}
+    for one in sorted(meanings, key=lambda one: -round(one.column.filled, 1)):
+        set_point = one.role is Role.COMMANDED and one.channel not in DEMANDS
+        (commanded if set_point else candidates).setdefault(one.channel, []).append(one.candidate)
+    for several in (*candidates.values(), *commanded.values()):
+        several.sort(key=lambda one: one.order)
+    return TableSuggestion(candidates, commanded, table, form, columns, clock)
+
+
+@dataclass(frozen=True)
+class _Meaning:
+    """The channel that a column may be, and the units in which it may be."""
+
+    column: TableColumn
+    channel: str
+    asked: frozenset[str]
+    place: int
+    role: Role
+    units: list[str]
+    said: str
+
+    @property
+    def unit(self) -> str:
+        return self.units[0] if len(self.units) == 1 else ""
+
+    @property
+    def candidate(self) -> Candidate:
+        switch = self.channel in DEMANDS and {*np.unique(self.column.values[:LOOKED_AT])} == {0.0, 1.0}
+        return Candidate(
+            self.channel,
+            None,
+            self.column.field,
+            "" if switch else self.unit,
+            f"'{' '.join(sorted(self.asked))}' in its name; {self.said}",
+            FIELD,
+            self.role,
+            place=self.place,
+            needs=SWITCH if switch else "",
+        )
+
+
+def _column(table: TextTable, name: str) -> TableColumn | None:
+    """A column of numbers; None for others."""
+    try:
+        values, strange = table.values(name)
+    except InputError:
+        return None
+    finite = np.isfinite(values)
+    if not finite.any() or finite.sum() < MOSTLY * (finite.sum() + strange.sum()):
+        return None
+    field = Field(name)
+    field.take(values)
+    return TableColumn(name, header(name, _below(table, name)), values, field)
+
+
+def _below(table: TextTable, name: str) -> str:
+    """The cell of a row of units: a text above numbers."""
+    if not pa.types.is_string(table.column(name).type):
+        return ""
+    above = [cell or "" for cell in table.cells(name)[:MOST_ABOVE].to_pylist()]
+    return above[0] if above and not any(letter.isdigit() for letter in above[0][:1]) else ""
+
+
+def _system(headers: dict[str, Header]) -> str:
+    """'metric' or 'imperial' by all units and the language of the headers; '' where both or none occur."""
+    units = {one.unit.lower() for one in headers.values()}
+    metric = bool(units & METRIC) or any(one.german for one in headers.values())
+    imperial = bool(units & IMPERIAL)
+    return "" if metric == imperial else "metric" if metric else "imperial"
+
+
+def _meaning(column: TableColumn, system: str) -> _Meaning | None:
+    """The first channel by the words of the header that can be in its unit."""
+    words, unit = column.header.words, column.header.unit
+    for named in named_channels(words, frozenset()):
+        channel = named.channel
+        percent = channel == "engine_torque" and bool(unit) and not fits(channel, unit)
+        if channel == "engine_torque" and (percent or words & COMMANDED):
+            channel = "engine_command"  # a torque in percent is what a demand is in
+        if (unit and not fits(channel, unit)) or (channel == "gap" and _grows(column.values)):
+            continue
+        if unit:
+            units, said = [unit], f"its unit by {column.header.stated}"
+        else:
+            units = units_by_range(channel, words, column.largest)
+            units = [one for one in units if one not in _OF_OTHERS.get(system, ())]
+            known = len(units) == 1 and units[0]
+            said = (
+                f"no unit is stated, {units[0]} alone fits its range: check" if known else "no unit is stated"
+            )
+        role = Role.COMMANDED if words & COMMANDED else Role.MEASURED
+        return _Meaning(column, channel, named.asked, named.place, role, units, said)
+    return None
+
+
+def _grows(values: Array) -> bool:
+    """Whether values never fall, as those of an odometer."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool((steps >= 0.0).all() and (steps > 0.0).any())
+
+
+def _compared(meanings: list[_Meaning], clock: RowClock) -> list[_Meaning]:
+    """Meanings whose unit was open, with the one that agrees with columns whose units are known."""
+    if clock.seconds is None:
+        return meanings
+    for channel in ("speed", "acceleration", "speed", "grade"):  # each by those before
+        known: dict[str, list[tuple[str, Array]]] = {}
+        for one in meanings:
+            if one.unit and one.role is Role.MEASURED:
+                values = conversion(one.channel, one.unit)(one.column.values[:LOOKED_AT])
+                known.setdefault(one.channel, []).append((plain(one.column.name), values))
+        for k, one in enumerate(meanings):
+            if one.channel == channel and len(one.units) > 1:
+                unit, why = fitting(channel, one.units, one.column.values[:LOOKED_AT], clock.seconds, known)
+                meanings[k] = (
+                    replace(one, units=[unit], said=f"no unit is stated, {why}: check") if unit else one
+                )
+    return meanings
