@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import torch
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from deeptruck_cacc.environments.adapters import CaccGymEnv, CaccSb3VecEnv
-from deeptruck_cacc.training import trpo, trpo_seeds
+from deeptruck_cacc.training import trpo
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator
 
@@ -37,20 +36,18 @@ def rate(env: Any, seconds: float) -> float:
 
 
 def trpo_seconds(truck: Simulator, iterations: int) -> dict[str, float]:
-    """CPU seconds of an iteration of the paper's setting: one seed by sb3-contrib, ten in one batch."""
+    """CPU seconds of an iteration of the paper's setting: one seed, and ten in one batch."""
     return {
-        "sb3-contrib, one seed": seconds(trpo.train, truck, trpo.TrpoConfig(iterations=iterations)),
-        "ten seeds in one batch": seconds(
-            trpo_seeds.train, truck, trpo_seeds.TrpoSeedsConfig(iterations=iterations)
-        ),
+        says: seconds(truck, trpo.TrpoConfig(seeds=seeds, iterations=iterations))
+        for says, seeds in (("one seed", 1), ("ten seeds in one batch", 10))
     }
 
 
-def seconds(train: Callable[..., Any], truck: Simulator, config: Any) -> float:
+def seconds(truck: Simulator, config: trpo.TrpoConfig) -> float:
     """Median CPU seconds between iterations: other programs on the machine do not count."""
     stamps: list[float] = []
     with tempfile.TemporaryDirectory() as out:
-        train(truck, out, config, tell=lambda *_: stamps.append(time.process_time()))
+        trpo.train(truck, out, config, tell=lambda *_: stamps.append(time.process_time()))
     return float(np.median(np.diff(stamps)))
 
 

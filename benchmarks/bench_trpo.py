@@ -17,7 +17,7 @@ import numpy as np
 
 from deeptruck_cacc import training
 from deeptruck_cacc.evaluation import figures
-from deeptruck_cacc.training.settings import TrpoSeedsConfig
+from deeptruck_cacc.training.settings import TrpoConfig
 from deeptruck_model import simulators
 
 SIMULATOR, SEEDS = "truck:trucksim", 10
@@ -55,7 +55,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=Path("runs/trpo"))
     parser.add_argument("--iterations", type=int, default=200)
     args = parser.parse_args()
-    curves = learn(args.work / "policy", TrpoSeedsConfig(seeds=SEEDS, iterations=args.iterations))
+    curves = learn(args.work / "policy", TrpoConfig(seeds=SEEDS, iterations=args.iterations))
     out = Path(__file__).parents[1] / "docs" / "results"
     figures.learning_curve(curves, out / "trpo" / "learning_curve.png")
     lines = [f"# Ten seeds of the paper's TRPO, {args.iterations} iterations", ""]
@@ -67,7 +67,7 @@ def main() -> None:
     print("\n".join(lines))
 
 
-def learn(policy: Path, config: TrpoSeedsConfig) -> list[list[dict[str, Any]]]:
+def learn(policy: Path, config: TrpoConfig) -> list[list[dict[str, Any]]]:
     """The learning curve of each seed, trained unless it is there."""
     if not (policy / "policy.json").exists():
         began, truck = time.process_time(), simulators.load(SIMULATOR)
@@ -109,7 +109,7 @@ def causes(work: Path) -> list[str]:
         "|---|---|---|---|",
     ]
     for number, (name, settings) in enumerate(CAUSES.items()):
-        config = TrpoSeedsConfig(seeds=FEW, iterations=EARLY, **settings)
+        config = TrpoConfig(seeds=FEW, iterations=EARLY, **settings)
         curves = learn(work / f"cause{number}", config)
         best = [min(v for _, v in validations(curve)) for curve in curves]
         returns = [curve[-1]["return_mean"] for curve in curves]

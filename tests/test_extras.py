@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = {
     "deep": ("torch", "safetensors", "onnx", "onnxruntime", "tensorboard"),
-    "cacc": ("gymnasium", "stable_baselines3", "sb3_contrib", "osqp"),
+    "cacc": ("gymnasium", "stable_baselines3", "osqp"),
     "can": ("can", "cantools"),
     "formula": ("pyoperon", "sympy"),
     "ros": ("rclpy",),

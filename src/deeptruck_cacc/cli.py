@@ -76,6 +76,9 @@ def train(
     memory: Annotated[
         bool | None, typer.Option(help="Slow features (no steady error), or the paper's memoryless policy.")
     ] = None,
+    printed_reward: Annotated[
+        bool, typer.Option("--printed-reward", help="The paper's plain squares; with --trainer trpo.")
+    ] = False,
     resume: Resume = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -87,7 +90,7 @@ def train(
     from deeptruck_model import checks
     from deeptruck_model.results import apart
 
-    settings = partial(_config, trainer, seed, seeds, iterations, scene, memory)
+    settings = partial(_config, trainer, seed, seeds, iterations, scene, memory, printed_reward)
     place = partial(training.check_place, out, resume=resume, overwrite=overwrite)
     checks.every(settings, partial(apart, out, Path(simulator)), partial(checks.simulator, simulator), place)
     config = settings()
@@ -264,17 +267,23 @@ def sweep(
 
 
 def _config(
-    trainer: Trainer, seed: int, seeds: int, iterations: int, scene: str, memory: bool | None
+    trainer: Trainer,
+    seed: int,
+    seeds: int,
+    iterations: int,
+    scene: str,
+    memory: bool | None,
+    printed_reward: bool,
 ) -> Config:
     """The settings of a run; what was not given is the trainer's default."""
-    from deeptruck_cacc.training.settings import AnalyticConfig, TrpoConfig, TrpoSeedsConfig
+    from deeptruck_cacc.training.settings import AnalyticConfig, TrpoConfig
 
-    kind: type[Config] = AnalyticConfig
-    if trainer is Trainer.trpo:
-        kind = TrpoSeedsConfig if seeds > 1 else TrpoConfig
+    kind: type[Config] = TrpoConfig if trainer is Trainer.trpo else AnalyticConfig
+    if printed_reward and kind is AnalyticConfig:
+        raise InputError("--printed-reward is the paper's, for --trainer trpo")
     given: dict[str, Any] = {"seed": seed}
-    if seeds and kind is not TrpoConfig:
-        given["seeds"] = seeds
+    given |= {"printed_reward": True} if printed_reward else {}
+    given |= {"seeds": seeds} if seeds else {}
     given |= {"iterations": iterations} if iterations else {}
     given |= {"scene": scene} if scene else {}
     given |= {"memory": memory} if memory is not None else {}

@@ -163,8 +163,11 @@ def test_words_come_before_computing(tmp_path):
 def test_train_evaluate_export_on_a_physics_truck(capsys, tmp_path):
     out = str(tmp_path / "p")
     arguments = ["--trainer", "trpo", "--iterations", "2", "--simulator", SIM, "--out", out]
+    assert run("train", "--printed-reward", *arguments[2:]) == 2
+    assert "--printed-reward is the paper's, for --trainer trpo" in last_line(capsys)
     assert run("train", *arguments) == 0
     assert load_policy(out).card["simulator"] == SIM
+    assert (tmp_path / "p" / "seeds" / "0" / "learning_curve.jsonl").exists()  # the trainer of many seeds
     assert run("train", *arguments) == 2  # a policy that is there is not replaced unasked
     assert "p holds a policy already; choose another --out, or add --overwrite" in last_line(capsys)
     assert run("train", *arguments, "--overwrite") == 0

@@ -21,7 +21,7 @@ from deeptruck_cacc.training.identity import (
     identity_of,
     refuse_another,
 )
-from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig, TrpoSeedsConfig, settled
+from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig, settled
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import unfinished
 
@@ -49,10 +49,10 @@ def train(
 
     A run that dies leaves `files.unfinished(out)`, in which `resume` goes on; what it gives is what an
     undisturbed run gives. `overwrite` replaces an older policy once the new one is whole. The analytic
-    trainer takes a deep truck's own gradient, and lends one to every other simulator; with a
-    TrpoSeedsConfig, 'trpo' trains many seeds in one batch. `source` names the simulator in checkpoints and
-    card; `tell(done, total, line)` is called each iteration. Imported on use: torch and Stable-Baselines3
-    stay out of a controller's process. Raises InputError as `check`, and where another run trains into `out`.
+    trainer takes a deep truck's own gradient, and lends one to every other simulator. `source` names the
+    simulator in checkpoints and card; `tell(done, total, line)` is called each iteration. Imported on use:
+    torch stays out of a controller's process. Raises InputError as `check`, and where another run trains
+    into `out`.
     """
     out, config = Path(out), config or default(trainer)
     if check(out, trainer=trainer, config=config, source=source, resume=resume, overwrite=overwrite):
@@ -135,9 +135,9 @@ def _draft(out: Path, *, resume: bool, overwrite: bool) -> Iterator[Path]:
 def _trainer(trainer: str, config: Config) -> Callable[..., MlpPolicy]:
     if trainer == "analytic":
         return _analytic
-    from deeptruck_cacc.training import trpo, trpo_seeds
+    from deeptruck_cacc.training import trpo
 
-    return trpo_seeds.train if isinstance(config, TrpoSeedsConfig) else trpo.train
+    return trpo.train
 
 
 def _analytic(simulator: Simulator, draft: Path, config: AnalyticConfig, **options: Any) -> MlpPolicy:

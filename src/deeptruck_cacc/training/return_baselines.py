@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from deeptruck_cacc.training import paths, progress
-from deeptruck_cacc.training.settings import TrpoSeedsConfig
+from deeptruck_cacc.training.settings import TrpoConfig
 from deeptruck_cacc.training.stacked import StackedMlp
 
 HIDDEN = (25, 25, 25)
@@ -39,7 +39,7 @@ class Baseline(Protocol):
         """Inverse of `tensors`."""
 
 
-def baseline(config: TrpoSeedsConfig, width: int, generators: list[torch.Generator]) -> Baseline:
+def baseline(config: TrpoConfig, width: int, generators: list[torch.Generator]) -> Baseline:
     """The one that the settings name, for states of `width` features."""
     if config.baseline == "network":
         return Network(config, width, generators)
@@ -86,7 +86,7 @@ class Linear:
 class Network:
     """The policy's own shape, by Adam on the squared error over shuffled pieces of the batch."""
 
-    def __init__(self, config: TrpoSeedsConfig, width: int, generators: list[torch.Generator]) -> None:
+    def __init__(self, config: TrpoConfig, width: int, generators: list[torch.Generator]) -> None:
         self.config, self.net = config, StackedMlp((width, *HIDDEN, 1))
         self.parameters = self.net.fresh(generators, 1.0)
         self.adam = torch.optim.Adam([self.parameters], lr=config.value_rate)

@@ -21,8 +21,6 @@ ANALYTIC = {
 TRPO = {
     "seed": (0, inf), "iterations": (1, inf), "environments": (1, inf), "path": (2, inf), "gamma": (0, 1),
     "gae_lambda": (0, 1), "target_kl": (0, inf), "log_std": (-10, 10), "validate_every": (1, inf),
-}  # fmt: skip
-TRPO_SEEDS = {
     "seeds": (1, inf), "curvature_share": (0, 1), "value_share": (0, 1), "value_rate": (0, MOST_RATE),
     "value_batch": (1, inf), "value_passes": (0, inf),
 }  # fmt: skip
@@ -66,7 +64,9 @@ class TrpoConfig:
     """Settings of a run. The paper gives batch, path, discount and network; the others are ours."""
 
     seed: int = 0
-    """of the network, the exploration and the scenes"""
+    """first seed, of network, exploration and scenes; the others follow"""
+    seeds: int = 1
+    """policies trained side by side"""
     iterations: int = 500
     """batches"""
     environments: int = 25
@@ -75,34 +75,20 @@ class TrpoConfig:
     """steps of a path"""
     gamma: float = 0.9999
     """discount"""
-    gae_lambda: float = 0.97
-    """advantage estimation"""
+    gae_lambda: float = 1.0
+    """whole returns, RLLab's default: at 0.97 an action is charged for 3 s, and a lost gap costs longer"""
     target_kl: float = 0.01
-    """trust region"""
+    """trust region of the first batch; it falls along a line to nothing"""
     log_std: float = -0.7
     """of the exploration at the start, in actions of [-1, 1]"""
     scene: str = "paper"
     """training scenes"""
     memory: bool = False
     """the paper's policy has none"""
+    printed_reward: bool = False
+    """the plain squares that the paper prints, for `Reward`'s shape that is linear far out"""
     validate_every: int = 10
     """iterations between validations and checkpoints"""
-
-    def __post_init__(self) -> None:
-        """Raises InputError for a value that no run can have."""
-        check(self, TRPO)
-
-
-@dataclass(frozen=True)
-class TrpoSeedsConfig(TrpoConfig):
-    """Settings of a run; `seed` is the first of `seeds`."""
-
-    target_kl: float = 0.01
-    """trust region of the first batch; it falls along a line to nothing"""
-    gae_lambda: float = 1.0
-    """whole returns, RLLab's default: at 0.97 an action is charged for 3 s, and a lost gap costs longer"""
-    seeds: int = 10
-    """policies trained side by side"""
     baseline: BaselineName = "linear"
     """of returns: RLLab's of the batch itself or of the one before, or a network with the value settings"""
     curvature_share: float = 0.1
@@ -118,7 +104,7 @@ class TrpoSeedsConfig(TrpoConfig):
 
     def __post_init__(self) -> None:
         """Raises InputError for a value that no run can have."""
-        check(self, TRPO | TRPO_SEEDS)
+        check(self, TRPO)
         if self.baseline not in get_args(BaselineName):
             known = ", ".join(get_args(BaselineName))
             raise InputError(f"there is no baseline '{self.baseline}'; known: {known}")

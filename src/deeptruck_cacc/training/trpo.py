@@ -1,11 +1,14 @@
-"""Training by TRPO (sb3-contrib) in the paper's setting.
+"""TRPO in the paper's setting, for any number of seeds: all their trucks in one batch, all their networks in
+one stack.
 
-Batch 20,000, paths of 800, gamma 0.9999, a Gaussian over an MLP of 3 x 25.
+Batches of 20,000 steps, paths of 800, gamma 0.9999, a Gaussian over an MLP of 3 x 25. Whole returns are
+compared with a linear baseline (return_baselines.py). The curvature is that of a random share of the states,
+as the TRPO paper has it: neighbours a tenth of a second apart say much the same. The trust region falls along
+a line to nothing, so that the end is kept. A seed's result does not depend on the seeds beside it.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -17,12 +20,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deeptruck_cacc.controllers.policy import MlpPolicy
+from deeptruck_cacc.controllers.scaling import FeatureMap
 from deeptruck_cacc.environments import scenes
-from deeptruck_cacc.environments.adapters import CaccSb3VecEnv
+from deeptruck_cacc.environments.environment import CaccEnv
 from deeptruck_cacc.environments.reward import Reward
-from deeptruck_cacc.training import progress, validation
+from deeptruck_cacc.training import paths, progress, validation
 from deeptruck_cacc.training.identity import identity_of
+from deeptruck_cacc.training.natural_gradient import Gaussian, improve
+from deeptruck_cacc.training.return_baselines import HIDDEN, baseline
 from deeptruck_cacc.training.settings import TrpoConfig
+from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_model.simulators import Simulator
 
 
@@ -36,114 +43,132 @@ def train(
     source: str = "",
     tell: Callable[[int, int, str], None] = lambda done, total, says: None,
 ) -> MlpPolicy:
-    """Train one seed, keep the iteration that validated best in `out`, and return it.
+    """Train every seed, keep each at its best validation in `out`/seeds/K and the best of them in `out`.
 
-    Every iteration begins with fresh paths and its own random numbers, so a resumed run equals an unbroken
+    `reward` gives way to `Reward.paper()` where the config asks for the printed one.
+    Each iteration begins with fresh paths and its own random numbers, so a resumed run equals an unbroken
     one. Raises InputError for an unknown scene or a foreign checkpoint.
     """
-    out = Path(out)
-    model, env = _model(simulator, config, reward)
-    exam = validation.exam(config.seed, simulator.dt, late=config.scene == "late")
-    best: dict[str, Tensor] = {}
-    best_score, start = float("inf"), 0
-    identity = identity_of("trpo", config, source)
-    found = progress.load_checkpoint(out, identity) if resume else None
-    if found is not None:
-        best, best_score, start = _restore(model, *found)
-    log = progress.Log(out, start)
-    for i in range(start, config.iterations):
-        returns = _iterate(model, env, config, i)
-        values: dict[str, Any] = {
-            "return_mean": float(returns.mean()),
-            "return_min": float(returns.min()),
-            "return_max": float(returns.max()),
+    paid = Reward.paper() if config.printed_reward else reward
+    return _Run(simulator, Path(out), config, paid, source).train(resume, tell)
+
+
+class _Run:
+    def __init__(
+        self, simulator: Simulator, out: Path, config: TrpoConfig, reward: Reward, source: str
+    ) -> None:
+        self.out, self.config, self.identity = out, config, identity_of("trpo", config, source)
+        self.env = CaccEnv(simulator, config.seeds * config.environments, config.path, reward=reward)
+        self.features = FeatureMap.default(memory=config.memory, dt=simulator.dt)
+        width = len(self.features.names)
+        self.actor = StackedMlp((width, *HIDDEN, 2))
+        self.seeds = [config.seed + k for k in range(config.seeds)]
+        generators = [torch.Generator().manual_seed(seed) for seed in self.seeds]
+        mean = self.actor.fresh(generators, 0.01)
+        self.policy = Gaussian(self.actor, mean, torch.full((config.seeds, 2), config.log_std))
+        self.baseline = baseline(config, width, generators)
+        self.best, self.best_score = mean.clone(), [float("inf")] * config.seeds
+        self.exam = validation.exam(config.seed, simulator.dt, late=config.scene == "late")
+
+    def train(self, resume: bool, tell: Callable[[int, int, str], None]) -> MlpPolicy:
+        config, start = self.config, self._restore() if resume else 0
+        logs = [progress.Log(self.out / "seeds" / str(seed), start) for seed in self.seeds]
+        for i in range(start, config.iterations):
+            returns = self.iterate(i)
+            rows: list[dict[str, Any]] = [
+                {"return_mean": float(r.mean()), "return_min": float(r.min()), "return_max": float(r.max())}
+                for r in returns
+            ]
+            if (i + 1) % config.validate_every == 0 or i + 1 == config.iterations:
+                for row, score in zip(rows, self._validate(), strict=True):
+                    row["validation"] = score
+                self._checkpoint(i + 1)
+            for log, row in zip(logs, rows, strict=True):
+                log.write(i, row)
+            tell(i + 1, config.iterations, f"return {returns.mean():.1f} best {min(self.best_score):.3f}")
+        for log in logs:
+            log.close()
+        return self._save()
+
+    def iterate(self, iteration: int) -> NDArray[np.float64]:
+        """One batch of paths and one update of every seed; returns (seeds, environments)."""
+        config = self.config
+        rngs = [np.random.default_rng([seed, iteration]) for seed in self.seeds]
+        seen, actions, rewards = self._drive(rngs)
+        values = self.baseline.values(seen, rewards)
+        advantages = paths.advantage(rewards, values, config.gamma, config.gae_lambda)
+        flat = advantages.flatten(1)
+        flat = (flat - flat.mean(dim=1, keepdim=True)) / (flat.std(dim=1, keepdim=True) + 1e-8)
+        states = seen[:, :, :-1].flatten(1, 2)
+        some = paths.draw(rngs, states.shape[1], config.curvature_share)
+        most_kl = config.target_kl * (1 - iteration / config.iterations)
+        self.policy = improve(self.policy, states, actions.flatten(1, 2), flat, some, most_kl)
+        self.baseline.learn(seen, advantages + values[..., :-1], rngs)
+        return rewards.sum(dim=2).double().numpy()
+
+    def _drive(self, rngs: list[np.random.Generator]) -> paths.Paths:
+        """One path in every environment of every seed."""
+        c, draw = self.config, scenes.DRAWERS[self.config.scene]
+        scene = [draw(rng, c.environments, c.path, self.env.dt) for rng in rngs]
+        noise = np.stack([rng.standard_normal((c.path, c.environments, 2)) for rng in rngs], axis=1)
+        spread = self.policy.log_std.exp()[:, None] * torch.from_numpy(noise).float()
+        mean = self.policy.mean
+        return paths.drive(
+            self.env, scene, self.features, lambda k, seen: self.actor.forward(mean, seen)[0] + spread[k]
+        )
+
+    def _validate(self) -> list[float]:
+        """Score of each seed's mean policy; keeps the best weights so far."""
+        scores = [
+            validation.score(self.env.simulator, self._policy(k, self.policy.mean, {}), self.exam)
+            for k in range(self.config.seeds)
+        ]
+        for k, score in enumerate(scores):
+            if score < self.best_score[k]:
+                self.best_score[k], self.best[k] = score, self.policy.mean[k]
+        return scores
+
+    def _policy(self, k: int, parameters: Tensor, card: dict[str, Any]) -> MlpPolicy:
+        layers = [
+            (weight[k].T.double().numpy(), bias[k, 0].double().numpy())
+            for weight, bias in self.actor.layers(parameters)
+        ]
+        env = self.env
+        reach = scenes.DRAWERS[self.config.scene](np.random.default_rng(0), 2000, env.steps, env.dt)
+        coverage = scenes.reach(reach)
+        return MlpPolicy(layers, self.features, env.scale, env.simulator.interface, coverage, card)
+
+    def _checkpoint(self, done: int) -> None:
+        tensors = {"mean": self.policy.mean, "log_std": self.policy.log_std, "best": self.best}
+        tensors |= self.baseline.tensors()
+        facts = {**self.identity, "done": done, "best_score": self.best_score}
+        progress.save_checkpoint(self.out, tensors, facts)
+
+    def _restore(self) -> int:
+        """Continue from the checkpoint, if there is one; the number of iterations already done."""
+        found = progress.load_checkpoint(self.out, self.identity)
+        if found is None:
+            return 0
+        tensors, facts = found
+        self.policy = Gaussian(self.actor, tensors["mean"], tensors["log_std"])
+        self.best, self.best_score = tensors["best"], facts["best_score"]
+        self.baseline.restore(tensors)
+        return int(facts["done"])
+
+    def _save(self) -> MlpPolicy:
+        """Every seed at its best under seeds/, and the best of them in `out`."""
+        policies = [self._policy(k, self.best, self._card(k)) for k in range(self.config.seeds)]
+        for seed, policy in zip(self.seeds, policies, strict=True):
+            policy.write_into(self.out / "seeds" / str(seed))
+        winner = policies[int(np.argmin(self.best_score))]
+        winner.write_into(self.out)
+        return winner
+
+    def _card(self, k: int) -> dict[str, Any]:
+        return {
+            **self.identity,
+            "seed": self.seeds[k],
+            "reward": {n: x if np.isfinite(x) else None for n, x in asdict(self.env.reward).items()},
+            "git": progress.git_hash(),
+            "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
         }
-        if (i + 1) % config.validate_every == 0 or i + 1 == config.iterations:
-            score = validation.score(simulator, _policy(model.policy.state_dict(), env, {}), exam)
-            values["validation"] = score
-            if score < best_score or not best:
-                best_score, best = score, {n: t.clone() for n, t in model.policy.state_dict().items()}
-            _checkpoint(out, model, best, {**identity, "done": i + 1, "best_score": best_score})
-        log.write(i, values)
-        tell(i + 1, config.iterations, f"return {returns.mean():.1f} best validation {best_score:.3f}")
-    log.close()
-    card = {
-        **identity,
-        "seed": config.seed,
-        "reward": asdict(reward),
-        "git": progress.git_hash(),
-        "validation": {"scenes": "paper and moving, fresh", "score": best_score},
-    }
-    policy = _policy(best, env, card)
-    policy.write_into(out)
-    return policy
-
-
-def _model(simulator: Simulator, config: TrpoConfig, reward: Reward) -> tuple[Any, CaccSb3VecEnv]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        from sb3_contrib import TRPO
-        from stable_baselines3.common.logger import Logger
-    env = CaccSb3VecEnv(
-        simulator,
-        config.environments,
-        steps=config.path,
-        scene=config.scene,
-        reward=reward,
-        memory=config.memory,
-        seed=config.seed,
-    )
-    net = {"net_arch": [25, 25, 25], "activation_fn": torch.nn.Tanh, "log_std_init": config.log_std}
-    model = TRPO(
-        "MlpPolicy",
-        env,
-        n_steps=config.path,
-        batch_size=config.path,
-        gamma=config.gamma,
-        gae_lambda=config.gae_lambda,
-        target_kl=config.target_kl,
-        policy_kwargs=net,
-        seed=config.seed,
-        device="cpu",
-    )
-    model.set_logger(Logger(folder=None, output_formats=[]))  # its own would leave an empty folder in /tmp
-    return model, env
-
-
-def _iterate(model: Any, env: CaccSb3VecEnv, config: TrpoConfig, iteration: int) -> NDArray[np.float64]:
-    """One batch and one update; the returns of its paths."""
-    model.set_random_seed((config.seed * 1_000_003 + iteration) % 2**32)  # the environment's seed as well
-    model._last_obs = None  # sb3 then resets the environment, which takes the seed
-    steps = config.environments * config.path
-    model.learn(steps, reset_num_timesteps=False)
-    return env.last_returns
-
-
-def _policy(state: dict[str, Tensor], env: CaccSb3VecEnv, card: dict[str, Any]) -> MlpPolicy:
-    """The Gaussian's mean as the numpy policy."""
-    count = sum(name.startswith("mlp_extractor.policy_net") and name.endswith("weight") for name in state)
-    names = [f"mlp_extractor.policy_net.{2 * k}" for k in range(count)] + ["action_net"]
-    layers = [
-        (state[f"{n}.weight"].numpy().astype(float), state[f"{n}.bias"].numpy().astype(float)) for n in names
-    ]
-    cacc = env.cacc
-    rng = np.random.default_rng(0)
-    coverage = scenes.reach(cacc.draw(rng, 2000, cacc.steps, cacc.dt))
-    return MlpPolicy(layers, env.features, cacc.scale, cacc.simulator.interface, coverage, card)
-
-
-def _checkpoint(out: Path, model: Any, best: dict[str, Tensor], facts: dict[str, Any]) -> None:
-    tensors = {f"now.{name}": t for name, t in model.policy.state_dict().items()}
-    tensors |= {f"best.{name}": t for name, t in best.items()}
-    tensors |= progress.adam_tensors(model.policy.optimizer)
-    progress.save_checkpoint(out, tensors, facts)
-
-
-def _restore(
-    model: Any, tensors: dict[str, Tensor], facts: dict[str, Any]
-) -> tuple[dict[str, Tensor], float, int]:
-    model.policy.load_state_dict({n[4:]: t for n, t in tensors.items() if n.startswith("now.")})
-    progress.restore_adam(model.policy.optimizer, tensors)
-    model.num_timesteps = facts["done"] * facts["config"]["environments"] * facts["config"]["path"]
-    best = {n[5:]: t for n, t in tensors.items() if n.startswith("best.")}
-    return best, float(facts["best_score"]), int(facts["done"])

@@ -9,13 +9,13 @@ import torch
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.environments import scenes
-from deeptruck_cacc.training import paths, return_baselines, train, trpo_seeds
+from deeptruck_cacc.training import paths, return_baselines, train, trpo
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_model.errors import InputError
 
 torch.set_num_threads(1)
-QUICK = trpo_seeds.TrpoSeedsConfig(seeds=2, iterations=3, environments=5, path=60, validate_every=2)
+QUICK = trpo.TrpoConfig(seeds=2, iterations=3, environments=5, path=60, validate_every=2)
 
 
 @pytest.fixture
@@ -72,8 +72,8 @@ def test_the_advantage_of_a_whole_path_is_its_discounted_return():
 
 @pytest.mark.usefixtures("quick_exam")
 def test_a_seed_does_not_know_the_seeds_beside_it(toy, tmp_path):
-    trpo_seeds.train(toy, tmp_path / "both", replace(QUICK, seed=3))
-    trpo_seeds.train(toy, tmp_path / "one", replace(QUICK, seed=4, seeds=1))
+    trpo.train(toy, tmp_path / "both", replace(QUICK, seed=3))
+    trpo.train(toy, tmp_path / "one", replace(QUICK, seed=4, seeds=1))
     curves = [
         [
             json.loads(line)["return_mean"]
@@ -86,7 +86,7 @@ def test_a_seed_does_not_know_the_seeds_beside_it(toy, tmp_path):
 
 
 def test_it_learns_the_identity_case(toy, tmp_path):
-    config = trpo_seeds.TrpoSeedsConfig(seeds=2, iterations=8, path=150, validate_every=4)
+    config = trpo.TrpoConfig(seeds=2, iterations=8, path=150, validate_every=4)
     policy = train(toy, tmp_path / "p", trainer="trpo", config=config)
     assert policy.card["validation"]["score"] == min(
         load_policy(tmp_path / "p" / "seeds" / k).card["validation"]["score"] for k in "01"
@@ -95,6 +95,19 @@ def test_it_learns_the_identity_case(toy, tmp_path):
         lines = (tmp_path / "p" / "seeds" / k / "learning_curve.jsonl").read_text().splitlines()
         first, last = json.loads(lines[0]), json.loads(lines[-1])
         assert last["return_mean"] > 0.15 * first["return_mean"]
+
+
+@pytest.mark.usefixtures("quick_exam")
+def test_the_printed_reward_is_what_is_paid_and_goes_on_the_card(toy, tmp_path):
+    one = replace(QUICK, seeds=1, iterations=1)
+    printed = train(toy, tmp_path / "a", trainer="trpo", config=replace(one, printed_reward=True))
+    shaped = train(toy, tmp_path / "b", trainer="trpo", config=one)
+    assert printed.card["reward"]["knee_gap_m"] is None and shaped.card["reward"]["knee_gap_m"] == 0.5
+    returns = [
+        json.loads((tmp_path / name / "seeds/0/learning_curve.jsonl").read_text())["return_mean"]
+        for name in "ab"
+    ]
+    assert returns[0] < 1.5 * returns[1]  # the same paths, whose large errors cost their squares
 
 
 def test_the_linear_baseline_knows_returns_of_any_size_at_once_and_the_others_later():
@@ -132,4 +145,4 @@ def test_scenes_side_by_side_keep_their_rows():
 
 def test_an_unknown_scene_is_refused(toy, tmp_path):
     with pytest.raises(InputError, match="moon"):
-        trpo_seeds.train(toy, tmp_path / "p", replace(QUICK, scene="moon"))
+        trpo.train(toy, tmp_path / "p", replace(QUICK, scene="moon"))
