@@ -29,6 +29,7 @@ from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chu
 __all__ = ["INTERFACE_KEY", "NOTES_KEY", "BagSource"]
 
 OURS = "deeptruck."  # begins the keys whose values are JSON
+_LISTED = 8  # topics that one line names
 _BATCH = 65536  # messages read one by one are handed on in batches of this many
 
 
@@ -113,6 +114,26 @@ class BagSource:
         """Message type by topic; of a topic with several types, the one with most messages."""
         connections = sorted(self._reader.connections, key=lambda c: c.msgcount)
         return {c.topic: c.msgtype for c in connections}
+
+    def other_types(self, topics: set[str]) -> list[tuple[str, str, int]]:
+        """(topic, message type, number of messages) of those on the topics that are of another type than
+        `topics` has, as the bag's index counts them."""
+        types = self.topics
+        return [
+            (c.topic, c.msgtype, c.msgcount)
+            for c in self._reader.connections
+            if c.topic in topics and c.msgtype != types[c.topic] and c.msgcount
+        ]
+
+    def not_mapped(self, topics: set[str]) -> list[str]:
+        """A line on the topics beside these that have messages; none where there are no others."""
+        counts: dict[str, int] = {}
+        for c in self._reader.connections:
+            if c.topic not in topics and c.msgcount:
+                counts[c.topic] = counts.get(c.topic, 0) + c.msgcount
+        said = ", ".join(f"{topic} ({count})" for topic, count in sorted(counts.items())[:_LISTED])
+        more = f" and {len(counts) - _LISTED} more" if len(counts) > _LISTED else ""
+        return [f"topics not mapped, so not read: {reading.plain(said, 500)}{more}"] if counts else []
 
     def stored(self) -> dict[str, str]:
         """Texts stored with the bag by key, whoever wrote them (custom_data, else our MCAP metadata)."""

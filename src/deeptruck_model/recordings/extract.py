@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model import reading
+from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.clocks import Clocks
 from deeptruck_model.recordings.layout import Columns, Walker
-from deeptruck_model.recordings.ordering import REORDER_NS, Queue
+from deeptruck_model.recordings.ordering import REORDER_NS, Part, Queue
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Resampler, Series
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, NO_SPEED, Source, TopicMap, load
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _DRAIN = 200_000  # messages that may wait before they are resampled
+_NO_NUMBER = "without a number in"
 
 
 def read(
@@ -45,7 +47,8 @@ def read(
     the topics of docs/architecture.md are read. The truck interface is `interface`, else the one stored
     with the bag, else what the topic map and the channels present say. Raises InputError for a bag that
     is missing, damaged or empty, a topic or field that is not there, time going back, clocks that differ,
-    or units that cannot be right.
+    or units that cannot be right. The recordings share one account of the messages on the topics that were
+    read.
     """
     path = Path(path)
     sources = DEFAULT_TOPICS if topic_map is None else load(topic_map)
@@ -67,9 +70,12 @@ def _read(
         _check_topics(bag, sources, asked=asked)
         stored = bag.custom_data()
         name = path.stem if path.is_file() else path.resolve().name
-        resampler = Resampler(name, rate_hz=rate_hz)
-        notes = [*_stored_notes(stored), *_feed(bag, sources, resampler, clocks)]
-        clock_remarks = clocks.remarks(path, sources["speed"].topic)
+        account = Account(str(path), "messages")
+        resampler = Resampler(name, rate_hz=rate_hz, account=account)
+        _feed(bag, sources, resampler, clocks, account)
+        account.remarks += clocks.remarks(path, sources["speed"].topic)
+        notes = [*_stored_notes(stored), *_mended(account)]
+        account.remarks += bag.not_mapped({source.topic for source in sources.values()})
     if "speed" not in resampler.measured:
         raise InputError(
             f"{path} has no speed on {sources['speed'].topic}, only other messages; see with 'ros2 topic hz' "
@@ -77,10 +83,7 @@ def _read(
         )
     if interface is None:
         interface = _interface(name, stored, sources, resampler.measured)
-    recordings = resampler.finish(interface, [*notes, *clock_remarks])
-    if recordings[0].account is not None:
-        recordings[0].account.remarks += clock_remarks
-    return recordings
+    return resampler.finish(interface, notes)
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
@@ -102,8 +105,10 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
             )
 
 
-def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler, clocks: Clocks) -> list[str]:
-    """Put every channel into the resampler, in s since the bag's first used sample; what had to be mended."""
+def _feed(
+    bag: BagSource, sources: dict[str, Source], resampler: Resampler, clocks: Clocks, account: Account
+) -> None:
+    """Put every channel into the resampler, in s since the bag's first used sample; count the messages."""
     topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     by_topic: dict[str, list[str]] = {}
     for channel, source in sources.items():
@@ -114,11 +119,13 @@ def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler, cloc
         for topic, channels in by_topic.items()
     }
     queues = {topic: Queue(topic, bag.path) for topic in readers}
+    account.sources = dict.fromkeys(readers, 0)
     clock_topic = sources["speed"].topic
-    start: int | None = None
+    drain = _Drain(queues, by_topic, sources, resampler, account)
     horizon = -(2**63)  # speed is complete up to this stamp
     ends: list[tuple[int, int]] = []  # log time and stamp of the last message of each speed batch
     for batch in bag.batches(set(readers)):
+        account.sources[batch.topic] += len(batch.log_ns)
         reader = readers[batch.topic]
         stamps, columns = reader.read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
         stamps = clocks.timed(batch.topic, stamps, batch.log_ns, reader.clocked)
@@ -128,32 +135,67 @@ def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler, cloc
         horizon = max([horizon, *(stamp for log_ns, stamp in ends if log_ns < batch.safe_ns)])
         ends = [end for end in ends if end[0] >= batch.safe_ns]
         if sum(queue.waiting for queue in queues.values()) > _DRAIN and horizon > -(2**63):
-            start = _drain(queues, by_topic, sources, resampler, start, horizon - REORDER_NS)
-    _drain(queues, by_topic, sources, resampler, start, None)
-    return [note for queue in queues.values() for note in queue.notes()]
+            drain.until(horizon - REORDER_NS)
+    drain.until(None)
+    account.total.read = sum(account.sources.values())
+    for topic, kind, count in bag.other_types(set(readers)):
+        account.total.read += count
+        account.sources[topic] += count
+        account.total.set_aside(f"on {topic} of type {kind}, as most there are {topics[topic]}", count=count)
+    account.remarks += [note for queue in queues.values() for note in queue.notes()]
 
 
-def _drain(
-    queues: dict[str, Queue],
-    by_topic: dict[str, list[str]],
-    sources: dict[str, Source],
-    resampler: Resampler,
-    start: int | None,
-    until: int | None,
-) -> int | None:
-    """Hand the samples stamped before `until` (None: all) to the resampler; returns the bag's first stamp."""
-    taken = {topic: queue.take(until) for topic, queue in queues.items()}
-    firsts = [int(stamps[0]) for stamps, _ in taken.values() if len(stamps)]
-    if start is None and firsts:
-        start = min(firsts)
-    for topic, (stamps, columns) in taken.items():
-        if len(stamps) and start is not None:
-            time = (stamps - start) / 1e9
-            for channel, column in zip(by_topic[topic], columns, strict=True):
-                resampler.add(channel, Series(time, _converted(column, sources[channel])))
-    if start is not None:
-        resampler.advance(np.inf if until is None else (until - start) / 1e9 - MARGIN_S)
-    return start
+class _Drain:
+    """Hands samples over to the resampler, and counts the messages that they came from."""
+
+    def __init__(
+        self,
+        queues: dict[str, Queue],
+        by_topic: dict[str, list[str]],
+        sources: dict[str, Source],
+        resampler: Resampler,
+        account: Account,
+    ) -> None:
+        self.queues, self.by_topic, self.sources = queues, by_topic, sources
+        self.resampler, self.account = resampler, account
+        self.start: int | None = None  # the bag's first stamp
+
+    def until(self, until: int | None) -> None:
+        """Samples stamped before `until` (None: all)."""
+        taken = {topic: queue.take(until) for topic, queue in self.queues.items()}
+        firsts = [int(part.stamps[0]) for part in taken.values() if len(part.stamps)]
+        if self.start is None and firsts:
+            self.start = min(firsts)
+        if self.start is None:
+            return
+        for topic, part in taken.items():
+            if not len(part.stamps):
+                continue
+            time = (part.stamps - self.start) / 1e9
+            blank = np.ones(len(time), dtype=bool)
+            for channel, column in zip(self.by_topic[topic], part.columns, strict=True):
+                values = _converted(column, self.sources[channel])
+                blank = blank & np.isnan(values) if blank.any() else blank
+                self.resampler.add(channel, Series(time, values))
+            self._count(topic, part, time, blank)
+        self.resampler.advance(np.inf if until is None else (until - self.start) / 1e9 - MARGIN_S)
+
+    def _count(self, topic: str, part: Part, time: Array, blank: NDArray[np.bool_]) -> None:
+        total = self.account.total
+        total.used += len(time) - int(blank.sum())
+        if blank.any():
+            fields = ", ".join(self.sources[channel].field for channel in self.by_topic[topic])
+            first = f"at {time[int(np.argmax(blank))]:.6g} s"
+            total.set_aside(f"on {topic} {_NO_NUMBER} {fields}", first, int(blank.sum()))
+        if len(part.doubled):
+            first = f"at {(int(part.doubled[0]) - (self.start or 0)) / 1e9:.6g} s"
+            total.set_aside(f"on {topic} with a stamp that comes again", first, len(part.doubled))
+
+
+def _mended(account: Account) -> list[str]:
+    """What the recordings note of an account: not the messages without a number, which are NaN in them."""
+    _, *reasons = account.total.lines(account.items)
+    return [*(line.strip() for line in reasons if _NO_NUMBER not in line), *account.remarks]
 
 
 def _converted(column: Array, source: Source) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,16 @@ Index = NDArray[np.int64]
 REORDER_NS = 1_000_000_000  # messages may overtake each other by this much; further back is a clock set back
 
 
+@dataclass(frozen=True)
+class Part:
+    """Samples in the order of their stamps: stamps (n,) in ns, columns each (n,); and the stamps of the
+    messages that are not among them, as a later one has the same."""
+
+    stamps: Index
+    columns: list[Array]
+    doubled: Index
+
+
 class Queue:
     """Takes stamped columns as they come and gives them back sorted, the last of equal stamps winning."""
 
@@ -23,7 +34,7 @@ class Queue:
         self.waiting = 0
         self._parts: list[tuple[Index, list[Array]]] = []
         self._latest = -(2**63)
-        self._count = self._swapped = self._doubled = 0
+        self._count = self._swapped = 0
 
     def put(self, stamps: Index, columns: list[Array]) -> None:
         """Samples as logged: stamps (n,) in ns, columns each (n,). Raises InputError where time goes back."""
@@ -41,27 +52,21 @@ class Queue:
         self.waiting += len(stamps)
         self._parts.append((stamps, columns))
 
-    def take(self, until: int | None) -> tuple[Index, list[Array]]:
+    def take(self, until: int | None) -> Part:
         """Sorted samples stamped before `until` (None: all), which must lie REORDER_NS in the past."""
         if not self._parts:
-            return np.zeros(0, np.int64), []
+            return Part(np.zeros(0, np.int64), [], np.zeros(0, np.int64))
         stamps = np.concatenate([s for s, _ in self._parts])
         columns = [np.concatenate(c) for c in zip(*(c for _, c in self._parts), strict=True)]
         order = np.argsort(stamps, kind="stable")
         stop = len(order) if until is None else int(np.searchsorted(stamps[order], until))
         now, later = order[:stop], order[stop:]
         unique = np.append(np.diff(stamps[now]) > 0, True)[: len(now)]
-        self._doubled += int((~unique).sum())
-        now = now[unique]
+        doubled, now = stamps[now[~unique]], now[unique]
         self._parts = [(stamps[later], [c[later] for c in columns])] if len(later) else []
         self.waiting = len(later)
-        return stamps[now], [c[now] for c in columns]
+        return Part(stamps[now], [c[now] for c in columns], doubled)
 
     def notes(self) -> list[str]:
         """What had to be mended."""
-        notes = []
-        if self._swapped:
-            notes.append(f"{self._swapped} messages on {self.topic} put back in order")
-        if self._doubled:
-            notes.append(f"{self._doubled} messages on {self.topic} with a stamp that came again dropped")
-        return notes
+        return [f"{self._swapped} messages on {self.topic} put back in order"] if self._swapped else []
