@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks, console
+from deeptruck_model.account import Account
 from truck_bridge import log_files
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ Interface = Annotated[
     str, typer.Option(help="python-can interface: socketcan, udp_multicast, loopback, slcan ...")
 ]
 Channel = Annotated[str, typer.Option(help="channel of the interface, such as can0")]
+LogChannel = Annotated[
+    str | None, typer.Option("--channel", help="the bus, where the log has several", metavar="NAME")
+]
 
 _DECODE = """Say what a CAN log holds, signal by signal, and write the numbers where --out says.
 
@@ -75,6 +79,7 @@ def decode(
     out: Annotated[
         Path | None, typer.Option(help="CSV of every valid sample: time,source,signal,value,unit")
     ] = None,
+    channel: LogChannel = None,
 ) -> None:
     """See _DECODE."""
     checks.every(
@@ -82,7 +87,7 @@ def decode(
     )
     from truck_bridge import can_logs
 
-    decoded = can_logs.decode(log, _truck(vehicle).codec)
+    decoded = can_logs.decode(log, _truck(vehicle).codec, channel=channel)
     if out is not None:
         can_logs.write_csv(decoded, out)
     for line in can_logs.table(decoded):
@@ -93,26 +98,27 @@ def decode(
 def check(
     log: Path,
     vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file")],
+    channel: LogChannel = None,
 ) -> None:
     """See _CHECK."""
     checks.every(lambda: log_files.check(log), lambda: _truck(vehicle))
     from truck_bridge.can_logs import checking
 
-    found = checking.check(log, _truck(vehicle))
+    found = checking.check(log, _truck(vehicle), channel=channel)
     for line in checking.lines(found):
         print(line)
     raise typer.Exit(0 if found.clean else 1)
 
 
 @app.command(help=_CONVERT)
-def convert(log: Path, out: Path) -> None:
+def convert(log: Path, out: Path, channel: LogChannel = None) -> None:
     """See _CONVERT."""
     checks.every(lambda: log_files.check(log), lambda: log_files.check_new(out))
     from truck_bridge import can_logs
 
-    notes: list[str] = []
-    print(f"{can_logs.convert(log, out, notes)} frames in {out}")
-    _tell(notes)
+    account = can_logs.convert(log, out, channel=channel)
+    print(f"{account.total.used} frames in {out}")
+    _show(account)
 
 
 @app.command(help=_RECORD)
@@ -141,10 +147,10 @@ def replay(
     log_files.check(log)
     from truck_bridge import can_logs
 
-    notes: list[str] = []
-    sent = can_logs.replay(log, interface, channel, commands=commands, speed=speed, notes=notes)
+    account = Account(str(log), "frames")
+    sent = can_logs.replay(log, interface, channel, commands=commands, speed=speed, account=account)
     print(f"{sent} frames sent")
-    _tell(notes)
+    _show(account)
 
 
 @functools.cache
@@ -154,9 +160,10 @@ def _truck(name: str) -> Vehicle:
     return vehicles.load(name)
 
 
-def _tell(notes: list[str]) -> None:
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+def _show(account: Account) -> None:
+    """The account of a log, where there is more to say than the number of its frames."""
+    if account.total.aside or account.remarks or len(account.sources) > 1:
+        print("\n".join(account.lines()), file=sys.stderr)
 
 
 def main() -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import gzip
 import importlib.util
+import zlib
+from contextlib import suppress
 from pathlib import Path
 
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 TEXT = (".log", ".candump", ".txt", "")
+PACKED = ".gz"  # of any kind but a folder
 BAGS = (".mcap", ".db3", ".bag")
 BAG = ".mcap"  # the one kind of rosbag that is written
 LINES = {".log", ".asc", ".trc"}  # text, written line behind line
@@ -27,7 +31,12 @@ def check(path: Path) -> None:
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise InputError(f"{path} is a folder without a rosbag's metadata.yaml; give a CAN log: {KINDS}")
     _check_frames(path)
-    _check_mf4(path)
+    _check_mf4(_unpacked(path))
+
+
+def _unpacked(path: Path) -> Path:
+    """The name without the suffix of gzip."""
+    return path.with_suffix("") if path.suffix.lower() == PACKED else path
 
 
 def check_new(path: Path) -> None:
@@ -49,10 +58,12 @@ def check_new_table(path: Path | None) -> None:
 
 def _check_frames(path: Path) -> None:
     """Raises InputError for a table of signals, which 'deeptruck-model import' reads."""
-    if path.is_dir() or path.suffix.lower() not in TABLES:
+    suffix = _unpacked(path).suffix.lower()
+    if path.is_dir() or suffix not in TABLES:
         return
-    with path.open("rb") as file:
-        if file.read(len(FRAMES_AS_CSV)) == FRAMES_AS_CSV and path.suffix.lower() == ".csv":
+    opened = gzip.open if path.suffix.lower() == PACKED else open
+    with suppress(OSError, EOFError, zlib.error), opened(path, "rb") as file:  # damage is said by the reader
+        if suffix == ".csv" and file.read(len(FRAMES_AS_CSV)) == FRAMES_AS_CSV:
             return
     raise InputError(
         f"{path} is a table, not a CAN log: 'deeptruck-model import {path} --columns COLUMNS.yaml --out BAG' "

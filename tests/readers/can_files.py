@@ -54,8 +54,10 @@ def can_rosbag(folder: Path) -> Path:
 
 
 def read_can(file: Path) -> Any:
-    """The frames, and what an import makes of them."""
-    return list(map(tuple, can_logs.read(file))), can_logs.import_can_log(file, {})
+    """The frames, and what an import makes of them; not its account, which says what was damaged."""
+    channels, interface = can_logs.import_can_log(file, {})
+    interface.pop("account")
+    return list(map(tuple, can_logs.read(file))), (channels, interface)
 
 
 def read_blf(file: Path) -> Any:

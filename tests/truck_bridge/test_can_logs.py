@@ -129,6 +129,8 @@ def drive(tmp_path, pedal=math.nan, seconds=2.0):
 
 def test_import_gives_si_channels_and_the_interface(tmp_path):
     channels, interface = import_can_log(drive(tmp_path, pedal=12.0), {"reference_torque": 2000})
+    account = interface.pop("account")
+    assert (account.total.read, account.total.used, account.sources) == (120, 120, {"can0": 120})
     assert interface == {
         "name": "a",
         "engine_unit": "percent",
@@ -256,12 +258,10 @@ def test_the_table_and_the_csv(tmp_path):
 def test_time_that_runs_backwards_is_counted_and_said(tmp_path):
     lines = [f"({at}) can0 0CF00400#219B9BDD2F000F9B\n" for at in (1.0, 1.1, 0.5, 0.6, 0.4)]
     found = can_logs.decode(written(tmp_path, "".join(lines)))
-    assert (found.backwards, found.first_backwards[0]) == (2, 3)
-    said = [line for line in can_logs.table(found) if "backwards" in line]
-    assert len(said) == 1
-    assert "backwards 2 times, first by 0.600 s at frame 3" in said[0]
+    (said,) = [line for line in can_logs.table(found) if "time runs backwards" in line]
+    assert "time runs backwards 3 times, by 0.700 s at most" in said
     forwards = can_logs.decode(written(tmp_path, "".join(lines[:2])))
-    assert not any("backwards" in line for line in can_logs.table(forwards))
+    assert not forwards.account.remarks
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_a_log_cut_in_its_last_line_is_said(tmp_path, end):
     found = can_logs.decode(written(tmp_path, f"{whole}\n{end}"))
     assert found.frames == 2
     assert any("is cut off in its last line, 3, which is left out" in line for line in can_logs.table(found))
-    assert not can_logs.decode(written(tmp_path, whole)).notes
+    assert not can_logs.decode(written(tmp_path, whole)).account.remarks
 
 
 @real

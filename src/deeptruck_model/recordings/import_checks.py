@@ -68,7 +68,8 @@ def is_bag(path: Path, columns: Meaning) -> bool:
 
 def is_can_log(path: Path) -> bool:
     """Whether a log holds CAN frames, by its suffix."""
-    return path.suffix.lower() in CAN_SUFFIXES
+    inner = Path(path.stem) if path.suffix.lower() == ".gz" else path
+    return inner.suffix.lower() in CAN_SUFFIXES
 
 
 def columns_of_log(log: Path, columns: Meaning) -> dict[str, Any]:

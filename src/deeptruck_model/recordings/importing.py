@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model import files
+from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_checks
@@ -137,6 +138,11 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
     for start, end in account.spans:
         inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)
     table.without(~inside, "outside the pieces, where speed is missing or has a single sample")
+    return _noted(recordings, account)
+
+
+def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
+    """Recordings whose notes say what was set aside, so that the bag says it too."""
     said = [line.strip() for line in islice(account.lines(), 1, None)]
     return [replace(r, notes=tuple(dict.fromkeys((*r.notes, *said)))) for r in recordings]
 
@@ -245,6 +251,7 @@ def _import_can_log(
     except ValueError as error:  # the other package's own error of one line
         raise InputError(str(error)) from None
     notes = [str(note) for note in interface_data.pop("notes", [])]
+    account = interface_data.pop("account", None)
     interface = TruckInterface.from_dict(interface_data)
     unknown = sorted(set(channels) - set(CHANNELS))
     if unknown:
@@ -252,7 +259,8 @@ def _import_can_log(
     first = min((float(time[0]) for time, _ in channels.values() if len(time)), default=0.0)
     series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
     name = str(meaning.get("name", log.stem))
-    recordings = uniform(series, name=name, interface=interface, notes=notes)
+    recordings = uniform(series, name=name, interface=interface, notes=notes, account=account)
+    recordings = recordings if account is None else _noted(recordings, account)
     write_bag(out, recordings, interface=interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings)
 

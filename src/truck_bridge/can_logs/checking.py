@@ -7,8 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from deeptruck_model.account import Account
 from truck_bridge.can_logs.faults import unread
-from truck_bridge.can_logs.reader import Frame, read
+from truck_bridge.can_logs.frames import Frame
+from truck_bridge.can_logs.reader import read
 from truck_bridge.fault_watch import FaultWatch
 from truck_bridge.safety import Safety, State, Table
 from truck_bridge.vehicles import Vehicle
@@ -37,7 +39,8 @@ class Checked:
     faults: Counter[str] = field(default_factory=Counter)  # that controllers told, messages by fault
     faults_s: Times = field(default_factory=dict)
 
-    notes: list[str] = field(default_factory=list)  # where the log is cut off
+    account: Account = field(default_factory=lambda: Account("", "frames"))  # of the log
+    notes: list[str] = field(default_factory=list)  # fault messages that were not whole
 
     @property
     def clean(self) -> bool:
@@ -45,9 +48,11 @@ class Checked:
         return self.engaged_s > 0 and not self.refusals and not self.losses
 
 
-def check(path: Path, vehicle: Vehicle) -> Checked:
-    """Replay a log to the core, without the driver who would have taken over. Raises InputError as `read`."""
-    return _Replay(vehicle).run(path)
+def check(path: Path, vehicle: Vehicle, *, channel: str | None = None) -> Checked:
+    """Replay a log's bus to the core, without the driver who would have taken over. Raises InputError as
+    `read`.
+    """
+    return _Replay(vehicle).run(path, channel)
 
 
 class _Replay:
@@ -61,8 +66,9 @@ class _Replay:
         self._seen = Counter[str](), Counter[str]()
         self._found = Checked(vehicle.name)
 
-    def run(self, path: Path) -> Checked:
-        for frame in read(path, self._found.notes):
+    def run(self, path: Path, channel: str | None) -> Checked:
+        self._found.account.source = str(path)
+        for frame in read(path, self._found.account, channel=channel):
             if self._found.frames == 0:
                 self._start = frame.time
             if self._found.frames == 0 or not 0 <= frame.time - self._now <= HOLE_S:
@@ -146,6 +152,7 @@ class _Replay:
 def lines(found: Checked) -> Iterator[str]:
     """For people."""
     yield f"{found.frames} frames in {found.seconds:.1f} s"
+    yield from found.account.lines()
     yield from found.notes
     yield f"heard for {found.vehicle}: {_listed(found.heard)}"
     yield f"could have been engaged for {found.engaged_s:.1f} s"

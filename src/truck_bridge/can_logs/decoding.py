@@ -10,10 +10,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from deeptruck_model import files
+from deeptruck_model.account import Account
 from truck_bridge import j1939
 from truck_bridge.can_logs import faults
 from truck_bridge.can_logs.faults import Said
-from truck_bridge.can_logs.reader import Frame, read
+from truck_bridge.can_logs.frames import Frame
+from truck_bridge.can_logs.reader import read
 from truck_bridge.j1939 import diagnostics
 from truck_bridge.j1939.codec import Codec, Decoded, Signal
 from truck_bridge.j1939.ids import pgn_of
@@ -35,9 +37,7 @@ class Decoding:
         default_factory=dict
     )  # parameter groups that are not in the DBC, by count
     reference_torque: float = math.nan  # N m, from the engine's own configuration broadcast
-    backwards: int = 0  # how often time ran backwards from one frame to the next
-    first_backwards: tuple[int, float] = (0, 0.0)  # which frame that was first, from 1, and by how many s
-    notes: list[str] = field(default_factory=list)  # where the log is cut off
+    account: Account = field(default_factory=lambda: Account("", "frames"))  # of the log
     faults: list[Said] = field(default_factory=list)  # every DM1, in the log's order
     numbers: dict[int, str] = field(default_factory=dict)  # VIN by the address that says it
     unreadable: Counter[Broken] = field(default_factory=Counter)  # messages not whole, or not what they say
@@ -72,27 +72,22 @@ class Decoding:
             else:
                 self.numbers[message.source] = number
 
-    def pass_time(self, seconds: float) -> None:
-        """Count a clock that went back between the frame before and this one."""
-        if seconds < 0:
-            self.backwards += 1
-            if self.backwards == 1:
-                self.first_backwards = (self.frames, -seconds)
-
     def signal(self, key: tuple[str, str, int]) -> Signal:
         """The DBC's entry for one of the keys."""
         return self.codec[key[0]].signals[key[1]]
 
 
-def decode(path: Path, codec: Codec | None = None) -> Decoding:
-    """Every signal of a log. Raises InputError as `read` does."""
-    found = Decoding(codec or j1939.load())
-    transport, before = Transport(), -math.inf
-    for frame in read(path, found.notes):
+def decode(
+    path: Path, codec: Codec | None = None, *, channel: str | None = None, ascending: bool = False
+) -> Decoding:
+    """Every signal of a log's bus. `channel` and `ascending` are those of `read`, which says what raises
+    InputError.
+    """
+    found = Decoding(codec or j1939.load(), account=Account(str(path), "frames"))
+    transport = Transport()
+    for frame in read(path, found.account, channel=channel, ascending=ascending):
         found.start = frame.time if not found.frames else found.start
         found.frames += 1
-        found.pass_time(frame.time - before)
-        before = frame.time
         message = transport.hear(frame.can_id, frame.data, frame.time)
         message = message or diagnostics.single(frame.can_id, frame.data)
         if message is not None:
@@ -111,13 +106,7 @@ def table(found: Decoding) -> Iterator[str]:
     """Lines for people: signal, source, SPN, samples, rate, range, what was invalid."""
     keys = sorted(set(found.series) | set(found.invalid))
     yield f"{found.frames} frames, {len(found.series)} signals with values"
-    yield from found.notes
-    if found.backwards:
-        frame, seconds = found.first_backwards
-        yield (
-            f"time runs backwards {found.backwards} times, first by {seconds:.3f} s at frame {frame}: "
-            "several logs in one, or a clock that was set; rates and order are not to be relied on"
-        )
+    yield from found.account.lines()
     if found.reference_torque == found.reference_torque:
         yield f"engine reference torque {found.reference_torque:g} N m (SPN 544)"
     yield from faults.lines(found.faults, found.numbers, found.unreadable, found.start)

@@ -29,15 +29,17 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     Without further columns the channels come from the signals of `truck_bridge.channels`; the engine command
     is the driver's demand torque (SPN 512, percent) and the brake command the pedal position (SPN 521,
     percent) where the log has it. `columns` may hold: `vehicle` (whose DBC files and reference torque
-    apply), `name`, `reference_torque` (N m), `conceal` (channels to leave out), and `channels: {speed:
-    {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to take a channel from elsewhere; a command so taken
-    has its signal's unit. Torque in N m is left out where no reference torque is known (SPN 544 in the log,
-    the vehicle or `reference_torque`).
-    Active faults (DM1) are channels of their own; `interface["notes"]` names them and the VIN, where heard.
+    apply), `name`, `reference_torque` (N m), `channel` (the bus, where the log has several), `conceal`
+    (channels to leave out), and `channels: {speed: {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to
+    take a channel from elsewhere; a command so taken has its signal's unit. Torque in N m is left out where
+    no reference torque is known (SPN 544 in the log, the vehicle or `reference_torque`).
+    Active faults (DM1) are channels of their own; `interface["notes"]` names them and the VIN, where heard,
+    and `interface["account"]` is the Account of the log's frames.
     Raises InputError on a bad log or bad columns.
     """
     codec, torque = _meaning(columns)
-    found = decode(log_path, codec)
+    bus = columns.get("channel")
+    found = decode(log_path, codec, channel=None if bus is None else str(bus), ascending=True)
     torque = found.reference_torque if math.isnan(torque) else torque
     channels: dict[str, Series] = {}
     units = dict.fromkeys(COMMANDS, "percent")
@@ -64,10 +66,10 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     if "engine_command" not in channels:
         raise InputError(f"{log_path} holds no engine command (EEC1 driver's demand torque)")
     notes = faults.notes(found.faults, found.numbers, found.unreadable)
-    return channels, {**interface, **({"notes": notes} if notes else {})}
+    return channels, {**interface, "account": found.account, **({"notes": notes} if notes else {})}
 
 
-_KEYS = {"vehicle", "name", "reference_torque", "channels", "conceal"}
+_KEYS = {"vehicle", "name", "reference_torque", "channel", "channels", "conceal"}
 
 
 def _meaning(columns: Mapping[str, Any]) -> tuple[Codec, float]:
@@ -122,9 +124,15 @@ def _best(found: Decoding, message: str, signal: str) -> Series | None:
 
 
 def _arrays(found: Decoding, key: tuple[str, str, int]) -> Series:
+    """Samples in the order of their stamps; the last one of equal stamps counts."""
     times, values = (np.array(part) for part in found.series[key])
-    forward = np.concatenate([[True], np.diff(np.maximum.accumulate(times)) > 0])
-    return times[forward], values[forward]
+    order = np.argsort(times, kind="stable")
+    times, values = times[order], values[order]
+    last = np.append(np.diff(times) > 0, True)
+    if not last.all():
+        remark = f"{(~last).sum()} samples of {key[0]}.{key[1]} with a stamp that came again left out"
+        found.account.remarks += [remark] if remark not in found.account.remarks else []
+    return times[last], values[last]
 
 
 def _chosen(found: Decoding, channel: str, spec: Any, torque: float) -> Series:

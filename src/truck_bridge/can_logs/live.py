@@ -19,13 +19,19 @@ from typing import Any
 import can
 
 from deeptruck_model import files
+from deeptruck_model.account import Account
 from truck_bridge import log_files
 from truck_bridge.bus import open_bus
-from truck_bridge.can_logs.reader import Frame, read
+from truck_bridge.can_logs.frames import Frame, Kind
+from truck_bridge.can_logs.reader import every, read
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import ADDRESS_CLAIMED, Identifier
 
 ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_LOST = {  # frames that a form of log, or python-can's writer of it, cannot hold
+    log_files.BAG: frozenset({Kind.FD}),
+    ".trc": frozenset({Kind.ERROR, Kind.REMOTE, Kind.FD}),
+}
 COMMAND_PGNS = {0x0000, 0x0100, 0x0400, 0xEF00, ADDRESS_CLAIMED}  # TSC1, TC1, XBR, proprietary A; claims
 
 
@@ -66,19 +72,30 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
     return count
 
 
-def convert(source: Path, out: Path, notes: list[str] | None = None) -> int:
-    """Write a log in the form that the suffix of `out` names. Returns the number of frames.
+def convert(source: Path, out: Path, *, channel: str | None = None) -> Account:
+    """Write a log in the form that the suffix of `out` names: all frames, of every bus or of `channel`.
 
-    Raises InputError as `read` and `record` do; then nothing is left behind.
+    What that form cannot hold is set aside in the account. Raises InputError as `read` and `record` do; then
+    nothing is left behind.
     """
     log_files.check_new(out)
-    frames, count = read(source, notes), 0
-    first = next(frames)
+    account = Account(str(source), "frames")
+    lost = _LOST.get(out.suffix.lower(), frozenset())
     with files.new_file(out) as draft, _writing(_logger(out, new=False), draft, out) as write:
-        for frame in _all(first, frames):
-            write(_message(frame))
-            count += 1
-    return count
+        for frame in every(source, account):
+            if channel is not None and frame.channel != channel:
+                account.total.set_aside("frames of other buses", f"on {frame.channel}")
+            elif frame.kind in lost:
+                account.total.set_aside(
+                    f"{frame.kind.value}, which {out.suffix} cannot hold", f"at {frame.time:.3f} s"
+                )
+            else:
+                write(frame.message)
+                account.total.used += 1
+        if not account.total.used:
+            held = f"; it has {', '.join(account.sources)}" if account.sources else ""
+            raise InputError(f"{source} holds no frame to convert{f' on {channel}' if channel else ''}{held}")
+    return account
 
 
 def replay(
@@ -88,12 +105,14 @@ def replay(
     *,
     commands: bool = False,
     speed: float = 1.0,
-    notes: list[str] | None = None,
+    account: Account | None = None,
 ) -> int:
     """Send a log's frames with their own timing; commands to a truck only where asked for. Returns how
     many.
+
+    `account` is that of `read`. Raises InputError as `read` does, so for a log of several buses.
     """
-    frames = read(path, notes)
+    frames = read(path, account)
     first = next(frames)
     bus = open_bus(interface, channel)
     count, start = 0, time.monotonic()
@@ -102,7 +121,7 @@ def replay(
             if not commands and Identifier.of(frame.can_id).pgn in COMMAND_PGNS:
                 continue
             time.sleep(max(0.0, start + (frame.time - first.time) / speed - time.monotonic()))
-            bus.send(_message(frame))
+            bus.send(frame.message)
             count += 1
     except can.CanError as error:
         raise InputError(f"the bus is gone ({error}); {count} frames were sent") from None
@@ -139,16 +158,6 @@ def _all(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
     """Reading begins before anything is opened, so that a bad log opens nothing."""
     yield first
     yield from rest
-
-
-def _message(frame: Frame) -> can.Message:
-    return can.Message(
-        timestamp=frame.time,
-        arbitration_id=frame.can_id,
-        data=frame.data,
-        is_extended_id=True,
-        channel="can0",
-    )
 
 
 @contextmanager

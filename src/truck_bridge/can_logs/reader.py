@@ -1,95 +1,127 @@
-"""Frames out of a log: candump in both text forms by our own reader, ASC, BLF, TRC and MF4 by python-can,
-rosbags by rosbags.
+"""Frames out of a log: candump and ASC by our own readers, BLF, TRC and MF4 by python-can, bags by rosbags.
+
+`every` gives all that a log holds, `read` the extended data frames of one bus, which is what J1939 has. Both
+count in an Account: a frame that is read is used, or set aside for a reason.
 """
 
 from __future__ import annotations
 
-import re
+import gzip
+import shutil
+import tempfile
+import zlib
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
 
 import can
 
+from deeptruck_model.account import Account
 from deeptruck_model.reading import plain
 from truck_bridge import log_files
+from truck_bridge.can_logs import text_logs
+from truck_bridge.can_logs.frames import Frame, Kind, of_message
+from truck_bridge.can_logs.pieces import in_pieces
 from truck_bridge.can_logs.whole import COPY, check_blf, check_file
 from truck_bridge.errors import InputError
 
-WHOLE = 8  # bytes of nearly every J1939 frame: a shorter one without a line's end may be cut
-# 12 digits of seconds reach beyond any clock
-_CONSOLE = re.compile(
-    r"^\s*\((\d{1,12}(?:\.\d{0,12})?)\)\s+(\S+)\s+([0-9A-Fa-f]{1,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)$"
-)
-_LOGGED = re.compile(
-    r"^\s*\((\d{1,12}(?:\.\d{0,12})?)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})#((?:[0-9A-Fa-f]{2})*)\s*[RT]?\s*$"
-)
-_OTHER = re.compile(r"^\s*\([\d.]+\)\s+\S+\s+[0-9A-Fa-f]{1,8}(#R|##|\s+\[\d+\]\s+remote)")  # remote, CAN FD
 _LATEST_S = 1e12
+STANDARD = "frames with 11-bit identifiers"
 
 
-class Frame(NamedTuple):
-    """One extended data frame of a log; time in seconds as the log has it."""
+def read(
+    path: Path, account: Account | None = None, *, channel: str | None = None, ascending: bool = False
+) -> Iterator[Frame]:
+    """The extended data frames of one bus, in the log's order, without those stamped far off their place.
 
-    time: float
-    can_id: int
-    data: bytes
+    `account` is filled as the frames come. `channel` names the bus where the log holds several. With
+    `ascending`, sessions whose clock begins again are put one behind the other (see `pieces`). Raises
+    InputError where the file is missing, of an unknown kind, damaged, holds no such frame, or holds several
+    buses and none is chosen.
+    """
+    account = Account(str(path), "frames") if account is None else account
+    count = 0
+    for frame in in_pieces(_of_bus(path, account, channel), account, ascending=ascending):
+        count += 1
+        account.total.used += 1
+        yield frame
+    if not count:
+        of = f" on {channel}" if channel is not None else ""
+        raise InputError(f"{path} holds no extended CAN frame{of}; J1939 has nothing else{_listed(account)}")
 
 
-def read(path: Path, notes: list[str] | None = None) -> Iterator[Frame]:
-    """The extended data frames of a log, in its order. `notes` gets a line where the log is cut off.
+def every(path: Path, account: Account) -> Iterator[Frame]:
+    """All frames of a log, of every class and bus; `account` counts them as read, and buses as sources.
 
-    Of the checksums of logs see `whole`. Raises InputError where the file is missing, of an unknown kind,
-    damaged, or holds no such frame.
+    Raises InputError as `read` does, but for what the log holds.
     """
     log_files.check(path)
     check_file(path)
-    remarks = [] if notes is None else notes
-    text = path.is_file() and path.suffix.lower() in log_files.TEXT
-    frames = _read_text(path, remarks) if text else _read_by_library(path, remarks)
-    count = 0
-    for count, frame in enumerate(frames, 1):  # noqa: B007 - counts what was yielded
-        yield frame
-    if not count:
-        raise InputError(f"{path} holds no extended CAN frame; J1939 has nothing else")
+    with ExitStack() as stack:
+        file = _unpacked(path, stack)
+        for frame in _of_file(path, file, account):
+            account.sources[frame.channel] = account.sources.get(frame.channel, 0) + 1
+            yield frame
 
 
-def _read_text(path: Path, notes: list[str]) -> Iterator[Frame]:
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        for number, line in enumerate(lines, 1):
-            if not line.strip() or line.startswith("#") or _OTHER.match(line):
-                continue
-            frame = _parse(line)
-            unended = number > 1 and not line.endswith("\n")
-            if unended and (frame is None or len(frame.data) < WHOLE):
-                notes.append(f"{path} is cut off in its last line, {number}, which is left out")
-                return  # the recorder was killed in the middle of it
-            if frame is None:
-                raise InputError(f"{path}, line {number}: not a line of candump: {line.strip()[:60]!a}")
-            if frame.can_id > 0x7FF:
-                yield frame
+def _of_bus(path: Path, account: Account, channel: str | None) -> Iterator[Frame]:
+    chosen, set_aside = channel, account.total.set_aside
+    number = 0
+    frames = every(path, account)
+    for frame in frames:
+        number += 1
+        if frame.kind is not Kind.DATA or not frame.extended:
+            set_aside(STANDARD if frame.kind is Kind.DATA else frame.kind.value, f"frame {number}")
+            continue
+        if chosen is None:
+            chosen = frame.channel
+        if frame.channel == chosen:
+            yield frame
+        elif channel is not None:
+            set_aside("frames of other buses", f"frame {number} on {frame.channel}")
+        else:
+            for _ in frames:
+                pass  # to count them all
+            raise InputError(
+                f"{path} holds several buses{_listed(account)}, which may not be one truck's; choose one "
+                "with --channel NAME (for an import: 'channel: NAME' in the columns file)"
+            )
 
 
-def _parse(line: str) -> Frame | None:
-    console, logged = _CONSOLE.match(line), _LOGGED.match(line)
-    match = console or logged
-    if match is None:
-        return None
-    data = bytes.fromhex(match[5] if console else match[4])
-    if len(data) > 8 or (console and len(data) != int(match[4])):
-        return None
-    return Frame(float(match[1]), int(match[3], 16) & 0x1FFF_FFFF, data)
+def _listed(account: Account) -> str:
+    """The buses of a log with their frames."""
+    buses = ", ".join(f"{name} with {count} frames" for name, count in account.sources.items())
+    return f" ({buses})" if buses else ""
 
 
-def _read_by_library(path: Path, notes: list[str]) -> Iterator[Frame]:
+def _unpacked(path: Path, stack: ExitStack) -> Path:
+    """The log, unpacked beside the temporary files where it is packed by gzip."""
+    if path.suffix.lower() != log_files.PACKED:
+        return path
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="deeptruck-log-")))
     try:
-        for message in _messages(path, notes):
-            if not 0 <= message.timestamp < _LATEST_S:
-                raise InputError(f"{path} is damaged: a frame has the time {message.timestamp:g} s; {COPY}")
-            if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
-                yield Frame(message.timestamp, message.arbitration_id, bytes(message.data)[:8])
-    except InputError:
-        raise
+        with gzip.open(path) as packed, (folder / path.stem).open("wb") as file:
+            shutil.copyfileobj(packed, file)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path} cannot be unpacked ({plain(str(error))}); {COPY}") from None
+    return folder / path.stem
+
+
+def _of_file(path: Path, file: Path, account: Account) -> Iterator[Frame]:
+    suffix = file.suffix.lower()
+    try:
+        if file.is_file() and suffix in log_files.TEXT:
+            yield from text_logs.candump(file, account)
+        elif file.is_file() and suffix == ".asc":
+            yield from text_logs.asc(file, account)
+        else:
+            for frame in _by_library(file, account):
+                if not 0 <= frame.time < _LATEST_S:
+                    raise InputError(f"{path} is damaged: a frame has the time {frame.time:g} s; {COPY}")
+                account.total.read += 1
+                yield frame
+    except InputError as error:
+        raise InputError(str(error).replace(str(file), str(path))) from None
     except Exception as error:  # each of python-can's readers fails in its own way on a damaged file
         text = plain(str(error)) or type(error).__name__
         raise InputError(
@@ -97,13 +129,29 @@ def _read_by_library(path: Path, notes: list[str]) -> Iterator[Frame]:
         ) from None
 
 
-def _messages(path: Path, notes: list[str]) -> Iterator[can.Message]:
-    if path.is_dir() or path.suffix.lower() in log_files.BAGS:
+def _by_library(path: Path, account: Account) -> Iterator[Frame]:
+    suffix = path.suffix.lower()
+    if path.is_dir() or suffix in log_files.BAGS:
         from truck_bridge.can_logs import rosbag
 
-        yield from rosbag.read(path, notes)
-    else:
-        if path.suffix.lower() == ".blf":
-            check_blf(path)
-        with can.LogReader(path) as reader:
-            yield from reader
+        yield from rosbag.read(path, account)
+        return
+    if suffix == ".blf":
+        check_blf(path)
+    lines = _lines_of_trc(path) if suffix == ".trc" else 0
+    count = 0
+    with can.LogReader(path) as reader:
+        for message in reader:
+            count += 1
+            # BLF counts buses from 1, and python-can from 0; TRC and MF4 have their own numbers
+            number = message.channel
+            channel = str(number + 1) if suffix == ".blf" and isinstance(number, int) else str(number or 1)
+            yield of_message(message, channel)
+    account.total.read += max(0, lines - count)
+    account.total.set_aside("lines that are no frame (status, errors)", count=max(0, lines - count))
+
+
+def _lines_of_trc(path: Path) -> int:
+    """Lines that a TRC log has below its head, most of which are frames."""
+    with path.open(encoding="cp1252", errors="replace") as lines:
+        return sum(bool(line.strip()) and not line.startswith(";") for line in lines)

@@ -18,13 +18,15 @@ import can
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message
+from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import MAGIC_SIZE, breakup_chunk, read_magic
 from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from deeptruck_model.account import Account
 from truck_bridge import log_files
+from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind
 from truck_bridge.can_logs.whole import check_mcap
 from truck_bridge.errors import InputError
 
@@ -48,9 +50,9 @@ def _types() -> Any:
     return store
 
 
-def read(path: Path, notes: list[str]) -> Iterator[can.Message]:
+def read(path: Path, account: Account) -> Iterator[Frame]:
     """The frames of all topics of the type, in order of time; of a recorder that was killed, what it wrote,
-    and a line in `notes`.
+    and a remark in `account`.
 
     Raises InputError where there is no such topic.
     """
@@ -58,7 +60,7 @@ def read(path: Path, notes: list[str]) -> Iterator[can.Message]:
     files = sorted(path.glob(f"*{suffix}")) if path.is_dir() else [path] if path.suffix == suffix else []
     if False in list(map(check_mcap, files)) and path.is_file():
         yield from _read_unfinished(path)
-        notes.append(f"{path} was not finished; its last half second may lack")
+        account.remarks.append(f"{path} was not finished; its last half second may lack")
         return
     reader = AnyReader([path], default_typestore=_types())
     reader.open()
@@ -67,22 +69,36 @@ def read(path: Path, notes: list[str]) -> Iterator[can.Message]:
         if not chosen:
             held = ", ".join(sorted({connection.msgtype for connection in reader.connections})) or "nothing"
             raise InputError(f"{path} holds no {TYPE}, the type of raw CAN frames; it holds {held}")
+        channels = _channels({connection.topic for connection in chosen})
         for connection, stamp, raw in reader.messages(chosen):
-            yield _message(reader.deserialize(raw, connection.msgtype), stamp)
+            yield _frame(reader.deserialize(raw, connection.msgtype), stamp, channels[connection.topic])
 
 
-def _read_unfinished(path: Path) -> Iterator[can.Message]:
+def _read_unfinished(path: Path) -> Iterator[Frame]:
     """The whole chunks of a file without its end. Raises InputError where there is none."""
-    store, ours = _types(), set()
+    store = _types()
+    schemas: set[int] = set()
+    topics: dict[int, str] = {}  # by channel id
     with path.open("rb") as stream:
         for chunk in _whole_chunks(stream, path.stat().st_size):
             for record in breakup_chunk(chunk, validate_crc=True):
-                if isinstance(record, Channel) and record.topic == TOPIC:
-                    ours.add(record.id)
-                elif isinstance(record, Message) and record.channel_id in ours:
-                    yield _message(store.deserialize_cdr(record.data, TYPE), record.log_time)
-    if not ours:
-        raise InputError(f"{path} is cut off before its first whole chunk, or no rosbag")
+                if isinstance(record, Schema) and record.name == TYPE:
+                    schemas.add(record.id)
+                elif isinstance(record, Channel) and record.schema_id in schemas:
+                    topics[record.id] = record.topic
+                elif isinstance(record, Message) and record.channel_id in topics:
+                    name = _channels(set(topics.values()))[topics[record.channel_id]]
+                    yield _frame(store.deserialize_cdr(record.data, TYPE), record.log_time, name)
+    if not topics:
+        raise InputError(
+            f"{path} was not finished, and holds no whole chunk with a topic of {TYPE}; record it anew"
+        )
+
+
+def _channels(topics: set[str]) -> dict[str, str]:
+    """The bus of each topic: /can1/from_can_bus is can1, /from_can_bus alone can0; else the topic's name."""
+    named = {topic: topic.removesuffix(TOPIC).strip("/") or "can0" for topic in topics}
+    return named if len(set(named.values())) == len(topics) else {topic: topic for topic in topics}
 
 
 def _whole_chunks(stream: BinaryIO, size: int) -> Iterator[Chunk]:
@@ -99,17 +115,25 @@ def _whole_chunks(stream: BinaryIO, size: int) -> Iterator[Chunk]:
             yield Chunk.read(ReadDataStream(BytesIO(content)))
 
 
-def _message(frame: Any, stamp: int) -> can.Message:
-    own = frame.header.stamp.sec * SECOND + frame.header.stamp.nanosec
-    return can.Message(
-        timestamp=(own or stamp) / SECOND,
-        arbitration_id=frame.id & 0x1FFF_FFFF,
-        is_extended_id=bool(frame.is_extended),
-        is_remote_frame=bool(frame.is_rtr),
-        is_error_frame=bool(frame.is_error),
-        dlc=min(frame.dlc, 8),
-        data=None if frame.is_rtr else bytes(frame.data[: min(frame.dlc, 8)]),
+def _frame(message: Any, stamp: int, channel: str) -> Frame:
+    own = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
+    kind = Kind.ERROR if message.is_error else Kind.REMOTE if message.is_rtr else Kind.DATA
+    length = min(message.dlc, 8)
+    return Frame(
+        (own or stamp) / SECOND,
+        message.id & EXTENDED_MASK,
+        b"" if message.is_rtr else bytes(message.data[:length]),
+        channel,
+        bool(message.is_extended),
+        kind,
+        length if kind is Kind.REMOTE else 0,
     )
+
+
+def _topic(bus: int | str | None) -> str:
+    """Where the frames of a bus go, as ros2_socketcan names it for several."""
+    name = str(bus or "can0")
+    return name if name.startswith("/") else TOPIC if name == "can0" else f"/{name}{TOPIC}"
 
 
 class RosbagWriter:
@@ -121,16 +145,24 @@ class RosbagWriter:
         self._writer = Writer(self._stream, compression=CompressionType.NONE)
         self._writer.start(profile="ros2", library="truck_bridge")
         text, _ = self._store.generate_msgdef(TYPE, ros_version=2)
-        schema = self._writer.register_schema(TYPE, "ros2msg", text.encode())
-        self._channel = self._writer.register_channel(TOPIC, "cdr", schema, {"offered_qos_profiles": ""})
+        self._schema = self._writer.register_schema(TYPE, "ros2msg", text.encode())
+        self._channels: dict[str, int] = {}  # by topic
         self._count, self._flushed = 0, time.monotonic()
+        self._channel(TOPIC)  # a recording in which nothing was heard has its topic too
+
+    def _channel(self, topic: str) -> int:
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(
+                topic, "cdr", self._schema, {"offered_qos_profiles": ""}
+            )
+        return self._channels[topic]
 
     def on_message_received(self, message: can.Message) -> None:
         """Add one frame, at its own time."""
         stamp = round(message.timestamp * SECOND)
         cdr = self._store.serialize_cdr(self._frame(message, stamp), TYPE)
         self._count += 1
-        self._writer.add_message(self._channel, stamp, cdr, stamp, self._count)
+        self._writer.add_message(self._channel(_topic(message.channel)), stamp, cdr, stamp, self._count)
         if time.monotonic() - self._flushed > log_files.FLUSH_S:
             self._writer.flush()
             self._stream.flush()

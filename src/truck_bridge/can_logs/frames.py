@@ -1,0 +1,86 @@
+"""One frame of a CAN log, whatever its class, and as python-can has it."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+import can
+
+ERROR_FLAG, REMOTE_FLAG, EXTENDED_FLAG = 0x2000_0000, 0x4000_0000, 0x8000_0000  # SocketCAN, in an identifier
+EXTENDED_MASK, STANDARD_MASK = 0x1FFF_FFFF, 0x7FF
+
+
+class Kind(Enum):
+    """What a frame carries; the value is its name in an account."""
+
+    DATA = "data frames"
+    REMOTE = "remote frames"
+    FD = "CAN FD frames"
+    ERROR = "error frames"
+
+
+class Frame(NamedTuple):
+    """One frame of a log; time in s as the log has it.
+
+    `channel` is the bus as the log names it: can0, or the number of an ASC, BLF or TRC channel. `extended`
+    is the class of the identifier, by the notation of the log and never by its value: identifiers below
+    0x800 with 29 bits are the most urgent of all. `length` is what a remote frame asks for, in bytes; `rate`
+    and `passive` are the bit-rate switch and the error state of a CAN FD frame.
+    """
+
+    time: float
+    can_id: int
+    data: bytes
+    channel: str = ""
+    extended: bool = True
+    kind: Kind = Kind.DATA
+    length: int = 0
+    rate: bool = False
+    passive: bool = False
+
+    @property
+    def message(self) -> can.Message:
+        """The frame as python-can's writers and buses take it."""
+        remote = self.kind is Kind.REMOTE
+        return can.Message(
+            timestamp=self.time,
+            arbitration_id=self.can_id,
+            is_extended_id=self.extended,
+            is_remote_frame=remote,
+            is_error_frame=self.kind is Kind.ERROR,
+            is_fd=self.kind is Kind.FD,
+            bitrate_switch=self.rate,
+            error_state_indicator=self.passive,
+            dlc=self.length if remote else len(self.data),
+            data=None if remote else self.data,
+            channel=self.bus,
+        )
+
+    @property
+    def bus(self) -> str:
+        """The channel by SocketCAN's naming: channel 1 of an ASC, BLF or TRC log is can0."""
+        if self.channel.isdigit():
+            return f"can{max(0, int(self.channel) - 1)}"
+        return self.channel or "can0"
+
+
+def of_message(message: can.Message, channel: str) -> Frame:
+    """The frame in a message of python-can."""
+    kind = (
+        Kind.ERROR if message.is_error_frame
+        else Kind.FD if message.is_fd
+        else Kind.REMOTE if message.is_remote_frame
+        else Kind.DATA
+    )  # fmt: skip
+    return Frame(
+        message.timestamp,
+        message.arbitration_id,
+        bytes(message.data),
+        channel,
+        message.is_extended_id,
+        kind,
+        message.dlc if kind is Kind.REMOTE else 0,
+        message.bitrate_switch,
+        message.error_state_indicator,
+    )

@@ -1,0 +1,120 @@
+"""The clock of a log: frames stamped far off their neighbours, and sessions that begin again.
+
+A log is often several: a logger restarts at zero, a clock is set while it runs. And one frame may bear a
+stamp of another time. Each jump is looked at with the frames behind it: where time comes back at once, the
+frames in between were stamped wrongly and are set aside; where it stays, a new piece begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from deeptruck_model.account import Account
+from truck_bridge.can_logs.frames import Frame
+
+HOLE_S = 1.0  # between frames; some message of every J1939 bus comes ten times a second
+BACK_S = 1.0  # frames may overtake one another by this much, as in bags; further back a clock was set
+RETURN_S = 5.0  # time is back in its place where it is within this of where it was left
+TRUSTED = 20  # frames behind a jump that make it a new piece
+PAUSE_S = 86400.0  # a longer jump ahead is no pause of the truck but a clock that was set
+APART_S = 60.0  # between sessions that are put one behind the other
+
+
+def in_pieces(frames: Iterator[Frame], account: Account, *, ascending: bool) -> Iterator[Frame]:
+    """The frames without those stamped off their place; `account` gets these, the spans and what was cut.
+
+    With `ascending` a session whose clock was set is moved to APART_S behind the one before it; else frames
+    keep the log's times.
+    """
+    clock = _Clock(account, ascending)
+    held: list[Frame] = []  # behind a jump that may be a wrong stamp
+    for frame in frames:
+        if not held and clock.follows(frame.time):
+            yield clock.moved(frame)
+        elif held:
+            if clock.has_returned(held, frame):
+                where = "ahead of" if held[0].time > clock.last else "behind"
+                account.total.set_aside(
+                    f"frames stamped far {where} their neighbours", f"at {held[0].time:.3f} s", len(held)
+                )
+                held = []
+                yield clock.placed(frame)
+            else:
+                held.append(frame)
+                if len(held) >= TRUSTED:
+                    yield from map(clock.placed, held)
+                    held = []
+        elif clock.jumps(frame):
+            held = [frame]
+        else:
+            yield clock.placed(frame)
+    yield from map(clock.placed, held)
+    clock.finish()
+
+
+class _Clock:
+    def __init__(self, account: Account, ascending: bool) -> None:
+        self.last = 0.0  # s, of the frame before, as the log has it
+        self._account, self._ascending = account, ascending
+        self._first: float | None = None
+        self._begun = self._latest = self._shift = 0.0
+        self._overtaken, self._most = 0, 0.0
+
+    def follows(self, time: float) -> bool:
+        """Whether a frame comes soon behind the latest one, as nearly all do; if so, it is noted."""
+        if self.last == self._latest and self._first is not None and 0.0 <= time - self.last <= HOLE_S:
+            self.last = self._latest = time
+            return True
+        return False
+
+    def jumps(self, frame: Frame) -> bool:
+        return self._first is not None and not -BACK_S <= frame.time - self.last <= HOLE_S
+
+    def has_returned(self, held: list[Frame], frame: Frame) -> bool:
+        """Whether time is where it was before the held frames."""
+        ahead = held[0].time > self.last
+        step = frame.time - held[-1].time
+        opposite = step < -BACK_S if ahead else step > HOLE_S
+        return opposite and -BACK_S <= frame.time - self.last <= RETURN_S
+
+    def placed(self, frame: Frame) -> Frame:
+        """The frame at its place; notes where a piece ends."""
+        if self._first is None:
+            self._first = self._begun = self._latest = self.last = frame.time
+        step = frame.time - self.last
+        if step < -BACK_S or step > PAUSE_S:
+            self._close()
+            way = f"back by {-step:.3f} s" if step < 0 else f"ahead by {step:.0f} s"
+            self._account.remarks.append(
+                f"time jumps {way} behind {self.last:.3f} s: several logs in one, or a clock that was set; "
+                "a new piece begins"
+            )
+            if self._ascending:
+                self._shift = self._latest + self._shift + APART_S - frame.time
+            self._begun = self._latest = frame.time
+        elif step > HOLE_S:
+            self._close()
+            self._begun = frame.time
+        elif frame.time < self._latest:
+            self._overtaken += 1
+            self._most = max(self._most, self._latest - frame.time)
+        self.last = frame.time
+        self._latest = max(self._latest, frame.time)
+        return self.moved(frame)
+
+    def moved(self, frame: Frame) -> Frame:
+        """The frame by the clock of what is yielded."""
+        return frame._replace(time=frame.time + self._shift) if self._shift else frame
+
+    def _close(self) -> None:
+        first = self._first or 0.0
+        self._account.spans.append((self._begun - first, self._latest - first))
+
+    def finish(self) -> None:
+        if self._first is not None:
+            self._close()
+        if self._overtaken:
+            self._account.remarks.append(
+                f"time runs backwards {self._overtaken} times, by {self._most:.3f} s at most: "
+                "frames keep their own stamps"
+            )
