@@ -36,6 +36,7 @@ CHANNELS: dict[str, Channel] = {
         Channel("gear", "1", -4.0, 24.0, "engaged gear; 0 neutral, negative reverse"),
         Channel("engine_speed", "rad/s", 0.0, 700.0, "crankshaft speed"),
         Channel("engine_torque", "N m", -3000.0, 6000.0, "measured engine torque at the flywheel"),
+        Channel("brake_switch", "1", 0.0, 1.0, "1: the service brake is on (SPN 597)"),
         Channel("elevation", "m", -500.0, 6000.0, "height of the road"),
         Channel("gap", "m", 0.0, 500.0, "distance to the vehicle ahead"),
         Channel("leader_speed", "m/s", -1.0, 60.0, "speed of the vehicle ahead over ground"),

@@ -45,6 +45,7 @@ CARRIERS: tuple[Carrier, ...] = (
     ),
     Carrier("fuel_rate", "LFE1", "EngineFuelRate"),
     Carrier("gear", "ETC2", "CurrentGear"),
+    Carrier("brake_switch", "CCVS1", "BrakeSwitch"),
     Carrier("grade", "VDS", "Pitch", convert=_grade),
     Carrier("elevation", "VDS", "Altitude"),
     Carrier("ambient_temperature", "AMB", "AmbientAirTemperature"),

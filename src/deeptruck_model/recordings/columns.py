@@ -7,13 +7,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.topic_map import load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
 from deeptruck_model.signals import CHANNELS
@@ -61,6 +62,7 @@ class Column:
     scale: float = 1.0
     offset: float = 0.0
     late_s: float = 0.0
+    gates: bool = False  # a brake switch in the place of the brake command, see gated_brake
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,15 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     channels = data.get("channels")
     notes: list[str] = []
     named = channels.items() if isinstance(channels, Mapping) else ()
-    parsed = {channel: _column(channel, entry, notes) for channel, entry in named}
+    gated = gated_brake.is_asked(channels)
+    parsed = {
+        channel: _column(channel, entry, notes)
+        for channel, entry in named
+        if not (gated and channel == gated_brake.COMMAND)
+    }
+    if gated:
+        unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
+        parsed[gated_brake.COMMAND] = replace(parsed[gated_brake.SWITCH], convert=unit, gates=True)
     if "speed" not in parsed:
         raise InputError("COLUMNS needs 'channels' with at least 'speed: {column: ..., unit: m/s}'")
     delimiter = data.get("delimiter")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from deeptruck_model.recordings import columns, topic_map
+from deeptruck_model.recordings import columns, gated_brake, topic_map
 from deeptruck_model.recordings.units import canonical_units, known_units
 from deeptruck_model.signals import CHANNELS
 from deeptruck_model.vehicle_kinds import UNSTATED, VEHICLE_KINDS
@@ -82,6 +82,8 @@ def _channels(keys: dict[str, str], required: list[str], *, unit: bool) -> Schem
         needed = [*required, "unit"] if unit and of_it.unit != "1" else required
         says = f"{of_it.meaning}, {' or '.join(canonical_units(channel))}"
         entries[channel] = {**_mapping(_entry(channel, keys), needed), "description": says}
+    derived = {key: {"const": value} for key, value in gated_brake.ENTRY.items()}
+    entries[gated_brake.COMMAND] = {"anyOf": [entries[gated_brake.COMMAND], _mapping(derived, [*derived])]}
     return _mapping(entries, ["speed"])
 
 

@@ -12,6 +12,7 @@ from deeptruck_model import reading
 from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.clocks import Clocks
 from deeptruck_model.recordings.layout import Columns, Walker
@@ -83,7 +84,9 @@ def _read(
         )
     if interface is None:
         interface = _interface(name, stored, sources, resampler.measured)
-    return resampler.finish(interface, notes)
+    recordings = resampler.finish(interface, notes)
+    gated = any(source.gates for source in sources.values())
+    return [gated_brake.substituted(recording) for recording in recordings] if gated else recordings
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
@@ -202,6 +205,7 @@ def _converted(column: Array, source: Source) -> Array:
     column = np.where(np.isinf(column), np.nan, column)  # sensor_msgs/Range: infinity is 'no target'
     if source.scale != 1.0 or source.offset != 0.0:
         column = source.scale * column + source.offset
+    column = gated_brake.on(column) if source.gates else column
     return column if source.convert is None else source.convert(column)
 
 

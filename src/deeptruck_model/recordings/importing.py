@@ -18,7 +18,7 @@ from deeptruck_model import files
 from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import import_checks
+from deeptruck_model.recordings import gated_brake, import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.columns import Column, Columns, load_columns
 from deeptruck_model.recordings.extract import read
@@ -131,6 +131,8 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         notes=notes,
         account=account,
     )
+    if any(column.gates for column in meaning.channels.values()):
+        recordings = [gated_brake.substituted(recording) for recording in recordings]
     derive = "grade" not in values and "elevation" in values and "elevation" not in meaning.conceal
     window = meaning.grade_window_m or GRADE_WINDOW_M
     recordings = [_with_grade(recording, window) for recording in recordings] if derive else recordings
@@ -151,6 +153,7 @@ def _values(table: TextTable, channel: str, column: Column) -> Array:
     values = table.numbers(column.name, channel)
     if column.scale != 1.0 or column.offset != 0.0:
         values = column.scale * values + column.offset
+    values = gated_brake.on(values) if column.gates else values
     return column.convert(values)
 
 
@@ -246,12 +249,23 @@ def _import_can_log(
     log: Path, columns: Mapping[str, Any] | str | Path, out: Path, overwrite: bool
 ) -> Imported:
     meaning = import_checks.columns_of_log(log, columns)
+    gated = gated_brake.is_asked(meaning.get("channels"), implied=(gated_brake.SWITCH,))
+    if gated:
+        others = {c: entry for c, entry in meaning["channels"].items() if c != gated_brake.COMMAND}
+        meaning = {**meaning, "channels": others}
     try:
         channels, interface_data = _can_importer()(log, meaning)
     except ValueError as error:  # the other package's own error of one line
         raise InputError(str(error)) from None
     notes = [str(note) for note in interface_data.pop("notes", [])]
     account = interface_data.pop("account", None)
+    if gated:
+        if gated_brake.SWITCH not in channels:
+            raise InputError(
+                f"{log} holds no {gated_brake.SWITCH}, by which a brake command could be derived"
+            )
+        channels = {**channels, gated_brake.COMMAND: channels[gated_brake.SWITCH]}
+        interface_data["brake_unit"] = gated_brake.UNIT
     interface = TruckInterface.from_dict(interface_data)
     unknown = sorted(set(channels) - set(CHANNELS))
     if unknown:
@@ -261,6 +275,7 @@ def _import_can_log(
     name = str(meaning.get("name", log.stem))
     recordings = uniform(series, name=name, interface=interface, notes=notes, account=account)
     recordings = recordings if account is None else _noted(recordings, account)
+    recordings = [gated_brake.substituted(r) for r in recordings] if gated else recordings
     write_bag(out, recordings, interface=interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings)
 

@@ -20,7 +20,7 @@ GAP_PERIODS = 3.0
 SNAP = 1e-3  # a sample this close to a tick, in steps, is that tick's value
 
 _HELD = ("engine_command", "brake_command")
-_LATCHED = ("gear", *FAULTS)
+_LATCHED = ("gear", "brake_switch", *FAULTS)
 _STEP_MEANS = ("acceleration", "fuel_rate")
 
 

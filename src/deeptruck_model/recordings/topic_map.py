@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from deeptruck_model import reading
 from deeptruck_model.checks import Mapped
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.units import Conversion, conversion
 from deeptruck_model.signals import CHANNELS, FAULTS
 
@@ -24,6 +25,7 @@ class Source:
     convert: Conversion | None = None  # None: already canonical, commands in the interface's unit
     scale: float = 1.0
     offset: float = 0.0
+    gates: bool = False  # a brake switch in the place of the brake command, see gated_brake
 
 
 def _named(topic: str, *channels: str) -> dict[str, Source]:
@@ -33,7 +35,7 @@ def _named(topic: str, *channels: str) -> dict[str, Source]:
 DEFAULT_TOPICS: dict[str, Source] = {
     "speed": Source("/truck/twist", "twist.linear.x"),
     "acceleration": Source("/truck/accel", "accel.linear.x"),
-    **_named("/truck/status", "fuel_rate", "gear", "engine_speed", "engine_torque", *FAULTS),
+    **_named("/truck/status", "fuel_rate", "gear", "engine_speed", "engine_torque", "brake_switch", *FAULTS),
     **_named("/truck/command", "engine_command", "brake_command"),
     **_named("/road", "grade", "elevation", "ambient_temperature", "latitude", "longitude"),
     "gap": Source("/radar/range", "range"),
@@ -55,7 +57,7 @@ LARGEST = 1e12  # of a factor, an offset or a time in a YAML file
 
 def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
     """Sources by channel from a mapping, or from a YAML file of `channel: {topic, field, unit, scale,
-    offset}`.
+    offset}`, or `brake_command: {derive: deceleration, gate: brake_switch}`.
 
     Channels left out are not read. Raises InputError for unknown channels, keys or units.
     """
@@ -63,7 +65,14 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
         data = load_yaml(Path(topic_map))
         with reading.of(topic_map):
             return load(data)
-    return {channel: _source(channel, entry) for channel, entry in topic_map.items()}
+    entries, gated = dict(topic_map), gated_brake.is_asked(topic_map)
+    if gated:
+        entries[gated_brake.COMMAND] = entries[gated_brake.SWITCH]
+    sources = {channel: _source(channel, entry) for channel, entry in entries.items()}
+    if gated:
+        unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
+        sources[gated_brake.COMMAND] = replace(sources[gated_brake.COMMAND], convert=unit, gates=True)
+    return sources
 
 
 def facts(topic_map: TopicMap | str | Path) -> Mapped:

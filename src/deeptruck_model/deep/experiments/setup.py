@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.driving_cycles import FREEWAY, YARD, CycleSettings, drive
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.gated_brake import COMMAND, SWITCH, substituted
 
 # Seeds of the drives: settings were chosen on the validation drives, the test drives are only ever read.
 TRAIN_SEED, VALIDATION_SEED, TEST_SEED, OTHER_SEED, LOOK_ALIKE_SEED, FLEET_SEED = 1, 2, 3, 4, 5, 7
@@ -24,10 +26,11 @@ class Field(NamedTuple):
 
     minutes: float
     cycle: CycleSettings
+    gated_brake: bool = False  # its brake is a switch, and the deceleration stands for a command
 
 
 FIELD_RUNS, FIELD_S = 10, 15.0
-FIELD = {"freightliner": Field(16, YARD), "volvo": Field(24, FREEWAY)}
+FIELD = {"freightliner": Field(16, YARD), "volvo": Field(24, FREEWAY, gated_brake=True)}
 
 PAPER = Arguments(mode="paper", rounds=60)
 """The paper's recipe, looked at every tenth pass of its 600."""
@@ -54,8 +57,11 @@ def trained(
 
 
 def field_drives(name: str) -> tuple[Recording, Recording]:
-    """The first 85 percent of a field truck's driving, and the rest."""
+    """The first 85 percent of a field truck's driving, and the rest, with the brake command of the paper."""
     whole = drive_of(name, FIELD[name].minutes, TRAIN_SEED, FIELD[name].cycle)
+    if FIELD[name].gated_brake:
+        on = (whole.channels[COMMAND] > trucks.load(name).parameters()["brake_gate"]).astype(float)
+        whole = substituted(replace(whole, channels={**whole.channels, SWITCH: on, COMMAND: on}))
     edge = round(0.85 * len(whole))
     return whole.piece(0, edge), whole.piece(edge, len(whole))
 

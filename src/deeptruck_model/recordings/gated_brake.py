@@ -1,0 +1,57 @@
+"""A brake command for trucks whose brake can neither be commanded nor read: the deceleration while the brake
+switch is on, as the paper has it for its Volvo.
+
+The switch is read in the place of `brake_command`, held between its samples like any command; of a recording
+it then multiplies the deceleration of the same sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+COMMAND, SWITCH, UNIT = "brake_command", "brake_switch", "m/s^2"
+ENTRY = {"derive": "deceleration", "gate": SWITCH}
+NOTE = f"{COMMAND} is the deceleration while {SWITCH} is on, for want of a command"
+
+
+def is_asked(channels: Any, implied: Collection[str] = ()) -> bool:
+    """Whether the channels of a topic map or COLUMNS derive the brake command. Raises InputError where they
+    do so in another way, or from a switch that is neither among them nor `implied`."""
+    entry = channels.get(COMMAND) if isinstance(channels, Mapping) else None
+    if not isinstance(entry, Mapping) or not set(entry) & set(ENTRY):
+        return False
+    if dict(entry) != ENTRY:
+        says = ", ".join(f"{key}: {value}" for key, value in entry.items())
+        known = ", ".join(f"{key}: {value}" for key, value in ENTRY.items())
+        raise InputError(f"{COMMAND} can be derived by {{{known}}} alone, not by {{{says}}}")
+    if SWITCH not in (*channels, *implied):
+        raise InputError(f"{COMMAND} is derived where {SWITCH} is on: name that channel too")
+    return True
+
+
+def on(switch: Array) -> Array:
+    """1 on, 0 off, NaN for codes such as 2, error, and 3, not available."""
+    return np.where((switch == 0.0) | (switch == 1.0), switch, np.nan)
+
+
+def substituted(recording: Recording) -> Recording:
+    """The recording whose `brake_command` holds the switch, (n,) 0 to 1, with the command in its place."""
+    switch = recording.channels.get(COMMAND, np.full(len(recording), np.nan))
+    slowing = np.maximum(-recording.channels["acceleration"], 0.0)
+    command = np.where(switch == 0.0, 0.0, switch * slowing)
+    return replace(
+        recording,
+        channels={**recording.channels, COMMAND: command},
+        interface=replace(recording.interface, brake_unit=UNIT),
+        notes=tuple(dict.fromkeys((*recording.notes, NOTE))),
+    )
