@@ -10,11 +10,13 @@ from dataclasses import dataclass
 COMMANDED = frozenset((  # anywhere in a topic, type or field: what is asked for, not what was measured
     "cmd", "cmds", "command", "commands", "commanded", "target", "desired", "setpoint", "setpoints", "set",
     "reference", "ref", "request", "requested", "req", "demand", "demanded", "goal", "control", "ctrl",
+    "des", "tgt", "sp", "soll", "ziel", "wunsch",
     "planned", "planning", "plan", "trajectory", "predicted", "recommended", "advised", "nominal", "cruise",
 ))  # fmt: skip
 STATISTIC = frozenset((  # of a number, not the number
     "limit", "limits", "max", "min", "maximum", "minimum", "average", "avg", "mean", "total", "error",
-    "delta", "difference", "accuracy", "uncertainty", "variance", "std", "valid", "validity", "quality",
+    "delta", "difference", "lim", "simulated",
+    "accuracy", "uncertainty", "variance", "std", "valid", "validity", "quality",
     "avail", "available", "timeout", "fault",
 ))  # fmt: skip
 LEADER = frozenset(("lead", "leader", "front", "preceding", "ahead", "radar"))
@@ -47,12 +49,12 @@ BY_WORDS: dict[str, Words] = {
     "speed": _words(
         "speed,velocity,vel,vx",
         "engine motor shaft turbo fan pump angular angle steering yaw heading lateral vertical wind "
-        "relative rel",
+        "relative rel y z",
         STATISTIC,
     ),
     "acceleration": _words(
         "acceleration,accel,acc,ax",
-        "pedal throttle brake brakes angular lateral vertical gravity relative rel",
+        "pedal throttle brake brakes angular lateral vertical gravity relative rel y z",
         STATISTIC | LEADER,
     ),
     "engine_command": _words(
@@ -61,7 +63,7 @@ BY_WORDS: dict[str, Words] = {
         "brake brakes retarder steering exhaust temperature temp pressure min max limit switch kickdown",
     ),
     "brake_command": _words(
-        "brake,brakes,xbr,deceleration request",
+        "brake,brakes,xbr,deceleration request,deceleration demand,deceleration target",
         "parking temperature temp wear lamp light switch engine exhaust retarder throttle torque",
     ),
     "grade": _words("grade,slope,gradient,incline,inclination,pitch", "rate angular gear"),
@@ -98,14 +100,14 @@ _BY_RANGE: dict[
 ] = {  # least and most that a drive reaches, and unit
     "speed": ((2.0, 45.0, "m/s"), (8.0, 160.0, "km/h"), (5.0, 85.0, "mph")),
     "leader_speed": ((2.0, 45.0, "m/s"), (8.0, 160.0, "km/h"), (5.0, 85.0, "mph")),
-    "acceleration": ((0.3, 15.0, "m/s^2"), (0.03, 1.0, "g")),
+    "acceleration": ((0.03, 15.0, "m/s^2"), (0.03, 1.0, "g")),
     "engine_command": ((0.1, 1.05, "ratio"), (10.0, 105.0, "percent"), (105.0, 6000.0, "N m")),
     # up to 15: bar, m/s^2 or percent
     "brake_command": ((0.1, 1.05, "ratio"), (1.05, 15.0, ""), (5.0, 105.0, "percent")),
-    "brake pressure": ((1.0, 15.0, "bar"), (50.0, 1500.0, "kPa"), (10.0, 220.0, "psi")),
-    "brake deceleration": ((0.3, 15.0, "m/s^2"),),
-    "grade": ((0.005, 0.4, "ratio"), (0.5, 40.0, "percent"), (0.3, 22.0, "deg")),
-    "pitch": ((0.005, 0.4, "rad"), (0.3, 25.0, "deg"), (0.5, 40.0, "percent")),
+    "brake pressure": ((1.0, 15.0, "bar"), (50.0, 1500.0, "kPa"), (10.0, 220.0, "psi"), (15.0, 200.0, "bar")),
+    "brake deceleration": ((0.03, 15.0, "m/s^2"), (0.03, 1.0, "g"), (5.0, 105.0, "percent")),
+    "grade": ((0.005, 0.4, "ratio"), (0.12, 40.0, "percent"), (0.1, 22.0, "deg")),
+    "pitch": ((0.005, 0.4, "rad"), (0.1, 25.0, "deg"), (0.12, 40.0, "percent")),
     "gear": ((1.0, 24.0, "1"),),
     "engine_speed": ((60.0, 300.0, "rad/s"), (500.0, 7000.0, "rpm")),
     "engine_torque": ((0.0, 130.0, ""), (0.0, 6000.0, "N m")),  # up to 130: percent of an unnamed torque

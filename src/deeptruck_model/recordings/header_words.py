@@ -13,6 +13,7 @@ from deeptruck_model.signals import CHANNELS
 
 TIME = frozenset((
     "time", "timestamp", "timestamps", "date", "datetime", "clock", "utc", "epoch", "elapsed", "seconds", "t",
+    "stamp", "ts",
 ))  # fmt: skip
 NO_TIME = frozenset(
     ("gap", "headway", "engine", "idle", "zone", "collision")
@@ -37,7 +38,12 @@ _STEMS = {
     "datum": "date", "motor": "engine", "getriebe": "transmission", "lenk": "steering", "reifen": "tyre",
     "feststell": "parking", "handbremse": "parking brake", "retarder": "retarder", "leistung": "power",
     "fahrer": "driver", "schalter": "switch", "licht": "light", "luft": "air", "winkel": "angle",
-    "raddreh": "wheel", "radgeschw": "wheel", "radmoment": "wheel", "turbine": "turbo", "luefter": "fan",
+    "raddrehzahl": "wheel rpm", "radgeschwindigkeit": "wheel speed", "radmoment": "wheel torque",
+    "relativgeschwindigkeit": "relative speed", "relativ": "relative", "turbine": "turbo",
+    "turbolader": "turbo",
+    "gelenkwelle": "shaft", "abweichung": "error", "fehler": "error", "differenz": "difference",
+    "gueltig": "valid", "fuehrungsgroesse": "reference", "stellgroesse": "command", "prognose": "predicted",
+    "simul": "simulated", "modell": "simulated", "luefter": "fan",
     "abtrieb": "output", "ausgang": "output", "eingang": "input", "gier": "yaw", "wind": "wind",
     "reib": "friction",
     "empfohlen": "recommended", "stempel": "timestamp", "pedal": "pedal", "gasp": "accelerator",
@@ -52,7 +58,7 @@ _STEMS = {
     "ambient": "ambient", "target": "target", "desired": "desired", "command": "command", "cruise": "cruise",
     "setpoint": "setpoint", "setspeed": "set speed", "speedset": "set speed", "avgspeed": "average speed",
     "maxspeed": "maximum speed", "refspeed": "reference speed", "gpsspeed": "gps speed",
-    "acceleration": "acceleration", "timestamp": "timestamp", "longtitude": "longitude", "range": "range",
+    "acceleration": "acceleration", "timestamp": "timestamp", "longtitude": "longitude",
 }  # fmt: skip
 _WHOLE = {  # only as a whole word
     "vist": "speed",
@@ -112,8 +118,8 @@ _WHOLE = {  # only as a whole word
 }
 _LETTERS = {"v": "speed", "a": "acceleration"}  # where all other words are of these:
 _BESIDE_LETTERS = frozenset((
-    "x", "ist", "soll", "actual", "act", "veh", "vehicle", "fzg", "ego", "long", "lon", "mess", "meas",
-    "measured", "can", "gps", "kmh", "mps", "kph", "mph", "ref", "cmd", "target", "set", "des", "desired",
+    "x", "ist", "actual", "act", "veh", "vehicle", "fzg", "ego", "long", "lon", "mess", "meas",
+    "measured", "can", "gps", "kmh", "mps", "kph", "mph",
 ))  # fmt: skip
 GERMAN = ("geschw", "zeit", "drehzahl", "brems", "gang", "pedal", "hoehe", "moment", "kraftstoff", "datum")
 _KNOWN = frozenset(
@@ -124,7 +130,8 @@ _KNOWN = frozenset(
     | TIME
 )
 _SPELLINGS = {  # as exports write a unit, in lower case without blanks: as units.conversion reads it
-    "km/hr": "km/h", "kmph": "km/h", "km/std": "km/h", "kilometer/h": "km/h", "km_h": "km/h",
+    "kmh": "km/h", "kph": "km/h", "mps": "m/s", "km/hr": "km/h", "kmph": "km/h",
+    "km/std": "km/h", "kilometer/h": "km/h", "km_h": "km/h",
     "km_per_h": "km/h", "meters/second": "m/s", "metres/second": "m/s", "meter/second": "m/s",
     "m/sec": "m/s", "m_s": "m/s", "m_per_s": "m/s", "miles/hour": "mph", "knots": "knot", "kt": "knot",
     "kts": "knot", "m/s²": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "m_s2": "m/s^2", "m/s/s": "m/s^2",
@@ -141,7 +148,8 @@ _SPELLINGS = {  # as exports write a unit, in lower case without blanks: as unit
     "meters": "m", "foot": "ft", "fuss": "ft", "kilopascal": "kPa", "mbar": "hPa",
     "second": "s", "seconds": "s", "sekunden": "s", "sek": "s", "secs": "s", "millis": "ms", "msec": "ms",
     "milliseconds": "ms", "millisekunden": "ms", "usec": "us", "microseconds": "us", "nanoseconds": "ns",
-    "minutes": "min", "minuten": "min", "hours": "h", "stunden": "h", "tage": "days", "℃": "degC",
+    "minutes": "min", "minuten": "min", "hours": "h", "stunden": "h", "tage": "days",
+    "℃": "degC", "°c": "degC", "°f": "degF",
     "â°c": "degC", "â°f": "degF", "cc/min": "ml/min", "cm3/min": "ml/min", "cm³/min": "ml/min",
     "mi/hr": "mph", "miles": "mi", "g-force": "g", "l/s": "l/s",
 }  # fmt: skip
@@ -193,7 +201,7 @@ def header(name: str, below: str = "") -> Header:
         unit, stated = UNIT_WORDS[found_words[0]], f"'{found_words[0]}' in the header"
     if unit.lower() == "rpm":
         named |= {"rpm"}
-    if not unit and (found := spelled(name, name)):  # 'km/h' as the whole header
+    if not unit and len(name) > 2 and (found := spelled(name, name)):  # 'km/h' as the whole header
         unit, stated = found, "the header"
         named |= {"speed"} if found in ("km/h", "mph", "m/s") else frozenset()
     german = any(stem in _without_umlauts(name).lower() for stem in GERMAN)
@@ -242,7 +250,7 @@ def _english(text: str) -> frozenset[str]:
     written = words(text)
     for word in written:
         if word in _LETTERS:
-            found |= {_LETTERS[word]} if written - {word} <= _BESIDE_LETTERS else set()
+            found |= {_LETTERS[word]} if written - {word} <= _BESIDE_LETTERS | COMMANDED else set()
         elif word in _WHOLE:
             found |= {*_WHOLE[word].split()}
         elif word in _KNOWN or word in UNIT_WORDS:

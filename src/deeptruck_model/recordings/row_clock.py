@@ -16,6 +16,7 @@ from deeptruck_model.recordings.candidates import yaml_text
 from deeptruck_model.recordings.columns import TIME_UNITS, Clock
 from deeptruck_model.recordings.header_words import NO_TIME, TIME, Header
 from deeptruck_model.recordings.row_times import OF_DAY, is_iso, timed, usual_formats
+from deeptruck_model.recordings.table_form import NUMBER
 from deeptruck_model.table_file import MOST_ABOVE, TextTable
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence
         seconds[np.searchsorted(table.rows, kept.rows)] = time
         columns = trial.clock.columns
         extra = len(frozenset().union(*(headers[name].words for name in columns)) - TIME)
-        off = 0.0 if trial.sure else _unlikely(seconds, speeds)
+        off = time[-1] if trial.sure else _unlikely(seconds, speeds)  # days for months make it long
         whole = not trial.sure or bool(np.allclose(time, np.rint(time)))
         order = (whole, -len(columns), extra, trial.place, off)
         found.append((order, RowClock(_line(trial.clock), trial.why, columns, seconds)))
@@ -99,7 +100,7 @@ def _trials(table: TextTable, headers: Mapping[str, Header]) -> Iterator[_Trial]
         words, unit = headers[name].words, headers[name].unit
         if pa.types.is_temporal(column.type):
             yield _Trial(Clock((name,), unit=""), f"'{name}' has the type {column.type}", places[name])
-        elif is_number(first[name]):
+        elif NUMBER.fullmatch(first[name]):
             if words & TIME and not words & NO_TIME:
                 yield from _numbers(table, name, unit, headers[name].stated, places[name])
         elif name not in dates and (words & TIME or places[name] == 0):
@@ -145,11 +146,6 @@ def _unlikely(seconds: Array, speeds: Sequence[Array]) -> float:
             steep = float(np.quantile(np.abs((v[k:] - v[:-k]) / (t[k:] - t[:-k])), 0.95))
             worst = max(worst, abs(np.log(max(steep, 1e-12) / USUAL_ACCELERATION)))
     return worst
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell is a number."""
-    return bool(re.fullmatch(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?", cell))
 
 
 def _first(table: TextTable, name: str) -> str:

@@ -54,7 +54,10 @@ def find_form(path: Path) -> Form:
     best = max(found, key=lambda mark: (found[mark][1] > 0, *found[mark][:2]))
     columns, rows, header = found[best]
     if columns < 2:
-        raise InputError(f"{path} is no table: no {LOOKED_AT} lines hold rows of numbers; {BY_HAND}")
+        raise InputError(
+            f"{path} is no table: none of its first {LOOKED_AT} lines has two cells of numbers or dates; "
+            f"{BY_HAND}"
+        )
     if rows == 0:
         raise InputError(f"{path} has no header: add a line with the columns' names above its numbers")
     return Form(best, encoding, header)
@@ -88,9 +91,11 @@ def _header(lines: Sequence[str], delimiter: str) -> tuple[int, int, int]:
     if first is None:
         return 0, 0, 0
     cells = len(rows[first])
-    names = [sum(bool(cell) and not is_value(cell) for cell in row) for row in rows[:first]]
+    names = [
+        sum(bool(cell) and not is_value(cell) for cell in row) if len(row) > 1 else 0 for row in rows[:first]
+    ]
     most = max(names, default=0)
-    enough = most >= max(2, min(cells, sum(map(bool, rows[first]))) // 2)
+    enough = most >= max(min(2, cells - 1), min(cells, sum(map(bool, rows[first]))) // 2)
     return cells, most if enough else 0, names.index(most) if enough else 0
 
 

@@ -9,13 +9,14 @@ from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.reading import plain
-from deeptruck_model.recordings.candidates import DEMANDS, FIELD, Candidate, Proposal, span
+from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate, Proposal, span
 from deeptruck_model.recordings.channel_words import COMMANDED, named_channels, units_by_range
-from deeptruck_model.recordings.header_words import IMPERIAL, METRIC, Header, fits, header
+from deeptruck_model.recordings.header_words import IMPERIAL, METRIC, Header, fits, header, spelled
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.survey import Field
@@ -31,6 +32,7 @@ RARE = 0.002  # of the values: codes of faults, which say nothing of the unit
 MOSTLY = 0.5  # of the filled cells of a column of numbers
 SWITCH = "a measured value: this one is on or off only"
 _OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # units that the others rule out
+_NO_VALUE = r"^(?i:-+|\?+|n/?a|#n/a|null|none|inv|err)$"
 _NAMES = frozenset(("pid", "signal", "name", "parameter", "diagnostic", "sensor", "messwert", "measurement"))
 _VALUES = frozenset(("value", "values", "wert", "reading"))
 
@@ -92,7 +94,7 @@ class TableSuggestion(Proposal):
             "# Check every line: a table does not say what its numbers mean.",
             "# What begins with '#' is not read: other candidates, and channels that were not found.",
             "# A channel may have scale and offset too: scale: -1 turns a sign.",
-            f"# time: {plain(self.clock.why)}.",
+            f"# time: {plain(self.clock.why, 1000)}.",
             self.clock.line or "# time: {column: COLUMN, unit: s}   # or time: {rate_hz: 10}",
         ]
         if self.form.delimiter not in (None, ","):
@@ -174,7 +176,7 @@ class _Meaning:
             self.column.field,
             "" if switch else self.unit,
             f"'{' '.join(sorted(self.asked))}' in its name; {self.said}",
-            FIELD,
+            FIELD if self.column.header.unit else TOPIC,  # a unit that is stated is the surest
             self.role,
             place=self.place,
             needs=SWITCH if switch else "",
@@ -188,6 +190,8 @@ def _column(table: TextTable, name: str) -> TableColumn | None:
     except InputError:
         return None
     finite = np.isfinite(values)
+    if strange.any():
+        strange &= ~pc.fill_null(pc.match_substring_regex(table.cells(name), _NO_VALUE), False).to_numpy()
     if not finite.any() or finite.sum() < MOSTLY * (finite.sum() + strange.sum()):
         return None
     field = Field(name)
@@ -200,7 +204,7 @@ def _below(table: TextTable, name: str) -> str:
     if not pa.types.is_string(table.column(name).type):
         return ""
     above = [cell or "" for cell in table.cells(name)[:MOST_ABOVE].to_pylist()]
-    return above[0] if above and not any(letter.isdigit() for letter in above[0][:1]) else ""
+    return next((cell for cell in above if spelled(cell, name)), "")
 
 
 def _system(headers: dict[str, Header]) -> str:
@@ -219,7 +223,8 @@ def _meaning(column: TableColumn, system: str) -> _Meaning | None:
         percent = channel == "engine_torque" and bool(unit) and not fits(channel, unit)
         if channel == "engine_torque" and (percent or words & COMMANDED):
             channel = "engine_command"  # a torque in percent is what a demand is in
-        if (unit and not fits(channel, unit)) or (channel == "gap" and _grows(column.values)):
+        driven = channel == "gap" and (unit in ("km", "mi") or _grows(column.values))
+        if driven or (unit and not fits(channel, unit)):
             continue
         if unit:
             units, said = [unit], f"its unit by {column.header.stated}"
@@ -231,7 +236,8 @@ def _meaning(column: TableColumn, system: str) -> _Meaning | None:
                 f"no unit is stated, {units[0]} alone fits its range: check" if known else "no unit is stated"
             )
         role = Role.COMMANDED if words & COMMANDED else Role.MEASURED
-        return _Meaning(column, channel, named.asked, named.place, role, units, said)
+        place = named.place + (1 if percent else 0)  # an output, behind the pedal that demands it
+        return _Meaning(column, channel, named.asked, place, role, units, said)
     return None
 
 

@@ -193,3 +193,23 @@ def test_a_wrong_map_costs_no_heavy_import(here: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "2 []\n"
+
+
+def test_suggest_then_import_a_table(here: Path, script: Script) -> None:
+    rows = "".join(f"{k / 10:.1f};{20 + 0.1 * k:.1f};{k % 50};7\n".replace(".", ",") for k in range(300))
+    header = "Zeit [s];Geschwindigkeit [km/h];Gaspedal [%];Sollgeschwindigkeit [km/h]\n"
+    (here / "drive.csv").write_text(header + rows)
+    code, said, errors = script("suggest", "drive.csv", "--out", "columns.yaml")
+    assert code == 0 and "proposed columns: columns.yaml; check it, then give it as --columns" in said
+    assert (
+        "Sollgeschwindigkeit [km/h]  7  commanded speed\n" in said and "Zeit [s]  0 to 29.9  time\n" in said
+    )
+    assert errors == (
+        "note: brake_command has no line yet, needed to learn the brakes: no column looks like it\n"
+    )
+    assert script("suggest", "drive.csv")[1].endswith((here / "columns.yaml").read_text() + "\n")
+    assert script("suggest", "drive.csv", "--out", "columns.yaml")[0] == 2
+    code, said, _ = script("import", "drive.csv", "--columns", "columns.yaml", "--out", "drive")
+    assert code == 0 and "300 rows read, 300 used" in said
+    (recording,) = read(here / "drive")
+    assert recording.channels["speed"][0] == pytest.approx(20.0 / 3.6)

@@ -58,6 +58,12 @@ OTHERS = {
     "my_msgs/msg/State": "my_msgs/Motion target\nmy_msgs/Motion actual",
     "my_msgs/msg/Deep": "my_msgs/State longitudinal",
     "my_msgs/msg/SpeedCommand": "float32 velocity",
+    "dataspeed_ulc_msgs/msg/UlcReport": "float64 speed_ref\nfloat64 speed_meas",
+    "dataspeed_ulc_msgs/msg/UlcCmd": "float64 linear_velocity",
+    "my_msgs/msg/Axis": "float64 speed",
+    "my_msgs/msg/Loop": "my_msgs/Axis setpoint\nmy_msgs/Axis feedback",
+    "my_msgs/msg/Loops": "my_msgs/Loop inner",
+    "my_msgs/msg/Short": "float32 speedTgt\nfloat32 des_vel\nfloat32 speedAct",
     "my_msgs/msg/Values": (
         "float32 speed_setpoint\nfloat32 ref_speed\nfloat32 desiredSpeed\nfloat32 vehicle_speed"
     ),
@@ -232,6 +238,21 @@ def test_apollo(tmp_path: Path) -> None:
             "longitudinal.actual.speed_mps",
         ),
         ("/s", "my_msgs/msg/SpeedCommand", {"velocity": RAMP}, ""),
+        ("/s", "dataspeed_ulc_msgs/msg/UlcReport", {"speed_ref": RAMP, "speed_meas": RAMP}, "speed_meas"),
+        ("/s", "dataspeed_ulc_msgs/msg/UlcCmd", {"linear_velocity": RAMP}, ""),
+        (
+            "/s",
+            "my_msgs/msg/Loops",
+            {"inner.setpoint.speed": RAMP, "inner.feedback.speed": RAMP},
+            "inner.feedback.speed",
+        ),
+        (
+            "/s",
+            "my_msgs/msg/Short",
+            {"speedTgt": RAMP, "des_vel": RAMP, "speedAct": RAMP},
+            "speedAct",
+        ),
+        ("/v_soll", "my_msgs/msg/Axis", {"speed": RAMP}, ""),
         ("/goal/motion", "my_msgs/msg/Motion", {"speed_mps": RAMP, "acceleration_mps2": 0.1 * RAMP}, ""),
         ("/control/motion", "my_msgs/msg/Motion", {"speed_mps": RAMP}, ""),
         (

@@ -13,7 +13,10 @@ import yaml
 from numpy.typing import NDArray
 from pyarrow import parquet
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import TableSuggestion, import_table, suggest_columns
+from deeptruck_model.recordings.channel_words import COMMANDED, named_channels
+from deeptruck_model.recordings.header_words import fits, header
 
 Array = NDArray[np.float64]
 
@@ -26,9 +29,10 @@ BRAKE = np.fmax(0.0, -40.0 * np.cos(TIME / 12.0 - 1.0))  # %
 GEAR = 1.0 + np.floor(SPEED / 3.0)
 RPM = 900.0 + 250.0 * (SPEED % 3.0)
 FUEL = 2.0 + 0.1 * PEDAL  # cm^3/s
-HEIGHT = 200.0 + 5.0 * np.sin(TIME / 20.0)
-SLOPE = 0.25 * np.cos(TIME / 20.0) / SPEED
-NORTH = 48.0 + np.cumsum(SPEED) * DT / 111_195.0
+DRIVEN = np.cumsum(SPEED) * DT
+HEIGHT = 200.0 + 15.0 * np.sin(DRIVEN / 300.0)
+SLOPE = 15.0 / 300.0 * np.cos(DRIVEN / 300.0)
+NORTH = 48.0 + DRIVEN / 111_195.0
 TORQUE = 20.0 * PEDAL
 SI = {
     "speed": SPEED, "acceleration": ACCELERATION, "engine_command": PEDAL, "brake_command": BRAKE,
@@ -224,3 +228,170 @@ def test_a_proposal_is_imported_as_it_is(tmp_path: Path, table: Callable[[Path],
         scale = np.abs(wanted).max()
         off = np.abs(values - wanted[: len(values)])
         assert np.quantile(off, 0.9) < 0.02 * scale + 1e-3, (channel, values[:5], wanted[:5])
+
+
+NOISE = np.random.default_rng(7).normal(0.0, 0.2, len(TIME))
+
+
+@pytest.mark.parametrize(
+    ("columns", "unit"),
+    [
+        ({"speed": SPEED}, ""),  # at most 23: m/s, km/h or mph
+        ({"speed": 3.6 * SPEED}, ""),  # at most 83: km/h, or mph on a motorway
+        ({"speed": 3.6 * SPEED, "altitude [ft]": HEIGHT}, "mph"),  # as no other column is metric
+        ({"speed": 3.6 * SPEED, "oil temperature [°C]": HEIGHT}, "km/h"),
+        ({"Geschwindigkeit": 3.6 * SPEED}, "km/h"),
+        ({"speed": SPEED, "acc [m/s^2]": ACCELERATION + NOISE}, "m/s"),
+        ({"speed": 3.6 * SPEED, "acc [m/s^2]": ACCELERATION + NOISE}, "km/h"),
+        ({"speed": SPEED / 0.44704, "acc [m/s^2]": ACCELERATION + NOISE}, "mph"),
+        ({"speed": SPEED / 0.44704, "lat": NORTH, "lon": 9.0 + 0.0 * TIME}, "mph"),
+        ({"speed": 3.6 * SPEED, "gps speed [m/s]": SPEED + NOISE}, "m/s"),  # stated before found
+        ({"speed": np.where(TIME == 70.0, 65535.0, 4.2 * SPEED)}, "km/h"),  # a code
+    ],
+)
+def test_the_unit_of_speed(tmp_path: Path, columns: dict[str, Array], unit: str) -> None:
+    found = suggest_columns(written(tmp_path / "drive.csv", {"time [s]": TIME, **columns}, digits=7))
+    taken = found.taken("speed")
+    assert (taken.unit if taken else "") == unit, found.text()
+    assert ("say in which unit it is" in found.lacking[0]) == (unit == "")
+    if not unit:
+        assert "needs a unit, one of: m/s, mps, km/h" in found.text()
+        assert 'speed: {column: speed, unit: "?"}' in found.text()
+
+
+@pytest.mark.parametrize(
+    ("columns", "channel", "unit"),
+    [
+        ({"v [km/h]": 3.6 * SPEED, "acc": ACCELERATION / 9.80665}, "acceleration", "g"),
+        ({"v [km/h]": 3.6 * SPEED, "acc": 0.3 * ACCELERATION}, "acceleration", ""),  # agrees in no unit
+        ({"v [m/s]": SPEED, "altitude": HEIGHT, "grade": 100.0 * SLOPE}, "grade", "percent"),
+        ({"v [m/s]": SPEED, "grade": 100.0 * SLOPE}, "grade", ""),
+        ({"v [m/s]": SPEED, "brake": (BRAKE > 0.0).astype(float)}, "brake_command", ""),  # a switch
+        ({"v [m/s]": SPEED, "brake": 0.3 * BRAKE}, "brake_command", ""),  # bar or percent
+        ({"v [m/s]": SPEED, "distance": DRIVEN}, "gap", ""),  # an odometer
+        ({"v [m/s]": SPEED, "distance": 50.0 + SPEED}, "gap", "m"),
+        (
+            {"v [m/s]": SPEED, "pedal": ["-"] * 600 + ["40"] * 600, "throttle": PEDAL},
+            "engine_command",
+            "percent",
+        ),
+    ],
+)
+def test_units_of_other_channels(tmp_path: Path, columns: dict[str, Array], channel: str, unit: str) -> None:
+    found = suggest_columns(written(tmp_path / "drive.csv", {"time [s]": TIME, **columns}, digits=6))
+    taken = found.taken(channel)
+    assert (taken.unit if taken else "") == unit, found.text()
+
+
+STEPS = range(1200)
+
+
+@pytest.mark.parametrize(
+    ("columns", "line"),
+    [
+        ({"time": [str(100 * k) for k in STEPS]}, "time: {column: time, unit: ms}"),
+        ({"ts": [f"{k / 600:.6f}" for k in STEPS]}, "time: {column: ts, unit: min}"),
+        ({"t": TIME, "Engine run time (s)": TIME + 50.0}, "time: {column: t, unit: s}"),
+        ({"": dates("%Y-%m-%d %H:%M:%S.%f")}, 'time: {column: "", unit: iso}'),
+        ({"Date": dates("%d/%m/%Y %H:%M:%S.%f")}, 'time: {column: Date, format: "%d/%m/%Y %H:%M:%S.%f"}'),
+        (
+            {"Date": dates("%Y-%m-%d"), "Time": dates("%H:%M:%S.%f")},
+            "time: {column: [Date, Time], unit: iso}",
+        ),
+        (
+            {"time_us": [str(1_785_000_000_000_000 + 100_000 * k) for k in STEPS]},
+            "time: {column: time_us, unit: us}",
+        ),
+        ({"epoch": [f"{1_785_000_000 + k / 10:.1f}" for k in STEPS]}, "time: {column: epoch, unit: s}"),
+        ({"Zeit": dates("%d.%m.%Y %H:%M:%S")}, ""),  # whole seconds at 10 Hz
+        ({"row": [str(k) for k in STEPS]}, ""),
+    ],
+)
+def test_the_clock(tmp_path: Path, columns: dict[str, Sequence[str] | Array], line: str) -> None:
+    found = suggest_columns(written(tmp_path / "drive.csv", {**columns, "speed_kmh": 3.6 * SPEED}))
+    assert found.clock.line == line
+    if line:
+        assert f"\n{line}\n" in found.text()
+    else:
+        assert found.lacking[0].startswith("time has no line yet: ")
+        assert "# time: {column: COLUMN, unit: s}   # or time: {rate_hz: 10}" in found.text()
+    if "Zeit" in columns:
+        assert "whole seconds while rows come at about 10 Hz" in found.lacking[0]
+
+
+def test_days_are_not_taken_for_months(tmp_path: Path) -> None:
+    """Past midnight the other order would jump by a month."""
+    stamps = [datetime(2026, 8, 5, 23, 59) + timedelta(seconds=float(t)) for t in TIME]
+    cells = [s.strftime("%m/%d/%Y %H:%M:%S.%f") for s in stamps]
+    found = suggest_columns(written(tmp_path / "drive.csv", {"Time": cells, "speed_kmh": 3.6 * SPEED}))
+    assert found.clock.line == 'time: {column: Time, format: "%m/%d/%Y %H:%M:%S.%f"}'
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("", "drive.csv is empty"),
+        ("It was a dark night.\n", "is no table: none of its first 200 lines has two cells of numbers"),
+        ("0.0,1.0\n0.1,1.1\n0.2,1.2\n", "has no header: add a line with the columns' names"),
+        ("a\0b", "is no text table but binary"),
+    ],
+)
+def test_what_is_no_table(tmp_path: Path, content: str, says: str) -> None:
+    (tmp_path / "drive.csv").write_text(content)
+    with pytest.raises(InputError, match=says):
+        suggest_columns(tmp_path / "drive.csv")
+
+
+def test_one_value_a_row_is_named(tmp_path: Path) -> None:
+    names = ["Vehicle speed", "Engine RPM"] * 600
+    columns = {"SECONDS": TIME, "PID": names, "VALUE": SPEED, "UNITS": ["km/h", "rpm"] * 600}
+    found = suggest_columns(written(tmp_path / "drive.csv", columns, delimiter=";"))
+    assert "each row has one 'VALUE' of the 'PID' it names: export a table with a column" in found.lacking[0]
+
+
+def meant(name: str) -> str:
+    """The channel that a header alone may be, with '!' for a command; '' for none."""
+    found = header(name)
+    for one in named_channels(found.words, frozenset()):
+        if not found.unit or fits(one.channel, found.unit):
+            return one.channel + ("!" if found.words & COMMANDED else "")
+    return ""
+
+
+HEADERS = {
+    "speed": "Geschwindigkeit in km/h; VehicleSpeed_mps; Ist-Geschwindigkeit [km/h]; v_Ist; Speed (GPS)",
+    "speed!": "Sollgeschwindigkeit [km/h]; vSoll; v_ref [m/s]; ACC_SetSpeed; Tempomat-Geschwindigkeit; "
+    "speedTgt; Wunschgeschwindigkeit; Zielgeschwindigkeit (km/h); Requested speed; speed_cmd; v_des; "
+    "Führungsgröße Speed",
+    "engine_speed": "Motordrehzahl [U/min]; Drehzahl (1/min); Engine RPM; EEC1::EngSpeed[rpm]; n_mot [min-1]",
+    "engine_speed!": "Solldrehzahl [1/min]; TSC1::EngRqedSpeed[rpm]",
+    "engine_command": "Gaspedalstellung; Fahrpedalwert [%]; AccPedPos; Throttle; "
+    "Accelerator Pedal Position (F)(%)",
+    "engine_command!": "Vorgabe Gaspedal [%]; Drosselklappe Soll [%]; Stellgröße Gaspedal",
+    "brake_command": "Bremsdruck [bar]; Brake Pedal Position (%); EBC1::BrakePedalPos[%]; BrkPrs [kPa]",
+    "brake_command!": "Bremsanforderung [m/s²]; Bremsdruck Soll [bar]",
+    "acceleration": "Längsbeschleunigung [g]; a_x [m/s2]; accel_x",
+    "acceleration!": "Sollbeschleunigung [m/s²]; a_soll [m/s2]",
+    "gear": "Aktueller Gang; ETC2::TransCurrentGear",
+    "gear!": "Sollgang; Selected Gear",
+    "grade": "Fahrbahnsteigung [%]; Pitch (deg); Road Grade",
+    "fuel_rate": "Kraftstoffverbrauch [l/h]; Fuel Rate (gal/h); Fuel flow rate/minute(cc/min)",
+    "engine_torque": "Motormoment [Nm]; Engine Torque (lb-ft)",
+    "elevation": "Höhe ü. NN (m); Altitude (ft)",
+    "gap": "Abstand zum Vorderfahrzeug [m]; Distance to lead vehicle (m)",
+    "leader_speed": "Geschwindigkeit Vorderfahrzeug [km/h]; Lead vehicle speed (m/s)",
+    "ambient_temperature": "Außentemperatur [°C]; Ambient air temp(°C)",
+    "": "Windgeschwindigkeit [m/s]; Gierwinkelgeschwindigkeit [rad/s]; Speed limit (km/h); "
+    "Höchstgeschwindigkeit; Relativgeschwindigkeit [m/s]; Turboladerdrehzahl [1/min]; "
+    "Getriebeausgangsdrehzahl [1/min]; Raddrehzahl VL [1/min]; Motorbremse [%]; Retarder torque (%); "
+    "Bremslichtschalter; Feststellbremse; Querbeschleunigung [m/s²]; accel_y; Tankfüllstand [%]; "
+    "Fuel used (l); Kraftstoffverbrauch [l/100km]; Radmoment [Nm]; Reibmoment [Nm]; Zeitlücke [s]; "
+    "Ansauglufttemperatur [°C]; Battery V; Motorlast [%]",
+}
+
+
+@pytest.mark.parametrize(
+    ("channel", "name"), [(channel, name) for channel, names in HEADERS.items() for name in names.split("; ")]
+)
+def test_words_of_headers(channel: str, name: str) -> None:
+    assert meant(name) == channel
