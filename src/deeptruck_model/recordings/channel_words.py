@@ -54,7 +54,7 @@ BY_WORDS: dict[str, Words] = {
     ),
     "acceleration": _words(
         "acceleration,accel,acc,ax",
-        "pedal throttle brake brakes angular lateral vertical gravity relative rel y z",
+        "pedal throttle brake brakes angular lateral vertical gravity axis relative rel y z",
         STATISTIC | LEADER,
     ),
     "engine_command": _words(

@@ -386,7 +386,8 @@ HEADERS = {
     "Getriebeausgangsdrehzahl [1/min]; Raddrehzahl VL [1/min]; Motorbremse [%]; Retarder torque (%); "
     "Bremslichtschalter; Feststellbremse; Querbeschleunigung [m/s²]; accel_y; Tankfüllstand [%]; "
     "Fuel used (l); Kraftstoffverbrauch [l/100km]; Radmoment [Nm]; Reibmoment [Nm]; Zeitlücke [s]; "
-    "Ansauglufttemperatur [°C]; Battery V; Motorlast [%]",
+    "Ansauglufttemperatur [°C]; Battery V; Motorlast [%]; "
+    "Acceleration Sensor(X axis)(g); Acceleration Sensor(Total)(g)",
 }
 
 
