@@ -54,6 +54,13 @@ CARRIERS: tuple[Carrier, ...] = (
 )
 
 
+DEMANDS: tuple[Carrier, ...] = (  # what the driver asks for, in percent
+    Carrier("driver_demand_torque", "EEC1", "DriversDemandPercentTorque"),
+    Carrier("accelerator_pedal", "EEC2", "AcceleratorPedalPosition"),
+    Carrier("brake_pedal", "EBC1", "BrakePedalPosition"),
+)
+
+
 def converter(carrier: Carrier, codec: Codec, reference_torque: float = math.nan) -> Callable[[float], float]:
     """Function from the decoded value to SI. Torque is NaN where no reference torque is known."""
     if carrier.convert is not None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from truck_bridge.channels import CARRIERS, Carrier, converter
+from truck_bridge.channels import CARRIERS, DEMANDS, Carrier, converter
 from truck_bridge.vehicles import Vehicle
 
 FRESH_S = 0.5  # a signal not heard for so long is NaN (slow ones: three of their periods)
 
 
 class ReceivedSignals:
-    """Latest valid value of each channel, in SI."""
+    """Latest valid value of each channel, in SI, and of the driver's demands, in percent."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._codec = vehicle.codec
@@ -20,7 +20,7 @@ class ReceivedSignals:
         self._carriers: dict[str, list[tuple[Carrier, Callable[[float], float]]]] = {}
         taken: set[str] = set() if vehicle.interface["grade"] else {"grade"}
         taken.add("acceleration")  # VDC2 counts in 0.1 m/s^2; the wheel speed's difference is finer
-        for carrier in CARRIERS:
+        for carrier in (*CARRIERS, *DEMANDS):
             if carrier.channel in taken:
                 continue  # a second wheel speed is for the safety core
             taken.add(carrier.channel)

@@ -39,6 +39,15 @@ def test_the_signals_are_the_truck_s(world, name):
         assert w.signals["grade"] == pytest.approx(0.02, abs=2e-4)
 
 
+def test_the_driver_s_demands_are_heard(world, name):
+    w = world(name)
+    w.bridge.arm(w.now)
+    w.truck.driver.accelerator, w.truck.driver.brake_pedal = 30.0, 12.0
+    w.run(1.0)
+    demands = ("driver_demand_torque", "accelerator_pedal", "brake_pedal")
+    assert [w.signals[demand] for demand in demands] == pytest.approx([30.0, 30.0, 12.0], abs=0.5)
+
+
 def test_commands_reach_the_truck(world, name):
     w = world(name).engage(in_units(name, 30))
     w.run(3.0, engine=in_units(name, 30))

@@ -57,6 +57,28 @@ def test_inside_the_envelope_demands_saturate_and_outside_they_are_no_number(veh
         assert all(map(math.isnan, vehicle.demands(engine, brake).values()))
 
 
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    ("name", "heard", "engine", "brake"),
+    [
+        ("trucksim", {"driver_demand_torque": 40.0, "brake_pedal": 10.0}, 780.0, 10.0),
+        ("trucksim", {"driver_demand_torque": NAN, "accelerator_pedal": 40.0}, None, None),
+        ("freightliner", {"driver_demand_torque": 40.0, "accelerator_pedal": 55.0}, 40.0, None),
+        ("freightliner", {"driver_demand_torque": NAN, "accelerator_pedal": 55.0}, 55.0, None),
+        ("freightliner", {"accelerator_pedal": NAN, "brake_pedal": NAN}, NAN, NAN),
+        ("volvo", {"driver_demand_torque": 40.0, "brake_pedal": 0.0}, 40.0, 0.0),
+        ("volvo", {"driver_demand_torque": -5.0, "brake_pedal": 10.0}, -5.0, NAN),
+        ("volvo", {}, None, None),
+    ],
+)
+def test_the_driver_s_demands_are_in_the_units_of_the_commands(name, heard, engine, brake):
+    expected = {"driver_engine_demand": engine, "driver_brake_demand": brake}
+    found = vehicles.load(name).driver_demands(heard)
+    assert found == pytest.approx({k: v for k, v in expected.items() if v is not None}, nan_ok=True)
+
+
 def test_frames_on_the_wire():
     engine = vehicles.load("volvo").transmitted["engine"]
     assert engine.frame(30.0, 0) == bytes([0b11100010, 0xFF, 0xFF, 155, 0xFF, 0xFF, 0xFF, 0xFF])

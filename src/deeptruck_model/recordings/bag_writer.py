@@ -15,6 +15,7 @@ from deeptruck_model.files import Result
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY
 from deeptruck_model.recordings.crash_safe import CrashSafeWriter
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
+from deeptruck_model.recordings.obeyed import COMMAND, ENGAGED
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
 from deeptruck_model.results import WRITTEN_BAG
@@ -120,6 +121,8 @@ def _rows(recording: Recording, ticks: NDArray[np.int64]) -> Iterator[_Rows]:
         if not channels:
             continue
         columns = [recording.channels[channel] for channel in channels]
+        if topic == COMMAND and recording.obeyed:
+            channels, columns = [*channels, ENGAGED], [*columns, np.ones(len(recording))]
         fields = {
             "geometry_msgs/msg/TwistStamped": _vector_fields,
             "geometry_msgs/msg/AccelStamped": _vector_fields,

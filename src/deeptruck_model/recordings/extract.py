@@ -16,6 +16,7 @@ from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.clocks import Clocks
 from deeptruck_model.recordings.layout import Columns, Walker
+from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.ordering import REORDER_NS, Part, Queue
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Resampler, Series
@@ -73,7 +74,10 @@ def _read(
         name = path.stem if path.is_file() else path.resolve().name
         account = Account(str(path), "messages")
         resampler = Resampler(name, rate_hz=rate_hz, account=account)
-        _feed(bag, sources, resampler, clocks, account)
+        sources = with_engaged(sources)
+        obedience = Obedience(sources, account, no_load=no_load(bag))
+        _feed(bag, sources, resampler, clocks, obedience, account)
+        account.remarks += obedience.remarks()
         account.remarks += clocks.remarks(path, sources["speed"].topic)
         notes = [*_stored_notes(stored), *_mended(account)]
         account.remarks += bag.not_mapped({source.topic for source in sources.values()})
@@ -84,7 +88,9 @@ def _read(
         )
     if interface is None:
         interface = _interface(name, stored, sources, resampler.measured)
-    recordings = resampler.finish(interface, notes)
+    recordings = [
+        replace(recording, obeyed=obedience.known) for recording in resampler.finish(interface, notes)
+    ]
     gated = any(source.gates for source in sources.values())
     return [gated_brake.substituted(recording) for recording in recordings] if gated else recordings
 
@@ -109,7 +115,12 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
 
 
 def _feed(
-    bag: BagSource, sources: dict[str, Source], resampler: Resampler, clocks: Clocks, account: Account
+    bag: BagSource,
+    sources: dict[str, Source],
+    resampler: Resampler,
+    clocks: Clocks,
+    obedience: Obedience,
+    account: Account,
 ) -> None:
     """Put every channel into the resampler, in s since the bag's first used sample; count the messages."""
     topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
@@ -124,7 +135,7 @@ def _feed(
     queues = {topic: Queue(topic, bag.path) for topic in readers}
     account.sources = dict.fromkeys(readers, 0)
     clock_topic = sources["speed"].topic
-    drain = _Drain(queues, by_topic, sources, resampler, account)
+    drain = _Drain(queues, by_topic, sources, resampler, obedience, account)
     horizon = -(2**63)  # speed is complete up to this stamp
     ends: list[tuple[int, int]] = []  # log time and stamp of the last message of each speed batch
     for batch in bag.batches(set(readers)):
@@ -157,10 +168,11 @@ class _Drain:
         by_topic: dict[str, list[str]],
         sources: dict[str, Source],
         resampler: Resampler,
+        obedience: Obedience,
         account: Account,
     ) -> None:
         self.queues, self.by_topic, self.sources = queues, by_topic, sources
-        self.resampler, self.account = resampler, account
+        self.resampler, self.obedience, self.account = resampler, obedience, account
         self.start: int | None = None  # the bag's first stamp
 
     def until(self, until: int | None) -> None:
@@ -171,6 +183,7 @@ class _Drain:
             self.start = min(firsts)
         if self.start is None:
             return
+        series: dict[str, Series] = {}
         for topic, part in taken.items():
             if not len(part.stamps):
                 continue
@@ -179,8 +192,10 @@ class _Drain:
             for channel, column in zip(self.by_topic[topic], part.columns, strict=True):
                 values = _converted(column, self.sources[channel])
                 blank = blank & np.isnan(values) if blank.any() else blank
-                self.resampler.add(channel, Series(time, values))
+                series[channel] = Series(time, values)
             self._count(topic, part, time, blank)
+        for channel, one in self.obedience.resolved(series).items():
+            self.resampler.add(channel, one)
         self.resampler.advance(np.inf if until is None else (until - self.start) / 1e9 - MARGIN_S)
 
     def _count(self, topic: str, part: Part, time: Array, blank: NDArray[np.bool_]) -> None:

@@ -54,7 +54,7 @@ INPUTS = (
         "commands obeyed",
         "Commands that drove nothing, as control was not engaged, are learned as if they had.",
         "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`",
-        _measured("engaged", "engine_torque"),
+        lambda r: r.obeyed or _measured("engine_torque")(r),
     ),
 )
 

@@ -25,6 +25,7 @@ class Recording:
     `name` is the bag's name, with '#k' behind it for the k-th contiguous piece of a bag that has several.
     `start_s` is the time of the first sample since the start of the bag, `dt` the sample period in s.
     Channels absent from the source are absent from `channels`, but speed and acceleration are always there.
+    `obeyed` says that the commands are known to have driven the truck, or to be the driver's.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Recording:
     start_s: float = 0.0
     notes: tuple[str, ...] = field(default=())  # what extraction did: derived channels, rejected samples
     account: Account | None = field(default=None, compare=False)  # of the bag, log or table it came from
+    obeyed: bool = False
 
     def __len__(self) -> int:
         return len(self.channels["speed"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +86,26 @@ class Vehicle:
         """Inverse of `demands`: engine and brake command in the truck's interface."""
         engine = demands["engine"] + demands.get("retarder", 0.0) / self._retarder_gain
         return engine / self._percent, self._brake_sign * demands["brake"]
+
+    def driver_demands(self, signals: Mapping[str, float]) -> dict[str, float]:
+        """The driver's demands as engine and brake command, for recordings of what drove the truck.
+
+        Of the engine the demanded torque, or the accelerator pedal where no torque is sent and commands are
+        in percent; of the brake the pedal. A pressed brake pedal is NaN where brake commands are not in
+        percent: what deceleration or pressure it stands for is not on the bus.
+        """
+        found: dict[str, float] = {}
+        unit = self.interface["engine_unit"]
+        torque = signals.get("driver_demand_torque", math.nan)
+        if unit in ("percent", "N m") and not math.isnan(torque):
+            found["driver_engine_demand"] = torque / self._percent
+        elif unit == "percent" and "accelerator_pedal" in signals:
+            found["driver_engine_demand"] = signals["accelerator_pedal"]
+        if "brake_pedal" in signals:
+            pedal = signals["brake_pedal"]
+            known = self.interface["brake_unit"] == "percent" or pedal == 0.0
+            found["driver_brake_demand"] = pedal if known else math.nan
+        return found
 
     @property
     def _percent(self) -> float:

@@ -25,7 +25,7 @@ class Controller(DeeptruckNode):
     In real time the command is also repeated every `repeat_every_s`: the bridge takes it as a heartbeat,
     which must not depend on the radar's own rate. What counts is the age of the last whole observation: one
     topic that goes on alone keeps no command alive. With each command goes the engaged bit as the bridge told
-    it last; before a simulator, which tells nothing, it stays 0.
+    it last; a simulated truck obeys every command, so that before one it is 1.
     """
 
     def __init__(self) -> None:
@@ -38,6 +38,7 @@ class Controller(DeeptruckNode):
         self._acts_from = 0
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
         self._held = (math.nan, math.nan)
+        self._simulated = "truck_sim" in self.p["peers"]
         self._told, self._told_at = False, -math.inf  # the bridge's engaged bit; monotonic, s
         self._heard = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._counts = {"shield_acted": 0, "baseline_drove": 0}
@@ -67,7 +68,7 @@ class Controller(DeeptruckNode):
 
     def _send(self, stamp: int) -> None:
         self._sent_at = time.monotonic()
-        engaged = self._told and not self._is_old(self._told_at)
+        engaged = self._simulated or (self._told and not self._is_old(self._told_at))
         values = dict(zip(COMMAND.fields, (*self._held, float(engaged)), strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 

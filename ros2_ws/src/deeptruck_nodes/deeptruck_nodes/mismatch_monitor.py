@@ -24,6 +24,7 @@ class MismatchMonitor(DeeptruckNode):
         super().__init__("mismatch_monitor")
         limits = {name: self.p[name] for name in ("window_s", "threshold", "hold_s")}
         self._monitor = Monitor(simulators.load(self.p["simulator"]), **limits)
+        self._engaged = True  # whether the newest command drives the truck
         self._first: int | None = None
         self._spoken: Located | None = None
         self._residual = self.publish_on(MISMATCH_RESIDUAL)
@@ -36,7 +37,11 @@ class MismatchMonitor(DeeptruckNode):
         self._tell(self._monitor.hear_speed(self._seconds(message), message.twist.linear.x))
 
     def _on_command(self, message: JointState) -> None:
-        self._tell(self._monitor.hear_command(self._seconds(message), messages.read_scalars(message)))
+        values = messages.read_scalars(message)
+        self._engaged = not self.p["no_load"] and values.get("engaged") != 0.0
+        if not self._engaged:  # the driver does, whose demand the simulator is not given
+            values = {}
+        self._tell(self._monitor.hear_command(self._seconds(message), values))
 
     def _on_road(self, message: JointState) -> None:
         self._monitor.hear_road(self._seconds(message), messages.read_scalars(message))
@@ -53,7 +58,7 @@ class MismatchMonitor(DeeptruckNode):
             self._residual.publish(messages.accelerations(stamp, s.residual, s.smoothed, s.allowed))
             alarm = self._monitor.alarm
             self._speak(s.time, alarm)
-            level, says = ("ok", "as simulated") if alarm is None else ("warn", self._sentence(alarm))
+            level, says = ("ok", self._quiet()) if alarm is None else ("warn", self._sentence(alarm))
             self.diagnose(stamp, level, says, self._values(s))
 
     def _speak(self, time: float, alarm: Located | None) -> None:
@@ -61,8 +66,17 @@ class MismatchMonitor(DeeptruckNode):
         if alarm is not None and self._spoken is None:
             print(f"at {time:.0f} s: {self._sentence(alarm)}", flush=True)
         elif alarm is None and self._spoken is not None:
-            print(f"at {time:.0f} s: as simulated again; before, {self._sentence(self._spoken)}", flush=True)
+            print(
+                f"at {time:.0f} s: {self._quiet(again=True)}; before, {self._sentence(self._spoken)}",
+                flush=True,
+            )
         self._spoken = alarm
+
+    def _quiet(self, again: bool = False) -> str:
+        """While nothing stands out."""
+        if not self._engaged:
+            return "not engaged"
+        return "as simulated again" if again else "as simulated"
 
     def _sentence(self, alarm: Located) -> str:
         lasts = alarm.end - alarm.start
@@ -76,7 +90,7 @@ class MismatchMonitor(DeeptruckNode):
         stretches = [*located, alarm] if alarm else located
         values: dict[str, object] = {"residual_m_s2": s.smoothed, "segments": len(stretches)}
         values["threshold_m_s2"] = self.p["threshold"]
-        if stretches:
+        if stretches and self._engaged:  # no force is named while the simulator is not compared
             last = stretches[-1]
             start, end = (self._stamp(t) / SECOND for t in (last.start, last.end))
             values |= {"start_s": f"{start:.2f}", "end_s": f"{end:.2f}", "mean_m_s2": last.mean_m_s2}

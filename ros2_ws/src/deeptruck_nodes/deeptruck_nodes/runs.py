@@ -90,6 +90,8 @@ def drive_vehicle(
     sections |= {"leader": {}} if "leader" in given else {}
     sections |= {"controller": _controller(policy, interface), "can_bridge": {}}
     sections = _merged(sections, given, common, misfits)
+    if "mismatch_monitor" in sections:
+        sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of(lambda: road(grade))
     misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))

@@ -73,7 +73,7 @@ COMMAND = Topic(
     "/truck/command", JointState, ("controller", "replay"),
     ("truck_sim", "can_bridge", "mismatch_monitor", "recorder"),
     "every radar sample; in real time at least every 50 ms",
-    "the truck interface's units; engaged 1: the controller was told that it drives",
+    "the truck interface's units; engaged 1: they drive, as the bridge said last; a simulated truck obeys",
     ("engine_command", "brake_command", "engaged"),
 )  # fmt: skip
 ENGAGED = Topic(

@@ -48,6 +48,7 @@ function makeStrips(units, nodes) {
   add({says: "Residual", unit: "m/s²", least: 0.1, height: 160, lines: [
     {series: "residual", says: "measured less simulated", tone: "residual", style: "thin"},
     {series: "smoothed", says: "its mean of 5 s", tone: "smooth"}],
+    spans: held.slice(0, held.length - 1),
     band: {says: "the simulator allows; dotted: a warning beyond", tone: "band", more: () => Number(value("mismatch_monitor", "threshold_m_s2")) || 0}});
 }
 
@@ -81,7 +82,8 @@ function showSafety() {
     return;
   }
   const {state, engaged, not_engaged_because: why, ...rest} = said.values, on = engaged === "True";
-  say("safety", on ? `✓ Engaged: commands go to the truck. State: ${state}.` : `○ Not engaged. State: ${state}. ${said.level === "ok" ? "" : said.says}`,
+  const goes = rest.no_load === "True" ? "nothing is sent (no load)" : "commands go to the truck";
+  say("safety", on ? `✓ Engaged: ${goes}. State: ${state}.` : `○ Not engaged. State: ${state}. ${said.level === "ok" ? "" : said.says}`,
     on ? "good" : said.level === "ok" ? "waiting" : "bad");
   $("why-not").hidden = !why;
   items($("reasons"), why ? why.split("; ") : []);

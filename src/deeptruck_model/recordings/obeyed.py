@@ -1,0 +1,142 @@
+"""Commands that were obeyed: while control was not engaged they drove nothing, and the driver did.
+
+The bridge says on /truck/engaged whether it passes commands on, and each command carries that bit as the
+controller knew it. In a run with --no-load, which /diagnostics says, nothing was passed on at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.account import Account
+from deeptruck_model.recordings.bag_source import BagSource
+from deeptruck_model.recordings.interpolate import GAP_S
+from deeptruck_model.recordings.layout import Walker
+from deeptruck_model.recordings.resample import Series
+from deeptruck_model.recordings.topic_map import Source
+from deeptruck_model.signals import CHANNELS
+
+Array = NDArray[np.float64]
+
+COMMAND, DIAGNOSTICS = "/truck/command", "/diagnostics"
+ENGAGED = "engaged"
+_OF_THE_BRIDGE, _OF_THE_COMMAND = "engaged", "engaged, as the command has it"
+DRIVER = {"engine_command": "driver_engine_demand", "brake_command": "driver_brake_demand"}
+_SOURCES = {
+    _OF_THE_BRIDGE: Source("/truck/engaged", f"position[name={ENGAGED}]"),
+    _OF_THE_COMMAND: Source(COMMAND, f"position[name={ENGAGED}]"),
+}
+_LOOKED_AT = 200  # messages of /diagnostics in which the bridge must have spoken
+_NOTHING = Series(np.zeros(0), np.zeros(0))
+
+
+def with_engaged(sources: Mapping[str, Source]) -> dict[str, Source]:
+    """The sources; for commands among them also the engaged bits, and the driver's demands in their units."""
+    commands = [c for c in DRIVER if c in sources and sources[c].topic == COMMAND]
+    demands = {
+        DRIVER[c]: replace(sources[c], topic="/truck/status", field=f"position[name={DRIVER[c]}]")
+        for c in commands
+    }
+    return {**sources, **demands, **(_SOURCES if commands else {})}
+
+
+def no_load(bag: BagSource) -> bool:
+    """Whether the bridge said that it sends nothing."""
+    kind, walker = bag.topics.get(DIAGNOSTICS, ""), Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
+    if COMMAND not in bag.topics or kind not in walker.definitions:
+        return False
+    for _, _, message in islice(bag.messages({DIAGNOSTICS}), _LOOKED_AT):
+        texts = walker.walk(kind, message).texts
+        for path, found in texts.items():
+            if path.endswith(".key") and found == ["no_load"]:
+                return texts.get(f"{path.removesuffix('key')}value") == ["True"]
+    return False
+
+
+class Obedience:
+    """Takes the samples of commands that were not obeyed out, and puts the driver's demand in their place."""
+
+    def __init__(self, sources: Mapping[str, Source], account: Account, *, no_load: bool) -> None:
+        self.known = False  # whether it was recorded which commands were obeyed
+        self._commands = [c for c in DRIVER if c in sources and sources[c].topic == COMMAND]
+        self._account, self._no_load = account, no_load
+        self._bits = dict.fromkeys((_OF_THE_BRIDGE, _OF_THE_COMMAND), _NOTHING)
+        self._driven = dict.fromkeys(self._commands, False)  # whether the driver's demand is recorded
+        self._taken = dict.fromkeys(self._commands, 0)  # its samples that took a command's place
+
+    def resolved(self, series: dict[str, Series]) -> dict[str, Series]:
+        """Channels from parts of all topics up to one time, each later than those before.
+
+        Commands have the samples given while control was engaged, and those of the driver's demand while it
+        was not; a NaN ends a command that nobody took over from.
+        """
+        channels = {name: one for name, one in series.items() if name in CHANNELS}
+        bits = self._engaged(series)
+        if self.known:
+            for command in self._commands:
+                driver = series.get(DRIVER[command], _NOTHING)
+                channels[command] = self._merged(command, series.get(command, _NOTHING), driver, bits)
+        return channels
+
+    def _engaged(self, series: dict[str, Series]) -> Series:
+        """The engaged bits from the last one of the parts before on: the bridge's where it is recorded."""
+        for name, before in self._bits.items():
+            new = series.get(name, _NOTHING)
+            there = ~np.isnan(new.values)
+            values = np.zeros(int(there.sum())) if self._no_load else new.values[there]
+            time = np.concatenate([before.time[-1:], new.time[there]])
+            self._bits[name] = Series(time, np.concatenate([before.values[-1:], values]))
+        bridge, command = self._bits.values()
+        self.known = self.known or bool(len(bridge.time) or len(command.time))
+        return bridge if len(bridge.time) else command
+
+    def _merged(self, command: str, given: Series, driver: Series, bits: Series) -> Series:
+        engaged = _held(bits, given.time)
+        obeyed = engaged == 1.0
+        driving = _held(bits, driver.time) == 0.0
+        self._driven[command] |= bool(len(driver.time)) and not np.isnan(driver.values).all()
+        ends = bits.time[1:][(bits.values[:-1] == 1.0) & (bits.values[1:] != 1.0)]
+        if self._driven[command]:
+            ends = ends[:0]  # the driver's next sample ends the command
+        time = np.concatenate([given.time[obeyed], driver.time[driving], ends])
+        values = np.concatenate([given.values[obeyed], driver.values[driving], np.full(len(ends), np.nan)])
+        order = np.argsort(time, kind="stable")
+        self._taken[command] += int((~np.isnan(driver.values[driving])).sum())
+        tally = self._account.channel(command)
+        tally.read += int((~np.isnan(values)).sum())
+        for reason, these in (
+            ("given while control was not engaged, so that they drove nothing", ~obeyed & ~np.isnan(engaged)),
+            ("given while it was not recorded whether control was engaged", np.isnan(engaged)),
+        ):
+            aside = these & ~np.isnan(given.values)
+            if aside.any():
+                tally.read += int(aside.sum())
+                tally.set_aside(reason, f"at {given.time[int(np.argmax(aside))]:.6g} s", int(aside.sum()))
+        return Series(time[order], values[order])
+
+    def remarks(self) -> list[str]:
+        """What took the place of the commands that were not obeyed."""
+        lines = ["the bridge sent nothing (--no-load): no command was obeyed"] if self._no_load else []
+        for command, taken in self._taken.items():
+            if taken:
+                lines.append(f"{command}: the driver's demand while control was not engaged, {taken} samples")
+            elif self._account.channel(command).aside:
+                lines.append(
+                    f"{command}: no driver's demand is recorded ({DRIVER[command]} on /truck/status) to take "
+                    "the place of commands that drove nothing"
+                )
+        return lines
+
+
+def _held(bits: Series, time: Array) -> Array:
+    """The newest bit at each time (n,), NaN where there is none or it is too old to hold."""
+    if not len(bits.time):
+        return np.full(len(time), np.nan)
+    index = np.searchsorted(bits.time, time, side="right") - 1
+    safe = np.maximum(index, 0)
+    return np.where((index >= 0) & (time - bits.time[safe] <= GAP_S), bits.values[safe], np.nan)
