@@ -45,6 +45,13 @@ EXPERIMENT = Result(
     ),
 )
 
+PAPER_PAGE, PICTURES, WORK = "paper.md", "paper", "work"
+PAPER_HALVES = ("modelling.md", "control.md")
+BESIDE_PAPER = Result(
+    "a page beside the paper",
+    (PAPER_PAGE, f"{PICTURES}/*", *(f"{WORK}{'/*' * depth}" for depth in range(1, 8))),
+)
+
 FIGURES = (
     "timeline",
     "regimes",

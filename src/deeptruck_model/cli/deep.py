@@ -225,6 +225,7 @@ class Experiment(StrEnum):
     error_statistics = "error-statistics"
     learning_curves = "learning-curves"
     field = "field"
+    paper = "paper"
     classics = "classics"
     minutes = "minutes"
 
@@ -244,15 +245,24 @@ def experiment(
     mode: Annotated[
         Mode, typer.Option(help="paper: the paper's recipe, for error-statistics and field.")
     ] = Mode.default,
+    workers: Annotated[int, typer.Option(help="Trucks learned side by side, for paper.", min=1)] = 1,
     overwrite: Overwrite = False,
 ) -> None:
     """Repeat an experiment of the paper on the reference trucks: figures, table and metrics.json.
+
+    'paper' writes paper.md, all figures of the paper beside ours; a stopped run goes on where it was.
 
     Example: deeptruck-model experiment error-statistics --seeds 30
     """
     if mode is not Mode.default and name not in MODED:
         raise InputError(f"{name.value} has no --mode; {' and '.join(e.value for e in MODED)} have")
     folder = out / name.value
+    if name is Experiment.paper:
+        from deeptruck_model.deep.experiments import modelling_page
+
+        modelling_page.experiment(folder, seeds, budget, workers, say=lambda line: typer.echo(line, err=True))
+        typer.echo(f"written: {folder / results.PAPER_PAGE}")
+        return
     results.EXPERIMENT.check(folder, overwrite=overwrite)
     given: dict[str, Any] = {"seeds": seeds} if seeds else {}
     given |= {"mode": mode.value} if name in MODED else {}

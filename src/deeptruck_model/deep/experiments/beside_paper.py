@@ -13,7 +13,8 @@ import numpy as np
 from deeptruck_model import files
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
-from deeptruck_model.deep.experiments.learning_curves import Unseen
+from deeptruck_model.deep.experiments.learning_curves import COLOURS, Unseen
+from deeptruck_model.deep.experiments.output import sample_trials
 from deeptruck_model.deep.experiments.setup import (
     FIELD_RUNS,
     FIELD_S,
@@ -30,15 +31,20 @@ from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED
-from deeptruck_model.simulators import free_run
 
 RECIPES: dict[str, Arguments] = {
     "paper": PAPER,
     "default": Arguments(),
     "unaided": Arguments(teach=0.0),
 }
-TRANSIENT_S = 2.0
-SAMPLE = slice(3000, 5001)  # 200 s
+SHORT = replace(PAPER, updates=4560, rounds=6)  # 60 passes, looked at where PAPER is
+VARIANTS: dict[str, Arguments] = {
+    "slower": replace(SHORT, learning_rate=0.005),
+    "clipped": replace(SHORT, clip=1.0),
+    "free": replace(SHORT, form="deployment"),
+}
+"""The paper's recipe with one thing changed, to see what parts its two forms."""
+TRANSIENT_S, TRANSIENT_OF_SAMPLE_S = 2.0, 10.0
 BY_FEEDBACK = 6  # rounds from one look at the feedback to the next
 
 
@@ -76,64 +82,58 @@ def learn(job: Job) -> dict[str, Any]:
         return dict(found)
     training, test = drives(job.truck)
     curves = Path(job.work) / f"{job.name}.jsonl"
-    watched = job.truck == "trucksim" and job.recipe == "paper"
+    watched = job.truck == "trucksim" and (job.recipe == "paper" or job.recipe in VARIANTS)
     observe = _observer(curves) if watched else None
-    arguments = replace(RECIPES[job.recipe], seed=job.seed, updates=job.updates)
+    recipe = (RECIPES | VARIANTS)[job.recipe]
+    arguments = replace(recipe, seed=job.seed, updates=job.updates or recipe.updates)
     truck = train([training], job.folder, arguments, resumes=True, observe=observe)
-    found = {"budget": job.updates, **_measured(truck, test, job.truck == "trucksim")}
+    found = {"name": job.name, "budget": job.updates}
+    found |= _measured(truck, training, test, long=job.truck == "trucksim")
     if watched:
-        found["curves"] = _read(curves, truck)
+        found |= _converged(_read(curves, truck))
     files.write(kept, json.dumps(found).encode())
     return found
 
 
-def runs_of(truck: DeepTruck, test: Recording, long: bool) -> Trials:
+def runs_of(truck: DeepTruck, test: Recording, *, long: bool) -> Trials:
     """The paper's: 90 of 40 s, or in the field 10 of 15 s."""
     count, horizon_s = (TRIALS, HORIZON_S) if long else (FIELD_RUNS, FIELD_S)
     return trials(truck, [test], count, horizon_s)
 
 
-def sample(truck: DeepTruck, test: Recording) -> Trials:
-    """One run of 200 s, initialised once."""
-    piece = test.piece(SAMPLE.start, SAMPLE.stop)
-    modelled = free_run(truck, piece.u[None], piece.w[None], piece.y[:1]).y
-    return Trials(piece.u[None], piece.w[None], piece.y[None], modelled, truck.dt, truck.interface.y)
-
-
-def _measured(truck: DeepTruck, test: Recording, long: bool) -> dict[str, Any]:
-    runs = runs_of(truck, test, long)
-    found = {**statistics(runs), "updates": truck.details["training"]["updates"], "band": _bands(runs)}
-    found["passes"] = passes(truck, found["updates"])
+def _measured(truck: DeepTruck, training: Recording, test: Recording, *, long: bool) -> dict[str, Any]:
+    runs, updates = runs_of(truck, test, long=long), truck.details["training"]["updates"]
+    known = training.channels["speed"]
+    low, high = float(np.nanmin(known)), float(np.nanmax(known))
+    speeds = runs.measured[..., SPEED]
+    inside = (speeds >= low).all(axis=1) & (speeds <= high).all(axis=1)
+    found = {**statistics(runs), "updates": updates, "passes": passes(truck, updates)}
+    found |= {"largest_fuel": float(np.nanmax(training.channels["fuel_rate"]))}
+    found |= {"taught": truck.details["taught"], "band": _bands(runs), "inside": int(inside.sum())}
+    if inside.any():
+        u, w, measured, modelled = (x[inside] for x in (runs.u, runs.w, runs.measured, runs.modelled))
+        found["band_inside"] = _bands(Trials(u, w, measured, modelled, runs.dt, runs.channels))
     if long:
-        one = sample(truck, test)
-        size = np.abs(one.error[0])
-        first = round(10.0 / one.dt)
-        found["sample"] = {
-            "largest_in_10_s": size[:first].max(axis=0).tolist(),
-            "largest_later": size[first:].max(axis=0).tolist(),
-            "sd_by_50_s": [float(part.std()) for part in np.split(one.error[0, 1:, SPEED], 4)],
-        }
+        size = np.abs(sample_trials(truck, test).error[0, :, SPEED])
+        first = round(TRANSIENT_OF_SAMPLE_S / runs.dt)
+        found |= {"start": float(size[:first].max()), "later": float(size[first:].max())}
     return found
 
 
-def _bands(runs: Trials) -> dict[str, dict[str, float]]:
-    """What the paper reads off its error figures: extremes over time of the mean and of mean -+ sd, and the
-    largest mean magnitude at any time; also without the first TRANSIENT_S."""
+def _bands(runs: Trials) -> dict[str, dict[str, Any]]:
+    """What the paper reads off its error figures: the ends over time of mean - sd and mean + sd, of the mean
+    alone once the transient is over, and the largest mean magnitude at any time."""
     mean, sd = against_time(runs)
-    size = np.nanmean(np.abs(runs.error), axis=0)
-    settled = round(TRANSIENT_S / runs.dt)
+    size, settled = np.nanmean(np.abs(runs.error), axis=0), round(TRANSIENT_S / runs.dt)
     found = {}
     for j, name in enumerate(runs.channels):
+        low, high, middle = (mean - sd)[:, j], (mean + sd)[:, j], mean[settled:, j]
         found[name] = {
-            "least": float((mean - sd)[1:, j].min()),
-            "most": float((mean + sd)[1:, j].max()),
-            "settled_least": float((mean - sd)[settled:, j].min()),
-            "settled_most": float((mean + sd)[settled:, j].max()),
-            "mean_least": float(mean[settled:, j].min()),
-            "mean_most": float(mean[settled:, j].max()),
-            "mean": float(mean[settled:, j].mean()),
+            "range": [float(low[1:].min()), float(high[1:].max())],
+            "settled": [float(low[settled:].min()), float(high[settled:].max())],
+            "mean_range": [float(middle.min()), float(middle.max())],
+            "mean": float(middle.mean()),
             "largest_mean_abs": float(size[1:, j].max()),
-            "largest_mean_abs_settled": float(size[settled:, j].max()),
         }
     return found
 
@@ -158,3 +158,13 @@ def _read(curves: Path, truck: DeepTruck) -> list[dict[str, Any]]:
     """A line for each number of updates; of a killed run the last word counts."""
     lines = {line["updates"]: line for line in map(json.loads, curves.read_text().splitlines())}
     return [{"passes": passes(truck, done), **lines[done]} for done in sorted(lines)]
+
+
+def _converged(curves: list[dict[str, Any]]) -> dict[str, Any]:
+    """The curves, where they end, and by which share that differs from the middle of the training."""
+    middle, end = curves[(len(curves) - 1) // 2], curves[-1]
+    return {
+        "curves": curves,
+        "end": {form: end[form] for form in COLOURS},
+        "change": {form: end[form] / middle[form] - 1.0 for form in COLOURS},
+    }

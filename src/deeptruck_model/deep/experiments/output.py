@@ -20,11 +20,16 @@ from deeptruck_model.signals import CHANNELS, SPEED, printed
 from deeptruck_model.simulators import free_run
 
 
-def sample_run(truck: DeepTruck, test: Recording, path: Path) -> None:
-    """One run of 200 s, initialised once, and its error."""
+def sample_trials(truck: DeepTruck, test: Recording) -> Trials:
+    """One run of 200 s, initialised once."""
     piece = test.piece(3000, 5001)
     modelled = free_run(truck, piece.u[None], piece.w[None], piece.y[:1]).y
-    runs = Trials(piece.u[None], piece.w[None], piece.y[None], modelled, truck.dt, truck.interface.y)
+    return Trials(piece.u[None], piece.w[None], piece.y[None], modelled, truck.dt, truck.interface.y)
+
+
+def sample_run(truck: DeepTruck, test: Recording, path: Path) -> None:
+    """Figure of one run of 200 s and its error."""
+    runs = sample_trials(truck, test)
     figure = Figure(figsize=(9, 7), layout="constrained")
     axes = figure.subplots(len(runs.channels), 2, sharex=True)
     for j, name in enumerate(runs.channels):

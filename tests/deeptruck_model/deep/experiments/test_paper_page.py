@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from deeptruck_model.cli import whole
+from deeptruck_model.deep.experiments import beside_paper, modelling_page, paper_page
+from deeptruck_model.deep.experiments.paper_page import Row, at
+from deeptruck_model.deep.experiments.setup import TRAIN_SEED, drive_of
+
+SPEED = Row("speed", "within 1.5", at("speed"), most=1.5)
+
+
+def test_a_cell_is_the_median_and_bold_where_it_misses() -> None:
+    assert SPEED.cell([{"speed": 1.0}]) == "1.00"
+    assert SPEED.cell([{"speed": x} for x in (1.0, 1.2, 9.0)]) == "1.20 (1.00 to 9.00)"
+    assert SPEED.cell([{"speed": 2.0}]) == "**2.00**"
+    band = Row("band", "-0.5 to 1", at("band", "speed"), -0.5, 1.0)
+    assert band.cell([{"band": {"speed": [-0.4, 0.9]}}]) == "-0.40 to 0.90"
+    assert band.cell([{"band": {"speed": [-0.6, 0.9]}}]) == "**-0.60 to 0.90**"
+    assert band.cell([]) == band.cell([{}]) == "-"
+    assert Row("share", "", at("share"), form="{:.0%}").cell([{"share": 0.5}]) == "50 %"
+
+
+def test_a_table_says_how_many_seeds_ran() -> None:
+    lines = paper_page.table([SPEED], {"its recipe": [{"speed": 1.0}], "ours": []})
+    assert lines[2] == "| seeds | | 1 | not run |" and lines[3] == "| speed | within 1.5 | 1.00 | - |"
+
+
+@pytest.fixture
+def little(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nine minutes of every truck, one of the two field trucks and one variant."""
+    volvo = {"volvo": modelling_page.FIELD_ROWS["volvo"]}
+    monkeypatch.setattr(modelling_page, "FIELD_ROWS", volvo)
+    monkeypatch.setattr(modelling_page, "VARIANTS", {"slower": beside_paper.VARIANTS["slower"]})
+    whole = drive_of("trucksim", 9, TRAIN_SEED)
+    monkeypatch.setattr(beside_paper, "drives", lambda truck: (whole, whole))
+    monkeypatch.setattr(modelling_page, "drives", beside_paper.drives)
+    monkeypatch.setattr(beside_paper, "drive_of", lambda *_: whole.piece(0, 600))
+
+
+@pytest.mark.usefixtures("little")
+def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeypatch: Any) -> None:
+    command = ["experiment", "paper", "--seeds", "1", "--budget", "2", "--out", str(tmp_path)]
+    done = CliRunner().invoke(whole(), command)
+    assert done.exit_code == 0, done.output
+    out = tmp_path / "paper"
+    page = (out / "paper.md").read_text()
+    assert page.count("| seeds | | 1 | 1 | 1 |") == 2
+    assert "### Why the deployment form stays above" in page and "| a quarter of the step |" in page
+    assert "is taught engine_speed, engine_torque, gear besides" in page
+    for name in (*modelling_page.CAPTIONS, "volvo.png"):
+        assert f"(paper/{name})" in page and (out / "paper" / name).stat().st_size > 5000
+    found = json.loads((out / "work" / "trucksim-paper-0.json").read_text())
+    assert found["updates"] == 2 and found["taught"] == [] and len(found["curves"]) == 2
+    monkeypatch.setattr(beside_paper, "train", None)  # nothing is trained again
+    again = CliRunner().invoke(whole(), command)
+    assert again.exit_code == 0 and (out / "paper.md").read_text() == page
+    (out / "notes.txt").write_text("mine")
+    refused = CliRunner().invoke(whole(), command)
+    assert refused.exit_code != 0 and "notes.txt, which is no part of a page beside" in str(refused.exception)
+
+
+@pytest.mark.usefixtures("little")
+def test_what_a_killed_training_observed_counts_once(tmp_path: Path) -> None:
+    job = beside_paper.Job(str(tmp_path), "trucksim", "paper", 0, 2)
+    tmp_path.joinpath(f"{job.name}.jsonl").write_text('{"updates": 1, "training": 9.0, "deployment": 9.0}\n')
+    curves = beside_paper.learn(job)["curves"]
+    assert [line["updates"] for line in curves] == [1, 2] and curves[0]["training"] != 9.0
