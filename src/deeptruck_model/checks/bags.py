@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Literal
 
 import yaml
@@ -82,10 +82,14 @@ def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -
         _check_magic(path)
         return BagFacts(path, None, None, mapped)
     _check_folder(path)
-    information = _information(path / METADATA)
+    if not (path / METADATA).is_file():
+        return BagFacts(path, None, None, mapped)
+    information = information_of(path / METADATA)
     try:
         messages = _messages(information)
-        missing = [name for name in information["relative_file_paths"] if not (path / name).is_file()]
+        missing = [
+            name for name in information["relative_file_paths"] if not data_file(path, str(name)).is_file()
+        ]
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path / METADATA} is damaged ({error!r}); {_MEND}") from None
     one = BagFacts(path, _interface(path, information), messages, mapped)
@@ -140,12 +144,21 @@ def _check_folder(path: Path) -> None:
     if any(path.glob("*.mcap")):
         raise InputError(
             f"{path} is not a finished bag (it has no {METADATA}); "
-            "if its recorder was killed, mend it with 'deeptruck-model repair'"
+            f"if its recorder was killed, mend it with 'deeptruck-model repair {path}'"
         )
-    raise InputError(f"{path} is no bag: it has no {METADATA} and no .mcap file; give the folder of a bag")
+    if any(path.glob("*.db3")):  # a database is whole at any time
+        return
+    raise InputError(
+        f"{path} is no bag: it has no {METADATA} and no .mcap or .db3 file; give the folder of a bag"
+    )
 
 
-def _information(file: Path) -> dict[str, Any]:
+def data_file(folder: Path, name: str) -> Path:
+    """A file of a bag by its name in metadata.yaml, before which some recorders put a folder."""
+    return folder / name if (folder / name).is_file() else folder / PurePath(name).name
+
+
+def information_of(file: Path) -> dict[str, Any]:
     """What metadata.yaml says, by the fastest parser there is: a bag of many files has a long one."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:

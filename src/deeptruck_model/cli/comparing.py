@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from deeptruck_model import checks, results
-from deeptruck_model.cli.inputs import ClockOption, Overwrite, TopicMap, mapped
+from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
 
 _HELP = """Show drives side by side, aligned in time and along a shared road.
@@ -38,6 +38,7 @@ def compare(
     ] = None,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
     given = _offsets(offset_s or [])
@@ -52,7 +53,7 @@ def compare(
     from deeptruck_model.compare import write
     from deeptruck_model.compare.alignment import By
 
-    found = compared(sides, given=given, topic_map=topic_map, clock=clock)
+    found = compared(sides, given=given, topic_map=topic_map, clock=clock, msg=msg or ())
     with results.COMPARISON.replacing(out, overwrite=overwrite) as draft:
         write(found, draft)
     for c in found.compared[1:]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks, files, reading, results
-from deeptruck_model.cli.inputs import ClockOption, Overwrite, TopicMap, mapped, show_accounts
+from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, mapped, show_accounts
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def suggest_map(
     out: Annotated[
         Path | None, typer.Option(help="YAML file to write; without it the map is printed", metavar="FILE")
     ] = None,
+    msg: MessageFiles = None,
 ) -> None:
     """Say what a bag or table holds, and which of it may be which channel."""
     from deeptruck_model.recordings import import_checks
@@ -99,7 +100,7 @@ def suggest_map(
     else:
         from deeptruck_model.recordings import suggest
 
-        found = suggest(source)
+        found = suggest(source, msg or ())
         _tell_topics(found)
     what, option = ("columns", "--columns") if table else ("topic map", "--topic-map")
     if out is None:
@@ -137,6 +138,7 @@ def import_log(
     ],
     out: Annotated[Path, typer.Option(help="the bag to write, a new folder")],
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Import one table, CAN log or bag."""
@@ -145,7 +147,7 @@ def import_log(
     import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     from deeptruck_model.recordings import import_table
 
-    done = import_table(table, columns, out, overwrite=overwrite, clock=clock)
+    done = import_table(table, columns, out, overwrite=overwrite, clock=clock, msg=msg or ())
     seconds = sum(len(r) * r.dt for r in done.recordings)
     pieces = len(done.recordings)
     print(f"{done.bag}: {seconds:.1f} s in {pieces} piece{'s' if pieces != 1 else ''}")
@@ -170,6 +172,7 @@ def table_of(
     ] = 10.0,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
 ) -> None:
     """Write the recordings of bags as a table."""
     checks.every(
@@ -180,7 +183,7 @@ def table_of(
     from deeptruck_model.recordings import check_table, read_all, write_table
 
     check_table(out)
-    recordings = read_all(bags, topic_map=topic_map, rate_hz=rate_hz, clock=clock)
+    recordings = read_all(bags, topic_map=topic_map, rate_hz=rate_hz, clock=clock, msg=msg or ())
     show_accounts(recordings)
     write_table(out, recordings)
     samples = sum(map(len, recordings))
@@ -193,6 +196,7 @@ def show_coverage(
     out: Annotated[Path, typer.Option(help="folder for coverage.json, .png and .html")],
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Draw what the bags hold."""
@@ -208,7 +212,9 @@ def show_coverage(
     from deeptruck_model.recordings.not_recorded import sentence
 
     bar = partial(track, description="reading", disable=len(bags) < 2, console=Console(stderr=True))
-    recordings = read_all(bags, topic_map=topic_map, clock=clock, mixed_clocks=True, progress=bar)
+    recordings = read_all(
+        bags, topic_map=topic_map, clock=clock, mixed_clocks=True, msg=msg or (), progress=bar
+    )
     found = coverage(recordings)
     found.save(out, overwrite=overwrite)
     for missing in found.not_recorded:

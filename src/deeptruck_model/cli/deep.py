@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deeptruck_model import checks, files, results
-from deeptruck_model.cli.inputs import Bags, ClockOption, Overwrite, TopicMap, deep_truck, mapped, read
+from deeptruck_model.cli.inputs import (
+    Bags,
+    ClockOption,
+    MessageFiles,
+    Overwrite,
+    TopicMap,
+    deep_truck,
+    mapped,
+    read,
+)
 from deeptruck_model.cli.judging import calibrate, evaluate
 from deeptruck_model.errors import InputError
 
@@ -62,6 +71,7 @@ def train(
     ] = 1,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
 ) -> None:
     """Train a deep truck on recordings of one truck.
 
@@ -83,7 +93,7 @@ def train(
         members=members,
         start="" if start is None else str(start),
     )
-    _train(read(bags, topic_map, clock), out, arguments, resumes=resume, overwrite=overwrite)
+    _train(read(bags, topic_map, clock, msg), out, arguments, resumes=resume, overwrite=overwrite)
 
 
 def _train(
@@ -136,6 +146,7 @@ def sweep(
     ] = False,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Train a grid of settings and seeds, and rank them on held-out driving.
@@ -165,6 +176,7 @@ def sweep(
         engine=engine.value,
         topic_map=topic_map,
         clock=clock,
+        msg=msg or (),
         resumes=resume,
         overwrite=overwrite,
         tell=say,

@@ -38,6 +38,10 @@ ClockOption = Annotated[
         "--clock", help="Time every topic by header stamps or by log times, where their clocks differ."
     ),
 ]
+MessageFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--msg", help=".msg files of messages whose definition the bags lack.", metavar="FILE"),
+]
 
 
 def present(*paths: Path, cure: str = "") -> None:
@@ -66,11 +70,16 @@ def mapped(topic_map: Path | None) -> Mapped | None:
     return facts(topic_map)
 
 
-def read(bags: list[Path], topic_map: Path | None = None, clock: Clock | None = None) -> list[Recording]:
+def read(
+    bags: list[Path],
+    topic_map: Path | None = None,
+    clock: Clock | None = None,
+    msg: list[Path] | None = None,
+) -> list[Recording]:
     """The recordings of all bags, in their order; shows their accounts. Raises InputError as `read` does."""
     from deeptruck_model.recordings import read_all
 
-    recordings = read_all(bags, topic_map=topic_map, clock=clock)
+    recordings = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ())
     show_accounts(recordings)
     return recordings
 

@@ -13,6 +13,7 @@ from deeptruck_model.cli.inputs import (
     SIMULATOR,
     Bags,
     ClockOption,
+    MessageFiles,
     Overwrite,
     TopicMap,
     deep_truck,
@@ -37,6 +38,7 @@ def evaluate(
     seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Open-loop error statistics of a simulator on recordings: metrics.json and figures.
@@ -52,7 +54,7 @@ def evaluate(
     from deeptruck_model import simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
-    truck, recordings = simulators.load(simulator), read(bags, topic_map, clock)
+    truck, recordings = simulators.load(simulator), read(bags, topic_map, clock, msg)
     metrics = evaluate_simulator(
         truck, recordings, out, trials, horizon, seed, overwrite=overwrite, named=simulator
     )
@@ -80,6 +82,7 @@ def calibrate(
     out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is worth it.
@@ -95,7 +98,7 @@ def calibrate(
     from deeptruck_model.deep import card, remarks, uncertainty
     from deeptruck_model.deep.data import duplicates
 
-    truck, recordings = deep_truck(simulator), read(bags, topic_map, clock)
+    truck, recordings = deep_truck(simulator), read(bags, topic_map, clock, msg)
     duplicates.refuse_twice(recordings)
     calibrated = uncertainty.calibrated(truck, recordings)
     card.publish_calibrated(calibrated, recordings, Path(simulator), out, overwrite)

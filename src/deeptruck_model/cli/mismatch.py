@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
-from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, Overwrite, TopicMap, mapped, show_accounts
+from deeptruck_model.cli.inputs import (
+    SIMULATOR,
+    ClockOption,
+    MessageFiles,
+    Overwrite,
+    TopicMap,
+    mapped,
+    show_accounts,
+)
 from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
@@ -40,6 +48,7 @@ def mismatch(
     ] = None,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     exclude: Annotated[
         list[str] | None,
         typer.Option(metavar="EFFECT", help="Leave this effect out of the library; repeat for more."),
@@ -65,7 +74,7 @@ def mismatch(
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
         fit, held = (
-            rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others, clock=clock)
+            rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others, clock=clock, msg=msg or ())
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
         show_accounts([*fit, *held])
@@ -85,7 +94,9 @@ def mismatch(
             mass_kg=mass_kg,
         )
         say("writing the report")
-        asked = Asked(out, simulator, tuple(recordings), tuple(held_out), topic_map, mass_kg, clock)
+        asked = Asked(
+            out, simulator, tuple(recordings), tuple(held_out), topic_map, mass_kg, clock, tuple(msg or ())
+        )
         fill(draft, found, asked)
     _tell(found, asked)
 
@@ -151,6 +162,7 @@ def road(
     ] = None,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write recordings again with the slope that was recovered as their grade, to train a truck on it.
@@ -168,7 +180,10 @@ def road(
     from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
     from deeptruck_model.mismatch.correction.road_of_another import with_road_of_another
 
-    roads, read = Roads.read(directory), rec.read_all(recordings, topic_map=topic_map, clock=clock)
+    roads, read = (
+        Roads.read(directory),
+        rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ()),
+    )
     if other is None:
         made, left_out = with_road(roads, read)
         notes = [f"left out, as no slope was told of them: {', '.join(left_out)}"] if left_out else []

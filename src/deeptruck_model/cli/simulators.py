@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks, files, results
-from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, Overwrite, TopicMap, mapped
+from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, MessageFiles, Overwrite, TopicMap, mapped
 from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
@@ -112,6 +112,7 @@ def calibrate_truck(
     held_out: Annotated[list[Path] | None, typer.Option(help="Bags used only to judge.")] = None,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
+    msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Fit a physics truck's parameters to recordings, and say which of them these do not tell.
@@ -135,7 +136,9 @@ def calibrate_truck(
         from deeptruck_model.mismatch.calibration import calibrate
 
         fit, held = (
-            rec.read_all(bags, topic_map=topic_map, rate_hz=1.0 / given.dt, among=others, clock=clock)
+            rec.read_all(
+                bags, topic_map=topic_map, rate_hz=1.0 / given.dt, among=others, clock=clock, msg=msg or ()
+            )
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
         found = calibrate(given, fit, held, say=say)

@@ -48,13 +48,14 @@ def compare(
     given: Mapping[str, float] | None = None,
     topic_map: Path | None = None,
     clock: Clock | None = None,
+    msg: Sequence[Path] = (),
 ) -> Comparison:
     """Bags, or simulators along bags ('SIM@BAG'), of which the first is the one to compare with.
 
     `given` are offsets in s by the names of sides, in place of those that agree best. Raises InputError as
     `recordings.read`, and for a name that is none.
     """
-    loaded = sides.load(texts, STEP_S, topic_map, clock)
+    loaded = sides.load(texts, STEP_S, topic_map, clock, msg)
     unknown = set(given or ()) - {s.name for s in loaded[1:]}
     if unknown:
         names = ", ".join(s.name for s in loaded[1:])

@@ -48,13 +48,17 @@ class Side:
 
 
 def load(
-    texts: Sequence[str], step_s: float, topic_map: Path | None = None, clock: Clock | None = None
+    texts: Sequence[str],
+    step_s: float,
+    topic_map: Path | None = None,
+    clock: Clock | None = None,
+    msg: Sequence[Path] = (),
 ) -> list[Side]:
     """The sides in their order, each named as it was given. Raises InputError as `recordings.read`."""
     out = []
     for name, text in zip(short_names(texts), texts, strict=True):
         simulator, bag = split_name(text)
-        recordings = read(bag, topic_map=topic_map, clock=clock)
+        recordings = read(bag, topic_map=topic_map, clock=clock, msg=msg)
         if simulator is not None:
             recordings = _driven(simulators.load(simulator), recordings, text)
         out.append(replace(_side(name, recordings, step_s), simulated=simulator or "", bag=bag))

@@ -32,6 +32,7 @@ class Job(NamedTuple):
     settings: sweeps.Settings
     topic_map: str | None = None
     clock: Clock | None = None
+    msg: tuple[str, ...] = ()
 
 
 def sweep(
@@ -44,6 +45,7 @@ def sweep(
     engine: str = "processes",
     topic_map: str | Path | None = None,
     clock: Clock | None = None,
+    msg: Sequence[str | Path] = (),
     resumes: bool = False,
     overwrite: bool = False,
     tell: Callable[[str], None] = lambda line: None,
@@ -63,6 +65,7 @@ def sweep(
         check_start(SWEEP, out, resume=False, overwrite=overwrite)
     paths = tuple(str(Path(bag).resolve()) for bag in bags)
     goes_on = resumes and SWEEP.signed(out)  # by its names alone it may be somebody else's
+    definitions = tuple(str(Path(file).resolve()) for file in msg)
     by_map = None if topic_map is None else str(Path(topic_map).resolve())
     with SWEEP.going_on(out, overwrite=overwrite or goes_on) as draft:
         if resumes:
@@ -70,7 +73,14 @@ def sweep(
         else:
             SWEEP.anew(out)
         jobs = [
-            Job(paths, str(_folder(draft, settings, seed)), {**settings, "seed": seed}, by_map, clock)
+            Job(
+                paths,
+                str(_folder(draft, settings, seed)),
+                {**settings, "seed": seed},
+                by_map,
+                clock,
+                definitions,
+            )
             for seed in range(seeds)
             for settings in chosen
         ]
@@ -110,7 +120,7 @@ def train_one(job: Job) -> str:
     of it where that is not a truck."""
     from deeptruck_model.deep.training import DivergedError, train
 
-    drives = recordings.read_all(job.bags, topic_map=job.topic_map, clock=job.clock)
+    drives = recordings.read_all(job.bags, topic_map=job.topic_map, clock=job.clock, msg=job.msg)
     with redirect_stderr(io.StringIO()):  # progress bars of several workers would overwrite each other
         try:
             train(drives, Path(job.folder), arguments_of(job.settings), resumes=True)

@@ -10,12 +10,11 @@ from __future__ import annotations
 import mmap
 import os
 import struct
-import tempfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
-import zstandard
 from mcap.opcode import Opcode
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -38,16 +37,48 @@ class Records:
 
 
 def check_ros1(file: Path) -> None:
-    """Walk the records of a ROS 1 bag. Raises DamagedError where one is longer than the file."""
+    """Follow the index of a ROS 1 bag, as its readers do: bytes that it does not lead to may be anything.
+
+    Raises DamagedError where a record is longer than the file, or where there is no index.
+    """
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
-        at = stream.seek(0) + len(stream.readline(_FIRST_LINE))
-        while at < size:
-            for part in ("head", "content"):
-                stream.seek(at)
-                at += 4 + int.from_bytes(stream.read(4), "little")
-                if at > size:
-                    raise DamagedError(f"the {part} of a record is longer than the file")
+        stream.seek(0)
+        stream.readline(_FIRST_LINE)
+        begin = _ros1_record(stream, size)
+        at = int.from_bytes(begin.get(b"index_pos", b""), "little")
+        if not at:
+            raise DamagedError(
+                "it has no index, as its recorder was killed: 'rosbag reindex' of ROS 1 makes one"
+            )
+        stream.seek(at)
+        while stream.tell() < size:
+            info = _ros1_record(stream, size)
+            if info.get(b"op") != b"\x06":  # of a chunk
+                continue
+            back = stream.tell()
+            stream.seek(int.from_bytes(info.get(b"chunk_pos", b""), "little"))
+            for _ in range(1 + int.from_bytes(info.get(b"count", b""), "little")):
+                _ros1_record(stream, size)  # the chunk, and an index record for each of its connections
+            stream.seek(back)
+
+
+def _ros1_record(stream: BinaryIO, size: int) -> dict[bytes, bytes]:
+    """The header fields of the record here; the stream goes to the next one."""
+    found, parts = b"", []
+    for part in ("head", "content"):
+        length = int.from_bytes(stream.read(4), "little")
+        if stream.tell() + length > size or (part == "head" and not length):
+            raise DamagedError(f"the {part} of a record is longer than the file")
+        if part == "head":
+            found = stream.read(length)
+        else:
+            stream.seek(length, os.SEEK_CUR)
+    while found:
+        length = int.from_bytes(found[:4], "little")
+        parts.append(found[4 : 4 + length].partition(b"=")[::2])
+        found = found[4 + length :]
+    return dict(parts)
 
 
 def check_mcap(file: Path) -> Records:
@@ -61,17 +92,6 @@ def check_mcap(file: Path) -> Records:
         if data[-len(MAGIC) :] != MAGIC:
             raise DamagedError("its end is missing")
         return _walk(data, size - len(MAGIC))
-
-
-def check_packed(file: Path) -> None:
-    """check_mcap of a file that rosbag2 packed as a whole (.mcap.zstd); others are left alone."""
-    if not file.name.endswith(".mcap.zstd"):
-        return
-    with tempfile.NamedTemporaryFile() as unpacked:
-        with file.open("rb") as stream:
-            zstandard.ZstdDecompressor().copy_stream(stream, unpacked)
-        unpacked.flush()
-        check_mcap(Path(unpacked.name))
 
 
 def _walk(data: mmap.mmap, end: int) -> Records:

@@ -6,25 +6,27 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.records import Metadata
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model import reading
-from deeptruck_model.checks import INTERFACE_KEY, MANIFEST, NOTES_KEY, RECORD_AGAIN
+from deeptruck_model.checks import INTERFACE_KEY, MANIFEST, METADATA, NOTES_KEY, RECORD_AGAIN
+from deeptruck_model.checks.bags import data_file, information_of
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import bag_file
 from deeptruck_model.recordings.bag_file import DamagedError
+from deeptruck_model.recordings.bag_storage import open_storages
 from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chunks, read_chunks
+from deeptruck_model.recordings.message_definitions import Definitions
 
 __all__ = ["INTERFACE_KEY", "NOTES_KEY", "BagSource"]
 
@@ -36,39 +38,42 @@ _BATCH = 65536  # messages read one by one are handed on in batches of this many
 class BagSource:
     """One bag, open: rosbag2 folder (MCAP or sqlite3), a lone .mcap or .db3 file, or a ROS 1 .bag.
 
-    Use as a context manager. Raises InputError where there is no bag, no message in it, or it is truncated
-    or damaged.
+    `messages` are .msg files for types whose definition the bag lacks. Use as a context manager. Raises
+    InputError where there is no bag, no message in it, or it is truncated or damaged.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, messages: Sequence[Path] = ()) -> None:
         self.path = path
         self.ros1 = path.suffix == ".bag"
+        self._message_files = messages
         self._stack = ExitStack()
+        self._custom: Mapping[str, Any] = {}
+        self._packs_messages = False  # whether each message is compressed by itself
 
     def __enter__(self) -> BagSource:
         self._check_path()
         try:
+            files = self._files()
             if self.ros1:
                 bag_file.check_ros1(self.path)
-            self._records = {
-                file: bag_file.check_mcap(file) for file in self._files() if file.suffix == ".mcap"
-            }
-            indexed_chunks(list(self._records))  # whose places rosbags would trust
-            for file in self._files():
-                bag_file.check_packed(file)
-            self._reader = self._stack.enter_context(
-                AnyReader([self.path], default_typestore=get_typestore(Stores.ROS2_JAZZY))
-            )
-            _check_counts(self._reader)
-        except Exception as error:  # rosbags raises whatever a damaged byte leads it to
+            self._mcap_files = [file for file in files if file.suffix == ".mcap"]
+            self._records = {file: bag_file.check_mcap(file) for file in self._mcap_files}
+            indexed_chunks(self._mcap_files)  # whose places are trusted from here on
+            self._storages = open_storages(files, self._stack)
+            self.connections = [c for storage in self._storages for c in storage.connections]
+        except InputError:
             self._stack.close()
-            raise InputError(
-                f"{self.path} cannot be read as a bag ({_one_line(error)}); a table or CAN log needs "
-                "'deeptruck-model import', a cut-off bag 'deeptruck-model repair'"
-            ) from None
-        if not self._reader.message_count:
+            raise
+        except Exception as error:  # the libraries raise whatever a damaged byte leads them to
+            self._stack.close()
+            cure = "a table or CAN log needs 'deeptruck-model import'"
+            if self.path.suffix == ".mcap" or (self.path.is_dir() and any(self.path.glob("*.mcap"))):
+                cure = f"one whose end is missing is mended by 'deeptruck-model repair {self.path}'"
+            raise InputError(f"{self.path} cannot be read as a bag ({_one_line(error)}); {cure}") from None
+        if not any(c.count for c in self.connections):
             self._stack.close()
             raise InputError(f"{self.path} is empty, it holds no message; {RECORD_AGAIN}")
+        self.types = Definitions(self.connections, self._message_files, ros1=self.ros1)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -82,21 +87,30 @@ class BagSource:
             raise InputError(f"{self.path} is empty, it holds no bag; {RECORD_AGAIN}")
         if (self.path / MANIFEST).exists():
             raise InputError(f"{self.path} is a simulator directory, not a bag; give a recording there")
-        if self.path.is_dir() and not (self.path / "metadata.yaml").exists():
+        if self.path.is_dir() and not (self.path / METADATA).exists() and not any(self.path.glob("*.db3")):
             raise InputError(
-                f"{self.path} is not a finished bag (it has no metadata.yaml); "
-                "if its recorder was killed, mend it with 'deeptruck-model repair'"
+                f"{self.path} is not a finished bag (it has no {METADATA}); "
+                f"if its recorder was killed, mend it with 'deeptruck-model repair {self.path}'"
             )
-        for file in self._files():
-            reading.check_file(file, "give a recorded bag")
+        for file in self._listed() if self.path.is_dir() else [self.path]:
+            if file.suffix in (".mcap", ".db3", ".zstd", ".bag") or file.name == METADATA:
+                reading.check_file(file, "give a recorded bag")
 
     def _files(self) -> list[Path]:
-        """The files of which the bag is made."""
+        """The files of which the bag is made, in their order; of a database without metadata every one."""
         if not self.path.is_dir():
             return [self.path]
-        return [
-            f for f in self._listed() if f.suffix in (".mcap", ".db3", ".zstd") or f.name == "metadata.yaml"
-        ]
+        if not (self.path / METADATA).exists():
+            return sorted(self.path.glob("*.db3"))
+        information = information_of(self.path / METADATA)
+        self._packs_messages = str(information.get("compression_mode") or "").lower() == "message"
+        custom = information.get("custom_data")
+        self._custom = custom if isinstance(custom, Mapping) else {}
+        files = [data_file(self.path, str(name)) for name in information["relative_file_paths"]]
+        for file in files:
+            if not file.is_file():
+                raise DamagedError(f"it has lost {file.name}")
+        return files
 
     def _listed(self) -> list[Path]:
         try:
@@ -106,41 +120,58 @@ class BagSource:
 
     @property
     def definitions(self) -> dict[str, Any]:
-        """Message definitions by type name, as the bag carries them."""
-        return dict(self._reader.typestore.fielddefs)
+        """The fields of the message types by name."""
+        return self.types.types
 
     @property
     def topics(self) -> dict[str, str]:
         """Message type by topic; of a topic with several types, the one with most messages."""
-        connections = sorted(self._reader.connections, key=lambda c: c.msgcount)
-        return {c.topic: c.msgtype for c in connections}
+        return {topic: kind for (topic, kind), _ in sorted(self._counts().items(), key=lambda item: item[1])}
+
+    def _counts(self) -> dict[tuple[str, str], int]:
+        """Number of messages by topic and type, as the indexes of the files have them."""
+        counts: dict[tuple[str, str], int] = {}
+        for c in self.connections:
+            counts[c.topic, c.msgtype] = counts.get((c.topic, c.msgtype), 0) + c.count
+        return counts
+
+    def why_unreadable(self, topic: str) -> str:
+        """Why the messages on a topic cannot be read, and what mends it; '' where they can."""
+        kind = self.topics[topic]
+        encodings = {c.encoding for c in self.connections if c.topic == topic and c.msgtype == kind}
+        if not encodings <= {"cdr", "ros1"}:
+            return f"its messages are written in {', '.join(sorted(encodings))}, not in ROS's CDR"
+        if kind in self.types.types:
+            return ""
+        return f"{self.types.unreadable.get(kind, 'the bag does not carry the definition of this type')}"
 
     def other_types(self, topics: set[str]) -> list[tuple[str, str, int]]:
         """(topic, message type, number of messages) of those on the topics that are of another type than
         `topics` has, as the bag's index counts them."""
         types = self.topics
         return [
-            (c.topic, c.msgtype, c.msgcount)
-            for c in self._reader.connections
-            if c.topic in topics and c.msgtype != types[c.topic] and c.msgcount
+            (topic, kind, count)
+            for (topic, kind), count in self._counts().items()
+            if topic in topics and kind != types[topic] and count
         ]
 
     def not_mapped(self, topics: set[str]) -> list[str]:
-        """A line on the topics beside these that have messages; none where there are no others."""
+        """Lines on the topics beside these that have messages, and on those that cannot be read."""
         counts: dict[str, int] = {}
-        for c in self._reader.connections:
-            if c.topic not in topics and c.msgcount:
-                counts[c.topic] = counts.get(c.topic, 0) + c.msgcount
+        for (topic, _), count in self._counts().items():
+            if topic not in topics and count:
+                counts[topic] = counts.get(topic, 0) + count
         said = ", ".join(f"{topic} ({count})" for topic, count in sorted(counts.items())[:_LISTED])
         more = f" and {len(counts) - _LISTED} more" if len(counts) > _LISTED else ""
-        return [f"topics not mapped, so not read: {reading.plain(said, 500)}{more}"] if counts else []
+        lines = [f"topics not mapped, so not read: {reading.plain(said, 500)}{more}"] if counts else []
+        why = {topic: self.why_unreadable(topic) for topic in sorted(counts)}
+        unreadable = [f"{topic}: {reading.plain(reason)}" for topic, reason in why.items() if reason]
+        return [*lines, *(f"messages that cannot be read on {line}" for line in unreadable[:_LISTED])]
 
     def stored(self) -> dict[str, str]:
         """Texts stored with the bag by key, whoever wrote them (custom_data, else our MCAP metadata)."""
-        reader: Any = self._reader.readers[0]
-        custom = None if self.ros1 else reader.storage.metadata.custom
-        found = {str(k): str(v) for k, v in custom.items()} if isinstance(custom, Mapping) else {}
-        for file in self._mcap_files():
+        found = {str(k): str(v) for k, v in self._custom.items()}
+        for file in self._mcap_files:
             for name, entries in self._metadata(file):
                 if "json" in entries:
                     found.setdefault(name, entries["json"])
@@ -163,7 +194,9 @@ class BagSource:
     def batches(self, topics: set[str]) -> Iterator[Batch]:
         """All messages of the topics, nearly in the order of their log times (see Batch.safe_ns)."""
         try:
-            chunks = indexed_chunks(self._mcap_files())
+            chunks = None
+            if self._mcap_files and not self._packs_messages:
+                chunks = indexed_chunks(self._mcap_files)
             types = {topic: kind for topic, kind in self.topics.items() if topic in topics}
             yield from self._one_by_one(topics) if chunks is None else read_chunks(chunks, types)
         except DamagedError as error:
@@ -172,13 +205,19 @@ class BagSource:
     def messages(self, topics: set[str]) -> Iterator[tuple[str, int, bytes]]:
         """(topic, log time in ns, serialised message) of the topics, in the order of their log times."""
         types = self.topics
-        wanted = [c for c in self._reader.connections if c.topic in topics and c.msgtype == types[c.topic]]
         try:
-            for connection, log_ns, data in self._reader.messages(wanted) if wanted else ():
-                if not 0 <= log_ns < LATEST_NS:
-                    raise DamagedError(f"a message on {connection.topic} has no possible time")
-                yield connection.topic, log_ns, bytes(data)
-        except Exception as error:  # rosbags raises whatever a damaged byte leads it to
+            for storage in self._storages:
+                wanted = {
+                    c.key: c.topic
+                    for c in storage.connections
+                    if c.topic in topics and c.msgtype == types[c.topic]
+                }
+                unpack = zstandard.ZstdDecompressor().decompressobj
+                for key, log_ns, data in storage.messages(set(wanted)):
+                    if not 0 <= log_ns < LATEST_NS:
+                        raise DamagedError(f"a message on {wanted[key]} has no possible time")
+                    yield wanted[key], log_ns, unpack().decompress(data) if self._packs_messages else data
+        except Exception as error:  # the libraries raise whatever a damaged byte leads them to
             raise self._damaged(error) from None
 
     def _damaged(self, error: Exception) -> InputError:
@@ -186,13 +225,6 @@ class BagSource:
             f"{self.path} is damaged: {_one_line(error)}; copy it anew from where it was recorded, "
             "or leave it out"
         )
-
-    def _mcap_files(self) -> list[Path]:
-        if self.path.is_file():
-            return [self.path] if self.path.suffix == ".mcap" else []
-        if self._reader.readers[0].compression_mode:  # such messages must go through rosbags
-            return []
-        return sorted(self.path.glob("*.mcap"))
 
     def _one_by_one(self, topics: set[str]) -> Iterator[Batch]:
         held: dict[str, list[tuple[int, bytes]]] = {}
@@ -205,14 +237,6 @@ class BagSource:
                 yield from (_joined(topic, messages, safe_ns) for topic, messages in held.items())
                 held, count = {}, 0
         yield from (_joined(topic, messages, safe_ns) for topic, messages in held.items())
-
-
-def _check_counts(reader: AnyReader) -> None:
-    """Raises DamagedError where metadata.yaml has something else than numbers and names."""
-    counts = [reader.message_count, *(c.msgcount for c in reader.connections)]
-    names = [text for c in reader.connections for text in (c.topic, c.msgtype)]
-    if not all(isinstance(count, int) for count in counts) or not all(isinstance(n, str) for n in names):
-        raise DamagedError("its metadata has no counts or names of topics")
 
 
 def _joined(topic: str, messages: list[tuple[int, bytes]], safe_ns: int) -> Batch:

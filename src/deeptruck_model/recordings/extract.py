@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,6 +39,7 @@ def read(
     interface: TruckInterface | None = None,
     clock: Clock | None = None,
     mixed_clocks: bool = False,
+    msg: Sequence[str | Path] = (),
 ) -> list[Recording]:
     """The recordings in a bag: contiguous, on one clock at `rate_hz` or the speed's own rate where that is
     slower.
@@ -47,7 +49,8 @@ def read(
     the account says so; without `clock` they are refused unless `mixed_clocks`. `topic_map` maps
     channels to fields of the user's topics (a mapping or a YAML file, see docs/recordings.md); without it
     the topics of docs/architecture.md are read. The truck interface is `interface`, else the one stored
-    with the bag, else what the topic map and the channels present say. Raises InputError for a bag that
+    with the bag, else what the topic map and the channels present say. `msg` are .msg files of types whose
+    definition the bag lacks. Raises InputError for a bag that
     is missing, damaged or empty, a topic or field that is not there, time going back, clocks that differ,
     or units that cannot be right. The recordings share one account of the messages on the topics that were
     read.
@@ -56,19 +59,25 @@ def read(
     sources = DEFAULT_TOPICS if topic_map is None else load(topic_map)
     with reading.of(path):
         return _read(
-            path, sources, topic_map is not None, rate_hz, interface, Clocks(clock, mixed=mixed_clocks)
+            BagSource(path, [Path(file) for file in msg]),
+            sources,
+            topic_map is not None,
+            rate_hz,
+            interface,
+            Clocks(clock, mixed=mixed_clocks),
         )
 
 
 def _read(
-    path: Path,
+    source: BagSource,
     sources: dict[str, Source],
     asked: bool,
     rate_hz: float,
     interface: TruckInterface | None,
     clocks: Clocks,
 ) -> list[Recording]:
-    with BagSource(path) as bag:
+    path = source.path
+    with source as bag:
         _check_topics(bag, sources, asked=asked)
         stored = bag.custom_data()
         name = path.stem if path.is_file() else path.resolve().name
@@ -107,6 +116,11 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
                     f"{bag.path} has no topic {source.topic} for '{channel}' (topics there: {present}); "
                     "name yours in a topic map"
                 )
+        elif why := bag.why_unreadable(source.topic):
+            raise InputError(
+                f"{bag.path}: {source.topic} ({topics[source.topic]}), mapped for '{channel}', cannot be "
+                f"read: {why}; give the definition with '--msg FILE.msg', or map another topic"
+            )
         elif not walker.has(topics[source.topic], source.field):
             raise InputError(
                 f"{bag.path}: {source.topic} is a {topics[source.topic]}, which has no field "

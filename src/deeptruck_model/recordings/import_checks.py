@@ -57,7 +57,8 @@ def is_bag(path: Path, columns: Meaning) -> bool:
 
     Raises InputError for a bag with the description of a table or CAN log.
     """
-    certain = path.suffix.lower() in BAG_SUFFIXES or (path / checks.METADATA).exists()
+    files_of_bags = (path.glob(pattern) for pattern in (checks.METADATA, "*.mcap", "*.db3"))
+    certain = path.suffix.lower() in BAG_SUFFIXES or any(any(found) for found in files_of_bags)
     if not certain and path.suffix.lower() != ".mcap":
         return False
     mapped = is_topic_map(_mapping(columns))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from itertools import islice, pairwise
@@ -57,6 +57,7 @@ def import_table(
     *,
     overwrite: bool = False,
     clock: Clock | None = None,
+    msg: Sequence[str | Path] = (),
 ) -> Imported:
     """Turn a CSV or Parquet table, a CAN log, or a bag into the rosbag2 folder `out`, as COLUMNS.yaml says.
 
@@ -74,7 +75,7 @@ def import_table(
     table, out = Path(table), Path(out)
     import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     if import_checks.is_bag(table, columns):
-        recordings = read(table, topic_map=columns, clock=clock, mixed_clocks=True)
+        recordings = read(table, topic_map=columns, clock=clock, mixed_clocks=True, msg=msg)
         write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
     if import_checks.is_can_log(table):

@@ -19,7 +19,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Chunk, ChunkIndex
+from mcap.records import Channel, Chunk, ChunkIndex, Schema
 from mcap.summary import Summary
 from numpy.typing import NDArray
 
@@ -78,7 +78,7 @@ def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
     """
     chunks = []
     for file in files:
-        summary = _summary(file)
+        summary = summary_of(file)
         if summary is None or not summary.chunk_indexes:
             return None
         types = {key: schema.name for key, schema in summary.schemas.items()}
@@ -88,13 +88,42 @@ def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
     return chunks or None
 
 
-def _summary(file: Path) -> Summary | None:
-    """The summary of a file that bag_file.check_mcap has found whole."""
+def summary_of(file: Path) -> Summary | None:
+    """The summary of a file that bag_file.check_mcap has found whole, with the schemas and channels that only
+    its chunks have. Raises DamagedError where it cannot be read."""
     try:
         with file.open("rb") as stream:
-            return make_reader(stream).get_summary()
+            summary = make_reader(stream).get_summary()
+            if summary is None:
+                return None
+            size = file.stat().st_size
+            for index in summary.chunk_indexes:
+                lacking = set(index.message_index_offsets) - set(summary.channels)
+                lost = {c.schema_id for c in summary.channels.values()} - {0, *summary.schemas}
+                if index.chunk_start_offset + index.chunk_length <= size and (
+                    lacking or lost or not summary.channels
+                ):
+                    stream.seek(index.chunk_start_offset + RECORD_HEAD)
+                    chunk = Chunk.read(ReadDataStream(BytesIO(stream.read(index.chunk_length - RECORD_HEAD))))
+                    _learn(summary, content_of(chunk))
+            return summary
     except UNREADABLE as error:
         raise DamagedError(f"its summary cannot be read ({why(error)})") from None
+
+
+def _learn(summary: Summary, content: bytes) -> None:
+    """Put the schemas and channels of a chunk's content into the summary."""
+    at = 0
+    while at < len(content):
+        opcode, length = struct.unpack_from("<BQ", content, at)
+        record = ReadDataStream(BytesIO(content[at + RECORD_HEAD : at + RECORD_HEAD + length]))
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(record)
+            summary.schemas.setdefault(schema.id, schema)
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(record)
+            summary.channels.setdefault(channel.id, channel)
+        at += RECORD_HEAD + length
 
 
 def _check_places(summary: Summary, size: int) -> None:

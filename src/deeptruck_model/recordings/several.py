@@ -20,6 +20,7 @@ def read_all(
     among: Sequence[str | Path] = (),
     clock: Clock | None = None,
     mixed_clocks: bool = False,
+    msg: Sequence[str | Path] = (),
     progress: Callable[[Sequence[str | Path]], Iterable[str | Path]] = iter,
 ) -> list[Recording]:
     """The recordings of all bags, in their order, as `read` has them.
@@ -34,7 +35,7 @@ def read_all(
         for bag in progress(bags)
         for recording in _called(
             names[Path(bag)],
-            read(bag, topic_map=topic_map, rate_hz=rate_hz, clock=clock, mixed_clocks=mixed_clocks),
+            read(bag, topic_map=topic_map, rate_hz=rate_hz, clock=clock, mixed_clocks=mixed_clocks, msg=msg),
         )
     ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,12 +56,12 @@ class Suggestion(Proposal):
         )
 
 
-def suggest(bag: str | Path) -> Suggestion:
+def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
     """Which fields of a bag may be which channels.
 
     Raises InputError where it is missing, damaged or empty.
     """
-    found = survey(bag)
+    found = survey(bag, msg)
     candidates: dict[str, list[Candidate]] = {}
     commanded: dict[str, list[Candidate]] = {}
     for topic in found.topics:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -77,13 +77,13 @@ class Survey:
     interface: TruckInterface | None
 
 
-def survey(path: str | Path) -> Survey:
+def survey(path: str | Path, msg: Sequence[str | Path] = ()) -> Survey:
     """Every topic of a bag. Raises InputError where it is missing, damaged or empty."""
     path = Path(path)
-    with reading.of(path), BagSource(path) as bag:
+    with reading.of(path), BagSource(path, [Path(file) for file in msg]) as bag:
         stored = bag.custom_data().get(INTERFACE_KEY)
         walker = Walker(bag.definitions, ros1=bag.ros1, bag=str(path))
-        topics = {name: _topic(name, kind, bag, walker) for name, kind in bag.topics.items()}
+        topics = {name: _topic(name, kind, bag) for name, kind in bag.topics.items()}
         readers: dict[str, Columns] = {}
         for batch in bag.batches({name for name, topic in topics.items() if not topic.why}):
             _take(topics[batch.topic], batch, walker, readers)
@@ -91,14 +91,14 @@ def survey(path: str | Path) -> Survey:
     return Survey(path, sorted(topics.values(), key=lambda topic: topic.name), interface)
 
 
-def _topic(name: str, msgtype: str, bag: BagSource, walker: Walker) -> Topic:
+def _topic(name: str, msgtype: str, bag: BagSource) -> Topic:
     """The topic, before its messages are read; its first one says whether they are worth it."""
     _, _, first = next(bag.messages({name}), ("", 0, b""))
     why = ""
     if not first:
         why = "no message"
-    elif msgtype not in walker.definitions:
-        why = "the bag does not carry the definition of this type"
+    elif reason := bag.why_unreadable(name):
+        why = reason
     elif len(first) > LONGEST_MESSAGE:
         why = f"not looked into, its messages are longer than {LONGEST_MESSAGE} bytes"
     return Topic(name, msgtype, why=why)

@@ -31,6 +31,7 @@ class Asked:
     topic_map: Path | None = None
     mass_kg: float | None = None
     clock: Clock | None = None
+    msg: tuple[Path, ...] = ()
 
     def command(self, *, ending: str, more: tuple[str, ...] = ()) -> str:
         """The call again, with `more` at its end, into a new folder whose name ends on `ending`."""
@@ -41,6 +42,7 @@ class Asked:
         held = () if alone or not self.held_out else ("--held-out", *map(str, dict.fromkeys(self.held_out)))
         by_map = ("--topic-map", str(self.topic_map)) if self.topic_map else ()
         timing = ("--clock", self.clock) if self.clock else ()
+        defining = tuple(word for file in self.msg for word in ("--msg", str(file)))
         weighing = ("--mass-kg", f"{self.mass_kg:g}") if self.mass_kg else ()
         words = (
             "--simulator",
@@ -50,6 +52,7 @@ class Asked:
             *held,
             *by_map,
             *timing,
+            *defining,
             *weighing,
             *more,
         )

@@ -1,0 +1,244 @@
+"""Bags as recorders leave them: odd metadata, definitions that nobody can read, journals, holes, no end."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from foreign_bags import TYPES, S, bag_of, drive_messages, number
+from mcap.writer import Writer
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import Stores, get_typestore
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import import_table, read, suggest
+from deeptruck_model.recordings.bag_metadata import definition
+
+TWIST = "geometry_msgs/msg/TwistStamped"
+TOPICS = {"speed": {"topic": "/truck/twist", "field": "twist.linear.x"}}
+
+
+def check(bag: Path, **options: Any) -> None:
+    (recording,) = read(bag, topic_map=TOPICS, **options)
+    np.testing.assert_allclose(recording.channels["speed"], 0.1 * np.arange(300))
+    assert recording.account is not None and recording.account.balanced
+
+
+UNREADABLE = {
+    "service event": (
+        "my/srv/Arm_Event",
+        "ros2msg",
+        "=" * 80 + "\nSRV: my/srv/Arm\nint64 a\n---\nint64 sum\n",
+    ),
+    "json": ("chat", "jsonschema", "{}"),
+    "protobuf": ("foxglove.Log", "protobuf", "\n"),
+    "idl union": ("my/msg/U", "ros2idl", "module my { module msg { union U switch(long) {}; }; };"),
+    "nested type that is missing": ("my/msg/Outer", "ros2msg", "my/Inner inner\n"),
+    "no schema": ("", "", ""),
+    "binary": ("my/msg/B", "ros2msg", "\0\1\2"),
+}
+
+
+@pytest.mark.parametrize("kind", UNREADABLE)
+@pytest.mark.parametrize("chunked", [True, False])
+def test_a_definition_that_nobody_can_read_concerns_its_topic_alone(
+    tmp_path: Path, kind: str, chunked: bool
+) -> None:
+    name, encoding, text = UNREADABLE[kind]
+    file = tmp_path / "bag.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, use_chunking=chunked)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema(TWIST, "ros2msg", definition(TWIST)[0].encode())
+        twists = writer.register_channel("/truck/twist", "cdr", schema)
+        odd = writer.register_schema(name, encoding, text.encode()) if encoding else 0
+        others = writer.register_channel("/odd", "cdr" if encoding.startswith("ros2") else "json", odd)
+        for _, message, ns in drive_messages():
+            writer.add_message(twists, ns, bytes(TYPES.serialize_cdr(message, TWIST)), ns)
+        writer.add_message(others, S, b"{}", S)
+        writer.finish()
+    check(file)
+    account = read(file, topic_map=TOPICS)[0].account
+    assert account is not None and any("cannot be read on /odd" in line for line in account.remarks)
+    assert next(topic for topic in suggest(file).survey.topics if topic.name == "/odd").why
+    with pytest.raises(InputError, match=r"/odd .*mapped for 'grade', cannot be read.*--msg") as refused:
+        read(file, topic_map={**TOPICS, "grade": {"topic": "/odd", "field": "data"}})
+    assert "\n" not in str(refused.value)
+
+
+def _with_folder(bag: Path, information: dict[str, Any]) -> None:
+    information["relative_file_paths"] = [f"{bag.name}/{n}" for n in information["relative_file_paths"]]
+
+
+def _absolute(bag: Path, information: dict[str, Any]) -> None:
+    information["relative_file_paths"] = [f"/data/{n}" for n in information["relative_file_paths"]]
+
+
+def _below(bag: Path, information: dict[str, Any]) -> None:
+    (bag / "part").mkdir()
+    for name in information["relative_file_paths"]:
+        shutil.move(bag / name, bag / "part" / name)
+    information["relative_file_paths"] = [f"part/{n}" for n in information["relative_file_paths"]]
+
+
+def _no_identifier(bag: Path, information: dict[str, Any]) -> None:
+    information["storage_identifier"] = ""
+
+
+def _wrong_identifier(bag: Path, information: dict[str, Any]) -> None:
+    information["storage_identifier"] = "my_plugin"
+
+
+def _wrong_counts(bag: Path, information: dict[str, Any]) -> None:
+    information["topics_with_message_count"][0]["message_count"] = 7
+
+
+def _null_modes(bag: Path, information: dict[str, Any]) -> None:
+    information |= {"compression_mode": None, "compression_format": None, "custom_data": None}
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize(
+    "change",
+    [_with_folder, _absolute, _below, _no_identifier, _wrong_identifier, _wrong_counts, _null_modes],
+)
+def test_metadata_as_recorders_write_them(
+    tmp_path: Path, storage: StoragePlugin, change: Callable[[Path, dict[str, Any]], None]
+) -> None:
+    bag = bag_of(tmp_path / "bag", drive_messages(), storage=storage)
+    data = yaml.safe_load((bag / "metadata.yaml").read_text())
+    change(bag, data["rosbag2_bagfile_information"])
+    (bag / "metadata.yaml").write_text(yaml.safe_dump(data))
+    check(bag)
+
+
+def test_a_database_without_metadata(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "bag", drive_messages(), storage=StoragePlugin.SQLITE3)
+    (bag / "metadata.yaml").unlink()
+    check(bag)
+    assert len(import_table(bag, TOPICS, tmp_path / "out").recordings[0]) == 300
+
+
+def test_what_is_in_a_journal_counts(tmp_path: Path) -> None:
+    """A recorder that was killed leaves its last messages in the -wal file; nothing is written there."""
+    bag = bag_of(tmp_path / "bag", drive_messages()[:200], storage=StoragePlugin.SQLITE3)
+    (file,) = bag.glob("*.db3")
+    live = sqlite3.connect(file)
+    live.execute("PRAGMA journal_mode=WAL")
+    for _, message, ns in drive_messages()[200:]:
+        row = (ns, bytes(TYPES.serialize_cdr(message, TWIST)))
+        live.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES(1, ?, ?)", row)
+    live.commit()
+    killed = Path(shutil.copytree(bag, tmp_path / "killed"))
+    live.close()
+    before = {one.name: one.read_bytes() for one in killed.iterdir()}
+    assert any(name.endswith("-wal") for name in before)
+    check(killed)
+    assert {one.name: one.read_bytes() for one in killed.iterdir()} == before
+
+
+@pytest.mark.parametrize("hole", [b"\0" * 49, b"\xff" * 100, b"\0" * 4096, b"\x07" * 3, b"op=\x05" * 9])
+def test_unused_bytes_before_the_index_of_a_ros1_bag(tmp_path: Path, hole: bytes) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    file = tmp_path / "drive.bag"
+    with Writer1(file) as writer:
+        topic = writer.add_connection("/speed", "std_msgs/msg/Float64", typestore=store)
+        for k in range(300):
+            value = store.types["std_msgs/msg/Float64"](0.1 * k)
+            writer.write(topic, S + k * S // 10, store.serialize_ros1(value, "std_msgs/msg/Float64"))
+    content = bytearray(file.read_bytes())
+    field = content.index(b"index_pos=") + 10
+    at = int.from_bytes(content[field : field + 8], "little")
+    content[field : field + 8] = (at + len(hole)).to_bytes(8, "little")
+    file.write_bytes(content[:at] + hole + content[at:])
+    (recording,) = read(file, topic_map={"speed": {"topic": "/speed", "field": "data"}})
+    np.testing.assert_allclose(recording.channels["speed"], 0.1 * np.arange(300))
+    content[field : field + 8] = bytes(8)
+    file.write_bytes(content[:at])
+    with pytest.raises(InputError, match=r"no index.*'rosbag reindex'"):
+        read(file, topic_map={"speed": {"topic": "/speed", "field": "data"}})
+
+
+@pytest.mark.parametrize("kept", [{}, {"use_statistics": False}, {"repeat_schemas": False}])
+def test_a_summary_that_does_not_repeat_its_channels(tmp_path: Path, kept: dict[str, Any]) -> None:
+    file = tmp_path / "bag.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, chunk_size=2048, repeat_channels=False, **kept)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema(TWIST, "ros2msg", definition(TWIST)[0].encode())
+        channel = writer.register_channel("/truck/twist", "cdr", schema)
+        for _, message, ns in drive_messages():
+            writer.add_message(channel, ns, bytes(TYPES.serialize_cdr(message, TWIST)), ns)
+        writer.finish()
+    check(file)
+
+
+def test_an_unfinished_bag_is_called_so_by_import_too(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "bag", drive_messages())
+    (bag / "metadata.yaml").unlink()
+    for act in (lambda: import_table(bag, TOPICS, tmp_path / "out"), lambda: read(bag, topic_map=TOPICS)):
+        with pytest.raises(InputError, match=f"not a finished bag.*'deeptruck-model repair {bag}'"):
+            act()
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-60])
+    with pytest.raises(InputError, match=f"its end is missing.*'deeptruck-model repair {file}'"):
+        import_table(file, TOPICS, tmp_path / "out")
+
+
+def a_database_without_definitions(folder: Path) -> Path:
+    """As Humble writes it: the types are named, and nothing says what is in them."""
+    bag = bag_of(
+        folder / "bag",
+        [("/report", number(0.1 * k), S + k * S // 10) for k in range(300)],
+        storage=StoragePlugin.SQLITE3,
+    )
+    (file,) = bag.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        database.execute("UPDATE topics SET type = 'my_msgs/msg/Report'")
+        database.execute("DELETE FROM message_definitions")
+    (bag / "metadata.yaml").write_text(
+        (bag / "metadata.yaml").read_text().replace("std_msgs/msg/Float64", "my_msgs/msg/Report")
+    )
+    return bag
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"Report.msg": "float64 speed\n"},
+        {"my_msgs/msg/Report.msg": "# a comment\nfloat64 speed  # m/s\n"},
+        {"Report.msg": "Inner inner\n", "Inner.msg": "float64 speed\n"},
+        {"my_msgs/msg/Report.msg": "other_msgs/Inner inner\n", "other_msgs/msg/Inner.msg": "float64 speed\n"},
+        {"Inner.msg": "float64 speed\n", "Report.msg": "Inner inner\n", "Unused.msg": "int8 x\n"},
+    ],
+)
+def test_definitions_from_msg_files(tmp_path: Path, files: dict[str, str]) -> None:
+    bag = a_database_without_definitions(tmp_path)
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    field = "inner.speed" if "nner" in "".join(files.values()) else "speed"
+    topics = {"speed": {"topic": "/report", "field": field}}
+    with pytest.raises(InputError, match=r"does not carry the definition of this type; .*'--msg FILE.msg'"):
+        read(bag, topic_map=topics)
+    (recording,) = read(bag, topic_map=topics, msg=[tmp_path / name for name in files])
+    np.testing.assert_allclose(recording.channels["speed"], 0.1 * np.arange(300))
+    assert suggest(bag, [tmp_path / name for name in files]).survey.topics[0].fields[0].path == field
+
+
+def test_a_msg_file_that_is_none(tmp_path: Path) -> None:
+    bag = a_database_without_definitions(tmp_path)
+    file = tmp_path / "Report.msg"
+    for text in ("float64\n", "}{"):
+        file.write_text(text)
+        with pytest.raises(InputError, match=r"Report\.msg is no message definition"):
+            read(bag, topic_map={"speed": {"topic": "/report", "field": "speed"}}, msg=[file])
+    with pytest.raises(InputError, match=r"Nowhere\.msg cannot be read: it does not exist"):
+        read(bag, topic_map={"speed": {"topic": "/report", "field": "speed"}}, msg=[tmp_path / "Nowhere.msg"])
