@@ -75,13 +75,15 @@ def import_table(
     table, out = Path(table), Path(out)
     import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     if import_checks.is_bag(table, columns):
-        recordings = read(table, topic_map=columns, clock=clock, mixed_clocks=True, msg=msg)
+        recordings = _of_what_is_there(
+            read(table, topic_map=columns, clock=clock, mixed_clocks=True, msg=msg)
+        )
         write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
     if import_checks.is_can_log(table):
         return _import_can_log(table, columns, out, overwrite)
     meaning = load_columns(columns)
-    recordings = _recordings(table, meaning)
+    recordings = _of_what_is_there(_recordings(table, meaning))
     if not meaning.conceal:
         write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
@@ -277,8 +279,21 @@ def _import_can_log(
     recordings = uniform(series, name=name, interface=interface, notes=notes, account=account)
     recordings = recordings if account is None else _noted(recordings, account)
     recordings = [gated_brake.substituted(r) for r in recordings] if gated else recordings
-    write_bag(out, recordings, interface=interface, overwrite=overwrite, kind=BAG)
+    recordings = _of_what_is_there(recordings)
+    write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings)
+
+
+def _of_what_is_there(recordings: list[Recording]) -> list[Recording]:
+    """With the interface of a truck that has no brake, grade or fuel rate where these were never valid."""
+    interface, there = recordings[0].interface, {channel for r in recordings for channel in r.channels}
+    fitting = replace(
+        interface,
+        brake_unit=interface.brake_unit if "brake_command" in there else None,
+        grade=interface.grade and "grade" in there,
+        fuel=interface.fuel and "fuel_rate" in there,
+    )
+    return [replace(r, interface=fitting) for r in recordings]
 
 
 def _can_importer() -> Callable[[Path, dict[str, Any]], CanLog]:

@@ -175,8 +175,13 @@ class Resampler:
         names = (
             [self.name] if len(self._pieces) == 1 else [f"{self.name}#{k}" for k in range(len(self._pieces))]
         )
+        valid = set().union(*(piece.valid() for piece in self._pieces))
+        for channel in self._tallies:
+            if channel not in valid:
+                account.remarks.append(f"{channel}: left out, as no sample of it is valid in a piece")
+        needed = valid & {*interface.u, *interface.w, *interface.y}
         return [
-            piece.recording(name, self.dt, interface, notes, account)
+            piece.recording(name, self.dt, interface, needed, notes, account)
             for name, piece in zip(names, self._pieces, strict=True)
         ]
 
@@ -254,10 +259,20 @@ class _Piece:
             self._blocks.setdefault(channel, []).extend([*blank, values])
         self.count += count
 
+    def valid(self) -> set[str]:
+        """The channels with a valid sample."""
+        return {c for c, blocks in self._blocks.items() if not all(np.isnan(v).all() for v in blocks)}
+
     def recording(
-        self, name: str, dt: float, interface: TruckInterface, notes: list[str], account: Account
+        self,
+        name: str,
+        dt: float,
+        interface: TruckInterface,
+        needed: set[str],
+        notes: list[str],
+        account: Account,
     ) -> Recording:
-        needed = {*interface.u, *interface.w, *interface.y}  # stay, as NaN, where another piece has them
+        """As a recording; the channels of `needed`, which another piece may have, stay as NaN."""
         joined = {channel: np.concatenate(blocks) for channel, blocks in self._blocks.items()}
         channels = {c: v for c, v in joined.items() if c in needed or not np.isnan(v).all()}
         if "acceleration" not in channels or np.isnan(channels["acceleration"]).all():

@@ -1,0 +1,113 @@
+"""`import` lists no channel that has no valid sample, whatever it was imported from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_bags import Message, S, bag_of, number, twist
+
+from deeptruck_model import cli
+from deeptruck_model.recordings import read
+
+COLUMNS = """\
+time: {column: t, unit: s}
+channels:
+  speed: {column: v, unit: m/s}
+  engine_command: {column: e, unit: percent}
+  brake_command: {column: b, unit: percent}
+  grade: {column: g, unit: ratio}
+  fuel_rate: {column: f, unit: cm3/s}
+  gear: {column: gear}
+"""
+TOPICS = """\
+speed: {topic: /speed, field: twist.linear.x}
+engine_command: {topic: /e, field: data, unit: percent}
+brake_command: {topic: /b, field: data, unit: percent}
+grade: {topic: /g, field: data, unit: ratio}
+fuel_rate: {topic: /f, field: data, unit: cm3/s}
+gear: {topic: /gear, field: data}
+"""
+NAMES = {"b": "brake_command", "g": "grade", "f": "fuel_rate", "gear": "gear"}
+VALID = {"e": 30.0, "b": 5.0, "g": 0.01, "f": 3.0, "gear": 7.0}
+NAN = float("nan")
+EMPTY = {  # what stands in a channel's k-th sample of 300
+    "out of range": lambda k: 1e9,
+    "not a number": lambda k: NAN,
+    "a value once, out of range": lambda k: 1e9 if k == 7 else NAN,
+}
+
+
+def by_table(folder: Path, values: dict[str, Callable[[int], float]]) -> str:
+    rows = [",".join([f"{k / 10}", "10", *(f"{values[c](k)}" for c in VALID)]) for k in range(300)]
+    (folder / "drive.csv").write_text("\n".join([",".join(["t", "v", *VALID]), *rows]) + "\n")
+    (folder / "columns.yaml").write_text(COLUMNS)
+    return "drive.csv"
+
+
+def by_bag(folder: Path, values: dict[str, Callable[[int], float]]) -> str:
+    messages: list[Message] = []
+    for k in range(300):
+        ns = S + k * S // 10
+        messages.append(("/speed", twist(10.0, ns), ns))
+        messages += [(f"/{c}", number(values[c](k)), ns) for c in VALID]
+    bag_of(folder / "drive", messages)
+    (folder / "columns.yaml").write_text(TOPICS)
+    return "drive"
+
+
+@pytest.mark.parametrize("source", [by_table, by_bag])
+@pytest.mark.parametrize("empty", EMPTY)
+@pytest.mark.parametrize("column", NAMES)
+def test_what_is_never_valid_is_not_listed(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    source: Callable[[Path, dict[str, Callable[[int], float]]], str],
+    empty: str,
+    column: str,
+) -> None:
+    values: dict[str, Callable[[int], float]] = {c: (lambda k, c=c: VALID[c]) for c in VALID}  # type: ignore[misc]
+    values[column] = EMPTY[empty]
+    given = source(tmp_path, values)
+    monkeypatch.chdir(tmp_path)
+    argv = ["deeptruck-model", "import", given, "--columns", "columns.yaml", "--out", "bag"]
+    monkeypatch.setattr("sys.argv", argv)
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    said = capsys.readouterr()
+    name = NAMES[column]
+    if source is by_table and empty == "not a number":  # of a table that is a mistake
+        assert ended.value.code == 2 and f"column '{column}' holds no numbers" in said.err
+        return
+    channels = next(line for line in said.out.splitlines() if line.startswith("channels: "))
+    assert name not in channels and "engine_command" in channels
+    assert f"{name}: left out, as no sample of it is valid" in said.out
+    (one,) = read("bag")
+    assert name not in one.channels and name not in (*one.interface.u, *one.interface.w, *one.interface.y)
+    assert all(not np.isnan(one.channels[c]).all() for c in one.channels)
+
+
+def test_what_no_speed_stands_beside_is_not_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Commands in wall time beside a speed in simulation time."""
+    messages: list[Message] = []
+    for k in range(300):
+        log = 1_700_000_000 * S + k * S // 10
+        messages += [("/speed", twist(10.0, S + k * S // 10), log), ("/e", number(30.0), log)]
+    bag_of(tmp_path / "drive", messages)
+    (tmp_path / "topics.yaml").write_text("".join(TOPICS.splitlines(keepends=True)[:2]))
+    monkeypatch.chdir(tmp_path)
+    for more, listed in (([], False), (["--clock", "log"], True)):
+        out = f"bag{len(more)}"
+        argv = ["deeptruck-model", "import", "drive", "--columns", "topics.yaml", "--out", out, *more]
+        monkeypatch.setattr("sys.argv", argv)
+        with pytest.raises(SystemExit):
+            cli.main()
+        channels = next(
+            line for line in capsys.readouterr().out.splitlines() if line.startswith("channels: ")
+        )
+        assert ("engine_command" in channels) == listed
