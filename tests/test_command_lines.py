@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,14 @@ def refused(program: str, words: list[str], capsys: pytest.CaptureFixture[str]) 
 def test_a_program_without_a_command_shows_its_help(program: str, capsys: pytest.CaptureFixture[str]) -> None:
     says = refused(program, [], capsys)
     assert says.lstrip().startswith(f"Usage: {program} ") and "Commands:" in says
+
+
+@pytest.mark.parametrize("program", APPS)
+def test_every_program_has_a_version(program: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        console.run(APPS[program], program, ["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"{program} {version('deeptruck')}\n"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -35,6 +35,7 @@ RUN_HERE = [DOCS / "tutorial.md", DOCS / "cacc.md"]
 RUN_BY = {  # the snippets of other pages need what their own tests have at hand
     "docs/trucks.md": "tests/deeptruck_model/trucks/test_docs.py",
     "docs/recordings.md": "tests/deeptruck_model/recordings/test_documentation.py",
+    "docs/simulators.md": "tests/deeptruck_model/outside/test_minimal.py",
     "docs/deep_model.md": "tests/deeptruck_model/deep/test_docs.py",
     "docs/mismatch.md": "tests/deeptruck_model/mismatch/test_docs.py",
     "docs/own_policy.md": "tests/deeptruck_cacc/controllers/test_onnx_policy.py",

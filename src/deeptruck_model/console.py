@@ -31,9 +31,15 @@ def run(app: typer.Typer, program: str, arguments: Sequence[str] | None = None) 
     """Run the commands of `app` on `arguments` (default: the command line) and exit.
 
     Exit codes: 0; 2 for bad input, and for a library of an extra that is not installed; 130 after Ctrl-C,
-    SIGTERM or SIGHUP, with a last line that names --resume where the command has it; 1 for a defect.
+    SIGTERM or SIGHUP, with a last line that names --resume where the command has it; 1 for a defect. Every
+    program has --version.
     """
     words = sys.argv[1:] if arguments is None else arguments
+    if list(words) == ["--version"]:
+        from importlib.metadata import version
+
+        print(f"{program} {version('deeptruck')}")
+        sys.exit(0)
     with interrupts.heeded(lambda: _last_words(program, _interrupted(app, words), INTERRUPTED)) as interrupt:
         try:
             code = _code(app, program, words)

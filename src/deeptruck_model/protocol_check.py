@@ -212,6 +212,11 @@ def _force(s: Simulator) -> str:
     speed = _idle(s, s.force(state, told), 1)[1][0, SPEED]
     if abs(speed - 20.0) > LIKELY * s.dt:
         raise MissingError(f"{speed:.3g} m/s after force() to 20 m/s", "take the y that force is given")
+    if getattr(s, "starts_anew", False):
+        raise NotedError(
+            "it has no force: it starts anew at each recorded response",
+            "add force(state, y) -> state where gears, boost or brake pressure must be kept",
+        )
     return "goes on from a recorded response"
 
 

@@ -20,14 +20,26 @@ from deeptruck_model.checks import KINDS, MANIFEST, SCHEMES
 from deeptruck_model.checks import manifest as read_manifest
 from deeptruck_model.signals import TruckInterface
 
-__all__ = ["MANIFEST", "Array", "Run", "Simulator", "forced_run", "free_run", "load", "read_manifest"]
+__all__ = [
+    "MANIFEST",
+    "Array",
+    "MinimalSimulator",
+    "Run",
+    "Simulator",
+    "completed",
+    "forced_run",
+    "free_run",
+    "load",
+    "read_manifest",
+]
 
 Array = NDArray[np.float64]
 
 
-@runtime_checkable
-class Simulator(Protocol):
-    """A batched truck. Shapes: u (batch, len(interface.u)), w (batch, len(interface.w)), y likewise.
+class MinimalSimulator(Protocol):
+    """The least that a batched truck must have; `completed` adds the rest.
+
+    Shapes: u (batch, len(interface.u)), w (batch, len(interface.w)), y (batch, len(interface.y)).
 
     The state is opaque; `step` returns a new one and leaves the old one usable.
     """
@@ -44,6 +56,11 @@ class Simulator(Protocol):
     def step(self, state: Any, u: Array, w: Array) -> tuple[Any, Array]:
         """One step of dt: the next state and y (batch, n_y)."""
         ...
+
+
+@runtime_checkable
+class Simulator(MinimalSimulator, Protocol):
+    """A batched truck with all that the tools here use."""
 
     def force(self, state: Any, y: Array) -> Any:
         """The same internal state with the fed-back response replaced by a recorded y (the training form).
@@ -67,6 +84,19 @@ class Simulator(Protocol):
     def save(self, path: Path) -> None:
         """Write a simulator directory that `load` reads."""
         ...
+
+
+def completed(simulator: MinimalSimulator) -> Simulator:
+    """A simulator with what it may leave out; one that has all is returned as it is.
+
+    Without `force` it starts anew at each recorded response, and keeps no gear or pressure over it. Raises
+    InputError for an object that is no simulator, with what it lacks.
+    """
+    if isinstance(simulator, Simulator):
+        return simulator
+    from deeptruck_model.outside.truck import adapted
+
+    return cast(Simulator, adapted(simulator))
 
 
 @dataclass(frozen=True)

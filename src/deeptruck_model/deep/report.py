@@ -17,15 +17,15 @@ from deeptruck_model.pages.document import Picture, Table, document
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import EVALUATION
 from deeptruck_model.signals import CHANNELS, SPEED, printed
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 
 LABELS = {"acceleration": "acceleration", "speed": "speed", "fuel_rate": "fuel rate"}
 
 
 def evaluate(
-    simulator: Simulator,
+    simulator: MinimalSimulator,
     recordings: Sequence[Recording],
-    out: Path,
+    out: str | Path,
     count: int = TRIALS,
     horizon_s: float = HORIZON_S,
     seed: int = 0,
@@ -38,7 +38,8 @@ def evaluate(
     All of them or none. An older evaluation there is replaced with `overwrite` only. `named` is what the page
     calls the simulator.
     """
-    with EVALUATION.replacing(out, overwrite=overwrite) as draft:
+    simulator = completed(simulator)
+    with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
         return evaluate_into(draft, simulator, recordings, count, horizon_s, seed, named)
 
 

@@ -45,8 +45,8 @@ class DivergedError(InputError):
 @threadpool_limits.wrap(limits=1)  # the matrices are small: a second thread only waits, at full load
 def train(
     recordings: Sequence[Recording],
-    out: Path,
-    arguments: Arguments,
+    out: str | Path,
+    arguments: Arguments = Arguments(),
     resumes: bool = False,
     observe: Observer | None = None,
     overwrite: bool = False,
@@ -59,7 +59,7 @@ def train(
     whole. Raises InputError for data that cannot be trained on, an `out` that is something else, or a resume
     of another run.
     """
-    began = time.monotonic()
+    began, out = time.monotonic(), Path(out)
     if not resumes:
         check_start(DEEP_TRUCK, out, resume=False, overwrite=overwrite)
     DEEP_TRUCK.check(out, overwrite=True)  # whether it is this run's own is known with the data

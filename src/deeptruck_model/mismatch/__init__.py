@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
     from deeptruck_model.mismatch.find import find_mismatch
     from deeptruck_model.mismatch.mechanisms import LIBRARY
-    from deeptruck_model.mismatch.output import apply, figures, summary, write
+    from deeptruck_model.mismatch.output import apply, figures, read, summary, write
     from deeptruck_model.mismatch.posterior.clean_drives import CleanDrives
     from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint, Given, Seen
     from deeptruck_model.mismatch.posterior.kernels import NOTHING
     from deeptruck_model.mismatch.posterior.recogniser import Layer, Recogniser
-    from deeptruck_model.mismatch.result import Mismatch
+    from deeptruck_model.mismatch.result import Mismatch, Verdict
 
 __all__ = [
     "LIBRARY",
@@ -29,10 +29,12 @@ __all__ = [
     "Mismatch",
     "Recogniser",
     "Seen",
+    "Verdict",
     "apply",
     "figures",
     "find_mismatch",
     "load_directory",
+    "read",
     "summary",
     "write",
 ]
@@ -43,11 +45,11 @@ __getattr__ = names(
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
         "find": ("find_mismatch",),
         "mechanisms": ("LIBRARY",),
-        "output": ("apply", "figures", "summary", "write"),
+        "output": ("apply", "figures", "read", "summary", "write"),
         "posterior.clean_drives": ("CleanDrives",),
         "posterior.fingerprint": ("Fingerprint", "Given", "Seen"),
         "posterior.kernels": ("NOTHING",),
         "posterior.recogniser": ("Layer", "Recogniser"),
-        "result": ("Mismatch",),
+        "result": ("Mismatch", "Verdict"),
     },
 )

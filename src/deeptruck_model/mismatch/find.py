@@ -44,7 +44,7 @@ from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.mismatch.result import Conclusion, DataReport, Mismatch, Regime, Verdict
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ WITHOUT_MASS = (
 
 
 def find_mismatch(
-    simulator: Simulator,
+    simulator: MinimalSimulator,
     recordings: Sequence[Recording],
     held_out: Sequence[Recording] = (),
     *,
@@ -89,10 +89,11 @@ def find_mismatch(
     thresholds by which the verdict is reached. `mass_kg` is the mass of a simulator that does not tell its
     own: without it forces are told per kilogram.
 
-    Raises InputError where simulator and recordings do not belong together, for an effect there is not, and
-    for a mass that cannot be or is another than the simulator's.
+    Raises InputError for what is no simulator, where simulator and recordings do not belong together, for an
+    effect there is not, and for a mass that cannot be or is another than the simulator's.
     """
     check_excluded(exclude)
+    simulator = completed(simulator)
     _check_mass(simulator, mass_kg)
     with threadpool_limits(1):
         return _find(simulator, recordings, held_out, seed, with_unnamed, list(exclude), say, rules, mass_kg)

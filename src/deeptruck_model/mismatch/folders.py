@@ -17,7 +17,7 @@ FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"
 
 def check_applicable(directory: Path) -> None:
     """Raises InputError where a run found nothing, or validated nothing, that could be applied."""
-    verdict = _verdict(directory)
+    verdict = read_verdict(directory)
     if verdict.get("verdict") in ("nothing_missing", "undetermined"):
         raise InputError(f"in {directory} nothing was found that could be applied")
     if not verdict["fit"].get("validated"):
@@ -27,7 +27,8 @@ def check_applicable(directory: Path) -> None:
         )
 
 
-def _verdict(directory: Path) -> dict[str, Any]:
+def read_verdict(directory: Path) -> dict[str, Any]:
+    """The content of verdict.json. Raises InputError where there is none, or it is damaged."""
     _check_there(directory)
     try:
         verdict = json.loads((directory / "verdict.json").read_text())
@@ -50,7 +51,7 @@ def check_road(directory: Path) -> None:
         with (directory / "profiles.csv").open(newline="") as file:
             told = any(row["name"] == PROFILE for row in csv.DictReader(file))
     except FileNotFoundError:
-        said = _verdict(directory).get("verdict")
+        said = read_verdict(directory).get("verdict")
         raise InputError(
             f"{directory} has no profiles, its verdict is '{said}'; see its report.html"
         ) from None

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from deeptruck_model import simulators
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.folders import APPLIED, check_applicable
+from deeptruck_model.mismatch.folders import APPLIED, check_applicable, read_verdict
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.report import headline
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Mismatch
+from deeptruck_model.mismatch.result import Mismatch, Verdict
 from deeptruck_model.results import FOUND
 
 if TYPE_CHECKING:
@@ -44,10 +44,26 @@ def figures(mismatch: Mismatch) -> dict[str, Picture]:
     return drawn.draw(mismatch)
 
 
-def write(mismatch: Mismatch, out: Path, *, overwrite: bool = False) -> None:
+def read(folder: str | Path) -> Verdict:
+    """The verdict that `write`, or 'deeptruck-model mismatch', wrote into a folder; where each finding acts
+    is left out. Raises InputError where there is none, or it is damaged."""
+    folder = Path(folder)
+    verdict = read_verdict(folder)
+    try:
+        return Verdict.read(verdict)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{folder / 'verdict.json'} is damaged ({error!r}); run 'deeptruck-model mismatch' again"
+        ) from None
+
+
+def write(mismatch: Mismatch, out: str | Path, *, overwrite: bool = False) -> None:
     """Write verdict.json, profiles.csv, road.csv, figures, report.html and simulator/ as the folder `out`,
     whole or not at all. Raises InputError as `files.Result.check` does, and on a full disk.
     """
+    if not isinstance(mismatch, Mismatch):
+        raise InputError(f"write takes what find_mismatch returns, and then a folder; not {mismatch!r:.60}")
+    out = Path(out)
     with FOUND.replacing(out, overwrite=overwrite) as draft:
         fill(draft, mismatch, Asked(out))
 
@@ -136,10 +152,13 @@ def _middle(x: Array) -> float:
     return float(np.median(x)) if len(x) else float("nan")
 
 
-def apply(directory: Path, out: Path, *, overwrite: bool = False) -> None:
+def apply(directory: str | Path, out: str | Path, *, overwrite: bool = False) -> None:
     """Copy the corrected simulator of a run to `out`. Raises InputError without a passed validation, and as
     `files.Result.check` does.
     """
+    if isinstance(directory, Mismatch):
+        raise InputError("apply takes a folder; write the mismatch first: mismatch.write(found, FOLDER)")
+    directory, out = Path(directory), Path(out)
     APPLIED.check(out, overwrite=overwrite)
     check_applicable(directory)
     _check_corrected(directory)

@@ -26,7 +26,6 @@ NEEDED = {  # what the object must have, and the form of it
     "dt": "its step in s",
     "reset": "reset(y0) -> state",
     "step": "step(state, u, w) -> (state, y)",
-    "force": "force(state, y) -> state",
 }
 
 
@@ -35,7 +34,7 @@ def lacks(simulator: Any) -> dict[str, str]:
     found = {}
     for name, form in NEEDED.items():
         what = getattr(simulator, name, None)
-        if what is None or (name in ("reset", "step", "force") and not callable(what)):
+        if what is None or (name in ("reset", "step") and not callable(what)):
             found[name] = f"it has no {name}; add {form}"
     interface, dt = getattr(simulator, "interface", None), getattr(simulator, "dt", None)
     if interface is not None and not isinstance(interface, TruckInterface):
@@ -47,21 +46,68 @@ def lacks(simulator: Any) -> dict[str, str]:
     return found
 
 
-class OutsideTruck:
-    """A Simulator around an object that lacks nothing of NEEDED.
+class WithForce:
+    """A truck without `force`, which starts anew at each recorded response: the state that it had is lost.
 
-    `values` are parameters that it was given since its factory made it. What it has beyond the protocol
-    (rollout, driven, command_range ...) is passed on.
+    The state here is that of the truck and the response that it stands at, (batch, n_y).
     """
 
-    def __init__(self, inner: Any, reference: Reference, values: Mapping[str, float] | None = None) -> None:
-        self._inner, self._reference, self._values = inner, reference, dict(values or {})
+    def __init__(self, inner: Any) -> None:
+        self.inner = inner
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "inner":
+            raise AttributeError(name)
+        return getattr(self.inner, name)
+
+    def reset(self, y0: Array) -> tuple[Any, Array]:
+        return self.inner.reset(y0), y0
+
+    def step(self, state: tuple[Any, Array], u: Array, w: Array) -> tuple[tuple[Any, Array], Array]:
+        after, y = self.inner.step(state[0], u, w)
+        return (after, y), y
+
+    def force(self, state: tuple[Any, Array], y: Array) -> tuple[Any, Array]:
+        import numpy as np
+
+        recorded = np.where(np.isnan(y), state[1], y)
+        return state if np.isnan(y).all() else (self.inner.reset(recorded), recorded)
+
+    def inside(self, state: tuple[Any, Array]) -> Any:
+        return self.inner.inside(state[0]) if hasattr(self.inner, "inside") else {}
+
+    def with_parameters(self, values: Mapping[str, float]) -> WithForce:
+        return WithForce(self.inner.with_parameters(values))
+
+
+class OutsideTruck:
+    """A Simulator around an object that lacks nothing of NEEDED, named `named` in messages.
+
+    `reference` is where it comes from, None of an object that was given. `values` are parameters that it was
+    given since its factory made it. What it has beyond the protocol (rollout, driven, command_range ...) is
+    passed on.
+    """
+
+    def __init__(
+        self,
+        inner: Any,
+        named: str,
+        reference: Reference | None = None,
+        values: Mapping[str, float] | None = None,
+    ) -> None:
+        self._inner = inner if hasattr(inner, "force") else WithForce(inner)
+        self._named, self._reference, self._values = named, reference, dict(values or {})
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
         beyond = getattr(self._inner, name)
         return self._checked_rollout(beyond) if name == "rollout" else beyond
+
+    @property
+    def starts_anew(self) -> bool:
+        """Whether it has no `force` of its own."""
+        return isinstance(self._inner, WithForce)
 
     @property
     def interface(self) -> TruckInterface:
@@ -102,17 +148,23 @@ class OutsideTruck:
     def with_parameters(self, values: Mapping[str, float]) -> OutsideTruck:
         unknown = sorted(set(values) - set(self.parameters()))
         if unknown:
-            raise InputError(f"{self._reference.text} has no parameter {', '.join(unknown)}")
+            raise InputError(f"{self._named} has no parameter {', '.join(unknown)}")
         if not values:
             return self
         with self._asked("with_parameters"):
             other = self._inner.with_parameters(dict(values))
-        return OutsideTruck(other, self._reference, {**self._values, **values})
+        return OutsideTruck(other, self._named, self._reference, {**self._values, **values})
 
     def save(self, path: Path) -> None:
-        """Write where it came from, with the hashes of its files; `saved.load_directory` makes it again."""
+        """Write where it came from, with the hashes of its files; `saved.load_directory` makes it again.
+
+        Of an object that was given, what it was is written, which cannot be loaded.
+        """
         told = {"interface": self.interface.to_dict(), "dt": self.dt, "parameters": self._values}
-        _write(path, self._reference.to_dict() | told)
+        if self._reference is None:
+            _write(path, {"simulator": None, "object": self._named} | told)
+        else:
+            _write(path, self._reference.to_dict() | told)
 
     def _checked_rollout(self, rollout: Callable[..., Any]) -> Callable[..., Any]:
         def checked(u: Array, w: Array, y0: Array, recorded: Array | None = None) -> Any:
@@ -124,7 +176,7 @@ class OutsideTruck:
         return checked
 
     def _asked(self, method: str) -> Any:
-        return asked(self._reference.text, method)
+        return asked(self._named, method)
 
 
 def _numbers(y: Any, shape: tuple[int, ...]) -> Array:
@@ -144,7 +196,15 @@ def adopted(reference: Reference) -> OutsideTruck:
     if missing := lacks(inner):
         what = f"what {reference.factory} returns is no simulator: {', '.join(missing.values())}"
         raise InputError(f"{reference.text}: {what}")
-    return OutsideTruck(inner, reference)
+    return OutsideTruck(inner, reference.text, reference)
+
+
+def adapted(inner: Any) -> OutsideTruck:
+    """An object as a Simulator. Raises InputError where it lacks something of NEEDED."""
+    named = f"{type(inner).__module__}.{type(inner).__qualname__}"
+    if missing := lacks(inner):
+        raise InputError(f"{named} is no simulator: {', '.join(missing.values())}")
+    return OutsideTruck(inner, named)
 
 
 _looked_at: dict[Reference, tuple[TruckInterface, float]] = {}

@@ -162,7 +162,8 @@ def _bins(x: Array) -> Indices:
     if len(even) - 1 == len(np.unique(np.round(x))):  # gears
         return place(x, even)
     low, high = even[0], even[-1]
-    often = np.quantile(x[(x > low) & (x < high)], np.linspace(0, 1, QUANTILES + 1)) if high > low else even
+    between = x[(x > low) & (x < high)]  # none of what is switched on and off
+    often = np.quantile(between, np.linspace(0, 1, QUANTILES + 1)) if len(between) else even
     apart = (high - low) / 100
     ends = np.unique(np.concatenate([np.linspace(low, high, EVEN + 1), often]))
     kept = [ends[0]]
