@@ -46,7 +46,12 @@ WRONG = [
     "☃",
 ]
 # all that these need is where to write
-NO_INPUT = {"deeptruck-model prove", "deeptruck-model experiment", "deeptruck-cacc pays"}
+NO_INPUT = {
+    "deeptruck-model prove",
+    "deeptruck-model experiment",
+    "deeptruck-cacc experiment",
+    "deeptruck-cacc pays",
+}
 
 
 def commands() -> Iterator[tuple[str, tuple[str, ...], Any]]:

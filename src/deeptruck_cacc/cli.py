@@ -218,6 +218,46 @@ def pays(
     typer.echo(f"{out}: pays.md, pays.png and pays.json")
 
 
+class Experiment(StrEnum):
+    """The paper's experiments with controllers."""
+
+    paper = "paper"
+
+
+@app.command()
+def experiment(
+    name: Annotated[Experiment, typer.Argument(help="paper: its control experiments beside ours.")],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="Folder; the page is in its subfolder of the experiment's name."),
+    ] = Path("runs/experiments"),
+    seeds: Annotated[int, typer.Option(help="Policies of each trainer.", min=1, max=100)] = 10,
+    iterations: Annotated[int, typer.Option(help="Updates of each training; 0: the trainer's.", min=0)] = 0,
+    chain: Annotated[
+        list[str] | None,
+        typer.Option(help="paper, trpo, default or unaided; repeat for several. Default: all of them."),
+    ] = None,
+) -> None:
+    """The paper's control experiments: TRPO as printed beside our trainer, on deep trucks and the truck.
+
+    It writes its half of the page that 'deeptruck-model experiment paper' begins, learns a deep truck that
+    is not there yet, and goes on where a run of it was stopped.
+
+    Example: deeptruck-cacc experiment paper --out runs/experiments
+    """
+    from rich.console import Console
+
+    from deeptruck_cacc import beside_paper
+    from deeptruck_model.results import PAPER_PAGE
+
+    chains = tuple(chain or beside_paper.CHAINS)
+    if unknown := [one for one in chains if one not in beside_paper.CHAINS]:
+        raise InputError(f"there is no chain '{unknown[0]}'; known: {', '.join(beside_paper.CHAINS)}")
+    folder = out / name.value
+    beside_paper.experiment(folder, seeds, iterations, chains, say=Console(stderr=True).print)
+    typer.echo(f"{folder / PAPER_PAGE}: written")
+
+
 @app.command()
 def sweep(
     simulator: SimulatorPath,

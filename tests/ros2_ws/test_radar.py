@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from deeptruck_nodes import leaders
 from deeptruck_nodes.radar import Gap, Radar, RadarErrors
+from deeptruck_nodes.runs import RADARS
+
+from deeptruck_cacc.environments.hard_scenes import long_following
 
 
 def readings(errors: RadarErrors, seed: int = 1, seconds: float = 100.0, dt: float = 0.1) -> np.ndarray:
@@ -55,9 +58,17 @@ def test_dropouts_come_as_often_and_last_as_long_as_stated() -> None:
 
 def test_the_lane_change_jumps_to_a_farther_vehicle_and_back() -> None:
     seen = readings(RadarErrors(lane_change_at_s=63.0))
-    jumped = seen[:, 0] == 90.0
-    assert np.flatnonzero(jumped)[[0, -1]] * 0.1 == pytest.approx([63.0, 64.4])
-    assert np.all(seen[jumped, 1] == 22.0) and np.all(seen[~jumped] == [50.0, 20.0])
+    jumped = seen[:, 0] == 80.0
+    assert np.flatnonzero(jumped)[[0, -1]] * 0.1 == pytest.approx([63.0, 64.9])
+    assert np.all(seen[jumped, 1] == 21.5) and np.all(seen[~jumped] == [50.0, 20.0])
+
+
+def test_the_leader_node_and_the_scene_change_lanes_alike() -> None:
+    scene = long_following(np.random.default_rng(0), 1, 1200, 0.1)
+    offsets = np.array([scene.seen_gap_offset[0], scene.seen_speed_offset[0]]).T
+    clean = dict.fromkeys(("range_noise", "speed_noise", "dropout_rate"), 0.0)
+    seen = readings(RadarErrors(**RADARS["field"] | clean), seconds=120.0)
+    np.testing.assert_allclose(seen - [50.0, 20.0], offsets)
 
 
 def test_beyond_its_reach_and_behind_a_collision_it_sees_nothing() -> None:

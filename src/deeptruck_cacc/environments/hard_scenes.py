@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,23 +97,33 @@ def gap_closing(rng: np.random.Generator, batch: int, steps: int, dt: float) -> 
     return replace(scene, speed=speed, gap=speed * 2.5)
 
 
-def long_following(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """The paper's field run: an arbitrary leader at time gap 1.5 s, a lane change at 63 s.
+class LaneChange(NamedTuple):
+    """A lane change of the paper's field run: for a while the radar sees another vehicle than the leader."""
 
-    For 2 s the radar then looks past the leader at a vehicle 30 m further and 1.5 m/s faster.
-    """
+    at_s: float = 63.0
+    duration_s: float = 2.0
+    gap_m: float = 30.0  # how much further that one is
+    speed: float = 1.5  # how much faster, m/s
+
+
+LANE_CHANGE = LaneChange()
+
+
+def long_following(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+    """The paper's field run: an arbitrary leader at time gap 1.5 s, and LANE_CHANGE."""
     scene = settled(batch, steps, rng.uniform(17, 21, batch), 1.5)
     t = dt * np.arange(steps)[None]
     pull = np.zeros((batch, steps))
     for period in (13.0, 23.0, 41.0):
         pull += 0.12 * np.sin(2 * np.pi * t / period + rng.uniform(0, 2 * np.pi, (batch, 1)))
-    looking_past = (t >= 63.0) & (t < 65.0)
+    change = LANE_CHANGE
+    looking_past = (t >= change.at_s) & (t < change.at_s + change.duration_s)
     return replace(
         scene,
         leader_acceleration=pull,
         grade=rolling_road(rng, batch, steps, dt, scene.speed, 0.015),
-        seen_gap_offset=looking_past * np.full((batch, 1), 30.0),
-        seen_speed_offset=looking_past * np.full((batch, 1), 1.5),
+        seen_gap_offset=looking_past * np.full((batch, 1), change.gap_m),
+        seen_speed_offset=looking_past * np.full((batch, 1), change.speed),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from deeptruck_cacc.environments.hard_scenes import LANE_CHANGE
 from deeptruck_nodes.leaders import Leader
 
 
@@ -59,9 +60,9 @@ class RadarErrors:
     dropout_s: float = 0.3
     reach: float = 200.0
     lane_change_at_s: float = 0.0
-    lane_change_s: float = 1.5
-    lane_change_gap: float = 40.0
-    lane_change_speed: float = 2.0
+    lane_change_s: float = LANE_CHANGE.duration_s
+    lane_change_gap: float = LANE_CHANGE.gap_m
+    lane_change_speed: float = LANE_CHANGE.speed
 
 
 class Radar:

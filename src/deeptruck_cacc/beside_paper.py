@@ -1,0 +1,291 @@
+"""The control half of the page beside the paper: TRPO as printed and our trainer, on deep trucks, driven on
+them and zero-shot on the truck."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc import training
+from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.policy import MANIFEST
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.hard_scenes import LANE_CHANGE, gap_closing, long_following
+from deeptruck_cacc.environments.rollouts import Trace, roll_out
+from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_cacc.evaluation import figures, metrics
+from deeptruck_cacc.safety import guard as guards
+from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig
+from deeptruck_model import files, simulators
+from deeptruck_model.deep.experiments.beside_paper import Job, learn
+from deeptruck_model.deep.experiments.paper_page import Figures, Row, at, picture, table, write
+from deeptruck_model.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+TRUCK = "truck:trucksim"
+SETTLED_S, STEADY_S = 10.0, 25.0  # the paper's, of time gap and speed
+OVERSHOOT_S = 20.0  # in which a speed error that began on one side may reach the other
+RIPPLE_S, RIPPLE_PERIOD_S, RIPPLE = 17.0, 4.0, 0.5  # the leader's quick changes: from then on, s, m/s^2
+CLOSED_TIME_GAP_S, CLOSED_SPEED = 0.35, 0.2  # the paper's
+SCENES_SEED = 1000
+
+
+@dataclass(frozen=True)
+class Chain:
+    """How policies are trained, and on which deep truck of the modelling half."""
+
+    heading: str
+    truck: str
+    trainer: str
+    config: Callable[..., Config]
+
+
+CHAINS = {
+    "paper": Chain(
+        "its recipe: TRPO on the truck of its recipe",
+        "paper",
+        "trpo",
+        partial(TrpoConfig, printed_reward=True),
+    ),
+    "trpo": Chain("TRPO on our default truck", "default", "trpo", partial(TrpoConfig, printed_reward=True)),
+    "default": Chain("our default", "default", "analytic", AnalyticConfig),
+    "unaided": Chain(
+        "our default, gear and engine not taught to the truck", "unaided", "analytic", AnalyticConfig
+    ),
+}
+
+
+def _errors(where: str, gap: tuple[float, float], mean: float, speed: float) -> tuple[Row, ...]:
+    bounds = f"{gap[0]:+.2f} to {gap[1]:+.2f}" if gap[0] != -gap[1] else f"±{gap[1]:.2f}"
+    return (
+        Row(f"{where}: time-gap error after 10 s (s)", bounds, at(where, "time_gap"), *gap, "{:+.3f}"),
+        Row(
+            "its mean (s)",
+            f"{mean:.2f}" if mean else "about zero",
+            at(where, "time_gap_mean"),
+            least=-abs(mean) if mean else -np.inf,
+            most=abs(mean) if mean else np.inf,
+            form="{:+.4f}",
+        ),
+        Row("speed error after 25 s (m/s)", f"±{speed:.2f}", at(where, "speed"), -speed, speed, "{:+.3f}"),
+        Row("its mean (m/s)", "about zero", at(where, "speed_mean"), form="{:+.4f}"),
+        Row("crashes", "none shown", at(where, "crashes"), most=0, form="{:.0f}"),
+        Row("largest speed error on the other side than at the start (m/s)", "", at(where, "overshoot")),
+        Row("bimodality of that overshoot (uniform 0.56, normal 0.33)", "bimodal", at(where, "bimodality")),
+    )
+
+
+ROWS = (
+    *_errors("DeepEnv-set", (-0.05, 0.05), 0.0, 0.03),
+    *_errors("TruckSIM-set", (-0.2, 0.04), -0.06, 0.02),
+    Row(
+        "gap closing: time to 0.2 m/s and 0.35 s (s)",
+        "15",
+        at("closing", "closed_s"),
+        most=15.0,
+        form="{:.1f}",
+    ),
+    Row(
+        "ripple of the speed error behind a leader that changes from 17 s (m/s)",
+        "seen",
+        at("closing", "ripple"),
+    ),
+    Row("long following: speed error (m/s)", "±0.5", at("following", "speed"), -0.5, 0.5),
+    Row("time-gap error (s)", "0.05 to 0.3", at("following", "time_gap"), -0.3, 0.3),
+    Row(
+        "largest speed error within 10 s of the lane change (m/s)",
+        "a discontinuity",
+        at("following", "lane_change"),
+    ),
+    Row("mean return of the last 5 iterations", "converged", at("end_return"), form="{:.1f}"),
+    Row("of the middle 5", "", at("middle_return"), form="{:.1f}"),
+)
+SAYS = """
+Policies are trained on a deep truck of the modelling half, its first seed. DeepEnv-set: 100 runs on that deep
+truck; TruckSIM-set: 10 on the truck itself, zero-shot. The paper's recipe is TRPO with 3 x 25 units, batches
+of 20,000, paths of 800, discount 0.9999, squared errors in the reward. The paper drove its field runs with
+its Volvo; these are on `trucksim`. An overshoot is a speed error on the other side than it began on, in the
+first 20 s; with two groups of them, over and under, the coefficient is near 1.""".strip()
+CAPTIONS = {
+    "learning_curve_{}.png": "returns",
+    "deepenv_{}.png": "DeepEnv-set: min/max, sd and mean",
+    "trucksim_{}.png": "TruckSIM-set: min/max, sd and mean",
+    "closing_{}.png": "gap closing with a leader that changes its speed from 17 s on",
+    "following_{}.png": "long following, a lane change at 63 s",
+}
+
+
+def experiment(
+    out: Path,
+    seeds: int = 10,
+    iterations: int = 0,
+    chains: tuple[str, ...] = tuple(CHAINS),
+    budget: int = 0,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Train, drive and write the half page into `out`; goes on where a run of it was stopped.
+
+    Trucks that the modelling half has not learned yet are learned with `budget` updates. Raises InputError
+    where `out` holds something else.
+    """
+    with BESIDE_PAPER.in_place(out):
+        for name in chains:
+            say(f"{name}: {CHAINS[name].heading}")
+            _chain(out, name, seeds, iterations, budget, say)
+            page(out)
+
+
+def page(out: Path) -> None:
+    """The half page of the chains that were driven so far."""
+    columns: dict[str, list[Figures]] = {}
+    for name, chain in CHAINS.items():
+        kept = out / WORK / f"chain-{name}.json"
+        columns[chain.heading] = json.loads(kept.read_text())["seeds"] if kept.exists() else []
+    lines = ["## Control of `trucksim`", ""]
+    lines += [SAYS, "", *table(ROWS, columns)]
+    for name in CHAINS:
+        for file, says in CAPTIONS.items():
+            lines += picture(out, file.format(name), f"{CHAINS[name].heading}: {says}")
+    write(out, PAPER_HALVES[1], lines)
+
+
+def _chain(
+    out: Path, name: str, seeds: int, iterations: int, budget: int, say: Callable[[str], None]
+) -> None:
+    """Train and drive one chain, unless it was."""
+    chain, kept = CHAINS[name], out / WORK / f"chain-{name}.json"
+    given = {"seeds": seeds, "iterations": iterations, "budget": budget}
+    if kept.exists() and json.loads(kept.read_text())["given"] == given:
+        return
+    job = Job(str(out / WORK), "trucksim", chain.truck, 0, budget)
+    learn(job)
+    deep, truck = simulators.load(job.folder), simulators.load(TRUCK)
+    policy = out / WORK / "policies" / name
+    config = chain.config(seeds=seeds, **({"iterations": iterations} if iterations else {}))
+    if not (policy / MANIFEST).exists():
+        source, goes_on = str(job.folder), training.begun(policy)
+        training.train(
+            deep,
+            policy,
+            trainer=chain.trainer,
+            config=config,
+            source=source,
+            resume=goes_on,
+            tell=_every(say),
+        )
+    found = []
+    for k in range(config.seeds):
+        folder = policy / "seeds" / str(k)
+        traces = _traces(folder, deep, truck)
+        found.append(_figures(traces, folder))
+        if k == 0:
+            _draw(out / PICTURES, name, traces, policy, truck)
+    files.write(kept, json.dumps({"given": given, "seeds": found}).encode())
+
+
+def _every(say: Callable[[str], None], count: int = 25) -> Callable[[int, int, str], None]:
+    return lambda done, total, line: say(f"{done} of {total}: {line}") if done % count == 0 else None
+
+
+def _traces(folder: Path, deep: Simulator, truck: Simulator) -> dict[str, Trace]:
+    policy = load_policy(folder, truck.interface)
+
+    def drive(simulator: Simulator, draw: scenes.Drawer, count: int, seconds: float) -> Trace:
+        scene = draw(np.random.default_rng(SCENES_SEED), count, round(seconds / simulator.dt), simulator.dt)
+        blind = scene.seen_gap_offset is not None  # the radar's track is not the bare policy's task
+        return roll_out(simulator, guards.guard(policy, shield=False) if blind else policy, scene)
+
+    return {
+        "DeepEnv-set": drive(deep, scenes.paper, 100, 80.0),
+        "TruckSIM-set": drive(truck, scenes.paper, 10, 80.0),
+        "closing": drive(truck, closing_with_ripple, 10, 40.0),
+        "following": drive(truck, long_following, 10, 120.0),
+    }
+
+
+def closing_with_ripple(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+    """The paper's gap closing, whose leader changes its speed quickly up and down at the end."""
+    scene, t = gap_closing(rng, batch, steps, dt), dt * np.arange(steps)
+    turns = np.where((t - RIPPLE_S) % (2 * RIPPLE_PERIOD_S) < RIPPLE_PERIOD_S, RIPPLE, -RIPPLE)
+    return replace(scene, leader_acceleration=np.tile(np.where(t >= RIPPLE_S, turns, 0.0), (batch, 1)))
+
+
+def _figures(traces: Mapping[str, Trace], policy: Path) -> dict[str, Any]:
+    found: dict[str, Any] = {name: _of_set(traces[name]) for name in ("DeepEnv-set", "TruckSIM-set")}
+    closing, following = traces["closing"], traces["following"]
+    begins = round(RIPPLE_S / closing.dt)
+    before = Trace(closing.dt, closing.scene, {n: s[:begins] for n, s in closing.signals.items()})
+    closed = metrics.settling_time(before, CLOSED_TIME_GAP_S, CLOSED_SPEED).max()
+    ripple = np.abs(closing["speed_error"][begins:]).max()
+    # Where it is not closed before the leader moves, the time is not known.
+    found["closing"] = {"closed_s": float(closed) if np.isfinite(closed) else None, "ripple": float(ripple)}
+    t = following.time
+    near = (t >= LANE_CHANGE.at_s) & (t < LANE_CHANGE.at_s + 10.0)
+    far = ~near & (t > SETTLED_S)
+    found["following"] = {
+        "speed": _ends(following["speed_error"][far]),
+        "time_gap": _ends(following["time_gap_error"][far]),
+        "lane_change": float(np.abs(following["speed_error"][near]).max()),
+    }
+    return found | _returns(policy / "learning_curve.jsonl")
+
+
+def _of_set(trace: Trace) -> dict[str, Any]:
+    late, steady = round(SETTLED_S / trace.dt), round(STEADY_S / trace.dt)
+    gap, speed = trace["time_gap_error"][late:], trace["speed_error"]
+    side = np.where(trace.scene.leader_speed >= trace.scene.speed, 1.0, -1.0)  # on which the error begins
+    over = np.maximum(-side * speed[: round(OVERSHOOT_S / trace.dt)], 0.0).max(axis=0)
+    return {
+        "time_gap": _ends(gap),
+        "time_gap_mean": float(gap.mean()),
+        "speed": _ends(speed[steady:]),
+        "speed_mean": float(speed[steady:].mean()),
+        "crashes": int(trace["crash"].any(axis=0).sum()),
+        "overshoot": float(over.max()),
+        "bimodality": bimodality(-side * over),
+    }
+
+
+def bimodality(values: Array) -> float:
+    """Sarle's coefficient of a sample (n,): 1 for two points, 0.56 uniform, 0.33 normal."""
+    spread = values - values.mean()
+    variance = float((spread**2).mean())
+    if variance == 0.0:
+        return 0.0
+    skew, kurtosis = (spread**3).mean() / variance**1.5, (spread**4).mean() / variance**2
+    return float((skew**2 + 1) / kurtosis)
+
+
+def _ends(values: Array) -> list[float]:
+    return [float(values.min()), float(values.max())]
+
+
+def _returns(curve: Path) -> dict[str, float]:
+    """Of TRPO: mean returns in the middle of the training and at its end."""
+    if not curve.exists():
+        return {}
+    lines = [json.loads(line) for line in curve.read_text().splitlines()]
+    if "return_mean" not in lines[0]:
+        return {}
+    means, middle = np.array([line["return_mean"] for line in lines]), len(lines) // 2
+    return {"end_return": float(means[-5:].mean()), "middle_return": float(means[middle : middle + 5].mean())}
+
+
+def _draw(folder: Path, name: str, traces: Mapping[str, Trace], policy: Path, truck: Simulator) -> None:
+    folder.mkdir(exist_ok=True)
+    figures.error_bands(traces["DeepEnv-set"], "DeepEnv-set, 100 runs", folder / f"deepenv_{name}.png")
+    figures.error_bands(traces["TruckSIM-set"], "TruckSIM-set, 10 runs", folder / f"trucksim_{name}.png")
+    for scene in ("closing", "following"):
+        figures.field_run(traces[scene], scene, folder / f"{scene}_{name}.png", truck.interface)
+    curves = sorted(policy.glob("seeds/*/learning_curve.jsonl")) or [policy / "learning_curve.jsonl"]
+    runs = [[json.loads(line) for line in c.read_text().splitlines()] for c in curves if c.exists()]
+    if runs:
+        figures.learning_curve(runs, folder / f"learning_curve_{name}.png")
