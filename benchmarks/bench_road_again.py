@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_exam.concealed import SOURCES, examine_concealed
+from deeptruck_exam.real.withheld import SOURCES, examine_withheld
 from deeptruck_model import deep, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
@@ -88,7 +88,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=Path("runs/road_again"))
     args = parser.parse_args()
     sources = [s for s in SOURCES if s.name in NAMES]
-    examined = examine_concealed(args.work, sources=sources)
+    examined = examine_withheld(args.work, sources=sources)
     if len(examined) < len(NAMES):
         print("left out: DEEPTRUCK_REAL_DATA names no folder with the logs of the two trucks")
         return

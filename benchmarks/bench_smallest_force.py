@@ -16,7 +16,7 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from deeptruck_exam.real import FLEETS, UPDATES, Fleet, examine_real
+from deeptruck_exam.real.fleets import FLEETS, UPDATES, Fleet, examine_real
 from deeptruck_model import recordings, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find_mismatch

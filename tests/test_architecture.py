@@ -148,15 +148,15 @@ def test_the_floor_imports_no_room() -> None:
 
 def test_the_exam_shares_no_code_with_the_tool() -> None:
     """Effects are planted by other code than the one that names them; only the vocabulary is common. What
-    teaches the tool names stands apart, and sees the tool's public face alone."""
+    trains its classifier stands apart, and uses the tool's public names alone."""
     tool = "deeptruck_model.mismatch"
     exam = [n for n in MODULES if within(n, "deeptruck_exam")]
     at_the_door = {n for n in exam if any(within(o, tool) for o in imports()[n])}
-    assert at_the_door and all(within(name, "deeptruck_exam.teaching") for name in at_the_door)
+    assert at_the_door and all(within(name, "deeptruck_exam.teach") for name in at_the_door)
     assert {o for n in at_the_door for o in imports()[n] if within(o, tool)} == {tool}
-    others = [n for n in exam if not within(n, "deeptruck_exam.teaching")]
+    others = [n for n in exam if not within(n, "deeptruck_exam.teach")]
     found = {o for name in others for o in imports()[name]}
-    assert "deeptruck_exam.teaching.run" in imports()["deeptruck_exam.command"]
+    assert "deeptruck_exam.teach.run" in imports()["deeptruck_exam.command"]
     assert not {name for name in found if within(name, tool, "deeptruck_model.cli")}
 
 

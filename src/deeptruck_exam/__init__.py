@@ -1,6 +1,7 @@
-"""What `deeptruck-model prove` examines the mismatch tool with: hidden effects, sealed cases, their scores.
+"""What `deeptruck-model prove` examines the mismatch tool with: cases with a hidden law, and their scores.
 
-In: levels, seeds and the families of effects to hide. Out: proof.md and scoreboard.json. `effects` are laws
-by the part of the truck, `worlds` make trucks, roads, traffic, drivers and loggers, `sealed` is for the next
-family; cases, run and score are beside this file. Nothing here imports the tool: it is another process.
+`laws` are the textbook laws of the score; `grammar` makes laws as data, for training alone; `worlds` draws
+trucks, roads, drivers and sensors; `cases` makes a case of a level and a seed; `tool` runs the tool as
+another process, and `scoring` opens the sealed truth. `oracle` finds what can be identified at all, `real`
+examines real logs, and `teach` trains the tool's effect classifier: it alone imports the tool.
 """

@@ -1,4 +1,4 @@
-"""`prove` and, for the tool's author, `python -m deeptruck_exam.command one|batch|list`.
+"""`prove`, and `python -m deeptruck_exam.command one|judge|batch|limit|classifier|list` for development.
 
 Development seeds are 0 to 9999; a report uses seeds from 100000, run once.
 """
@@ -14,26 +14,22 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from deeptruck_exam import limit
-from deeptruck_exam.cases import Case, make_case
-from deeptruck_exam.concealed import data_folder, examine_concealed
-from deeptruck_exam.effects import of_family
-from deeptruck_exam.effects.planting import ALL
+from deeptruck_exam.cases.case import Case, make_case
+from deeptruck_exam.cases.levels import LEVELS
 from deeptruck_exam.folder import PROOF
 from deeptruck_exam.jobs import Job, run_jobs
-from deeptruck_exam.page import write_page
-from deeptruck_exam.plans import LEVELS
+from deeptruck_exam.laws import EFFECTS
+from deeptruck_exam.oracle import limit
+from deeptruck_exam.real.withheld import data_folder, examine_withheld
 from deeptruck_exam.run import examine, judge
-from deeptruck_exam.scoreboard import print_results
+from deeptruck_exam.scoring.page import write_page
+from deeptruck_exam.scoring.scoreboard import print_results
 from deeptruck_exam.tool import ToolRun
 from deeptruck_model.errors import InputError
 
 REPORT_SEED = 100_000
 NULL_FACTOR = 5  # nulls need numbers: a false alarm in fifty cannot be seen in forty
 SIMULATORS = ("physics", "deep")
-FORMS_HELP = (
-    "Family of effects to hide: all, first to twenty-first, or sealed (unseen by the tool's authors)."
-)
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -44,30 +40,29 @@ def prove(
     cases_per_level: int = 40,
     jobs: int = 1,
     seed: int = REPORT_SEED,
-    simulators: Sequence[str] = ("physics", "deep"),
+    simulators: Sequence[str] = SIMULATORS,
     resume: bool = True,
-    forms: str = ALL,
 ) -> dict[str, Any]:
     """Examine the tool and write proof.md, scoreboard.json and figures into `out`; returns the scoreboard.
 
     One folder a case; a scored case is skipped when `resume`, else `out` must not exist. Level
-    nothing_missing gets NULL_FACTOR times the cases. `forms` is the family that is hidden.
-    Raises InputError for unknown levels, simulators or forms, or an `out` in use."""
+    nothing_missing gets NULL_FACTOR times the cases, but not of a single one.
+    Raises InputError for unknown levels or simulators, or an `out` in use."""
     _known("level", levels, LEVELS)
     _known("simulator", simulators, SIMULATORS)
-    of_family(forms)
     if out.exists() and not resume:
         raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
+    factor = NULL_FACTOR if cases_per_level > 1 else 1
     wanted = [
-        Job(level, seed + k, None, simulator, forms=forms)
+        Job(level, seed + k, None, simulator)
         for simulator in simulators
         for level in levels
-        for k in range(cases_per_level * (NULL_FACTOR if level == "nothing_missing" else 1))
+        for k in range(cases_per_level * (factor if level == "nothing_missing" else 1))
     ]
     with PROOF.in_place(out):
         results = run_jobs(out / "cases", wanted, jobs=jobs)
-        command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed} --forms {forms}"
-        real = examine_concealed(out / "concealed") if data_folder() else []
+        command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed}"
+        real = examine_withheld(out / "withheld") if data_folder() else []
         return write_page(results, out, command, real)
 
 
@@ -81,22 +76,21 @@ def _known(option: str, given: Sequence[str], known: Sequence[str]) -> None:
 def one(
     out: Annotated[Path, typer.Option(help="New folder for the case.")],
     level: Annotated[str, typer.Option(help=", ".join(LEVELS))] = "noise",
-    effect: Annotated[str | None, typer.Option(help="Key or name of a hidden effect.")] = None,
+    effect: Annotated[str | None, typer.Option(help="Key or name of a hidden law.")] = None,
     seed: Annotated[int, typer.Option(help="Development: 0 to 9999.", min=0)] = 0,
     simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
     minutes: Annotated[float, typer.Option(help="Length of each recording.")] = 4.0,
     rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = True,
     generate_only: Annotated[bool, typer.Option(help="Do not run the tool.")] = False,
-    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = ALL,
 ) -> None:
     """Make one case, run the tool on it, open the truth and score."""
     if generate_only:
-        case = make_case(out, level, seed, effect, simulator, minutes, forms)
+        case = make_case(out, level, seed, effect, simulator, minutes)
         print(f"sealed {case.sha256}\nsimulator {case.simulator}")
         print(f"recordings {' '.join(map(str, case.paths(case.fit)))}")
         print(f"held out {' '.join(map(str, case.paths(case.held_out)))}")
         return
-    result = examine(out, level, seed, effect, simulator, minutes, forms, with_rivals=rivals, keep=True)
+    result = examine(out, level, seed, effect, simulator, minutes, with_rivals=rivals, keep=True)
     print(json.dumps(result, indent=1))
 
 
@@ -105,7 +99,7 @@ def judge_again(
     folder: Annotated[Path, typer.Argument(help="A case made before, with the tool's output in found/.")],
     rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
 ) -> None:
-    """Score a verdict written by the tool's author's own run of a case."""
+    """Score a verdict of the tool author's own run of a case."""
     verdict = json.loads((folder / "found" / "verdict.json").read_text())
     result = judge(Case.read(folder), ToolRun(0, 0.0, verdict, ""), with_rivals=rivals)
     print(json.dumps(result, indent=1))
@@ -117,57 +111,47 @@ def batch(
     level: Annotated[list[str], typer.Option(help=", ".join(LEVELS))],
     cases: Annotated[int, typer.Option(help="Cases a level.", min=1)] = 10,
     seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
-    effect: Annotated[str | None, typer.Option(help="Only this effect.")] = None,
+    effect: Annotated[str | None, typer.Option(help="Only this law.")] = None,
     simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
     jobs: Annotated[int, typer.Option(help="Cases at a time.", min=1)] = 1,
     rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
     keep: Annotated[bool, typer.Option(help="Keep recordings of every case.")] = True,
-    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = ALL,
 ) -> None:
     """Run many development cases and print a line for each and a table."""
-    wanted = [Job(name, seed + k, effect, simulator, forms=forms) for name in level for k in range(cases)]
-    results = run_jobs(out, wanted, jobs=jobs, with_rivals=rivals, keep=keep)
-    print_results(results)
+    wanted = [Job(name, seed + k, effect, simulator) for name in level for k in range(cases)]
+    print_results(run_jobs(out, wanted, jobs=jobs, with_rivals=rivals, keep=keep))
 
 
 @app.command("limit")
 def limit_of(
     out: Annotated[Path, typer.Option(help="Folder; one file a case, which is not done again.")],
-    cases: Annotated[int, typer.Option(help="Cases, spread over levels and families.", min=1)] = 200,
+    cases: Annotated[int, typer.Option(help="Cases, spread over levels and laws.", min=1)] = 200,
     seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
     jobs: Annotated[int, typer.Option(help="Cases at a time.", min=1)] = 1,
 ) -> None:
-    """What cases tell at all, where every law is known, and what an unknown form costs."""
+    """How often names can be identified where every law is known, and where the hidden one is not."""
     limit.show(limit.run(out, cases, seed, jobs))
 
 
-@app.command("recogniser")
-def recogniser_of(
+@app.command()
+def classifier(
     out: Annotated[Path, typer.Option(help="Folder for weights and card; one file a base, kept.")],
-    bases: Annotated[int, typer.Option(help="Trucks with drives, over the families' worlds.", min=8)] = 96,
+    bases: Annotated[int, typer.Option(help="Trucks with drives to train on.", min=4)] = 96,
+    judged: Annotated[int, typer.Option(help="Trucks with drives to judge on.", min=1)] = 12,
     seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 7000,
     jobs: Annotated[int, typer.Option(help="Bases at a time.", min=1)] = 1,
 ) -> None:
-    """Teach the tool's recogniser of names anew, and judge it on families it has not seen."""
-    from deeptruck_exam.teaching import run
+    """Train the tool's effect classifier on the grammar, and judge it on the laws beside the shipped one."""
+    from deeptruck_exam.teach import run
 
-    run.show(run.run(out, bases, seed, jobs))
-
-
-@app.command()
-def concealed(
-    out: Annotated[Path, typer.Option(help="Folder for concealed.json.")],
-    data: Annotated[Path | None, typer.Option(help="Folder of the real logs.")] = None,
-) -> None:
-    """Real recordings with the elevation concealed."""
-    print(json.dumps(examine_concealed(out, data), indent=1))
+    run.show(run.run(out, bases, judged, seed, jobs))
 
 
 @app.command("list")
-def list_effects(forms: Annotated[str, typer.Option(help=FORMS_HELP)] = ALL) -> None:
-    """Keys, names and sources of the hidden effects."""
+def list_laws() -> None:
+    """Keys, names and sources of the laws."""
     table = Table("key", "name", "kind", "source")
-    for effect in of_family(forms):
+    for effect in EFFECTS.values():
         table.add_row(effect.key, effect.name, effect.kind, effect.source)
     Console().print(table)
 

@@ -27,26 +27,26 @@ CASE = Result("an examined case", _CASE, "choose another folder")
 PROOF = Result(
     "a proof",
     (
-        "proof.md", "scoreboard.json", ".proof.md", ".scoreboard.json", "*.png", "concealed/concealed.json",
+        "proof.md", "scoreboard.json", ".proof.md", ".scoreboard.json", "*.png", "withheld/withheld.json",
         *(f"cases/*/{name}" for name in _CASE),
-        *(f"concealed/*/{name}" for name in _REAL),
+        *(f"withheld/*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
 REAL = Result(
     "an examination of real logs",
     (
-        "real.json", "real.md", "concealed/concealed.json",
-        *(f"concealed/*/{name}" for name in _REAL),
+        "real.json", "real.md", "withheld/withheld.json",
+        *(f"withheld/*/{name}" for name in _REAL),
         *(f"*/{name}" for name in _REAL),
         "*/drive_*-drive_*.json",
         *(f"*/drive_*-drive_*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
-RECOGNISER = Result(
-    "lessons of a recogniser",
-    ("recogniser.npz", "recogniser.json", "recogniser-without-*.npz", "base-*-*.npz"),
+CLASSIFIER = Result(
+    "a trained effect classifier",
+    ("recogniser.npz", "recogniser.json", "acceptance.md", "base-*-*.npz"),
 )
-LIMIT = Result("limits of cases", ("limit.json", "*-*-*.json"))
+LIMIT = Result("limits of cases", ("limit.json", "*-*.json"))
 
 
 def check(out: Path) -> None:

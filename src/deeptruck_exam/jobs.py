@@ -15,7 +15,6 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from deeptruck_exam.effects.planting import ALL
 from deeptruck_model.sweeps import end_with_parent
 
 A_CASE = "about a minute each with a physics truck, longer with a learned one; a stopped run goes on"
@@ -30,13 +29,11 @@ class Job:
     effect: str | None = None
     simulator: str = "physics"
     minutes: float = 4.0
-    forms: str = ALL
 
     @property
     def folder(self) -> str:
         chosen = f"-{self.effect}" if self.effect else ""
-        forms = "" if self.forms == ALL else f"-{self.forms}"
-        return f"{self.simulator}-{self.level}{chosen}{forms}-{self.seed}"
+        return f"{self.simulator}-{self.level}{chosen}-{self.seed}"
 
 
 def run_jobs(
@@ -86,7 +83,6 @@ def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, An
             job.effect,
             job.simulator,
             job.minutes,
-            job.forms,
             with_rivals=with_rivals,
             keep=keep,
         )
@@ -95,6 +91,5 @@ def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, An
             "level": job.level,
             "seed": job.seed,
             "simulator": job.simulator,
-            "forms": job.forms,
             "broken": traceback.format_exc(),
         }

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_exam import rivals, score
-from deeptruck_exam.cases import Case, make_case, open_truth
-from deeptruck_exam.effects.planting import ALL
-from deeptruck_exam.evaluation import arrays, open_loop
+from deeptruck_exam.cases.case import Case, make_case, open_truth
 from deeptruck_exam.folder import CASE
+from deeptruck_exam.scoring import rivals, score
+from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_exam.tool import ToolRun, run_tool
 from deeptruck_model import files, simulators
 from deeptruck_model.recordings import Recording, read
@@ -29,7 +28,6 @@ def examine(
     effect: str | None = None,
     simulator: str = "physics",
     minutes: float = 4.0,
-    forms: str = ALL,
     *,
     with_rivals: bool = True,
     keep: bool = False,
@@ -41,13 +39,12 @@ def examine(
         result: dict[str, Any] = json.loads(done.read_text())
         return result
     CASE.clear(folder)
-    case = make_case(folder, level, seed, effect, simulator, minutes, forms)
+    case = make_case(folder, level, seed, effect, simulator, minutes)
     run = run_tool(case, folder / "found")
     result = {
         "level": level,
         "seed": seed,
         "simulator": simulator,
-        "forms": forms,
         "sha256": case.sha256,
         **judge(case, run, with_rivals=with_rivals),
     }
@@ -65,6 +62,8 @@ def judge(case: Case, run: ToolRun, *, with_rivals: bool = True) -> dict[str, An
         "seconds": run.seconds,
         **score.score_names(truth, run.verdict),
         "recognised_unknown": score.recognised_unknown(truth, run.verdict),
+        "input_stated": score.input_stated(truth, run.verdict, run.says),
+        "each_drive_found": score.each_drive_found(truth, run.verdict),
         "overlap": score.overlap(truth, run.verdict),
         "intervals": score.score_intervals(truth, run.verdict),
         "information_nats": truth["information_nats"],

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from deeptruck_exam.cases import Case
+from deeptruck_exam.cases.case import Case
 
 LIMIT_S = 900.0
 CONSOLE_SCRIPT = "from deeptruck_model.cli import main; main()"
@@ -58,6 +58,12 @@ def _excluded(case: Case) -> list[str]:
 
 
 def smallest_force(verdict: Mapping[str, Any]) -> float | None:
-    """The steady force (m/s^2) that would have been seen; None in a verdict that does not tell it."""
+    """The steady force (m/s^2) that would have been seen; None in a verdict without it."""
     seen = (verdict.get("data") or {}).get("smallest_visible")
     return None if seen is None else float(seen["steady force all the time"]["m_s2"])
+
+
+def budget_of(verdict: Mapping[str, Any]) -> dict[str, float] | None:
+    """Shares of the squared speed error by part; None in a verdict without a budget."""
+    budget = verdict.get("budget")
+    return {p["part"]: float(p["share"]) for p in budget["parts"]} if budget else None

@@ -1,195 +1,127 @@
-"""Hidden laws along recorded moments of real drives, and alone in a made-up moment."""
+"""Drives that laws are asked along, and a law alone in a made-up moment."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from deeptruck_exam.effects import EFFECTS
-from deeptruck_exam.effects.law import Setting
-from deeptruck_exam.worlds import WORLDS, trucks
-from deeptruck_exam.worlds.drive import leader_way, simulate
-from deeptruck_model.trucks import View
-
-EVERY, MINUTES = 5, 4.0  # substeps between two moments; each of them 0.01 s
-STEP_S = 0.01 * EVERY
-SLOW = ("brake_fade", "torque_derate", "wheel_slip", "torque_converter_slip")  # heat and ice take minutes
-STIFF = ("load_slosh", "driveline_backlash")  # which need the truck's own steps
-FIELDS = [name for name in View.__annotations__ if name != "time"]
+from deeptruck_exam.cases.build import Built, build
+from deeptruck_exam.cases.plan import draw_plan
+from deeptruck_exam.laws import EFFECTS
+from deeptruck_exam.laws.law import Array, Setting
+from deeptruck_exam.oracle.trace import Trace, setting_of
+from deeptruck_exam.worlds import trucks
+from deeptruck_model.trucks import PhysicsTruck
 
 
 @cache
-def truck_of(name):
+def truck_of(name: str) -> PhysicsTruck:
     return trucks.make(name, {})
 
 
-class Recorder:
-    """A force of nothing that keeps what it sees; copies share the list."""
+@pytest.fixture(scope="session")
+def built() -> Callable[..., Built]:
+    """Eight drives of 75 s with nothing missing, two of each kind, of a reference truck, led or not."""
 
-    def __init__(self):
-        self.seen, self.calls = [], 0
+    @cache
+    def made(truck: str, led: bool = False) -> Built:
+        plan = draw_plan("nothing_missing", 3, None, "physics", 1.25)
+        drives = ["highway", "suburban", "hills", "descent"] * 2
+        styles = ["acc" if led else "human"] * 8
+        plan = replace(plan, truck=truck, values={}, believed={}, drives=drives, styles=styles)
+        return build(replace(plan, grade=True, headway_s=0.9))
 
-    def reset(self, batch):
-        pass
-
-    def force(self, view, dt):
-        if self.calls % EVERY == 0:
-            values = {name: getattr(view, name).copy() for name in FIELDS}
-            self.seen.append(SimpleNamespace(**values, time=view.time))
-        self.calls += 1
-        return np.zeros_like(view.speed)
-
-    def __deepcopy__(self, memo):
-        return self
-
-
-def setting_of(truck, leader_m, batch, seconds):
-    """Two roads, driven both ways."""
-    return Setting(
-        trucks.namespace(truck),
-        batch,
-        seconds,
-        0.1,
-        5,
-        9000.0 + 40.0 * np.arange(batch),
-        np.where(np.arange(batch) % 2, -1.0, 1.0),
-        np.arange(batch) % 2,
-        leader_m,
-    )
+    return made
 
 
 @pytest.fixture(scope="session")
-def moments():
-    """(setting, views) of eight drives: each kind of drive by a person and behind a leader."""
-    made = {}
+def acted(built: Callable[..., Built]) -> Callable[[str], Array]:
+    """Acceleration (8, n) of a law's forces along the drives, at the upper end of its sizes, m/s^2."""
 
-    def drive(name):
-        rng, world = np.random.default_rng(11), WORLDS["plain"]
-        truck, recorder = truck_of(name), Recorder()
-        kinds = ["highway", "suburban", "hills", "descent"] * 2
-        n = round(600 * MINUTES)
-        target = np.stack([world.speed_profile(rng, kind, n, 0.1) for kind in kinds])
-        styles = np.array(["human"] * 4 + ["acc"] * 4)
-        leader_m = leader_way(target, styles == "acc", 0.9, 0.1)
-        setting = setting_of(truck, leader_m, 8, 60.0 * MINUTES)
-        driver = world.driver(setting.truck, styles, target, 0.9, 0.1, rng)
-        roads = world.draw_roads(rng, kinds, False)
-        simulate(truck.with_forces([recorder]), roads, driver, leader_m, 0.1)
-        return setting, recorder.seen
-
-    def of(name):
-        if name not in made:
-            made[name] = drive(name)
-        return made[name]
-
-    return of
-
-
-@pytest.fixture(scope="session")
-def acted(moments):
-    """Acceleration (moments, 8) of an effect's force at the upper end of its sizes, m/s2, and the moments."""
-    done = {}
-
-    def act(key):
-        if key not in done:
-            effect = EFFECTS[key]
-            setting, seen = moments(effect.trucks[-1])
-            seen = seen if effect.name in SLOW else seen[: round(90.0 / STEP_S)]
-            parts = EVERY if effect.name in STIFF else 1
-            sizes = effect.draw(np.random.default_rng(1), scale=4.0)
-            (law,) = effect.build(setting, SimpleNamespace(**sizes)).forces
-            law.reset(8)
-            rows = [[law.force(view, STEP_S / parts) for _ in range(parts)][-1] / view.mass for view in seen]
-            done[key] = np.array(rows), seen
-        return done[key]
+    @cache
+    def act(key: str) -> Array:
+        effect = EFFECTS[key]
+        world = built(effect.trucks[-1], effect.leader)
+        trace = _trace(effect.trucks[-1], effect.leader, built)
+        sizes = SimpleNamespace(**effect.draw(np.random.default_rng(1), scale=4.0))
+        planted = effect.build(setting_of(world), sizes)
+        if planted.filters or planted.parameters:
+            d, nominal = world.drives, truck_of(effect.trucks[-1])
+            other = nominal.with_parameters(dict(planted.parameters)).with_forces([], list(planted.filters))
+            runs = [t.rollout(d.u, d.w, d.y[:, 0], d.y, inside=False).y[:, :, 0] for t in (other, nominal)]
+            return np.asarray(runs[0] - runs[1])
+        return trace.acceleration(planted.forces)[0]
 
     return act
 
 
-@pytest.fixture(scope="session")
-def alone():
-    """The force with sizes in the middle of their ranges, started; its setting's arrays may be changed."""
+_TRACES: dict[tuple[str, bool], Trace] = {}
 
-    def make(key, name="trucksim", batch=2):
+
+def _trace(truck: str, led: bool, built: Callable[..., Built]) -> Trace:
+    if (truck, led) not in _TRACES:
+        world = built(truck, led)
+        _TRACES[truck, led] = Trace.of(truck_of(truck), world.drives, setting_of(world))
+    return _TRACES[truck, led]
+
+
+def setting(truck: PhysicsTruck, batch: int = 2) -> Setting:
+    """One road, driven both ways by turns."""
+    return Setting(
+        trucks.namespace(truck),
+        batch,
+        60.0,
+        0.1,
+        5,
+        9000.0 + 40.0 * np.arange(batch),
+        np.where(np.arange(batch) % 2, -1.0, 1.0),
+        np.zeros(batch, np.int64),
+        np.full((batch, 600), np.nan),
+    )
+
+
+@pytest.fixture(scope="session")
+def alone() -> Callable[..., Any]:
+    """The force or filter of a law with sizes in the middle of their ranges, started for two trucks."""
+
+    def make(key: str, **sizes: float) -> Any:
         effect = EFFECTS[key]
-        truck = truck_of(name if name in effect.trucks else effect.trucks[0])
-        setting = setting_of(truck, np.full((batch, 600), np.nan), batch, 60.0)
-        setting.start_m[:], setting.route[:] = 9000.0, 0
-        sizes = {n: 0.5 * (low + high) for n, (low, high) in effect.ranges.items()}
-        (law,) = effect.build(setting, SimpleNamespace(**sizes)).forces
-        law.reset(batch)
+        truck = truck_of("trucksim" if "trucksim" in effect.trucks else effect.trucks[0])
+        middle = {n: 0.5 * (low + high) for n, (low, high) in effect.ranges.items()}
+        planted = effect.build(setting(truck), SimpleNamespace(**{**middle, **sizes}))
+        (law,) = (*planted.forces, *planted.filters)
+        law.reset(2)
         return law
 
     return make
 
 
-@pytest.fixture(scope="session")
-def between():
-    """The command filter with sizes near the upper end of their ranges, started for one truck."""
-
-    def make(key, batch=1):
-        effect = EFFECTS[key]
-        truck = truck_of(effect.trucks[-1])
-        setting = setting_of(truck, np.full((batch, 600), np.nan), batch, 60.0)
-        sizes = effect.draw(np.random.default_rng(1), scale=4.0)
-        (one,) = effect.build(setting, SimpleNamespace(**sizes)).filters
-        one.reset(batch)
-        return one
-
-    return make
+BASE = {
+    "acceleration": 0.0, "shifting": 0.0, "brake_force": 0.0, "grade": 0.0, "distance": 0.0, "speed": 15.0,
+    "mass": 2e4, "gear": 8.0, "ratio": 6.0, "engine_speed": 140.0, "engine_torque": 700.0,
+    "traction_force": 8000.0, "drag_force": 700.0, "u0": 600.0, "u1": 0.0, "brake_temperature": 80.0,
+    "effective_mass": 2.1e4, "rolling_force": 1200.0, "grade_force": 0.0,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="session")
-def spoilt():
-    """A fault's channels after it, with the sizes given."""
+def held() -> Callable[..., Array]:
+    """The force of a law after `seconds` of one scene: two trucks at 15 m/s, half loaded."""
 
-    def spoil(key, channels, seed=1, **sizes):
-        out = {name: values.copy() for name, values in channels.items()}
-        (fault,) = EFFECTS[key].build(None, SimpleNamespace(**{"sign": 1.0, **sizes})).faults
-        fault(out, 0.1, np.random.default_rng(seed))
-        return out
-
-    return spoil
-
-
-@pytest.fixture(scope="session")
-def scene():
-    """A view of two trucks that roll at 15 m/s, half loaded, in a middle gear."""
-
-    def view(**given):
-        base = dict.fromkeys(("acceleration", "shifting", "brake_force", "grade", "distance"), 0.0)
-        base |= {"speed": 15.0, "mass": 2e4, "gear": 8.0, "ratio": 6.0, "engine_speed": 140.0}
-        base |= {
-            "engine_torque": 700.0,
-            "traction_force": 8000.0,
-            "drag_force": 700.0,
-            "u0": 600.0,
-            "u1": 0.0,
-        }
-        base |= {
-            "brake_temperature": 80.0,
-            "effective_mass": 2.1e4,
-            "rolling_force": 1200.0,
-            "grade_force": 0.0,
-        }
-        values = {n: np.full(2, float(v)) for n, v in {**base, **given}.items() if n != "time"}
+    def hold(law: Any, seconds: float, **given: float) -> Array:
+        dt = 0.01 if seconds < 20.0 else 0.05
+        values = {n: np.full(2, float(v)) for n, v in {**BASE, **given}.items()}
         u = np.stack([values.pop("u0"), values.pop("u1")], axis=1)
-        return SimpleNamespace(**values, u=u, time=given.get("time", 1.0))
-
-    return view
-
-
-@pytest.fixture(scope="session")
-def held(scene):
-    """The force of a law after `seconds` of one scene, in steps of `dt` s, longer for long ones."""
-
-    def hold(law, seconds, dt=None, **given):
-        dt = dt or (0.01 if seconds < 20.0 else 0.05)
-        view = scene(**given)
+        view = SimpleNamespace(**values, u=u, time=0.0)
         for k in range(max(1, round(seconds / dt))):
             view.time = dt * k
             out = law.force(view, dt)
-        return out
+        return np.asarray(out)
 
     return hold

@@ -180,7 +180,7 @@ ALLOWED = {
     "deeptruck_model/recordings/reindex.py": "the mended bag; what was cut off or replaced is kept beside it",
     "deeptruck_model/deep/card.py": "the resume point in the draft of its own run",
     "truck_bridge/can_logs/live.py": "the log that it has just made and in which nothing was heard",
-    "deeptruck_exam/deep_trucks.py": "a draft with its own process's number, into the exam's own cache",
+    "deeptruck_exam/cases/deep_trucks.py": "a draft with its own process's number, into the exam's own cache",
     "examples/demo/runner.py": "what a step of the demo made and nobody changed since",
     "examples/demo/page.py": "index.html of the demo's own folder",
 }

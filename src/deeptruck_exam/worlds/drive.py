@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Channels
+from deeptruck_exam.laws.law import Array, Channels
 from deeptruck_exam.worlds.drivers import STANDSTILL_M, Driver
 from deeptruck_exam.worlds.roads import Roads
 from deeptruck_model.trucks import Force, PhysicsTruck

@@ -1,55 +1,27 @@
-"""Who drives: people of several habits, a cruise control, and an adaptive one that follows a leader."""
+"""Who drives: three kinds of people, a cruise control, and an adaptive one (ACC) that follows a leader."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_exam.effects.law import GRAVITY, Array
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.laws.law import GRAVITY, Array
+from deeptruck_exam.laws.series import ou_series
 from deeptruck_exam.worlds.trucks import motoring
 
-Style = Literal["human", "cruise", "acc"]
-Range = tuple[float, float]
+PEOPLE = ("calm", "average", "keen")
 STANDSTILL_M = 6.0
-
-
-@dataclass(frozen=True)
-class Habits:
-    """How a kind of people drives; everyone draws their own. They look `ahead_s`, forgive `band_mps`, and
-    correct by `gain_per_s` and `integral`; they move the pedals `looks_per_s` times a second, or when the
-    wish has moved by `enough_mps2` (0: never), in notches of the full pedal; their feet tremble by `mood`
-    (share, s); gliders pull up to the upper edge of what they like and then let roll."""
-
-    ahead_s: Range = (1.0, 1.0)
-    band_mps: Range = (0.4, 0.4)
-    gain_per_s: Range = (0.25, 0.25)
-    integral: float = 0.008
-    looks_per_s: Range = (2.0, 2.0)
-    enough_mps2: Range = (0.0, 0.0)
-    notch: Range = (0.0, 0.0)
-    mood: tuple[float, float] = (0.03, 1.5)
-    glides: float = 0.0
-
-
-@dataclass(frozen=True)
-class Machine:
-    """A cruise control: as Habits, without feet. `band_mps` is what an economy mode lets the speed sag."""
-
-    ahead_s: float = 1.0
-    band_mps: float = 0.0
-    gain_per_s: float = 0.35
-    integral: float = 0.04
 
 
 @dataclass
 class Driver:
-    """`target` (batch, n): the speed to follow, or the leader's with style 'acc'. Each person has the habits
-    of one of `people`, at random."""
+    """`target` (batch, n): the speed to follow, or the leader's with style 'acc'; other styles are 'human'
+    and 'cruise'. `values` is `drivers` of worlds.yaml: each person is of one of PEOPLE, at random."""
 
     truck: SimpleNamespace
     style: NDArray[np.str_]
@@ -57,34 +29,32 @@ class Driver:
     headway_s: float
     dt: float
     rng: np.random.Generator
-    people: tuple[Habits, ...] = (Habits(),)
-    machine: Machine = field(default_factory=Machine)
+    values: Mapping[str, Any]
 
     def __post_init__(self) -> None:
         batch, n = self.target.shape
         self.integral, self.wanted, self.pedal, self.foot, self.since = np.zeros((5, batch))
         self.braking, self.brake, self.pulls = np.zeros(batch, bool), np.zeros(batch), np.ones(batch, bool)
         self.human = self.style == "human"
-        who = self.rng.integers(0, len(self.people), batch)
+        people, machine = [self.values[name] for name in PEOPLE], self.values["controller"]
+        who = self.rng.integers(0, len(people), batch)
 
-        def own(name: str, machine: float) -> Array:
-            ranges: list[Range] = [getattr(habits, name) for habits in self.people]
-            drawn = [self.rng.uniform(low, high, batch) for low, high in ranges]
-            return np.where(self.human, np.array(drawn)[who, np.arange(batch)], machine)
+        def own(name: str, controller: float) -> Array:
+            drawn = [self.rng.uniform(low, high, batch) for low, high in (h[name] for h in people)]
+            return np.where(self.human, np.array(drawn)[who, np.arange(batch)], controller)
 
-        machine = self.machine
-        self.steps = np.rint(own("ahead_s", machine.ahead_s) / self.dt).astype(int)
-        self.band, self.gain = own("band_mps", machine.band_mps), own("gain_per_s", machine.gain_per_s)
-        self.slow = np.where(self.human, np.array([h.integral for h in self.people])[who], machine.integral)
-        self.enough, self.notch = own("enough_mps2", 0.0), own("notch", 0.0) * self.truck.full_command
+        self.steps = np.rint(own("ahead_s", machine["ahead_s"]) / self.dt).astype(int)
+        self.band, self.gain = own("band_mps", machine["band_mps"]), own("gain_per_s", machine["gain_per_s"])
+        self.slow = np.where(self.human, np.array([h["integral"] for h in people])[who], machine["integral"])
+        self.moves_at, self.notch = own("moves_at", 0.0), own("notch", 0.0) * self.truck.full_command
         often = own("looks_per_s", np.inf)[:, None] * self.dt
         self.looks = self.rng.random((batch, n)) < often
-        self.glider = self.human & (self.rng.random(batch) < np.array([h.glides for h in self.people])[who])
-        moods = [
+        self.glider = self.human & (self.rng.random(batch) < np.array([h["glides"] for h in people])[who])
+        trembles = [
             size * ou_series(self.rng, (batch, n), self.dt, tau)
-            for size, tau in (h.mood for h in self.people)
+            for size, tau in (h["tremble"] for h in people)
         ]
-        self.moods = np.where(self.human[:, None], np.array(moods)[who, np.arange(batch)], 0.0)
+        self.trembles = np.where(self.human[:, None], np.array(trembles)[who, np.arange(batch)], 0.0)
 
     def act(self, k: int, speed: Array, gap: Array, ratio: Array, engine_speed: Array, grade: Array) -> Array:
         """Commands (batch, 2) in the truck's units."""
@@ -92,7 +62,7 @@ class Driver:
         self.integral = np.clip(self.integral + error * self.dt, -25.0, 25.0) * (speed > 0.5)
         wish = self._wish(k, speed, error, gap)
         self.since += self.dt
-        moved = (self.enough > 0.0) & (np.abs(wish - self.wanted) > self.enough) & (self.since > 0.35)
+        moved = (self.moves_at > 0.0) & (np.abs(wish - self.wanted) > self.moves_at) & (self.since > 0.35)
         now = self.looks[:, k] | moved
         self.since = np.where(now, 0.0, self.since)
         self.wanted = np.where(now, wish, self.wanted)
@@ -126,21 +96,21 @@ class Driver:
         torque = force * t.wheel_radius / np.maximum(ratio * t.driveline_efficiency, 0.5) + drag
         wish = np.clip(torque / t.command_scale, 0.0, t.full_command)
         wish = np.where(self.braking | (torque <= 0.02 * t.peak_torque), 0.0, wish)
-        mood = 1.0 + self.moods[:, k]
+        tremble = 1.0 + self.trembles[:, k]
         lag = np.where(self.human, 0.35, 0.12)
-        self.pedal += np.clip(self.dt / lag, 0.0, 1.0) * (wish * mood - self.pedal)
+        self.pedal += np.clip(self.dt / lag, 0.0, 1.0) * (wish * tremble - self.pedal)
         self.pedal = np.where(self.braking | (self.pedal < 0.005 * t.full_command), 0.0, self.pedal)
-        self._press(force - coasting, waiting, mood, lag)
+        self._press(force - coasting, waiting, tremble, lag)
         return np.stack([self.pedal, self.brake], axis=1)
 
-    def _press(self, excess: Array, waiting: NDArray[np.bool_], mood: Array, lag: Array) -> None:
+    def _press(self, excess: Array, waiting: NDArray[np.bool_], tremble: Array, lag: Array) -> None:
         t = self.truck
         share = np.clip(-excess, 0.0, None) / t.brake_capacity
         wish = 100.0 * (t.brake_pushout + (1.0 - t.brake_pushout) * share)
         hold = 25.0
         if t.by_deceleration:
             wish, hold = np.clip(-self.wanted, 0.06, None), 1.0
-        wish = np.where(self.braking, np.where(waiting, hold, wish * mood), 0.0)
+        wish = np.where(self.braking, np.where(waiting, hold, wish * tremble), 0.0)
         self.brake += np.clip(self.dt / (0.8 * lag), 0.0, 1.0) * (wish - self.brake)
         self.brake = np.where(self.braking, self.brake, 0.0)
 

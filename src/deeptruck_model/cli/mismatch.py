@@ -209,12 +209,6 @@ def prove(
     seed: Annotated[
         int, typer.Option(help="First seed; those below 100000 are for development.", min=0)
     ] = 100000,
-    forms: Annotated[
-        str,
-        typer.Option(
-            help="Family of effects to hide: 'all', a proved one ('first' to 'twenty-first') or 'sealed'."
-        ),
-    ] = "all",
     real: Annotated[
         Path | None, typer.Option(help="Folder of real logs: examine these instead of made-up cases.")
     ] = None,
@@ -228,15 +222,15 @@ def prove(
 
     if real is not None:
         check_real(real, out)
-        from deeptruck_exam.real import examine_real, show
+        from deeptruck_exam.real.fleets import examine_real, show
 
         show(examine_real(real, out))
         return
     check(out)
+    from deeptruck_exam.cases.levels import LEVELS
     from deeptruck_exam.command import prove as run
-    from deeptruck_exam.plans import LEVELS
 
-    run(out, tuple(level or LEVELS), cases, jobs, seed, tuple(simulator or ("physics", "deep")), forms=forms)
+    run(out, tuple(level or LEVELS), cases, jobs, seed, tuple(simulator or ("physics", "deep")))
     print(f"scoreboard in {out / 'proof.md'}")
 
 

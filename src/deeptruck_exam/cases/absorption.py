@@ -1,0 +1,52 @@
+"""The simulator as its owner would have tuned it: least squares on these very recordings, without the
+effect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from deeptruck_exam.cases.plan import Plan
+from deeptruck_exam.laws.law import Array
+from deeptruck_exam.worlds import trucks
+from deeptruck_model import trucks as pool
+from deeptruck_model.recordings import Recording
+
+REACH = 0.25  # largest change of the logarithm of a parameter an owner would believe
+
+
+def absorb(plan: Plan, recordings: Sequence[Recording]) -> dict[str, float]:
+    """The believed parameters after re-tuning on recordings of equal length."""
+    start = {name: plan.believed.get(name, 1.0) for name in trucks.TUNABLE}
+    base = trucks.make(plan.truck, plan.believed, grade=plan.grade)
+    tuned = retune(base, start, recordings)
+    return {**plan.believed, **tuned}
+
+
+def retune(
+    truck: pool.PhysicsTruck, start: Mapping[str, float], recordings: Sequence[Recording]
+) -> dict[str, float]:
+    """Least squares over `start`'s parameters of one-second means of the forced acceleration error."""
+    u, w, y = (np.stack([getattr(r, part) for r in recordings]) for part in "uwy")
+    names = list(start)
+    first = np.array([start[name] for name in names])
+
+    def error(log_factor: Array) -> Array:
+        values = dict(zip(names, (first * np.exp(log_factor)).tolist(), strict=True))
+        run = truck.with_parameters(values).rollout(u, w, y[:, 0], y, inside=False)
+        difference = run.y[:, 1:, 0] - y[:, 1:, 0]
+        seconds = difference.shape[1] // 10
+        return difference[:, : 10 * seconds].reshape(-1, 10).mean(axis=1)
+
+    found = least_squares(
+        error,
+        np.zeros(len(names)),
+        bounds=(-REACH, REACH),
+        diff_step=0.01,
+        max_nfev=12,
+        loss="soft_l1",
+        f_scale=0.2,
+    )
+    return dict(zip(names, (first * np.exp(found.x)).tolist(), strict=True))

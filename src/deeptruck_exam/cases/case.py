@@ -1,0 +1,185 @@
+"""A sealed case: recordings and a simulator in the open, the truth beside them for the scorer alone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from deeptruck_exam import worlds
+from deeptruck_exam.cases.absorption import absorb
+from deeptruck_exam.cases.build import DT, Built, build_case
+from deeptruck_exam.cases.levels import NOT_RECORDED
+from deeptruck_exam.cases.plan import Plan
+from deeptruck_exam.cases.truth import describe
+from deeptruck_exam.folder import CASE
+from deeptruck_exam.laws.law import Array
+from deeptruck_exam.laws.series import ou_series
+from deeptruck_exam.worlds import trucks
+from deeptruck_exam.worlds.sensors import Sensors, quantise
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, write_bag
+from deeptruck_model.signals import TruckInterface
+
+
+@dataclass(frozen=True)
+class Case:
+    """Where a case lies and how the tool is called on it. `environment` is added to the tool's."""
+
+    folder: Path
+    simulator: str
+    fit: tuple[str, ...]
+    held_out: tuple[str, ...]
+    environment: dict[str, str]
+    sha256: str
+
+    def paths(self, names: tuple[str, ...]) -> list[Path]:
+        return [self.folder / "recordings" / name for name in names]
+
+    @staticmethod
+    def read(folder: Path) -> Case:
+        """The case in a folder. Raises InputError where there is none."""
+        try:
+            data = json.loads((folder / "case.json").read_text())
+        except (OSError, json.JSONDecodeError) as error:
+            raise InputError(f"{folder} holds no case ({error}); make one with make_case") from None
+        return Case(
+            folder,
+            data["simulator"],
+            tuple(data["fit"]),
+            tuple(data["held_out"]),
+            data["environment"],
+            data["sha256"],
+        )
+
+
+def make_case(
+    out: Path,
+    level: str,
+    seed: int,
+    effect: str | None = None,
+    simulator: str = "physics",
+    minutes: float = 4.0,
+) -> Case:
+    """Write one case into the new folder `out`: six recordings to fit and two held out, the simulator, and
+    the sealed truth. The same arguments give the same case. Raises InputError for an unknown level or
+    effect."""
+    if out.exists():
+        raise InputError(f"{out} exists already; choose another folder or remove it")
+    built = build_case(level, seed, effect, simulator, minutes)
+    plan = built.plan
+    interface = interface_of(plan)
+    measured = measure(built)
+    names = tuple(f"drive_{k}" for k in range(len(measured)))
+    recordings = [
+        Recording(name, DT, channels, interface) for name, channels in zip(names, measured, strict=True)
+    ]
+    out.mkdir(parents=True)
+    CASE.claim(out)
+    for recording in recordings:
+        write_bag(out / "recordings" / recording.name, [recording], interface=interface)
+    believed = plan.believed
+    if level == "absorbed":
+        believed = absorb(plan, recordings[: plan.fit])
+    spec = _simulator(out, plan, believed)
+    truth = describe(built, names, believed)
+    (out / "sealed").mkdir()
+    np.savez_compressed(
+        out / "sealed" / "drives.npz", extra=built.extra, grade=built.drives.channels["grade"]
+    )
+    return _seal(out, plan, spec, names, truth)
+
+
+def measure(built: Built) -> list[dict[str, Array]]:
+    """What the truck's sensors made of each drive: channels (n,), faults and decoys included."""
+    plan, rng = built.plan, built.plan.rng(5)
+    sensors = Sensors.draw(worlds.values()["sensors"], rng)
+    out = []
+    decoy = draw_decoy(built) if plan.level == "decoy" else {}
+    for k in range(len(plan.drives)):
+        true = {name: values[k] for name, values in built.drives.channels.items()}
+        true["elevation"] = true["elevation"] + 120.0
+        channels = sensors.record(true, built.truck, DT, rng)
+        warm = built.truck.ambient_temperature + ou_series(rng, (1, len(true["speed"])), DT, 200.0)[0] * 0.2
+        channels["ambient_temperature"] = quantise(warm, 1.0 / 32.0)
+        if np.isfinite(built.leader_m[k]).all():
+            channels.update(_radar(built, k, rng))
+        channels.update({name: values[k] for name, values in decoy.items()})
+        for fault in built.faults.faults:
+            fault(channels, DT, rng)
+        hidden = NOT_RECORDED[plan.hidden_input][0] if plan.hidden_input else ()
+        slopeless = () if plan.grade else ("grade", "elevation")
+        for name in {*plan.withheld, *built.faults.withheld, *hidden, *slopeless}:
+            channels.pop(name, None)
+        out.append(channels)
+    return out
+
+
+def _radar(built: Built, k: int, rng: np.random.Generator) -> dict[str, Array]:
+    gap = built.leader_m[k] - built.drives.channels["distance"][k]
+    speed = np.gradient(built.leader_m[k], DT)
+    n = len(gap)
+    return {
+        "gap": np.clip(gap + 0.25 * rng.standard_normal(n), 0.0, 499.0),
+        "leader_speed": np.maximum(speed + 0.08 * rng.standard_normal(n), 0.0),
+    }
+
+
+def draw_decoy(built: Built) -> dict[str, Array]:
+    """An innocent channel (batch, n) that trends along with the effect, correlated about 0.9."""
+    rng = built.plan.rng(6)
+    width = round(20.0 / DT)
+    smooth = np.stack([np.convolve(row, np.ones(width) / width, mode="same") for row in built.extra])
+    shape = (smooth - smooth.mean()) / max(float(smooth.std()), 1e-9)
+    shape = rng.choice([-1.0, 1.0]) * shape + 0.45 * ou_series(rng, shape.shape, DT, 15.0)
+    if rng.random() < 0.5 or np.isfinite(built.leader_m).any():
+        return {"ambient_temperature": quantise(built.truck.ambient_temperature + 1.5 * shape, 1.0 / 32.0)}
+    gap = 55.0 + 11.0 * shape
+    speed = built.drives.channels["speed"] + np.gradient(gap, DT, axis=1)
+    return {"gap": np.clip(gap, 5.0, 250.0), "leader_speed": np.clip(speed, 0.0, 40.0)}
+
+
+def interface_of(plan: Plan) -> TruckInterface:
+    interface = trucks.make(plan.truck, plan.values, grade=plan.grade).interface
+    return replace(interface, brake_unit=None) if plan.hidden_input == "brake" else interface
+
+
+def _simulator(out: Path, plan: Plan, believed: dict[str, float]) -> str:
+    if plan.simulator == "deep":
+        from deeptruck_exam.cases.deep_trucks import trained
+
+        return str(trained(plan))
+    path = out / "simulator.yaml"
+    path.write_text(yaml.safe_dump(trucks.overrides(believed, plan.grade)))
+    return f"truck:{plan.truck}:{path}"
+
+
+def _seal(out: Path, plan: Plan, simulator: str, names: tuple[str, ...], truth: dict[str, Any]) -> Case:
+    text = json.dumps(truth, indent=1)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (out / "sealed" / "truth.json").write_text(text)
+    environment = {"DEEPTRUCK_MISMATCH_EXCLUDE": ",".join(plan.excluded)} if plan.excluded else {}
+    case = Case(out, simulator, names[: plan.fit], names[plan.fit :], environment, digest)
+    data = {
+        "simulator": case.simulator,
+        "fit": case.fit,
+        "held_out": case.held_out,
+        "environment": case.environment,
+        "sha256": digest,
+    }
+    (out / "case.json").write_text(json.dumps(data, indent=1))
+    return case
+
+
+def open_truth(case: Case) -> dict[str, Any]:
+    """The truth of a case. Raises InputError where it is not the one that was sealed."""
+    text = (case.folder / "sealed" / "truth.json").read_text()
+    if hashlib.sha256(text.encode()).hexdigest() != case.sha256:
+        raise InputError(f"the truth of {case.folder} is not the one that was sealed")
+    truth: dict[str, Any] = json.loads(text)
+    return truth

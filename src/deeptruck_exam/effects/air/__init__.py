@@ -1,1 +1,0 @@
-"""Wind, wakes and bodies."""

@@ -1,1 +1,0 @@
-"""What lies between recorded commands and the truck: links, limits, aids, pedals."""

@@ -1,1 +1,0 @@
-"""Clutch, gears, shafts, axles; second drives."""

@@ -1,1 +1,0 @@
-"""Torque of the engine, what takes it and what it drives beside the truck."""

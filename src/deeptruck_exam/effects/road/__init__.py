@@ -1,1 +1,0 @@
-"""Surfaces and slopes."""

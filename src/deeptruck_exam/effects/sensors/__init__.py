@@ -1,1 +1,0 @@
-"""Faults of the measurement: nothing is missing in the truck."""

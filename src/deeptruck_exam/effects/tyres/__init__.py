@@ -1,1 +1,0 @@
-"""Rolling resistance and grip."""

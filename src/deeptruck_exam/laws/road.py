@@ -1,0 +1,85 @@
+"""Road: slopes that are not recorded, and surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deeptruck_exam.laws.catalogue import Planted, law, sizes
+from deeptruck_exam.laws.law import Array, Law, Setting, Sizes, State, moving, weight
+from deeptruck_exam.laws.series import OnRoad, smooth_spans
+from deeptruck_model.trucks import View
+
+
+@law("road_grade", "hills highway", accepts="road_surface", gateable=False)
+def slope_not_recorded(setting: Setting, p: Sizes) -> Planted:
+    """The road has slopes, and no slope is recorded.
+    Source: Newton's second law."""
+    return Planted(withheld=("grade", "elevation"))
+
+
+@law("road_grade", "hills highway suburban", accepts="road_surface", gateable=False)
+@sizes(slope=(0.02, 0.045), gap_m=(250.0, 700.0))
+class CoarseMap(OnRoad):
+    """Humps and dips that the recorded grade, taken from a map, does not have.
+    Source: Rodriguez, Morris and Belz, A Global Assessment of the SRTM Performance, Photogramm. Eng. Remote
+    Sens. 72 (2006), on errors of terrain models."""
+
+    withheld = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(152), self.p
+        humps = smooth_spans(rng, self.rows(), (p.gap_m, 2.0 * p.gap_m), (160.0, 420.0))
+        slope = np.gradient(humps, axis=1)
+        sign = rng.choice([-1.0, 1.0], (self.rows(), 1))
+        self.road = p.slope * sign * slope / np.abs(slope).max()
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = self.setting.direction * self.here(view)
+        return -slope * weight(view) * moving(view)
+
+
+@law("road_surface", accepts="road_grade")
+@sizes(texture=(0.003, 0.010), roughness=(0.0001, 0.0004), share_of_road=(0.25, 0.5))
+class RoughSpans(Law):
+    """Rough spans of 250 to 900 m, the same whenever and whichever way the road is driven.
+    Source: Hammarström, Eriksson, Karlsson and Yahya, VTI rapport 748A (2012): rolling resistance with
+    texture and, growing with speed, with roughness."""
+
+    def prepare(self) -> None:
+        rng = self.rng(4)
+        self.step_m, length = 5.0, 60000.0
+        routes = int(self.setting.route.max()) + 1
+        self.rough = np.zeros((routes, int(length / self.step_m)))
+        for row in self.rough:
+            at = 0.0
+            while at < length:
+                at += rng.uniform(250.0, 900.0) * (1.0 - self.p.share_of_road) / self.p.share_of_road
+                end = at + rng.uniform(250.0, 900.0)
+                row[int(at / self.step_m) : int(end / self.step_m)] = rng.uniform(0.6, 1.0)
+                at = end
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        cell = (self.place(view) / self.step_m).astype(int) % self.rough.shape[1]
+        severity = self.rough[self.setting.route, cell]
+        extra = p.texture + p.roughness * np.maximum(view.speed - 5.0, 0.0)
+        return -severity * extra * weight(view) * moving(view)
+
+
+@law("road_surface", accepts="road_grade")
+@sizes(film=(0.35, 1.0), gap_m=(250.0, 600.0), pool_m=(150.0, 500.0), driest=(0.4, 0.9))
+class StandingWater(OnRoad):
+    """Pools on the road, of other depth each day. film: N for each 1 kN of weight at 15 m/s would be 7.6
+    times it.
+    Source: Gengenbach (1968), in Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge: splash resistance of
+    a tyre with its width, water depth and the power 1.6 of speed."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(151), self.p
+        self.road = smooth_spans(
+            rng, self.rows(), (0.6 * p.gap_m, 1.6 * p.gap_m), (0.7 * p.pool_m, 1.8 * p.pool_m)
+        )
+        self.wet = rng.uniform(p.driest, 1.0, self.setting.batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        splash = 0.01 * (np.clip(view.speed, 0.0, 22.0) / 15.0) ** 1.6  # beyond it the tyres float
+        return -p.film * self.wet * self.here(view) * splash * weight(view) * moving(view)

@@ -1,0 +1,262 @@
+"""Real recordings with a channel withheld: the tool runs first, then its recovered profile is compared.
+
+The simulator is a deep truck trained without the withheld channel, so that it knows nothing of it. The
+data are not part of the project: `data` is the folder in DEEPTRUCK_REAL_DATA; what is absent is skipped.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deeptruck_exam.cases.case import Case
+from deeptruck_exam.laws.law import GRAVITY, Array
+from deeptruck_exam.scoring.evaluation import arrays, residual
+from deeptruck_exam.tool import ToolRun, budget_of, run_tool, smallest_force
+from deeptruck_model import files, simulators
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, import_table, read, split, write_bag
+
+REAL_DATA = "DEEPTRUCK_REAL_DATA"
+LAYOUTS = Path(__file__).parents[3] / "layouts" / "columns"
+WINDOW_S = 21.0
+HIDE = ("elevation", "grade", "latitude", "longitude")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A log, the layout that reads it, what to hide, the logs a simulator learns from (else its own first
+    part), and whether a slope is really missing."""
+
+    name: str
+    log: str
+    layout: str
+    trained_on: tuple[str, ...] = ()
+    hilly: bool = True
+    least_s: float = 60.0  # shorter pieces are left out
+    share: float = 0.6  # of the log, to fit; the rest is held out
+    hide: tuple[str, ...] = HIDE
+
+
+SOURCES = (
+    Source("veh002", "vt_heavy_truck/veh002_all.csv", "veh002.yaml"),
+    Source("veh003", "vt_heavy_truck/veh003_all.csv", "veh002.yaml"),
+    Source("bmw_i3 A11", "bmw_i3/TripA11.csv", "bmw_i3.yaml", ("bmw_i3/TripA01.csv", "bmw_i3/TripB17.csv")),
+    Source("bmw_i3 A01", "bmw_i3/TripA01.csv", "bmw_i3.yaml", ("bmw_i3/TripB17.csv",), hilly=False),
+    Source("bmw_i3 B17", "bmw_i3/TripB17.csv", "bmw_i3.yaml", ("bmw_i3/TripA01.csv",), hilly=False),
+    Source(
+        "normal.log",
+        "j1939_csu/normal.log",
+        "",
+        hilly=False,
+        least_s=5.0,
+        share=1.0,  # 30 s: one recording, nothing to hold out
+        hide=(*HIDE, "gear", "engine_speed"),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Recovered against withheld: means over WINDOW_S seconds, slope of recovered on withheld, and how
+    much of the residual's variance the recovered and the withheld profile explain."""
+
+    windows: int
+    correlation: float
+    slope: float
+    residual_r2_recovered: float
+    residual_r2_withheld: float
+
+
+def data_folder() -> Path | None:
+    """Where the real logs are, None where they are not."""
+    folder = Path(os.environ.get(REAL_DATA, ""))
+    return folder if os.environ.get(REAL_DATA) and folder.is_dir() else None
+
+
+def examine_withheld(
+    out: Path,
+    data: Path | None = None,
+    *,
+    sources: Sequence[Source] = SOURCES,
+    layouts: Path = LAYOUTS,
+    updates: int = 1200,
+) -> list[dict[str, Any]]:
+    """Run each of the sources that is there; writes withheld.json into `out` and returns its content. A
+    source with a result there already is not run again.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    folder = data or data_folder()
+    path = out / "withheld.json"
+    results: list[dict[str, Any]] = json.loads(path.read_text()) if path.exists() else []
+    for source in sources:
+        if any(r["source"] == source.name for r in results):
+            continue
+        if folder is None or not (folder / source.log).exists():
+            print(f"{source.name}: skipped, no {source.log} in ${REAL_DATA}")
+            continue
+        results.append(_examine(source, folder, layouts, out / source.name.replace(" ", "_"), updates))
+        files.write(path, json.dumps(results, indent=1).encode())
+    return results
+
+
+def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: int) -> dict[str, Any]:
+    layout: Path | dict[str, Any] = layouts / source.layout if source.layout else {}
+    whole = whole_log(folder / source.log, layout, out / "import")
+    parts = split(whole, (source.share, 1.0 - source.share, 0.0))
+    fit, held = ([r for r in part if len(r) * r.dt > source.least_s] for part in parts[:2])
+    opened = _written_blind(fit, out / "recordings" / "fit", source.hide)
+    if held:
+        opened += _written_blind(held, out / "recordings" / "held", source.hide)
+    trainers = [
+        r
+        for k, log in enumerate(source.trained_on)
+        for r in whole_log(folder / log, layout, out / f"import_{k}")
+    ]
+    simulator = trained([withhold(r, source.hide) for r in trainers or fit], out / "simulator", updates)
+    case = Case(out, str(simulator), ("fit",), ("held",) if held else (), {}, "")
+    run = run_tool(case, out / "found", limit_s=3600.0)
+    profile = out / "found" / "profiles.csv"
+    agreement = None
+    if profile.exists():
+        agreement = compare_profile(read_profiles(profile), opened, simulators.load(simulator))
+    findings, fitted = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
+    said = [str(f.get("effect")) for f in findings]
+    strengths = [f.get("strength") or {} for f in findings]
+    return {
+        "source": source.name,
+        "hilly": source.hilly,
+        "returncode": run.returncode,
+        "seconds": run.seconds,
+        "verdict": run.verdict.get("verdict", "failed"),
+        "said": said,
+        "sizes": [f"{s['value']:.3g} {s['unit']}" if s else "" for s in strengths],
+        "validated": bool(fitted.get("validated")),
+        "speed_error": (fitted.get("before") or {}).get("speed_rmse"),
+        "after": (fitted.get("after") or {}).get("speed_rmse"),
+        "budget": budget_of(run.verdict),
+        "smallest": smallest_force(run.verdict),
+        "right": _right(source, run, said),
+        "says": run.says if run.returncode else "",
+        "agreement": asdict(agreement) if agreement else None,
+        "next_pass": fitted.get("next_pass"),
+    }
+
+
+def _right(source: Source, run: ToolRun, said: Sequence[str]) -> bool:
+    """A hilly road must be named first, a flat one must be silent, and one short recording be
+    undetermined."""
+    if run.returncode:
+        return False
+    if source.share >= 1.0:
+        return run.verdict.get("verdict") == "undetermined"
+    return said[:1] == ["road_grade"] if source.hilly else not said
+
+
+def _written_blind(part: Sequence[Recording], bag: Path, hide: Sequence[str] = HIDE) -> list[Recording]:
+    """Write the recordings without what is hidden; returns them whole, with the names and starts a reader
+    sees."""
+    if not bag.exists():
+        blind = [withhold(r, hide) for r in part]
+        write_bag(bag, blind, interface=blind[0].interface)
+    seen = read(bag)
+    if [len(r) for r in seen] != [len(r) for r in part]:
+        raise InputError(f"{bag} was cut otherwise when read back; remove its folder and run again")
+    return [replace(r, name=s.name, start_s=s.start_s) for r, s in zip(part, seen, strict=True)]
+
+
+def whole_log(log: Path, layout: Path | dict[str, Any], bag: Path) -> list[Recording]:
+    """Every piece of a log with all its channels; imported anew each time, because the bag is of no other
+    use."""
+    bag.parent.mkdir(parents=True, exist_ok=True)
+    return import_table(log, layout, bag, overwrite=True).recordings
+
+
+def withhold(recording: Recording, hide: Sequence[str] = HIDE) -> Recording:
+    """The recording without the channels in `hide`: by default slope, height and place."""
+    shown = {name: values for name, values in recording.channels.items() if name not in hide}
+    return replace(recording, channels=shown, interface=replace(recording.interface, grade=False))
+
+
+def trained(recordings: Sequence[Recording], path: Path, updates: int) -> Path:
+    """A deep truck of the recordings at `path`, trained where there is none yet."""
+    from deeptruck_model import deep
+
+    if not (path / simulators.MANIFEST).exists():
+        deep.train(recordings, path, deep.Arguments(updates=updates))
+    return path
+
+
+Profiles = Mapping[str, tuple[Array, Array]]
+"""Per recording name: times s and recovered slopes."""
+
+
+def read_profiles(path: Path, name: str = "grade") -> Profiles:
+    """The recovered profiles called `name` of a profiles.csv (columns recording, time_s, distance_m, name,
+    value)."""
+    rows: dict[str, list[tuple[float, float]]] = {}
+    with path.open(newline="") as file:
+        for row in csv.DictReader(file):
+            if row["name"] in (name, f"road_{name}"):
+                rows.setdefault(row["recording"], []).append((float(row["time_s"]), float(row["value"])))
+    return {key: (np.array(v)[:, 0], np.array(v)[:, 1]) for key, v in rows.items()}
+
+
+def compare_profile(
+    profiles: Profiles, withheld: Sequence[Recording], simulator: simulators.Simulator
+) -> Agreement | None:
+    """Recovered slope against the withheld one over all windows that have both; None where fewer than
+    three do.
+
+    `withheld` are the recordings with all channels, named as the tool saw them."""
+    known = [r for r in withheld if r.name in profiles and "grade" in r.channels]
+    found = [_windows(profiles[r.name], r, simulator) for r in known]
+    rows = np.concatenate(found) if found else np.zeros((0, 3))
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if len(rows) < 3:
+        return None
+    recovered, true, left = rows.T
+    return Agreement(
+        len(rows),
+        float(np.corrcoef(recovered, true)[0, 1]),
+        float(np.polyfit(true, recovered, 1)[0]),
+        r2(recovered, left),
+        r2(true, left),
+    )
+
+
+def _windows(profile: tuple[Array, Array], piece: Recording, simulator: simulators.Simulator) -> Array:
+    """(windows, 3): means of recovered slope, withheld slope, and residual over -g (a slope too)."""
+    time, value = profile
+    since_bag = piece.start_s > 0.0 and time.min() > piece.start_s - piece.dt
+    time = time - piece.start_s if since_bag else time
+    sample = piece.dt * np.arange(len(piece))
+    recovered = np.interp(sample, time, value)
+    nearest = np.abs(time[np.clip(np.searchsorted(time, sample), 1, len(time) - 1)] - sample)
+    nearest = np.minimum(nearest, np.abs(time[np.clip(np.searchsorted(time, sample) - 1, 0, None)] - sample))
+    outside = nearest > max(1.0, piece.dt) + 0.01
+    blind = withhold(piece)
+    error = residual(simulator, *arrays([blind]))[0] if simulator.dt == piece.dt else np.zeros(len(piece))
+    columns = np.stack(
+        [np.where(outside, np.nan, recovered), piece.channels["grade"], -error / GRAVITY], axis=1
+    )
+    width = max(1, round(WINDOW_S / piece.dt))
+    count = len(columns) // width
+    windows = columns[: count * width].reshape(count, width, 3)
+    windows[np.isnan(windows[:, :, 0]).mean(axis=1) > 0.5] = np.nan  # known of less than half of it
+    known = np.isfinite(windows).all(axis=2)[..., None]
+    rows = known.sum(axis=1)
+    sums = np.where(known, windows, 0.0).sum(axis=1)
+    return np.where(rows > 0, sums / np.maximum(rows, 1), np.nan)
+
+
+def r2(x: Array, y: Array) -> float:
+    """Share of y's variance that a line in x explains."""
+    return float(np.corrcoef(x, y)[0, 1] ** 2) if np.std(x) > 0 and np.std(y) > 0 else 0.0

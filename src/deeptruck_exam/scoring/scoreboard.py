@@ -1,0 +1,111 @@
+"""Figures of merit over scored cases, and the tables people read."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+Score = Mapping[str, Any]
+ENOUGH_NATS, TOO_FEW_NATS = 100.0, 40.0
+
+
+def print_results(results: Sequence[Score]) -> None:
+    """A line for each case and a table by level, on stdout."""
+    table = Table("level", "seed", "truth", "said", "outcome", "nats", "overlap", "s")
+    for r in results:
+        if "broken" in r:
+            table.add_row(str(r["level"]), str(r["seed"]), "broken", r["broken"].strip().splitlines()[-1])
+            continue
+        said = " ".join(r["said"]) or str(r["verdict"])
+        overlap = "" if r["overlap"] is None else f"{r['overlap']:.2f}"
+        nats, seconds = f"{r['information_nats']:.0f}", f"{r['seconds']:.0f}"
+        table.add_row(
+            r["level"], str(r["seed"]), " ".join(r["keys"]), said, r["outcome"], nats, overlap, seconds
+        )
+    console = Console(width=160)
+    console.print(table)
+    summary = Table("figure", *(f"{simulator} {level}" for simulator, level in by_level(results)))
+    rows = list(by_level(results).values())
+    for name in rows[0] if rows else ():
+        summary.add_row(name, *(_text(row[name]) for row in rows))
+    console.print(summary)
+
+
+def _text(value: Any) -> str:
+    return "-" if value is None else str(value) if isinstance(value, int) else f"{value:.2f}"
+
+
+def by_level(results: Iterable[Score]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Per (simulator, level): n and the rates of `rates`."""
+    groups: dict[tuple[str, str], list[Score]] = {}
+    for r in results:
+        if "broken" not in r:
+            groups.setdefault((r["simulator"], r["level"]), []).append(r)
+    return {key: {"n": len(rows), **rates(rows)} for key, rows in groups.items()}
+
+
+def mean(values: Iterable[Any]) -> float | None:
+    known = [float(v) for v in values if v is not None]
+    return float(np.mean(known)) if known else None
+
+
+def rates(rows: Sequence[Score]) -> dict[str, float | None]:
+    """Rates over the cases of one level; None where the figure has no meaning there."""
+    with_truth = [r for r in rows if r["true"]]
+    nulls = [r for r in rows if not r["true"] and r["input_stated"] is None]
+    intervals = [i["holds"] for r in rows for i in r["intervals"]]
+    shares = [r["share"]["tool"] for r in rows if "tool" in r.get("share", {})]
+    return {
+        "right first": mean(r["right_first"] for r in with_truth),
+        "in group": mean(r["in_group"] for r in with_truth),
+        "set size": mean(r["set_size"] for r in with_truth),
+        "log score": mean(r["log_score"] for r in with_truth),
+        "recall": mean(r["recall"] for r in with_truth),
+        "precision": mean(r["precision"] for r in with_truth),
+        "silent": mean(r["outcome"] in ("silent", "undetermined") for r in rows),
+        "false statement": mean(false_statement(r) for r in nulls),
+        "unknown recognised": mean(r["recognised_unknown"] for r in rows),
+        "input stated": mean(r["input_stated"] for r in rows),
+        "each drive found": mean(r["each_drive_found"] for r in rows),
+        "overlap": mean(r["overlap"] for r in with_truth),
+        "intervals hold": mean(intervals),
+        "share of oracle": float(np.median(shares)) if shares else None,
+        "beats boosting": mean(
+            r["share"]["tool"] >= r["share"]["boosting"] for r in rows if "tool" in r.get("share", {})
+        ),
+        "failed": mean(r["outcome"] == "failed" for r in rows),
+    }
+
+
+def false_statement(score: Score) -> bool:
+    """Anything stated where nothing is missing."""
+    return bool(score["said"]) or score["verdict"] not in ("nothing_missing", "undetermined")
+
+
+def rare_by_information(results: Iterable[Score]) -> dict[str, float | None]:
+    """Level 'rare' split by how much the recordings tell."""
+    rows = [r for r in results if r.get("level") == "rare" and "broken" not in r]
+    enough = [r for r in rows if r["information_nats"] > ENOUGH_NATS]
+    few = [r for r in rows if r["information_nats"] < TOO_FEW_NATS]
+    return {
+        "enough, n": float(len(enough)),
+        "enough, in group": mean(r["in_group"] for r in enough),
+        "too little, n": float(len(few)),
+        "too little, silent": mean(r["outcome"] in ("silent", "undetermined") for r in few),
+    }
+
+
+def confusion(results: Iterable[Score]) -> Counter[tuple[str, str]]:
+    """How often a case of one effect was first called what; 'nothing' where the tool was silent."""
+    table: Counter[tuple[str, str]] = Counter()
+    for r in results:
+        if "broken" in r or len(r["true"]) > 1:
+            continue
+        true = r["true"][0] if r["true"] else "nothing"
+        table[true, r["said"][0] if r["said"] else "nothing"] += 1
+    return table

@@ -1,0 +1,86 @@
+"""Forces of laws along driven drives: of the grammar to train on, of the catalogue to score."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from deeptruck_exam.cases.build import DT, Built
+from deeptruck_exam.grammar import grammar
+from deeptruck_exam.grammar.signals import Signals
+from deeptruck_exam.laws import EFFECTS, Effect
+from deeptruck_exam.laws.law import Array
+from deeptruck_exam.oracle.trace import Trace, setting_of
+from deeptruck_exam.teach.strayed import strayed
+from deeptruck_exam.worlds import trucks
+from deeptruck_model.trucks import PhysicsTruck
+
+EACH, NAMELESS = 7, 40  # grammar laws along one base: of each name, and without a name
+STRAYED = 0.4  # share of them that stray from their form
+BLOCK = 2  # samples of a drive to a row of the evidence
+LATE_S = 0.15  # at most, of the sensors through which a force is seen
+
+
+@dataclass(frozen=True)
+class Injected:
+    """The name and key of a law, and its acceleration along stacked drives (n,), m/s^2."""
+
+    name: str
+    key: str
+    acceleration: Array
+
+
+class Injection:
+    """A driven world with nothing missing, to which laws are added."""
+
+    def __init__(self, built: Built, rng: np.random.Generator) -> None:
+        self._built, self._rng = built, rng
+        self._nominal = trucks.make(built.plan.truck, built.plan.values)
+        self._setting = setting_of(built)
+        self._keep = float(np.exp(-DT / max(rng.uniform(0.0, LATE_S), 1e-3)))
+        self._led = bool(np.isfinite(built.leader_m).any())
+
+    def of_grammar(self) -> Iterator[Injected]:
+        """Laws of every name the grammar has for these drives, a share of them strayed."""
+        signals = Signals.along(self._nominal, self._built.drives, self._setting)
+        for name in grammar.names(leader=self._led):
+            if name == "torque_converter_slip" and self._built.plan.truck != "freightliner":
+                continue
+            for _ in range(NAMELESS if name == "unknown" else EACH):
+                law = grammar.draw(name, self._rng)
+                force = law.acceleration(signals)
+                if self._rng.random() < STRAYED:
+                    force = strayed(force, self._rng)
+                yield Injected(name, law.key, self._rows(force))
+
+    def of_catalogue(self) -> Iterator[Injected]:
+        """Every textbook law that these drives can have, once, as it is written."""
+        trace = Trace.of(self._nominal, self._built.drives, self._setting)
+        for law in EFFECTS.values():
+            fits = self._built.plan.truck in law.trucks and (self._led or not law.leader)
+            if law.kind == "missing_physics" and fits and law.key != "slope_not_recorded":
+                yield Injected(law.name, law.key, self._rows(self._replayed(law, trace)))
+
+    def _replayed(self, law: Effect, trace: Trace) -> Array:
+        planted = law.build(self._setting, SimpleNamespace(**law.draw(self._rng)))
+        if not planted.filters and not planted.parameters:
+            return trace.acceleration(planted.forces)[0]
+        truck = self._nominal.with_parameters(dict(planted.parameters))
+        truck = truck.with_forces(list(planted.forces), list(planted.filters))
+        return self._driven(truck) - self._driven(self._nominal)
+
+    def _driven(self, truck: PhysicsTruck) -> Array:
+        d = self._built.drives
+        return truck.rollout(d.u, d.w, d.y[:, 0], d.y, inside=False).y[:, :, 0]
+
+    def _rows(self, acceleration: Array) -> Array:
+        """As a sensor that is a little late sees it, in means over the rows of the evidence, (n,)."""
+        n = self._built.extra.shape[1]
+        whole = np.zeros((len(acceleration), n))
+        whole[:, : min(n, acceleration.shape[1])] = acceleration[:, :n]
+        seen = lfilter([1.0 - self._keep], [1.0, -self._keep], whole, axis=1)
+        return seen.reshape(len(seen), n // BLOCK, BLOCK).mean(axis=2).ravel()

@@ -1,0 +1,60 @@
+"""Which laws the levels hide: all that suit, in an order of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deeptruck_exam.cases.levels import LEVELS, NOT_RECORDED, choose, hidden_input, mark, suitable
+from deeptruck_exam.cases.plan import draw_plan
+from deeptruck_exam.worlds import trucks
+from deeptruck_model.errors import InputError
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_plans_of_every_level(level: str) -> None:
+    plans = [draw_plan(level, seed, None, "physics", 4.0) for seed in range(60)]
+    assert all(p.truck in e.trucks for p in plans for e in p.effects)
+    off = [np.ptp([p.believed.get(n, 1.0) / p.values.get(n, 1.0) for n in trucks.TUNABLE]) for p in plans]
+    assert (np.median(off) > 0.05) == (level in ("wrong_parameters", "absorbed"))
+    if level == "nothing_missing":
+        assert all(not p.effects for p in plans) and 0.0 < max(off) < 0.03
+    elif level == "input_not_recorded":
+        assert {p.hidden_input for p in plans} == set(NOT_RECORDED)
+    else:
+        assert len({p.effects[0].key for p in plans}) >= 3
+    if level == "several":
+        assert {len(p.effects) for p in plans} == {2, 3}
+        assert all(len({e.name for e in p.effects}) == len(p.effects) for p in plans)
+    if level == "unknown":
+        assert {bool(p.excluded) for p in plans} == {True, False}
+        assert all(p.excluded or p.effects[0].name == "unknown" for p in plans)
+
+
+@pytest.mark.parametrize(
+    "level", [n for n in LEVELS if n not in ("nothing_missing", "input_not_recorded", "unknown")]
+)
+def test_a_level_goes_through_all_that_suit_in_its_own_order(level: str) -> None:
+    some = suitable(level)
+    chosen = [choose(level, 1000 + k, None)[0][0].key for k in range(len(some))]
+    assert sorted(chosen) == sorted(e.key for e in some)
+
+
+def test_one_seed_hides_other_laws_at_other_levels() -> None:
+    assert len({mark(level) for level in LEVELS}) == len(LEVELS)
+    for seed in (0, 7, 100_003):
+        chosen = [choose(level, seed, None)[0] for level in LEVELS]
+        keys = [some[0].key for some in chosen if some]
+        assert len(set(keys)) >= len(keys) - 2
+
+
+def test_each_input_is_withheld_in_turn() -> None:
+    assert [hidden_input("input_not_recorded", k) for k in range(4)] == list(NOT_RECORDED)
+    assert hidden_input("noise", 1) == ""
+
+
+def test_bad_requests_are_one_line() -> None:
+    with pytest.raises(InputError, match="levels"):
+        draw_plan("easy", 0, None, "physics", 4.0)
+    with pytest.raises(InputError, match="laws"):
+        draw_plan("noise", 0, "gremlins", "physics", 4.0)
