@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import read
 from deeptruck_model.signals import TruckInterface
 
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--lockstep", "--duration", 40)
@@ -48,6 +49,27 @@ def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mas
         warnings = [s for s in statuses if "not as simulated" in s.message]
         values = {v.key: v.value for v in warnings[-1].values}
         assert float(values["end_s"]) > float(values["start_s"]) > 1.0 and float(values["mean_force_n"]) != 0
+
+
+@pytest.mark.parametrize("options", [(), ("--engage", "--no-load")])
+def test_no_force_is_named_of_commands_that_drive_nothing(
+    start: Callable[..., Any], tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    """Nobody engages, or nothing is sent: the commands would drive the simulator, and the truck rolls out."""
+    truck = ("--vehicle", "trucksim", "--emulator", "--policy", "baseline:acc", "--duration", 8, *options)
+    (tmp_path / "other.yaml").write_text("mass: 9000.0\n")
+    monitor = f"truck:trucksim:{tmp_path / 'other.yaml'}"
+    run = start("start_vehicle.py", *truck, "--monitor", monitor, "--record", tmp_path / "bag")
+    code, _, errors = run.finish(timeout=150)
+    assert (code, errors) == (0, "")
+    statuses = [s for m in heard(tmp_path / "bag", "/diagnostics") for s in m.status if "mismatch" in s.name]
+    assert {s.message for s in statuses} == {"not engaged"}
+    assert not any(v.key == "mean_force_n" for s in statuses for v in s.values)
+    assert all(np.isnan(m.accel.linear.x) for m in heard(tmp_path / "bag", "/mismatch/residual"))
+    (drive,) = read(tmp_path / "bag")
+    assert drive.obeyed and drive.account is not None
+    assert np.nanmax(np.abs(drive.channels["engine_command"])) == 0.0  # the driver's foot is on no pedal
+    assert drive.account.channels["engine_command"].left_out > 100
 
 
 @pytest.mark.parametrize(

@@ -62,6 +62,7 @@ def test_extraction_reads_what_the_nodes_publish() -> None:
             "ambient_temperature",
             "latitude",
             "longitude",
+            "brake_switch",
             *FAULTS,
         )  # from the bus, where it has them
         if topic.fields and channel not in optional:

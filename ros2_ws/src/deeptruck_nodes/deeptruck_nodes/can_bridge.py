@@ -132,7 +132,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
 
     def _publish(self, stamp: int, signals: dict[str, float]) -> None:
         self._accel.publish(messages.accel(stamp, signals.get("acceleration", math.nan)))
-        inside = [*STATUS.fields, *(name for name in FAULTS if name in signals)]
+        inside = [*STATUS.fields, *(name for name in ("brake_switch", *FAULTS) if name in signals)]
         demands = self._vehicle.driver_demands(signals)
         self._status.publish(messages.scalars(stamp, [*inside, *demands], {**signals, **demands}))
         road = [
