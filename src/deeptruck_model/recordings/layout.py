@@ -33,6 +33,7 @@ _NAMED = re.compile(r"^(?P<values>.*?)\[(?P<names>\w+)=(?P<wanted>.+)\]$")
 _BRACKETS = re.compile(r"\[[^\]]*\]")
 _NUMBERED = re.compile(r"^(?P<values>.*?)\[(?P<index>\d+)\]$")
 
+PADDING = 3  # bytes: RTPS fills up to a multiple of four
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
@@ -98,11 +99,13 @@ class Walker:
         try:
             if len(message) < start:
                 raise IndexError("it has no head")
-            self._struct(msgtype, "", message, start, order, layout)
+            end = self._struct(msgtype, "", message, start, order, layout)
+            if len(message) - end > (0 if self.ros1 else PADDING):
+                raise IndexError(f"{len(message) - end} bytes are left over")
         except (struct.error, IndexError, KeyError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(
-                f"{self.bag} is damaged: a message of type {msgtype} does not fit its definition ({error}); "
-                "copy it anew from where it was recorded, or leave it out"
+                f"{self.bag}: a message of type {msgtype} does not fit its definition ({error}); the bag is "
+                "damaged (copy it anew from where it was recorded), or a .msg file is of another version"
             ) from None
         return layout
 

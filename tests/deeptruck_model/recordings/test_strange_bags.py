@@ -233,6 +233,25 @@ def test_definitions_from_msg_files(tmp_path: Path, files: dict[str, str]) -> No
     assert suggest(bag, [tmp_path / name for name in files]).survey.topics[0].fields[0].path == field
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "float32 speed\n",
+        "uint8 speed\n",
+        "float64 speed\nfloat64 other\n",
+        "uint8[] speed\n",
+        "builtin_interfaces/Time stamp\nfloat64 speed\n",
+    ],
+)
+def test_a_msg_file_of_another_version_is_refused_where_its_size_is_wrong(tmp_path: Path, text: str) -> None:
+    """Not read as numbers that nobody sent."""
+    bag = a_database_without_definitions(tmp_path)
+    file = tmp_path / "Report.msg"
+    file.write_text(text)
+    with pytest.raises(InputError, match=r"does not fit its definition .*a \.msg file is of another version"):
+        read(bag, topic_map={"speed": {"topic": "/report", "field": "speed"}}, msg=[file])
+
+
 def test_a_msg_file_that_is_none(tmp_path: Path) -> None:
     bag = a_database_without_definitions(tmp_path)
     file = tmp_path / "Report.msg"
