@@ -75,9 +75,7 @@ def import_table(
     table, out = Path(table), Path(out)
     import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     if import_checks.is_bag(table, columns):
-        recordings = _of_what_is_there(
-            read(table, topic_map=columns, clock=clock, mixed_clocks=True, msg=msg)
-        )
+        recordings = _of_what_is_there(read(table, topic_map=columns, clock=clock, msg=msg))
         write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
     if import_checks.is_can_log(table):

@@ -1,4 +1,4 @@
-"""Topics of one bag whose clocks differ: said by import and coverage, refused by train and mismatch."""
+"""Topics of one bag whose clocks differ: said by coverage, refused by all else."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from foreign_bags import Message, S, bag_of, number, twist
 
 from deeptruck_model import cli
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, read
+from deeptruck_model.recordings import Recording, import_table, read
 
 LOG = 1_700_000_000 * S
 STEP = S // 10
@@ -99,6 +99,15 @@ def test_two_clocks_are_refused_or_said_with_their_size(tmp_path: Path, kind: st
     by_log = read(bag, topic_map=topic_map, clock="log")
     beside_each_other(by_log)
     assert f"differ by {size}" in remark(by_log) and "log times were taken" in remark(by_log)
+
+
+def test_an_import_asks_for_the_clock_as_its_bag_could_not_say_it(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "bag", messages(shifted(37.0), None))
+    with pytest.raises(InputError, match=r"differ by 37\.0 s .*--clock log"):
+        import_table(bag, MAP, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    import_table(bag, MAP, tmp_path / "out", clock="log")
+    beside_each_other(read(tmp_path / "out"))
 
 
 ONE_CLOCK = {
