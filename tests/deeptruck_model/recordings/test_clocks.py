@@ -191,7 +191,7 @@ def tai(tmp_path: Path) -> tuple[Path, Path]:
         ("mismatch --simulator truck:freightliner --recordings {bag} --topic-map {map} --out {out}", 2),
         ("table {bag} --topic-map {map} --out {out}.csv", 2),
         ("coverage {bag} --topic-map {map} --out {out}", 0),
-        ("import {bag} --columns {map} --out {out}", 0),
+        ("import {bag} --columns {map} --out {out}", 2),
         ("train {bag} --topic-map {map} --out {out} --budget 20 --clock log", 0),
         ("import {bag} --columns {map} --out {out} --clock log", 0),
     ],
