@@ -108,6 +108,21 @@ class KernelEvidence:
         shown = max((k.reported for k in self.kernels if k.name == name), default=0.0)
         return self._torque.gain(force, shown) if self._torque is not None and shown > 0.0 else 0.0
 
+    def force(self, residual: Array, name: str, beside: Sequence[str] = ()) -> Array:
+        """Posterior mean of a name's force (n,), m/s^2, in a residual (n,), beside the kernels of others, by
+        that of its kernels, and of their sizes, that explains most."""
+        onto = self._features.T @ self._whitened(residual - self._mean)
+        given = self._given(onto[:, None], beside)
+        own = [(j, s) for j, k in enumerate(self.kernels) if k.name == name for s in SIZES]
+        if not own:
+            return np.zeros(len(residual))
+        j, size = max(own, key=lambda js: self._explained(onto, *self._with(*given, *js)))
+        at, scale = self._with(*given, j, size)
+        precision = np.eye(len(at)) + self._gram[np.ix_(at, at)] * np.outer(scale, scale)
+        b = np.linalg.solve(precision, onto[at] * scale) * scale
+        out: Array = self.kernels[j].features @ b[len(given[0]) :]
+        return out
+
     def _whitened(self, x: Array) -> Array:
         return whiten(x, self._ar, self._rows, self._weight)
 

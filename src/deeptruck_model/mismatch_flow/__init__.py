@@ -1,0 +1,6 @@
+"""Find what a simulator leaves out: what was not recorded, a budget, names as deep as the data carry."""
+
+from deeptruck_model.mismatch_flow.find import find_mismatch
+from deeptruck_model.mismatch_flow.result import Result
+
+__all__ = ["Result", "find_mismatch"]

@@ -1,0 +1,68 @@
+"""What a learned simulator is off by on recordings that it keeps and was not fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared, learned, prepare
+from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
+from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+
+USUAL = 0.08  # m/s^2, rms, that learned simulators are off by where nothing tells how much this one is
+JOLTS = 0.02  # of the time, that count for nothing
+
+
+def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
+    """The recordings that a learned simulator keeps; none where they are too short."""
+    try:
+        prepared = [
+            learned(simulator, prepare(r, measured_acceleration)) for r in getattr(simulator, "reference", ())
+        ]
+    except InputError:
+        return []
+    return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= LEAST_DRIVING_S else []
+
+
+def allowed_for(simulator: Simulator, e: Evidence, measured_acceleration: bool, seed: int) -> Evidence:
+    """The evidence with how far a learned simulator is off on its own recordings, and how slow that is; as it
+    is beside a simulator whose physics is known."""
+    if e.known_physics:
+        return e
+    own_drives = kept(simulator, measured_acceleration)
+    try:
+        own = gather(simulator, own_drives, [False] * len(own_drives), seed=seed, rules=e.rules) if own_drives else None
+    except InputError:
+        own = None
+    if own is None:
+        smooth = _second_means(e)
+        off = min(USUAL, 1.4826 * float(np.median(np.abs(smooth))))
+        return replace(e, model_discrepancy=off, slow_noise=max(off, e.rules.slow_noise))
+    quiet = np.sort(np.abs(_second_means(own)))[: int((1.0 - JOLTS) * own.valid.sum())]
+    own = replace(own, model_discrepancy=float(np.sqrt(np.mean(quiet**2))), slow_noise=_slow_noise(own))
+    return replace(e, model_discrepancy=own.model_discrepancy, slow_noise=own.slow_noise, itself=own)
+
+
+def _second_means(e: Evidence) -> Array:
+    """The residual of the rows that count, (m,), in means over a second."""
+    smooth = uniform_filter1d(np.where(e.valid, e.residual, 0.0), max(1, round(1.0 / e.dt)))
+    out: Array = smooth[e.valid]
+    return out
+
+
+def _slow_noise(own: Evidence) -> float:
+    """Sd (m/s^2) of means over SLOW_NOISE_S that may still be the simulator's own, other driving allowed for."""
+    per = max(1, round(SLOW_NOISE_S / own.dt))
+    means = [0.0]
+    for s in own.stretches:
+        rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
+        means += own.residual[rows[own.valid[rows].all(axis=1)]].mean(axis=1).tolist()
+    spread = 1.4826 * float(np.median(np.abs(means)))
+    return max(own.rules.slow_noise, own.rules.allowance * spread)

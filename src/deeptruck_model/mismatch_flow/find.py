@@ -1,0 +1,106 @@
+"""From recordings to a verdict, forward only: read it top to bottom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from deeptruck_model.checks import mass
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.data.prepared import too_little
+from deeptruck_model.mismatch.excluded import check_excluded
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.rules import Rules as ResidualRules
+from deeptruck_model.mismatch_flow import decide, unrecorded
+from deeptruck_model.mismatch_flow.budget import budget
+from deeptruck_model.mismatch_flow.classify import classify
+from deeptruck_model.mismatch_flow.discrepancy import allowed_for
+from deeptruck_model.mismatch_flow.model import correct
+from deeptruck_model.mismatch_flow.nuisance import about_fitting_parameters
+from deeptruck_model.mismatch_flow.prepare import prepared, with_rejection
+from deeptruck_model.mismatch_flow.result import Result
+from deeptruck_model.mismatch_flow.rules import Rules
+from deeptruck_model.mismatch_flow.validate import validate
+from deeptruck_model.mismatch_flow.witnesses import witnesses
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator
+from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
+
+NO_VEHICLE = 0.01  # of the samples: more is no jolt
+IMPOSSIBLE = (
+    "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
+    "see 'deeptruck-model check-simulator'"
+)
+OTHER_GEAR = "the simulator drives in another gear than was recorded"
+
+
+def find_mismatch(
+    simulator: Simulator,
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording] = (),
+    *,
+    seed: int = 0,
+    exclude: Sequence[str] = (),
+    say: Callable[[str], None] = lambda step: None,
+    rules: Rules = Rules(),
+    mass_kg: float | None = None,
+) -> Result:
+    """Compare a simulator with recordings. On data that are merely poor the verdict is `undetermined`.
+
+    `exclude` leaves effects out of the library. `mass_kg` is the mass of a simulator that does not state its
+    own: without it forces are per kilogram. Raises InputError where simulator and recordings do not belong
+    together, for an effect that does not exist, and for a mass that is impossible or not the simulator's.
+    """
+    check_excluded(exclude)
+    _check_mass(simulator, mass_kg)
+    with threadpool_limits(1):
+        say("checking the data")
+        drives = prepared(simulator, recordings, held_out, ResidualRules())
+        missing = unrecorded.inputs([*recordings, *held_out])
+        if drives.useless:
+            return Result(decide.useless(drives, missing), None, {}, None, drives.prepared)
+
+        say("driving the simulator along the recordings")
+        e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=ResidualRules(), mass_kg=mass_kg)
+        _check_possible(e)
+        drives = with_rejection(drives, OTHER_GEAR, e.other_gear)
+        if little := too_little(e):
+            return Result(decide.useless(replace(drives, useless=little), missing), None, {}, None, drives.prepared)
+        hidden, gain = unrecorded.braking(e, rules)
+        e = replace(e, valid=e.valid & ~hidden)
+        missing = unrecorded.with_braking(missing, e, hidden, gain)
+        e = allowed_for(simulator, e, drives.prepared[0].measured_acceleration, seed)
+
+        say("comparing every mechanism with what the simulator is off by")
+        search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
+        names = classify(search, unrecorded.names_behind(e, missing), rules)
+        found = budget(search, hidden & ~e.held_out, rules)
+        seen = witnesses(search, drives.prepared, found, rules)
+
+        say("correcting the simulator and driving it free")
+        made = correct(simulator, search, names, rules)
+        driven = validate(simulator, made, drives.part(held_out=True), drives.part(held_out=False))
+        verdict = decide.decide(
+            simulator.parameters(), drives, search, missing, names, found, seen, made, driven, rules
+        )
+    return Result(verdict, search.e.everywhere(), driven.errors, driven.corrected, drives.prepared)
+
+
+def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
+    if mass_kg is None:
+        return
+    mass(mass_kg)
+    own = simulator.parameters().get("mass")
+    if own is not None and abs(mass_kg - own) > 1e-6 * own:
+        raise InputError(f"the simulator's own mass is {own:g} kg; leave --mass-kg out, or set its parameter")
+
+
+def _check_possible(e: Evidence) -> None:
+    """Raises InputError where the simulator answers what no vehicle does."""
+    beyond = float(np.mean(np.abs(e.simulated[e.valid]) > IMPOSSIBLE_ACCELERATION)) if e.valid.any() else 0.0
+    if beyond > NO_VEHICLE:
+        raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))

@@ -1,0 +1,80 @@
+"""Recordings made fit for a comparison: aligned drives, faults between sensors, and what was rejected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from deeptruck_model.mismatch.data import checks, speed_unit
+from deeptruck_model.mismatch.data.one_road import on_a_road_of_its_own, on_one_road, without_a_place
+from deeptruck_model.mismatch.data.prepared import (
+    Prepared,
+    each_once,
+    learned,
+    prepare,
+    same_signals,
+    unusable,
+    with_held_out,
+)
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator
+
+OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"
+NO_PLACE = "positions of {} are missing or do not fit the speed: their place on the road is not known"
+STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
+
+
+@dataclass(frozen=True)
+class Drives:
+    """The recordings as they can be used, in the order in which they came, and what was wrong with them.
+    `useless` is why nothing can be compared, or None."""
+
+    prepared: tuple[Prepared, ...]
+    held_out: tuple[bool, ...]
+    faults: tuple[checks.SensorFault, ...]
+    rejected: tuple[checks.Rejection, ...]
+    caveats: tuple[str, ...]
+    useless: str | None
+
+    def part(self, held_out: bool) -> list[Prepared]:
+        """Those that are held out, or the others."""
+        return [p for p, out in zip(self.prepared, self.held_out, strict=True) if out == held_out]
+
+
+def prepared(
+    simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording], rules: Rules
+) -> Drives:
+    """Check and align the recordings. Raises InputError where they do not belong to the simulator."""
+    same_signals(simulator, [*recordings, *held_out])
+    fit, held, twice = each_once(recordings, held_out)
+    drives, flags, caveats = with_held_out(fit, held, simulator.dt)
+    drives, rejected = checks.clean(drives)
+    measured = checks.acceleration_is_measured(drives)
+    faults = checks.sensor_faults(drives, rules) if measured else []
+    whole = _corrected(simulator, drives, faults, measured)
+    fitted = [p for p, out in zip(whole, flags, strict=True) if not out]
+    if unusable(fitted, rejected) is None:
+        speed_unit.check(simulator, whole)
+        if scaled := speed_unit.faults(simulator, whole, rules):
+            faults = [*faults, *scaled]
+            whole = _corrected(simulator, drives, faults, measured)
+    aligned = on_one_road([learned(simulator, p) for p in whole])
+    strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, aligned, strict=True))
+    if strange:
+        rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
+    useless = unusable([p for p, out in zip(aligned, flags, strict=True) if not out], rejected)
+    lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(aligned)) else []
+    lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(aligned)) else []
+    return Drives(aligned, tuple(flags), tuple(faults), tuple(rejected), (*twice, *caveats, *lost), useless)
+
+
+def _corrected(
+    simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault], measured: bool
+) -> list[Prepared]:
+    return [prepare(checks.mended(r, faults), measured, simulator.interface.y) for r in drives]
+
+
+def with_rejection(drives: Drives, rule: str, samples: int) -> Drives:
+    """The drives with samples that were rejected later."""
+    return replace(drives, rejected=(*drives.rejected, checks.Rejection(rule, samples))) if samples else drives

@@ -1,0 +1,1 @@
+"""The report: templates. It reads a verdict and decides nothing."""

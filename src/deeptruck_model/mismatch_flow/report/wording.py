@@ -1,0 +1,59 @@
+"""Sentences of the verdict, as templates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+PARAMETER_UNITS = {"mass": "kg", "drag_area": "m^2"}
+PARAMETER_NAMES = {
+    "mass": "mass",
+    "drag_area": "drag area",
+    "rolling_resistance": "rolling resistance",
+    "torque_gain": "engine torque for a given command",
+    "brake_gain": "brake force for a given command",
+}
+PARAMETER_MANOEUVRE = {
+    "mass": "accelerate with the same torque at a low and a high speed",
+    "drag_area": "coast down from high speed on a flat road, both ways",
+    "rolling_resistance": "coast down at low speed on a flat road, both ways",
+    "torque_gain": "pull with steps of torque at one speed",
+    "brake_gain": "brake with steps of command from one speed",
+}
+SENSOR_MANOEUVRE = "drive a known distance and compare each sensor with it"
+UNKNOWN_FORCE = "a force that follows no mechanism of the library"
+RECORD_MORE = "record the channels on which the force may depend, and drive where it is largest"
+COUNTS_AS_LEARNED = (
+    "the simulator has neither parameters() nor inside(): it is treated as a learned one, beside which fewer "
+    "names are accepted (docs/simulators.md)"
+)
+WITHOUT_MASS = "forces are given per kilogram (m/s^2), as no mass is known; state it by --mass-kg"
+TOO_SHORT = "too few unbroken windows for a budget: record drives without gaps"
+ENOUGH = "every input that matters was recorded"
+NOT_DRIVEN = "no held-out recording is long enough for a free run"
+UNSURE_BETTER = "the held-out error falls, but not surely; record more drives to hold out"
+NOT_BETTER = "the held-out error does not fall"
+
+
+def of_parameter(name: str, change: float) -> str:
+    """That a parameter of the simulator is wrong, and by how much."""
+    return f"the {PARAMETER_NAMES[name]} is {abs(100 * change):.1f} % {'larger' if change > 0 else 'smaller'} than the simulator's"
+
+
+def not_recorded(inputs: Sequence[str]) -> str:
+    """That inputs are missing."""
+    return f"not recorded: {', '.join(inputs)}"
+
+
+def good(error: float, horizon_s: float) -> str:
+    """That the simulator drives as the truck."""
+    return f"free runs of {horizon_s:.0f} s are off by {error:.2g} m/s, and nothing that matters is left"
+
+
+def off(error: float, horizon_s: float) -> str:
+    """By how much the simulator is off."""
+    return f"free runs of {horizon_s:.0f} s are off by {error:.2g} m/s"
+
+
+def better(before: float, after: float) -> str:
+    """What the correction is worth."""
+    return f"the held-out speed error falls from {before:.2g} to {after:.2g} m/s"

@@ -1,0 +1,93 @@
+"""Names as a tree: families of mechanisms, their names, and `unknown`; what is stated of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+ROOT = "mismatch"
+UNKNOWN = "unknown"
+NAMES = {
+    "sensors": ("acceleration_bias", "grade_bias", "speed_scale"),
+    "timing": ("clock_offset", "command_delay", "command_rate_limit"),
+    "brakes": ("brake_fade", "brake_gain", "brake_lag", "dragging_brake"),
+    "engine_driveline": (
+        "accessory_load", "driveline_backlash", "driveline_loss", "engine_brake", "engine_friction",
+        "rotating_inertia", "shift_interruption", "torque_converter_slip", "torque_derate", "torque_gain",
+        "torque_limit", "turbo_lag", "wheel_slip",
+    ),
+    "air_tyres_road": (
+        "drafting", "drag_area", "headwind", "road_grade", "road_surface", "rolling_resistance",
+        "rolling_resistance_speed", "rolling_resistance_warmup",
+    ),
+    "load": ("load_slosh", "mass", "payload_change"),
+}  # fmt: skip
+FAMILY = {name: family for family, names in NAMES.items() for name in names} | {UNKNOWN: UNKNOWN}
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node of the tree: a family below the root, or a name below its family; `probability` is the sum of
+    its children's."""
+
+    node: str
+    parent: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The probability of every name, which add up to one."""
+
+    names: Mapping[str, float]
+
+    @property
+    def families(self) -> dict[str, float]:
+        """Sums over the names of each family, most probable first."""
+        sums: dict[str, float] = {}
+        for name, p in self.names.items():
+            sums[FAMILY[name]] = sums.get(FAMILY[name], 0.0) + p
+        return dict(sorted(sums.items(), key=lambda item: -item[1]))
+
+    @property
+    def first(self) -> str:
+        """The most probable name of the most probable family."""
+        return max(self.of(next(iter(self.families))).items(), key=lambda item: item[1])[0]
+
+    def of(self, family: str) -> dict[str, float]:
+        """The names of a family, most probable first."""
+        own = {name: p for name, p in self.names.items() if FAMILY[name] == family}
+        return dict(sorted(own.items(), key=lambda item: -item[1]))
+
+    def credible(self, mass: float) -> tuple[str, ...]:
+        """The fewest names that hold `mass` of the probability, most probable first."""
+        out, total = [], 0.0
+        for name, p in sorted(self.names.items(), key=lambda item: -item[1]):
+            if total >= mass:
+                break
+            out.append(name)
+            total += p
+        return tuple(out)
+
+    def stated(self, least: float) -> str:
+        """The deepest node of at least this probability."""
+        best = max(self.names.items(), key=lambda item: item[1])
+        if best[1] >= least:
+            return best[0]
+        family, p = next(iter(self.families.items()))
+        return family if p >= least else ROOT
+
+    def nodes(self) -> tuple[Node, ...]:
+        """The root's children and theirs, most probable first."""
+        out = []
+        for family, p in self.families.items():
+            out.append(Node(family, ROOT, p))
+            if family != UNKNOWN:
+                out += [Node(name, family, own) for name, own in self.of(family).items()]
+        return tuple(out)
+
+    def without(self, names: frozenset[str]) -> Tree:
+        """The same, where the probability of some names is that of `unknown`."""
+        lost = sum(p for name, p in self.names.items() if name in names)
+        kept = {name: p for name, p in self.names.items() if name not in names}
+        return Tree(kept | {UNKNOWN: kept.get(UNKNOWN, 0.0) + lost})
