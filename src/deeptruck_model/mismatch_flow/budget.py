@@ -236,7 +236,7 @@ def _places(search: Search) -> Array | None:
     the road is driven again."""
     e = search.e
     known = e.valid & (e["place"] >= 0.0)
-    if not known.any():
+    if not known.any() or np.array_equal(e["place"], e["distance"]):  # positions were not recorded
         return None
     bins = (e["place"][known] / PLACE_M).astype(int)
     passes = {b: len(np.unique(e.record[known][bins == b])) for b in np.unique(bins)}

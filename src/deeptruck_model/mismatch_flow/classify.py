@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Named:
-    """What stands in the place of one name, beside those before it: the tree, the gain of the best kernel
-    beside `held` and beside `free` parameters, nats, and the posterior mean of the first name's force (n,)."""
+    """What stands in the place of one name, beside those before it: the tree, the gain (nats) of the best
+    kernel beside `held` and beside `free` parameters, and the posterior mean of the first name's force (n,).
+    """
 
     tree: Tree
     held: float

@@ -22,6 +22,7 @@ from deeptruck_model.mismatch_flow.model import Made
 from deeptruck_model.mismatch_flow.prepare import Drives
 from deeptruck_model.mismatch_flow.report import wording
 from deeptruck_model.mismatch_flow.result import Advice, Answer, Finding, Kind, Size, Verdict
+from deeptruck_model.mismatch_flow.road import Road
 from deeptruck_model.mismatch_flow.rules import Rules
 from deeptruck_model.mismatch_flow.sizes import sizes_of
 from deeptruck_model.mismatch_flow.tree import FAMILY, ROOT, UNKNOWN, Node
@@ -56,6 +57,7 @@ def decide(
     search: Search,
     missing: tuple[NotRecorded, ...],
     names: Names,
+    again: Road | None,
     found: Budget,
     seen: tuple[Witness, ...],
     made: Made,
@@ -65,7 +67,8 @@ def decide(
     """The verdict from all that was measured."""
     e = search.e
     findings = [_of_fault(f) for f in drives.faults]
-    findings += _accepted(search, names, made, driven, simulator_parameters, missing, rules)
+    accepted = _of_road(e, again, rules) + _accepted(search, names, made, simulator_parameters, rules)
+    findings += _with_shares(e, accepted)
     kind = _kind(findings, names, found, driven, rules)
     forces = {i: f.force for i, f in enumerate(findings) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
@@ -75,7 +78,7 @@ def decide(
         tuple(findings),
         tuple(where.segments(e, forces)),
         tuple(where.regimes(e, error)),
-        driven.fit,
+        replace(driven.fit, next_pass=again.ahead if again is not None else None),
         drives.rejected,
         (*drives.caveats, *_caveats(e, findings)),
         missing,
@@ -86,39 +89,54 @@ def decide(
     )
 
 
-def _accepted(
-    search: Search,
-    names: Names,
-    made: Made,
-    driven: Validated,
-    own: dict[str, float],
-    missing: Sequence[NotRecorded],
-    rules: Rules,
-) -> list[Finding]:
-    """The findings. Beside a learned simulator, or where an input is missing, only what is stated."""
-    total = sum(max(n.held, 0.0) for n in names.found[:1]) or 1.0
+def _of_road(e: Evidence, again: Road | None, rules: Rules) -> list[Finding]:
+    """The road, where what is slow comes again with it and its name is stated."""
+    if again is None or again.tree.stated(rules.stated) == ROOT:
+        return []
+    m = LIBRARY[again.tree.first]
+    return [
+        _finding(
+            e,
+            again.named(),
+            Kind(m.kind),
+            m.says,
+            m.equation,
+            {},
+            m.depends_on,
+            m.told_by,
+            again.force,
+            rules,
+        )
+    ]
+
+
+def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], rules: Rules) -> list[Finding]:
+    """The findings; beside a learned simulator only what is stated: its discrepancy resembles many names."""
     out = []
     for named in names.found:
         first = named.tree.first
-        stated = named.tree.stated(rules.stated)
         if first in search.parameters and (first not in LIBRARY or named.free <= names.threshold):
-            f = _of_parameter(search, made, named, own, rules)
+            f = _of_parameter(search, named, own, rules)
         elif named.free <= names.threshold:
             continue
         else:
             f = _of_name(search, made, named, rules)
-        if f is None or (not search.e.known_physics and stated == ROOT):
-            continue
-        out.append(replace(f, share_of_explainable_error=round(min(named.held / total, 1.0), 3)))
-    shares = sum(f.share_of_explainable_error for f in out) or 1.0
+        if f is not None and (search.e.known_physics or f.stated != ROOT):
+            out.append(f)
+    return out
+
+
+def _with_shares(e: Evidence, findings: Sequence[Finding]) -> list[Finding]:
+    """The findings, each with its share of the squares of all their forces."""
+    squares = [float(np.sum(f.force[e.valid] ** 2)) if f.force is not None else 0.0 for f in findings]
+    total = sum(squares) or 1.0
     return [
-        replace(f, share_of_explainable_error=round(f.share_of_explainable_error / shares, 3)) for f in out
+        replace(f, share_of_explainable_error=round(x / total, 3))
+        for f, x in zip(findings, squares, strict=True)
     ]
 
 
-def _of_parameter(
-    search: Search, made: Made, named: Named, own: dict[str, float], rules: Rules
-) -> Finding | None:
+def _of_parameter(search: Search, named: Named, own: dict[str, float], rules: Rules) -> Finding | None:
     """An error of a parameter; None where it is no larger than that of any simulator may be."""
     name = named.tree.first
     free = search.background(())
@@ -132,20 +150,50 @@ def _of_parameter(
     sizes = {"relative_error": Size(change, "1", (change - Z95 * sd, change + Z95 * sd))}
     if name in own:
         value = own[name]
-        sizes = {name: Size(value * (1 + change), wording.PARAMETER_UNITS.get(name, "1"), (value * (1 + change - Z95 * sd), value * (1 + change + Z95 * sd)))} | sizes
+        sizes = {
+            name: Size(
+                value * (1 + change),
+                wording.PARAMETER_UNITS.get(name, "1"),
+                (value * (1 + change - Z95 * sd), value * (1 + change + Z95 * sd)),
+            )
+        } | sizes
     force = np.nan_to_num(search.e.sensitivity[name]) * change
-    return _finding(search.e, named, Kind.PARAMETER, wording.of_parameter(name, change), "", sizes, ("all driving",), wording.PARAMETER_MANOEUVRE.get(name, ""), force, rules)
+    return _finding(
+        search.e,
+        named,
+        Kind.PARAMETER,
+        wording.of_parameter(name, change),
+        "",
+        sizes,
+        ("all driving",),
+        wording.PARAMETER_MANOEUVRE.get(name, ""),
+        force,
+        rules,
+    )
 
 
 def _of_name(search: Search, made: Made, named: Named, rules: Rules) -> Finding:
     """A force of a mechanism, or one that has no name."""
     first = named.tree.first
     if first == UNKNOWN:
-        return _finding(search.e, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, "", {}, (), wording.RECORD_MORE, named.force, rules)
+        return _finding(
+            search.e,
+            named,
+            Kind.PHYSICS,
+            wording.UNKNOWN_FORCE,
+            "",
+            {},
+            (),
+            wording.RECORD_MORE,
+            named.force,
+            rules,
+        )
     m = LIBRARY[first]
     term = next((t for t in made.recipe.terms if t.mechanism.effect == first), None)
     sizes = _sizes(term, made, search)
-    return _finding(search.e, named, Kind(m.kind), m.says, m.equation, sizes, m.depends_on, m.told_by, named.force, rules)
+    return _finding(
+        search.e, named, Kind(m.kind), m.says, m.equation, sizes, m.depends_on, m.told_by, named.force, rules
+    )
 
 
 def _sizes(term: CandidateTerm | None, made: Made, search: Search) -> dict[str, Size]:
@@ -198,7 +246,9 @@ def _strength(e: Evidence, force: Array) -> Strength:
 def _of_fault(f: SensorFault) -> Finding:
     """A fault that shows between sensors alone."""
     ci = (f.value - Z95 * f.se, f.value + Z95 * f.se)
-    name = {"acceleration_bias": "bias", "speed_scale": "scale", "clock_offset": "offset"}.get(f.effect, f.effect)
+    name = {"acceleration_bias": "bias", "speed_scale": "scale", "clock_offset": "offset"}.get(
+        f.effect, f.effect
+    )
     return Finding(
         Kind.SENSOR, f.effect, FAMILY[f.effect], f.effect, f.says, f.equation,
         {name: Size(f.value, f.unit, ci)}, 0.99, 0.99, wording.SENSOR_MANOEUVRE, f.between,

@@ -38,7 +38,11 @@ def allowed_for(simulator: Simulator, e: Evidence, measured_acceleration: bool, 
         return e
     own_drives = kept(simulator, measured_acceleration)
     try:
-        own = gather(simulator, own_drives, [False] * len(own_drives), seed=seed, rules=e.rules) if own_drives else None
+        own = (
+            gather(simulator, own_drives, [False] * len(own_drives), seed=seed, rules=e.rules)
+            if own_drives
+            else None
+        )
     except InputError:
         own = None
     if own is None:
@@ -58,7 +62,7 @@ def _second_means(e: Evidence) -> Array:
 
 
 def _slow_noise(own: Evidence) -> float:
-    """Sd (m/s^2) of means over SLOW_NOISE_S that may still be the simulator's own, other driving allowed for."""
+    """Sd (m/s^2) of means over SLOW_NOISE_S that may be the simulator's own, on other driving too."""
     per = max(1, round(SLOW_NOISE_S / own.dt))
     means = [0.0]
     for s in own.stretches:

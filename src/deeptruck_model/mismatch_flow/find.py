@@ -23,6 +23,7 @@ from deeptruck_model.mismatch_flow.model import correct
 from deeptruck_model.mismatch_flow.nuisance import about_fitting_parameters
 from deeptruck_model.mismatch_flow.prepare import prepared, with_rejection
 from deeptruck_model.mismatch_flow.result import Result
+from deeptruck_model.mismatch_flow.road import road
 from deeptruck_model.mismatch_flow.rules import Rules
 from deeptruck_model.mismatch_flow.validate import validate
 from deeptruck_model.mismatch_flow.witnesses import witnesses
@@ -65,11 +66,15 @@ def find_mismatch(
             return Result(decide.useless(drives, missing), None, {}, None, drives.prepared)
 
         say("driving the simulator along the recordings")
-        e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=ResidualRules(), mass_kg=mass_kg)
+        e = gather(
+            simulator, drives.prepared, drives.held_out, seed=seed, rules=ResidualRules(), mass_kg=mass_kg
+        )
         _check_possible(e)
         drives = with_rejection(drives, OTHER_GEAR, e.other_gear)
         if little := too_little(e):
-            return Result(decide.useless(replace(drives, useless=little), missing), None, {}, None, drives.prepared)
+            return Result(
+                decide.useless(replace(drives, useless=little), missing), None, {}, None, drives.prepared
+            )
         hidden, gain = unrecorded.braking(e, rules)
         e = replace(e, valid=e.valid & ~hidden)
         missing = unrecorded.with_braking(missing, e, hidden, gain)
@@ -78,6 +83,7 @@ def find_mismatch(
         say("comparing every mechanism with what the simulator is off by")
         search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
         names = classify(search, unrecorded.names_behind(e, missing), rules)
+        again = road(search.e.everywhere())
         found = budget(search, hidden & ~e.held_out, rules)
         seen = witnesses(search, drives.prepared, found, rules)
 
@@ -85,7 +91,7 @@ def find_mismatch(
         made = correct(simulator, search, names, rules)
         driven = validate(simulator, made, drives.part(held_out=True), drives.part(held_out=False))
         verdict = decide.decide(
-            simulator.parameters(), drives, search, missing, names, found, seen, made, driven, rules
+            simulator.parameters(), drives, search, missing, names, again, found, seen, made, driven, rules
         )
     return Result(verdict, search.e.everywhere(), driven.errors, driven.corrected, drives.prepared)
 

@@ -96,23 +96,36 @@ def _terms(search: Search, names: Names, rules: Rules) -> tuple[CandidateTerm, .
             continue
         credible = {first, *named.tree.credible(rules.credible)}
         family = [m for m in search.library if m.effect in credible and FAMILY[m.effect] == FAMILY[first]]
-        family = [m for m in family if m.kind == "missing_physics" and m.effect not in {t.mechanism.effect for t in out}]
+        family = [
+            m
+            for m in family
+            if m.kind == "missing_physics" and m.effect not in {t.mechanism.effect for t in out}
+        ]
         options = [t for m in family for t in search.candidate_terms(m)]
         if options:
             out = (*out, _best_of(search, out, options))
     return out
 
 
-def _best_of(search: Search, others: tuple[CandidateTerm, ...], options: Sequence[CandidateTerm]) -> CandidateTerm:
-    """The term with the most evidence beside others, perhaps in one regime alone, perhaps of several forms."""
+def _best_of(
+    search: Search, others: tuple[CandidateTerm, ...], options: Sequence[CandidateTerm]
+) -> CandidateTerm:
+    """The term with the most evidence beside others, perhaps in one regime alone or of several forms."""
     free = frozenset(search.parameters)
     base = search.model(others, free)
     screened = _screened(search, base, base, options)[:FITTED]
     fitted = [search.model((*others, t), free, base.fit) for t in screened]
     leader = max(fitted, key=lambda m: m.score)
-    again = [t for t in _screened(search, base, leader, options)[:FITTED] if not any(t is s for s in screened)]
-    best = max([leader, *(search.model((*others, t), free, leader.fit) for t in again)], key=lambda m: m.score)
-    best = max([best, *(search.model((*others, t), free, best.fit) for t in _gated(search, base, best))], key=lambda m: m.score)
+    again = [
+        t for t in _screened(search, base, leader, options)[:FITTED] if not any(t is s for s in screened)
+    ]
+    best = max(
+        [leader, *(search.model((*others, t), free, leader.fit) for t in again)], key=lambda m: m.score
+    )
+    best = max(
+        [best, *(search.model((*others, t), free, best.fit) for t in _gated(search, base, best))],
+        key=lambda m: m.score,
+    )
     for _ in range(WIDER):
         last = best.named[-1]
         if is_time_varying(last):
@@ -123,15 +136,19 @@ def _best_of(search: Search, others: tuple[CandidateTerm, ...], options: Sequenc
             if t.variant not in last.variant.parts and t.columns.shape[1] <= FEW and not is_time_varying(t)
         ]
         rest = _screened(search, base, best, more)[:FITTED]
-        wider = max((search.model((*others, t), free, best.fit) for t in rest), key=lambda m: m.score, default=best)
+        wider = max(
+            (search.model((*others, t), free, best.fit) for t in rest), key=lambda m: m.score, default=best
+        )
         if wider.score < best.score + search.rules.temper:
             break
         best = wider
     return best.named[-1]
 
 
-def _screened(search: Search, base: Model, noise: Model, options: Sequence[CandidateTerm]) -> list[CandidateTerm]:
-    """The terms by what each gains on top of `base` to first order, most first, under the noise of another."""
+def _screened(
+    search: Search, base: Model, noise: Model, options: Sequence[CandidateTerm]
+) -> list[CandidateTerm]:
+    """The terms by what each gains on top of `base` to first order, most first, under other noise."""
     yw, Xw, H0, weight = search.whitened(base, noise)
     gains = []
     for t in options:
@@ -144,7 +161,12 @@ def _screened(search: Search, base: Model, noise: Model, options: Sequence[Candi
 def _gated(search: Search, base: Model, model: Model) -> list[CandidateTerm]:
     """The last term of a model confined to one side of a border, the best two."""
     term = model.named[-1]
-    if not term.mechanism.confinable or term.variant.gate or term.columns.shape[1] > FEW or is_time_varying(term):
+    if (
+        not term.mechanism.confinable
+        or term.variant.gate
+        or term.columns.shape[1] > FEW
+        or is_time_varying(term)
+    ):
         return []
     if any(p.expression.__class__.__name__ == "Rerun" for p in term.parts):
         return []
@@ -212,11 +234,8 @@ def _acts(search: Search, model: Model) -> Array:
     """What a correction adds (n,): its terms and the parameters that are free, without sensors' lateness."""
     X, _, layout = search.design(model)
     out = np.zeros(len(search.e))
-    kept = {t.mechanism.effect for t in model.named} | {f"parameter:{p}" for p in model.free}
-    for name, part in layout:
-        if name in kept:
-            out += np.nan_to_num(X[:, part]) @ model.fit.b[part]
-        elif name.startswith("parameter:"):  # as given, though all is linearised about other parameters
+    for name, part in layout:  # parameters too: all is linearised about others than those given
+        if name in model.effects or name.startswith("parameter:"):
             out += np.nan_to_num(X[:, part]) @ model.fit.b[part]
     return out
 
@@ -247,7 +266,7 @@ def _by_output_error(search: Search, model: Model) -> Model:
 
 
 def _added_up(search: Search, x: Array, counted: Mask) -> Array:
-    """Sums of x (n, k) over time, m/s, that begin anew every HORIZON_S; rows that do not count add nothing."""
+    """Sums of x (n, k) over time, m/s, that begin anew every HORIZON_S; other rows add nothing."""
     length = max(1, round(HORIZON_S / search.e.dt))
     x, out = np.where(counted[:, None], np.nan_to_num(x), 0.0), np.empty_like(x)
     for s in search.e.stretches:

@@ -48,7 +48,11 @@ def about_fitting_parameters(
             mass_kg=e.mass if e.mass_known else None,
         )  # fmt: skip
         anew = replace(
-            anew, valid=anew.valid & ~hidden, model_discrepancy=e.model_discrepancy, slow_noise=e.slow_noise, itself=e.itself
+            anew,
+            valid=anew.valid & ~hidden,
+            model_discrepancy=e.model_discrepancy,
+            slow_noise=e.slow_noise,
+            itself=e.itself,
         )
         further = Search(anew.to_fit(), exclude=exclude)
         there = further.background(())

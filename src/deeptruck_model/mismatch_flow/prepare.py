@@ -77,4 +77,6 @@ def _corrected(
 
 def with_rejection(drives: Drives, rule: str, samples: int) -> Drives:
     """The drives with samples that were rejected later."""
-    return replace(drives, rejected=(*drives.rejected, checks.Rejection(rule, samples))) if samples else drives
+    return (
+        replace(drives, rejected=(*drives.rejected, checks.Rejection(rule, samples))) if samples else drives
+    )

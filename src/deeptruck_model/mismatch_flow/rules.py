@@ -23,7 +23,10 @@ class Rules:
 
     # detection
     least_gain: float = _rule(
-        12.0, "nats", "gain of the best kernel, beside free parameters, below which nothing is detected", CHOSEN
+        12.0,
+        "nats",
+        "gain of the best kernel, beside free parameters, below which nothing is detected",
+        CHOSEN,
     )
     parameter_gain: float = _rule(
         20.0, "nats", "gain of a parameter that is set free, below which it is not reported", CHOSEN
@@ -35,7 +38,10 @@ class Rules:
         CHOSEN,
     )
     nearly_right: float = _rule(
-        0.015, "1", "relative error that any simulator's parameter may have; its interval stays beyond", CHOSEN
+        0.015,
+        "1",
+        "relative error that any simulator's parameter may have; its interval stays beyond",
+        CHOSEN,
     )
     hidden_gain: float = _rule(
         20.0, "nats", "gain of two hidden states over one, below which no unrecorded braking is found", CHOSEN
@@ -43,9 +49,14 @@ class Rules:
 
     # names
     stated: float = _rule(0.9, "1", "probability of the deepest node of the tree that is stated", STATISTICS)
-    credible: float = _rule(0.8, "1", "probability that a credible set of names holds the right one", STATISTICS)
+    credible: float = _rule(
+        0.8, "1", "probability that a credible set of names holds the right one", STATISTICS
+    )
     nothing_more: float = _rule(
-        0.5, "1", "probability that nothing more is missing, above which no further name is sought", STATISTICS
+        0.5,
+        "1",
+        "probability that nothing more is missing, above which no further name is sought",
+        STATISTICS,
     )
     most_findings: int = _rule(4, "1", "names of one verdict", CHOSEN)
 
@@ -60,10 +71,16 @@ class Rules:
         0.3, "m/s", "speed error of free runs below which nothing that matters is left", CHOSEN
     )
     largest: float = _rule(
-        1.0, "m/s", "speed error of free runs above which something is missing, whatever simulators may do", CHOSEN
+        1.0,
+        "m/s",
+        "speed error of free runs above which something is missing, whatever simulators may do",
+        CHOSEN,
     )
     visible_slow: float = _rule(
-        0.5, "1", "share of the squared speed error that a part has which is not left over, and matters", CHOSEN
+        0.5,
+        "1",
+        "share of the squared speed error that a part has which is not left over, and matters",
+        CHOSEN,
     )
     differs: float = _rule(
         1.33, "of its own error", "beyond which a learned simulator differs from these recordings", CHOSEN

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch_flow.result import Size
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, carriers
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch_flow.result import Size
 
 Array = NDArray[np.float64]
 

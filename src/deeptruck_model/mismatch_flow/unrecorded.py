@@ -1,4 +1,4 @@
-"""What was not recorded or not obeyed: what that hides, in which rows, and which names it may stand behind."""
+"""What was not recorded or not obeyed: what that hides, in which rows, and behind which names."""
 
 from __future__ import annotations
 
@@ -59,9 +59,7 @@ class NotRecorded:
 
 def inputs(recordings: Sequence[Recording]) -> tuple[NotRecorded, ...]:
     """The inputs that at least one recording lacks."""
-    return tuple(
-        NotRecorded(m.input.name, m.input.hides, m.input.signal) for m in lacking(recordings)
-    )
+    return tuple(NotRecorded(m.input.name, m.input.hides, m.input.signal) for m in lacking(recordings))
 
 
 def names_behind(e: Evidence, missing: Sequence[NotRecorded]) -> frozenset[str]:
@@ -132,5 +130,6 @@ def with_braking(
     """The missing inputs, with the share of the time in which unrecorded braking was found."""
     share = float(hidden.sum() / max((e.valid | hidden).sum(), 1))
     return tuple(
-        replace(m, share_of_time=share, gain=gain) if m.input == "brake" and hidden.any() else m for m in missing
+        replace(m, share_of_time=share, gain=gain) if m.input == "brake" and hidden.any() else m
+        for m in missing
     )

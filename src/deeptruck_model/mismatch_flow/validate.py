@@ -32,11 +32,9 @@ class Validated:
     own_error: float | None
 
 
-def validate(
-    simulator: Simulator, made: Made, held_out: list[Prepared], fitted: list[Prepared]
-) -> Validated:
-    """What the correction is worth: it is validated where the held-out error surely falls, in root mean square
-    and in mean absolute value, without signals beyond the protocol too."""
+def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted: list[Prepared]) -> Validated:
+    """What the correction is worth: it is validated where the held-out error surely falls, in root mean
+    square and in mean absolute value, without signals beyond the protocol too."""
     horizon_s = horizon(held_out or fitted)
     after = made.corrected
     jobs = {"before": simulator, "parameters_only": made.tuned, "after": after}
@@ -71,7 +69,9 @@ def validate(
     return Validated(after.marked(fit.validated), errors, fit, _own_error(simulator, held_out, horizon_s))
 
 
-def _without_exogenous(after: CorrectedTruck, held_out: list[Prepared], horizon_s: float) -> HandedOver | None:
+def _without_exogenous(
+    after: CorrectedTruck, held_out: list[Prepared], horizon_s: float
+) -> HandedOver | None:
     """As whoever drives the corrected simulator has it, with what the protocol carries alone."""
     lacks = after.asks_beyond()
     if not lacks:

@@ -38,7 +38,9 @@ class Witness:
         return {"channel": self.channel, "part": self.part, "share": round(self.share, 3)}
 
 
-def witnesses(search: Search, prepared: Sequence[Prepared], found: Budget, rules: Rules) -> tuple[Witness, ...]:
+def witnesses(
+    search: Search, prepared: Sequence[Prepared], found: Budget, rules: Rules
+) -> tuple[Witness, ...]:
     """The channels that predict a part that has no carrier, the best first."""
     e = search.e
     taken = {"speed", "acceleration"}
@@ -53,7 +55,9 @@ def witnesses(search: Search, prepared: Sequence[Prepared], found: Budget, rules
         if not force.any():
             continue
         for name in sorted(names):
-            x = grid.stack([p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared])
+            x = grid.stack(
+                [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
+            )
             share = _predicted(search, force, x, part)
             if share > rules.witness:
                 out.append(Witness(name, part, share))

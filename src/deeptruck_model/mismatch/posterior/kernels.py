@@ -6,15 +6,15 @@ so that a law between two of the library's forms loses little (a Gaussian proces
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying
+from deeptruck_model.mismatch.mechanisms.variants import Spline, Variant
 from deeptruck_model.mismatch.posterior.search import ENGINE_GAIN, FREE, GAIN_REPORTED, Search
 
 Array = NDArray[np.float64]
@@ -86,11 +86,17 @@ def _of_terms(search: Search, terms: Sequence[CandidateTerm]) -> list[Kernel]:
 
 
 def _kernel(search: Search, terms: Sequence[CandidateTerm], most: int, odds: float) -> Kernel:
-    sizes = [np.sqrt(t.prior.sd**2 + t.prior.mean**2) / math.sqrt(len(terms)) for t in terms]
-    columns = [np.nan_to_num(t.columns) for t in terms]
-    features = np.concatenate([c * size for c, size in zip(columns, sizes, strict=True)], axis=1)
+    power: dict[Variant, Array] = {}  # of the same columns, which several terms have at other sizes
+    columns: dict[Variant, Array] = {}
+    typical = np.zeros(len(search.e))
+    for t in terms:
+        key = replace(t.variant, sd=1.0) if isinstance(t.variant, Spline) else t.variant
+        if key not in columns:
+            columns[key] = np.nan_to_num(t.columns)
+        power[key] = power.get(key, 0.0) + (t.prior.sd**2 + t.prior.mean**2) / len(terms)
+        typical += columns[key].sum(axis=1)
+    features = np.concatenate([columns[key] * np.sqrt(power[key]) for key in columns], axis=1)
     signed = all((t.prior.sign > 0).all() for t in terms)
-    typical = np.sum([c.sum(axis=1) for c in columns], axis=0)
     mechanism = terms[0].mechanism
     return Kernel(
         mechanism.effect,

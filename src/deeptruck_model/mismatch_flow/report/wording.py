@@ -36,7 +36,8 @@ NOT_BETTER = "the held-out error does not fall"
 
 def of_parameter(name: str, change: float) -> str:
     """That a parameter of the simulator is wrong, and by how much."""
-    return f"the {PARAMETER_NAMES[name]} is {abs(100 * change):.1f} % {'larger' if change > 0 else 'smaller'} than the simulator's"
+    side = "larger" if change > 0 else "smaller"
+    return f"the {PARAMETER_NAMES[name]} is {abs(100 * change):.1f} % {side} than the simulator's"
 
 
 def not_recorded(inputs: Sequence[str]) -> str:
@@ -57,3 +58,36 @@ def off(error: float, horizon_s: float) -> str:
 def better(before: float, after: float) -> str:
     """What the correction is worth."""
     return f"the held-out speed error falls from {before:.2g} to {after:.2g} m/s"
+
+
+PARTS = {
+    "sensors": "sensors",
+    "timing": "timing of commands",
+    "brakes": "brakes",
+    "engine_driveline": "engine and driveline",
+    "air_tyres_road": "air, tyres and road",
+    "load": "load",
+    "place": "road position",
+    "each_drive": "each drive's own",
+    "slow": "slow, without a carrier",
+    "left_over": "left over",
+    "unknown": "no known mechanism",
+}
+ROOT = "mismatch"
+
+
+def spoken(name: str) -> str:
+    """A name, a family or a part of the budget as people read it."""
+    if name.startswith("unrecorded:"):
+        return f"unrecorded {name.partition(':')[2]}"
+    return PARTS.get(name, name.replace("_", " "))
+
+
+def percent(share: float) -> str:
+    """A share from 0 to 1."""
+    return f"{100.0 * share:.0f} %"
+
+
+def opened(sentence: str) -> str:
+    """With a capital letter."""
+    return sentence[:1].upper() + sentence[1:]

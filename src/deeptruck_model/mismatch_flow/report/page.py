@@ -1,0 +1,197 @@
+"""The page: report.html in one file that opens offline. It reads a result and decides nothing."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from numpy.typing import NDArray
+
+from deeptruck_model import pages
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Segment
+from deeptruck_model.mismatch_flow.budget import LEFT_OVER, Part
+from deeptruck_model.mismatch_flow.report import lines
+from deeptruck_model.mismatch_flow.report.wording import ROOT, opened, percent, spoken
+from deeptruck_model.mismatch_flow.result import Finding, Result, Verdict
+
+Array = NDArray[np.float64]
+
+MOST_BLOCKS = 20000  # of all drives together: five hours and a half at one second
+AROUND_S = 20.0  # of a segment that is shown on either side
+LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
+QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
+ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}
+
+
+def write(found: Result, path: Path, command: str = "") -> None:
+    """Write the page; `command` applies the correction. Raises OSError where that is not possible."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    path.write_text(
+        environment.from_string(_file("report.html.jinja")).render(_content(found, command)), encoding="utf-8"
+    )
+
+
+def _file(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _content(found: Result, command: str) -> dict[str, Any]:
+    v, e = found.result, found.evidence
+    return {
+        "style": pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("report.css"),
+        "script": pages.shared(pages.PLOT) + _file("explorer.js"),
+        "headline": lines.headline(v),
+        "kind": opened(v.kind.replace("_", " ")),
+        "not_recorded": list(lines.not_recorded(v)),
+        "what": list(lines.what(v)),
+        "how_sure": list(lines.how_sure(v)),
+        "what_to_do": list(lines.what_to_do(v)),
+        "command": command if v.validated else "",
+        "lights": [{"question": QUESTIONS[n], **a.to_json()} for n, a in v.advice.items()],
+        "budget": [_part(p) for p in v.budget.parts if p.share >= LEAST_SHARE or p.part == LEFT_OVER]
+        if v.budget is not None
+        else [],
+        "findings": [_finding(f) for f in v.findings],
+        "errors": [
+            (name, f"{found.errors[key].rmse().speed:.3f}", f"{np.abs(found.errors[key].speed).mean():.3f}")
+            for key, name in ROWS.items()
+            if key in found.errors and len(found.errors[key].speed)
+        ],
+        "errors_say": _errors_say(v),
+        "tree": [
+            (spoken(n.node), percent(n.probability), n.parent != ROOT)
+            for n in v.tree
+            if n.probability >= LEAST_SHARE
+        ],
+        "rejected": v.rejected,
+        "caveats": v.caveats,
+        "where": _where(v),
+        "has_data": e is not None,
+        "data": _data(found, e) if e is not None else "",
+    }
+
+
+def _part(p: Part) -> dict[str, Any]:
+    most = sorted(p.drives, key=lambda d: -d[1])[:2]
+    return {
+        "name": spoken(p.part),
+        "rest": p.part == LEFT_OVER,
+        "width": f"{100.0 * max(p.share, 0.0):.2f}",
+        "share": percent(p.share),
+        "interval": f"{100.0 * p.low:.0f} to {100.0 * p.high:.0f} %",
+        "time": percent(p.time_share) if p.part != LEFT_OVER else "",
+        "drives": ", ".join(
+            f"{name} ({percent(share)} of its error)" for name, share in most if share > LEAST_SHARE
+        ),
+    }
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    rows = [("probability", lines.sure(f))]
+    if f.equation:
+        rows.append(("equation", f.equation))
+    for name, size in f.parameters.items():
+        interval = f" ({size.ci95[0]:.3g} to {size.ci95[1]:.3g})" if size.ci95 else ""
+        rows.append((name.replace("_", " "), f"{size.value:.3g}{interval} {size.unit}"))
+    if f.strength is not None:
+        kind, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
+        rows.append(
+            (
+                "while it acts",
+                f"{f.strength.value:.3g} {f.strength.unit} ({kind}), {time} of the time",
+            )
+        )
+    if f.would_be_told_by:
+        rows.append(("manoeuvre", f.would_be_told_by))
+    return {
+        "title": opened(spoken(f.effect if f.stated == ROOT else f.stated)),
+        "says": opened(f.says) + ".",
+        "rows": rows,
+    }
+
+
+def _errors_say(v: Verdict) -> str:
+    if v.fit is None or v.fit.improvement is None:
+        return ""
+    low, high = v.fit.improvement.ci95
+    passed = "validated" if v.fit.validated else "not validated"
+    return (
+        f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. The mean error falls by {100 * low:.0f} to "
+        f"{100 * high:.0f} % (95 % interval): {passed}."
+    )
+
+
+def _where(v: Verdict) -> str:
+    """The segment that the picture begins with, and the regime in which most of it is."""
+    out = []
+    if v.segments:
+        s = v.segments[0]
+        out.append(f"Largest in {s.recording}, {s.start_s:.0f} to {s.end_s:.0f} s.")
+    regime = next((r for r in v.regimes if r.bounds), None)
+    if regime is not None:
+        out.append(
+            f"{percent(regime.share_of_error)} of the squared error is in {percent(regime.share_of_time)} "
+            f"of the time, where {regime.where}."
+        )
+    return " ".join(out)
+
+
+def _data(found: Result, e: Evidence) -> str:
+    """Block means of every drive and channel as one JSON text that can stand within a script element."""
+    v = found.result
+    per = max(1, round(max(1.0, len(e) * e.dt / MOST_BLOCKS) / e.dt))
+    forces = [f.force for f in v.findings if f.force is not None]
+    explained = np.sum(forces, axis=0) if forces else np.zeros(len(e))
+    nan = np.where(e.valid, 0.0, np.nan)
+    channels = {
+        n: x
+        for n, x in e.signals.items()
+        if not n.startswith("sensitivity:") and n not in ("speed", "time", "place") and np.isfinite(x).any()
+    }
+    if v.budget is not None:
+        channels |= {f"part: {spoken(p.part)}": p.force for p in v.budget.parts if len(p.force)}
+    drives = []
+    for s in e.stretches:
+        rows = slice(s.start, s.start + (s.stop - s.start) // per * per)
+        drives.append(
+            {
+                "name": s.name,
+                "start": round(s.start_s, 2),
+                "n": (rows.stop - rows.start) // per,
+                "speed": _means(e["speed"][rows], per),
+                "residual": _means((e.residual + nan)[rows], per),
+                "explained": _means((explained + nan)[rows], per),
+                "channels": {n: _means(x[rows], per) for n, x in channels.items()},
+            }
+        )
+    drives = [d for d in drives if d["n"] > 2]
+    first = v.segments[0] if v.segments else None
+    content = {
+        "step": round(per * e.dt, 4),
+        "drives": drives,
+        "segments": [{"drive": s.recording, "from": s.start_s, "to": s.end_s} for s in v.segments],
+        "first": _shown(first)
+        if first is not None and any(d["name"] == first.recording for d in drives)
+        else None,
+        "labels": {n: n.replace("_", " ") for n in channels},
+        "channel": "engine_command" if "engine_command" in channels else next(iter(channels), ""),
+    }
+    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _shown(s: Segment) -> dict[str, Any]:
+    return {"drive": s.recording, "from": max(s.start_s - AROUND_S, 0.0), "to": s.end_s + AROUND_S}
+
+
+def _means(x: Array, per: int) -> list[float | None]:
+    blocks = x.reshape(-1, per)
+    known = np.isfinite(blocks)
+    total = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    return [float(f"{m:.4g}") if k else None for m, k in zip(total, known.any(axis=1), strict=True)]

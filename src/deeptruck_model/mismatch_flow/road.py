@@ -1,0 +1,81 @@
+"""A road that was not recorded: what is slow, and comes again where the same road is driven again.
+
+A learned truck that is fed its own speed follows a slope as it follows everything slow, so that little of it
+is left in its residual. A line through the recordings does not (`slow_force.plain_truck`). What is slow of
+its residual is the posterior mean of a smooth kernel in time; a window of it that returns elsewhere, with the
+same sign the same way or the other sign the other way, belongs to the road.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.posterior.next_pass import NextPass
+from deeptruck_model.mismatch.posterior.road_lock import BY_CHANCE, EVERY, RoadLock, road_lock
+from deeptruck_model.mismatch.posterior.slow_force import plain_truck, slow_force
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.stretches import LENGTH_M, STEP_M
+from deeptruck_model.mismatch_flow.classify import Named
+from deeptruck_model.mismatch_flow.tree import UNKNOWN, Tree
+
+Array = NDArray[np.float64]
+
+SLOPE, SURFACE = "road_grade", "road_surface"
+ONE_WAY = 0.5  # probability of a slope where the road was driven again the same way alone
+
+
+@dataclass(frozen=True)
+class Road:
+    """The slow force (n,), m/s^2, where it came again, and how the probability of names follows."""
+
+    force: Array
+    lock: RoadLock
+    tree: Tree
+
+    @property
+    def ahead(self) -> NextPass | None:
+        """What another pass predicts of the road beyond the windows that were found again."""
+        return self.lock.ahead
+
+    def named(self) -> Named:
+        """As what stands in the place of a name; no kernel of the simulator's residual holds it."""
+        return Named(self.tree, 0.0, 0.0, self.force)
+
+
+def road(e: Evidence) -> Road | None:
+    """The road beside a learned simulator where no slope was recorded; None where nothing comes again."""
+    if e.known_physics or e.has("grade"):
+        return None
+    line = plain_truck(e)
+    if line is None:
+        return None
+    known = np.isfinite(line.left)
+    sigma = float(1.4826 * np.median(np.abs(line.left[known])))
+    slow = slow_force(e, np.where(known, line.left, 0.0), known.astype(float), sigma, line.doubt)
+    lock = road_lock(e, slow.force) if slow is not None else None
+    if slow is None or lock is None:
+        return None
+    return Road(slow.force, lock, _tree(e, lock))
+
+
+def _tree(e: Evidence, lock: RoadLock) -> Tree:
+    """Of windows that agree with another better than 99 % do by chance, the expected share that does so by
+    chance is the probability that nothing comes again (Storey's false discovery rate)."""
+    windows = sum(
+        max(float(np.ptp(e["distance"][s.rows])) - LENGTH_M, 0.0) / (EVERY * STEP_M) for s in e.stretches
+    )
+    again = lock.same_way_km + lock.other_way_km
+    found = again * 1000.0 / (EVERY * STEP_M)
+    by_chance = min(
+        (1.0 - BY_CHANCE)
+        * windows
+        * (2.0 if lock.same_way_km and lock.other_way_km else 1.0)
+        / max(found, 1.0),
+        1.0,
+    )
+    p = 1.0 - by_chance
+    slope = 1.0 if lock.other_way_km else ONE_WAY  # a surface slows either way
+    return Tree({SLOPE: p * slope, SURFACE: p * (1.0 - slope), UNKNOWN: 1.0 - p})
