@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
-from deeptruck_model.mismatch.posterior.search import FREE, Search
+from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Conclusion
@@ -328,6 +328,3 @@ def _advice(
     else:
         apply = Advice(Answer.NO, wording.NOT_BETTER)
     return {"data": data, "simulator": simulator, "apply": apply}
-
-
-__all__ = ["FREE", "decide", "useless"]

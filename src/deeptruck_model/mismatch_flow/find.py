@@ -67,7 +67,13 @@ def find_mismatch(
 
         say("driving the simulator along the recordings")
         e = gather(
-            simulator, drives.prepared, drives.held_out, seed=seed, rules=ResidualRules(), mass_kg=mass_kg
+            simulator,
+            drives.prepared,
+            drives.held_out,
+            seed=seed,
+            rules=ResidualRules(),
+            mass_kg=mass_kg,
+            reruns_held_out=False,
         )
         _check_possible(e)
         drives = with_rejection(drives, OTHER_GEAR, e.other_gear)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, is_time_varying, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
-from deeptruck_model.mismatch.mechanisms.regimes import Products
 from deeptruck_model.mismatch.posterior.linearised import accepted
 from deeptruck_model.mismatch.posterior.search import PINNED, Model, Search
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import ridge, whiten
 from deeptruck_model.mismatch_flow.classify import Names
+from deeptruck_model.mismatch_flow.gains import gain_of, screened
 from deeptruck_model.mismatch_flow.rules import Rules
 from deeptruck_model.mismatch_flow.tree import FAMILY, UNKNOWN
 from deeptruck_model.simulators import Simulator
@@ -70,6 +70,7 @@ def correct(simulator: Simulator, search: Search, names: Names, rules: Rules) ->
     if names.found:
         frees = {stated, parameters, frozenset[str]()} if terms else {stated, parameters}
         options += [Recipe(terms, free) for free in sorted(frees, key=len)]
+        options.append(tuning)
         options += [replace(o, for_driving=True) for o in options[1:]]
     folds = _folds(search.e)
     errors = [_left_out(folds, recipe) for recipe in options]
@@ -113,12 +114,10 @@ def _best_of(
     """The term with the most evidence beside others, perhaps in one regime alone or of several forms."""
     free = frozenset(search.parameters)
     base = search.model(others, free)
-    screened = _screened(search, base, base, options)[:FITTED]
-    fitted = [search.model((*others, t), free, base.fit) for t in screened]
+    first = screened(search, base, base, options)[:FITTED]
+    fitted = [search.model((*others, t), free, base.fit) for t in first]
     leader = max(fitted, key=lambda m: m.score)
-    again = [
-        t for t in _screened(search, base, leader, options)[:FITTED] if not any(t is s for s in screened)
-    ]
+    again = [t for t in screened(search, base, leader, options)[:FITTED] if not any(t is s for s in first)]
     best = max(
         [leader, *(search.model((*others, t), free, leader.fit) for t in again)], key=lambda m: m.score
     )
@@ -135,7 +134,7 @@ def _best_of(
             for t in search.candidate_terms(last.mechanism)
             if t.variant not in last.variant.parts and t.columns.shape[1] <= FEW and not is_time_varying(t)
         ]
-        rest = _screened(search, base, best, more)[:FITTED]
+        rest = screened(search, base, best, more)[:FITTED]
         wider = max(
             (search.model((*others, t), free, best.fit) for t in rest), key=lambda m: m.score, default=best
         )
@@ -143,19 +142,6 @@ def _best_of(
             break
         best = wider
     return best.named[-1]
-
-
-def _screened(
-    search: Search, base: Model, noise: Model, options: Sequence[CandidateTerm]
-) -> list[CandidateTerm]:
-    """The terms by what each gains on top of `base` to first order, most first, under other noise."""
-    yw, Xw, H0, weight = search.whitened(base, noise)
-    gains = []
-    for t in options:
-        C = whiten(t.columns, noise.fit.ar, search.rows, weight)
-        gain = _gain(Products.stacked([Products.of(C, yw, Xw)]), Xw.T @ yw, H0, t)[0]
-        gains.append(float(gain) - search.rules.temper * float(np.log(t.trials)))
-    return [options[k] for k in np.argsort(-np.array(gains), kind="stable")]
 
 
 def _gated(search: Search, base: Model, model: Model) -> list[CandidateTerm]:
@@ -175,26 +161,10 @@ def _gated(search: Search, base: Model, model: Model) -> list[CandidateTerm]:
     gates, products = search.regimes.products(C, yw, Xw)
     if not gates:
         return []
-    gains = _gain(products, Xw.T @ yw, H0, term)
+    gains = gain_of(products, Xw.T @ yw, H0, term)
     part = np.trace(products.CtC, axis1=1, axis2=2) > LEAST_PART * float(np.sum(C**2))
     best = [k for k in np.argsort(-gains, kind="stable") if part[k]][:2]
     return [search.regimes.gated(term, gates[k], search.e) for k in best]
-
-
-def _gain(products: Products, Xty: Array, H0: Array, term: CandidateTerm) -> Array:
-    """Evidence (G,) gained by columns, whitened and weighted, of G sets of products, beside the others."""
-    across = products.XtC.swapaxes(1, 2)
-    A = products.CtC - across @ (H0 @ products.XtC)
-    pull = products.Cty - across @ (H0 @ Xty)
-    P, m = 1.0 / term.prior.sd**2, term.prior.mean
-    H = A + np.diag(P)
-    g = pull - A @ m
-    step = np.linalg.solve(H, g[:, :, None])[:, :, 0]
-    gain: Array = 0.5 * np.sum(g * step, axis=1) - 0.5 * (np.linalg.slogdet(H)[1] - np.log(P).sum())
-    gain += pull @ m - 0.5 * (A @ m) @ m
-    if (term.prior.sign > 0).any():
-        gain[((step + m) * term.prior.sign < 0).all(axis=1)] = -10.0
-    return gain
 
 
 @dataclass(frozen=True)

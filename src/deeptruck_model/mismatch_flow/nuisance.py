@@ -12,15 +12,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
+from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.posterior.linearised import accepted
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.residual.sensitivity import STEP
+from deeptruck_model.mismatch_flow.gains import screened
 from deeptruck_model.mismatch_flow.prepare import Drives
 from deeptruck_model.simulators import Simulator
 
 FAR, SETTLED, STEPS = 0.05, 0.02, 4  # relative changes of parameters that are worth another linearisation
+DELAY = "command_delay"
 LEAST = 0.005  # of a parameter that is set at all
 
 
@@ -35,7 +40,7 @@ def about_fitting_parameters(
 ) -> Search:
     """The search about the parameters that fit best without a name, of the drives that are fitted; as given
     where moving them explains no more."""
-    first = search = Search(e.to_fit(), exclude=exclude)
+    first = search = _beside_lateness(Search(e.to_fit(), exclude=exclude), exclude)
     here = search.background(())
     for step in range(STEPS):
         moved = _changes(simulator, search, here, SETTLED if step else FAR)
@@ -45,7 +50,7 @@ def about_fitting_parameters(
         tuned = simulator.with_parameters({p: simulator.parameters()[p] * (1 + c) for p, c in moved.items()})
         anew = gather(
             tuned, drives.prepared, drives.held_out, seed=seed, moved=moved, rules=e.rules,
-            mass_kg=e.mass if e.mass_known else None,
+            mass_kg=e.mass if e.mass_known else None, reruns_held_out=False,
         )  # fmt: skip
         anew = replace(
             anew,
@@ -54,12 +59,43 @@ def about_fitting_parameters(
             slow_noise=e.slow_noise,
             itself=e.itself,
         )
-        further = Search(anew.to_fit(), exclude=exclude)
+        further = _beside_lateness(Search(anew.to_fit(), exclude=exclude), exclude)
         there = further.background(())
         if not step and not _better(search, here, further, there):
             return first
         search, here = further, there
     return search
+
+
+def _beside_lateness(search: Search, exclude: Sequence[str]) -> Search:
+    """The search beside the lateness of all commands together that ordinary message periods and filters make;
+    as it was where there is none, or one that is surely longer."""
+    mechanism = LIBRARY[DELAY]
+    if not search.e.has(*mechanism.needs):
+        return search
+    together = [t for t in search.candidate_terms(mechanism) if _together(t)]
+    base = search.background(())
+    late = [search.model((t,), base.free, base.fit) for t in screened(search, base, base, together)[:2]]
+    best = max(late, key=lambda m: m.score, default=base)
+    if best.score < base.score + search.rules.least_gain:
+        return search
+    seconds, sd = _seconds(best)
+    if seconds - Z95 * sd > search.rules.least_delay_s:
+        return search
+    return Search(replace(search.e, late=best.named[-1].columns), exclude=exclude)
+
+
+def _together(term: CandidateTerm) -> bool:
+    """Whether both commands are late by one delay."""
+    constants = term.variant.constants
+    return isinstance(constants, Delays) and [which for which, _ in constants.lines] == ["all"]
+
+
+def _seconds(model: Model) -> tuple[float, float]:
+    """The delay that a model with one term of it has, and its standard deviation, s."""
+    (part,) = model.named[-1].parts
+    share, variance = model.coefficients(DELAY)[0], model.covariance(DELAY)[0, 0]
+    return part.factor * float(share), part.factor * float(np.sqrt(variance))
 
 
 def _changes(simulator: Simulator, search: Search, model: Model, least: float) -> dict[str, float] | None:

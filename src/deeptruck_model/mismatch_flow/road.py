@@ -3,11 +3,13 @@
 A learned truck that is fed its own speed follows a slope as it follows everything slow, so that little of it
 is left in its residual. A line through the recordings does not (`slow_force.plain_truck`). What is slow of
 its residual is the posterior mean of a smooth kernel in time; a window of it that returns elsewhere, with the
-same sign the same way or the other sign the other way, belongs to the road.
+same sign the same way or the other sign the other way, belongs to the road. Where nothing returns, the size
+that each possible cause would need decides.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,25 +22,28 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.stretches import LENGTH_M, STEP_M
 from deeptruck_model.mismatch_flow.classify import Named
 from deeptruck_model.mismatch_flow.tree import UNKNOWN, Tree
+from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 
 Array = NDArray[np.float64]
 
 SLOPE, SURFACE = "road_grade", "road_surface"
+LARGEST = {SLOPE: STEEPEST, "headwind": STRONGEST_WIND, "torque_derate": LARGEST_DERATE}  # rms
+OTHER = 0.05  # weight of a slow force that is none of these
 ONE_WAY = 0.5  # probability of a slope where the road was driven again the same way alone
 
 
 @dataclass(frozen=True)
 class Road:
-    """The slow force (n,), m/s^2, where it came again, and how the probability of names follows."""
+    """The slow force (n,), m/s^2, where it came again (None: nowhere), and the probability of names."""
 
     force: Array
-    lock: RoadLock
+    lock: RoadLock | None
     tree: Tree
 
     @property
     def ahead(self) -> NextPass | None:
         """What another pass predicts of the road beyond the windows that were found again."""
-        return self.lock.ahead
+        return self.lock.ahead if self.lock is not None else None
 
     def named(self) -> Named:
         """As what stands in the place of a name; no kernel of the simulator's residual holds it."""
@@ -46,7 +51,7 @@ class Road:
 
 
 def road(e: Evidence) -> Road | None:
-    """The road beside a learned simulator where no slope was recorded; None where nothing comes again."""
+    """The road beside a learned simulator where no slope was recorded; None where nothing is slow."""
     if e.known_physics or e.has("grade"):
         return None
     line = plain_truck(e)
@@ -55,10 +60,18 @@ def road(e: Evidence) -> Road | None:
     known = np.isfinite(line.left)
     sigma = float(1.4826 * np.median(np.abs(line.left[known])))
     slow = slow_force(e, np.where(known, line.left, 0.0), known.astype(float), sigma, line.doubt)
-    lock = road_lock(e, slow.force) if slow is not None else None
-    if slow is None or lock is None:
+    if slow is None:
         return None
-    return Road(slow.force, lock, _tree(e, lock))
+    lock = road_lock(e, slow.force)
+    return Road(slow.force, lock, _by_size(slow.needed) if lock is None else _tree(e, lock))
+
+
+def _by_size(needed: Mapping[str, float]) -> Tree:
+    """Names by the size that each would need beside the largest that it can have, two standard deviations."""
+    weight = {n: float(np.exp(-0.5 * (2.0 * size / LARGEST[n]) ** 2)) for n, size in needed.items()}
+    weight[UNKNOWN] = OTHER
+    total = sum(weight.values())
+    return Tree({name: w / total for name, w in weight.items()})
 
 
 def _tree(e: Evidence, lock: RoadLock) -> Tree:

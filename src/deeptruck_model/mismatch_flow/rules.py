@@ -1,8 +1,13 @@
-"""Every number by which the verdict is decided, with its unit and where it comes from."""
+"""Every number by which the verdict is decided, with its unit and where it comes from.
+
+`python -m deeptruck_model.mismatch_flow.rules` renews the table of docs/mismatch_budget.md.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import sys
+from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import TypeVar
 
 SENSORS = "ordinary sensors"
@@ -90,3 +95,26 @@ class Rules:
     better: float = _rule(
         0.97, "of the error as given", "above which a correction is no better on drives left out", CHOSEN
     )
+
+
+BEGIN, END = "<!-- rules: begin -->", "<!-- rules: end -->"
+
+
+def table() -> str:
+    """One row for each rule: name, value, unit, what it means and where it comes from."""
+    rows = [
+        f"| `{f.name}` | {f.default:g} | {f.metadata['unit']} | {f.metadata['means']} "
+        f"| {f.metadata['source']} |"
+        for f in fields(Rules)
+    ]
+    return "\n".join(["| rule | value | unit | means | source |", "| --- | --- | --- | --- | --- |", *rows])
+
+
+def put_into(page: Path) -> None:
+    """Replace the table between the marks of a page."""
+    before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    page.write_text(f"{before}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    put_into(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/mismatch_budget.md"))

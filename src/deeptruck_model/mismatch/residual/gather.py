@@ -42,14 +42,17 @@ def gather(
     moved: Mapping[str, float] | None = None,
     rules: Rules = Rules(),
     mass_kg: float | None = None,
+    reruns_held_out: bool = True,
 ) -> Evidence:
     """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters.
 
     `moved` are relative changes already made to parameters the simulator was given with. `mass_kg` is stated
-    for a simulator that does not tell its mass; else the recordings or what taught it may state it.
+    for a simulator that does not tell its mass; else the recordings or what taught it may state it. Where not
+    `reruns_held_out`, other command paths are run along the fitted drives alone, and are zero along others.
     """
     driven = _driven(simulator, prepared, held_out)
-    evidence = _compared(driven, held_out, seed, rules, mass_kg)
+    along = [reruns_held_out or not out for out in held_out]
+    evidence = _compared(driven, held_out, seed, rules, mass_kg, along)
     return _with_parameters(driven, replace(evidence, moved=dict(moved or {})))
 
 
@@ -89,7 +92,12 @@ def _driven(simulator: Simulator, prepared: Sequence[Prepared], held_out: Sequen
 
 
 def _compared(
-    d: _Driven, held_out: Sequence[bool], seed: int, rules: Rules, mass_kg: float | None
+    d: _Driven,
+    held_out: Sequence[bool],
+    seed: int,
+    rules: Rules,
+    mass_kg: float | None,
+    rerun_along: Sequence[bool],
 ) -> Evidence:
     """What the simulator as it is says along the drives, and how sure of it it is."""
     simulator, prepared, grid = d.simulator, d.prepared, d.grid
@@ -114,7 +122,7 @@ def _compared(
         mass_known=mass_known,
         known_physics=d.known_physics,
         vehicle=prepared[0].recording.interface.kind,
-        rerun=_rerunner(simulator, prepared, grid, simulated),
+        rerun=_rerunner(simulator, prepared, grid, simulated, rerun_along),
         sooner=sooner,
         slow_noise=rules.slow_noise,
         rules=rules,
@@ -168,11 +176,24 @@ def _disagreement(
 
 
 def _rerunner(
-    simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, simulated: Array
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    grid: Grid,
+    simulated: Array,
+    along: Sequence[bool],
 ) -> Callable[[str, float], Array]:
+    driven = [p for p, on in zip(prepared, along, strict=True) if on]
+    rows = np.concatenate(
+        [np.full(s.stop - s.start, on) for s, on in zip(grid.stretches, along, strict=True)]
+    )
+    part = Grid(driven, [False] * len(driven), grid.block) if driven else grid
+
     @lru_cache(maxsize=256)
     def rerun(name: str, amount: float) -> Array:
-        us = [changed(p, name, amount) for p in prepared]
-        return accelerations(simulator, prepared, grid, us) - simulated
+        out = np.zeros(len(simulated))
+        if driven:
+            us = [changed(p, name, amount) for p in driven]
+            out[rows] = accelerations(simulator, driven, part, us) - simulated[rows]
+        return out
 
     return rerun

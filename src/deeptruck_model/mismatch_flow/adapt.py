@@ -1,0 +1,84 @@
+"""What a drive has of its own: a constant force per mass, estimated from its first minutes.
+
+Load, wind and weather differ from day to day, and no other drive shows them. The constant is the one of least
+squared speed error in free runs along the begin of the drive, with a prior about zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from deeptruck_model.constants import GRAVITY
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.improvement import free_runs, horizon
+from deeptruck_model.mismatch.data import checks
+from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
+from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator
+
+FIRST_S = 300.0
+CONSTANT = "grade_bias"  # the mechanism of a constant force per mass, as a slope
+PRIOR = 0.1  # m/s^2, sd of what differs between drives
+STEP = 0.02  # m/s^2, of the sensitivity
+TELLS = 2.0  # independent numbers that a free run's error tells: how far off, and where it bends
+LEAST_ERROR = 0.02  # m/s
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """The simulator with a constant acceleration (m/s^2) beside it, its standard deviation, and the seconds
+    of the drive and the free runs that it was estimated from."""
+
+    truck: CorrectedTruck
+    constant: float
+    sd: float
+    seconds: float
+    windows: int
+
+
+def with_constant(simulator: Simulator, acceleration: float) -> CorrectedTruck:
+    """The simulator with a constant force per mass (m/s^2) beside it."""
+    return CorrectedTruck(simulator, [Term(CONSTANT, Static(), (-acceleration / GRAVITY,))], {}, None, True)
+
+
+def adapt(simulator: Simulator, recordings: Sequence[Recording], first_s: float = FIRST_S) -> Adapted:
+    """The simulator adapted to the drive that the recordings are the pieces of, by its first `first_s`.
+
+    Raises InputError where they do not belong to the simulator, or hold no free run.
+    """
+    drives = begin(simulator, recordings, first_s)
+    horizon_s = horizon(drives)
+    plain, moved = free_runs([(simulator, drives), (with_constant(simulator, STEP), drives)], horizon_s)
+    if not len(plain.speed):
+        raise InputError(
+            f"the first {first_s:g} s of '{recordings[0].name}' hold no unbroken {horizon_s:g} s; "
+            "record longer, or take more of it by --first-s"
+        )
+    slope = (moved.speed - plain.speed) / STEP
+    square, pull = float(np.sum(slope**2)), -float(np.sum(slope * plain.speed))
+    error = plain.speed + slope * (pull / max(square, 1e-12))
+    noise = max(float(np.mean(error**2)), LEAST_ERROR**2)
+    precision = square * TELLS / (plain.speed.shape[1] * noise)
+    constant = pull / max(square, 1e-12) * precision / (precision + 1.0 / PRIOR**2)
+    sd = float(1.0 / np.sqrt(precision + 1.0 / PRIOR**2))
+    seconds = sum(len(p.recording) * p.dt for p in drives)
+    return Adapted(with_constant(simulator, constant), constant, sd, seconds, len(plain.speed))
+
+
+def begin(simulator: Simulator, recordings: Sequence[Recording], first_s: float) -> list[Prepared]:
+    """The first `first_s` of a drive that may be cut into pieces, made fit for the simulator."""
+    same_signals(simulator, recordings)
+    pieces, left = [], first_s
+    for r in recordings:
+        n = min(len(r), round(left / r.dt))
+        if n > 1:
+            pieces.append(r.piece(0, n))
+        left -= n * r.dt
+    drives, _ = checks.clean(pieces)
+    measured = checks.acceleration_is_measured(drives)
+    return [learned(simulator, prepare(r, measured, simulator.interface.y)) for r in drives]

@@ -1,0 +1,79 @@
+"""Small drives whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.recordings import Recording
+
+TRUCK = trucks.load("trucksim")
+
+
+class LazyBrake:
+    """Brake pressure builds up and falls with a time constant of 0.6 s."""
+
+    def reset(self, batch: int) -> None:
+        self.arrived = np.zeros(batch)
+
+    def filter(self, u: np.ndarray, time: float, dt: float) -> np.ndarray:
+        self.arrived = self.arrived + (u[:, 1] - self.arrived) * (1.0 - np.exp(-dt / 0.6))
+        return np.stack([u[:, 0], self.arrived], axis=1)
+
+
+def sensed(r: Recording, seed: int) -> Recording:
+    """What sensors at the truck record: an accelerometer of its own, J1939 steps of speed."""
+    rng = np.random.default_rng(seed)
+    channels = dict(r.channels)
+    channels["speed"] = np.round(channels["speed"] * 3.6 * 256.0) / 256.0 / 3.6
+    channels["acceleration"] = channels["acceleration"] + rng.normal(0.0, 0.03, len(r))
+    return replace(r, channels=channels)
+
+
+def drives(truck: trucks.PhysicsTruck, count: int = 4, seconds: float = 180.0) -> list[Recording]:
+    """Drives of a truck, as its sensors record them."""
+    return [sensed(driving_cycles.drive(truck, seconds=seconds, seed=k), k) for k in range(count)]
+
+
+BRAKE_COMMAND = "brake_command"
+N, DT = 6000, 0.2
+
+
+def evidence(force: np.ndarray | float = 0.0, noise: float = 0.03) -> Evidence:
+    """Three drives of 400 s along which `force` (N,), m/s^2, is missing."""
+    rng = np.random.default_rng(5)
+    time = np.arange(N) * DT
+    speed = 18.0 + 4.0 * np.sin(time / 40.0)
+    engine = 0.25 + 0.25 * np.sin(time / 11.0) * np.sin(time / 3.1)
+    brake = 0.8 * (np.sin(time / 23.0) > 0.9)
+    third = N // 3
+    elapsed = np.tile(time[:third], 3)
+    distance = np.concatenate([np.cumsum(part) for part in speed.reshape(3, third)]) * DT
+    signals = {
+        "speed": speed,
+        "engine": engine,
+        "brake": brake,
+        "drag": 1e-4 * speed**2,
+        "rolling": np.full(N, 0.06),
+        "simulated": engine - brake - 0.1,
+        "elapsed": elapsed,
+        "distance": distance,
+        "place": distance,
+        "engine_command": engine,
+        BRAKE_COMMAND: brake,
+    }
+    return Evidence(
+        dt=DT,
+        stretches=tuple(Stretch(n, k * third, (k + 1) * third, 0.0, False) for k, n in enumerate("abc")),
+        residual=rng.normal(0.0, noise, N) + force,
+        simulated=engine - brake - 0.1,
+        disagreement=np.zeros(N),
+        valid=np.ones(N, dtype=bool),
+        signals=signals,
+        sensitivity={"torque_gain": engine, "brake_gain": -brake},
+        mass=20000.0,
+        rerun=lambda name, amount: np.zeros(N),
+    )
