@@ -216,7 +216,7 @@ def adapt(
     with folders.APPLIED.replacing(out, overwrite=overwrite) as draft, progress("reading"):
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
-        from deeptruck_model.mismatch_flow.adapt import adapt as adapted_to
+        from deeptruck_model.mismatch_flow.adaptation import adapt as adapted_to
 
         truck = simulators.load(simulator)
         pieces = rec.read_all(

@@ -9,7 +9,7 @@ posterior. It describes the drives that it was fitted to.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -253,11 +253,12 @@ def _places(search: Search) -> Array | None:
 
 def _posterior(search: Search, F: Array, at: Sequence[NDArray[np.intp]]) -> tuple[Array, Array]:
     """Posterior mean (k,) and covariance (k, k) of the coefficients, at the variances of the parts that
-    maximise the marginal likelihood; the noise is that of the search."""
-    fit = search.background(()).fit
-    weight = 1.0 / (search.series.relative[search.rows] * fit.sigma)
+    maximise the marginal likelihood, beside the noise of the recordings."""
+    beside = _as_recorded(search)
+    fit = beside.background(()).fit
+    weight = 1.0 / (beside.series.relative[search.rows] * fit.sigma)
     Fw = whiten(F, fit.ar, search.rows, weight)
-    yw = whiten(search.series.y, fit.ar, search.rows, weight)
+    yw = whiten(beside.series.y, fit.ar, search.rows, weight)
     G, c = Fw.T @ Fw, Fw.T @ yw
     v = np.full(len(at), FIRST_VARIANCE)
     sizes = [len(a) for a in at]
@@ -269,6 +270,15 @@ def _posterior(search: Search, F: Array, at: Sequence[NDArray[np.intp]]) -> tupl
             [max(float(mean[a] @ mean[a] + np.trace(C[np.ix_(a, a)])) / len(a), LEAST_VARIANCE) for a in at]
         )
     return mean, C
+
+
+def _as_recorded(search: Search) -> Search:
+    """The search whose noise is that of recordings. A learned simulator may be off by more, and slowly; but
+    what it is off by is what the budget splits."""
+    e = search.e
+    if e.model_discrepancy == 0.0:
+        return search
+    return Search(replace(e, model_discrepancy=0.0, slow_noise=e.rules.slow_noise, itself=None))
 
 
 def _starts(search: Search, counted: Mask, steps: int) -> list[int]:

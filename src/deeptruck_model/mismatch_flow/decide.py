@@ -32,6 +32,8 @@ from deeptruck_model.mismatch_flow.witnesses import Witness
 
 Array = NDArray[np.float64]
 
+LATE, DELAY = ("command_delay", "clock_offset"), "delay"
+
 
 def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
     """Where nothing can be compared: a fault of the sensors if there is one, else undetermined, and why."""
@@ -67,12 +69,16 @@ def decide(
     """The verdict from all that was measured."""
     e = search.e
     findings = [_of_fault(f) for f in drives.faults]
-    accepted = _of_road(e, again, rules) + _accepted(search, names, made, simulator_parameters, rules)
-    findings += _with_shares(e, accepted)
-    kind = _kind(findings, names, found, driven, rules)
+    of_road = _of_road(e, again, rules)
+    named = _accepted(search, names, made, simulator_parameters, rules)
+    longer = [f for f in named if _longer_than_sensors(f, e)]
+    findings += _with_shares(e, of_road + longer)
+    detected = names.detected and not (named and not longer)
+    kind = _kind(findings, detected, found, driven, rules)
     forces = {i: f.force for i, f in enumerate(findings) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
     first = names.found[0].tree if names.found else None
+    first = again.tree if again is not None and of_road else first
     return Verdict(
         kind,
         tuple(findings),
@@ -124,6 +130,14 @@ def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], r
         if f is not None and (search.e.known_physics or f.stated != ROOT):
             out.append(f)
     return out
+
+
+def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
+    """Whether a finding is not only a lateness that ordinary message periods and filters have."""
+    delays = [s for n, s in f.parameters.items() if n.startswith(DELAY) and s.ci95 is not None]
+    if f.effect not in LATE or not delays:
+        return True
+    return any(min(abs(x) for x in s.ci95 or ()) > e.rules.least_delay_s for s in delays)
 
 
 def _with_shares(e: Evidence, findings: Sequence[Finding]) -> list[Finding]:
@@ -257,14 +271,14 @@ def _of_fault(f: SensorFault) -> Finding:
 
 
 def _kind(
-    findings: Sequence[Finding], names: Names, found: Budget, driven: Validated, rules: Rules
+    findings: Sequence[Finding], detected: bool, found: Budget, driven: Validated, rules: Rules
 ) -> Conclusion:
     """The kind of the finding that explains most; without one, `nothing_missing` only where nothing that
     matters is left."""
     if findings:
         explaining = max(findings, key=lambda f: f.share_of_explainable_error)
         return Conclusion(explaining.kind)
-    if names.detected or not _right(found, driven, rules):
+    if detected or not _right(found, driven, rules):
         return Conclusion.UNDETERMINED
     return Conclusion.NOTHING
 

@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.residual.sensitivity import STEP
+from deeptruck_model.mismatch.residual.sensor_filter import LATE_SHARE
 from deeptruck_model.mismatch_flow.gains import screened
 from deeptruck_model.mismatch_flow.prepare import Drives
 from deeptruck_model.simulators import Simulator
@@ -82,7 +83,7 @@ def _beside_lateness(search: Search, exclude: Sequence[str]) -> Search:
     seconds, sd = _seconds(best)
     if seconds - Z95 * sd > search.rules.least_delay_s:
         return search
-    return Search(replace(search.e, late=best.named[-1].columns), exclude=exclude)
+    return Search(replace(search.e, late=best.named[-1].columns / LATE_SHARE), exclude=exclude)
 
 
 def _together(term: CandidateTerm) -> bool:

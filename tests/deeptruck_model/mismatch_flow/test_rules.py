@@ -13,7 +13,7 @@ from deeptruck_model.mismatch_flow.rules import Rules
 ROOT = Path(__file__).parents[3]
 FLOW = ROOT / "src" / "deeptruck_model" / "mismatch_flow"
 DECIDING = ("decide.py", "classify.py", "tree.py", "witnesses.py")
-ALLOWED = {0, 0.0, 1}
+ALLOWED = {0, 1}
 
 
 def compared_numbers(path: Path) -> Iterator[float]:

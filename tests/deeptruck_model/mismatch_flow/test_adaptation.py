@@ -11,7 +11,7 @@ from small_drives import TRUCK, drives
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.improvement import free_windows
-from deeptruck_model.mismatch_flow.adapt import PRIOR, adapt, begin, with_constant
+from deeptruck_model.mismatch_flow.adaptation import PRIOR, adapt, begin, with_constant
 
 FORCE = -0.06
 
