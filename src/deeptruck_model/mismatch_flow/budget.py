@@ -264,7 +264,7 @@ def _posterior(search: Search, F: Array, at: Sequence[NDArray[np.intp]]) -> tupl
     sizes = [len(a) for a in at]
     mean, C = np.zeros(len(c)), np.eye(len(c))
     for _ in range(STEPS):
-        C = np.linalg.inv(G + np.diag(1.0 / np.repeat(v, sizes)))
+        C = np.linalg.inv(G + np.diag(1.0 / np.repeat(v, sizes))).astype(np.float64)
         mean = C @ c
         v = np.array(
             [max(float(mean[a] @ mean[a] + np.trace(C[np.ix_(a, a)])) / len(a), LEAST_VARIANCE) for a in at]

@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.posterior.kernels import NOTHING
 from deeptruck_model.mismatch.posterior.recogniser import recogniser
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch_flow.rules import Rules
-from deeptruck_model.mismatch_flow.tree import UNKNOWN, Tree
+from deeptruck_model.mismatch_flow.tree import ROOT, UNKNOWN, Tree
 
 Array = NDArray[np.float64]
 
@@ -21,12 +21,14 @@ Array = NDArray[np.float64]
 class Named:
     """What stands in the place of one name, beside those before it: the tree, the gain (nats) of the best
     kernel beside `held` and beside `free` parameters, and the posterior mean of the first name's force (n,).
+    Only where it is `accepted` it may be a finding.
     """
 
     tree: Tree
     held: float
     free: float
     force: Array
+    accepted: bool = True
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,9 @@ def classify(search: Search, behind: frozenset[str], rules: Rules) -> Names:
         total = sum(names.values())
         tree = Tree({n: x / total for n, x in names.items()}).without(behind)
         best = tree.first
-        found.append(Named(tree, held, free, evidence.force(y, best, given)))
+        sure = tree.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
+        accepted = sure or search.e.known_physics
+        found.append(Named(tree, held, free, evidence.force(y, best, given), accepted))
         if best == UNKNOWN:
             break
         given.append(best)

@@ -117,7 +117,7 @@ def _of_road(e: Evidence, again: Road | None, rules: Rules) -> list[Finding]:
 
 
 def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], rules: Rules) -> list[Finding]:
-    """The findings; beside a learned simulator only what is stated: its discrepancy resembles many names."""
+    """The findings of what was named."""
     out = []
     for named in names.found:
         first = named.tree.first
@@ -127,7 +127,7 @@ def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], r
             continue
         else:
             f = _of_name(search, made, named, rules)
-        if f is not None and (search.e.known_physics or f.stated != ROOT):
+        if f is not None and named.accepted:
             out.append(f)
     return out
 

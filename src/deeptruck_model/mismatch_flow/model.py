@@ -64,10 +64,11 @@ def correct(simulator: Simulator, search: Search, names: Names, rules: Rules) ->
     """The correction by what was named."""
     terms = _terms(search, names, rules)
     parameters = frozenset(search.parameters)
-    stated = frozenset(n.tree.first for n in names.found) & parameters
+    accepted = [n for n in names.found if n.accepted]
+    stated = frozenset(n.tree.first for n in accepted) & parameters
     tuning = Recipe((), parameters)
     options = [Recipe()]
-    if names.found:
+    if accepted:
         frees = {stated, parameters, frozenset[str]()} if terms else {stated, parameters}
         options += [Recipe(terms, free) for free in sorted(frees, key=len)]
         options.append(tuning)
@@ -93,7 +94,7 @@ def _terms(search: Search, names: Names, rules: Rules) -> tuple[CandidateTerm, .
     parameters = frozenset(search.parameters)
     for named in names.found:
         first = named.tree.first
-        if first == UNKNOWN or first in parameters:
+        if not named.accepted or first == UNKNOWN or first in parameters:
             continue
         credible = {first, *named.tree.credible(rules.credible)}
         family = [m for m in search.library if m.effect in credible and FAMILY[m.effect] == FAMILY[first]]

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammainc
 
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
-from deeptruck_model.mismatch.posterior.road_lock import BY_CHANCE, EVERY, RoadLock, road_lock
+from deeptruck_model.mismatch.posterior.road_lock import BY_CHANCE, RoadLock, road_lock
 from deeptruck_model.mismatch.posterior.slow_force import plain_truck, slow_force
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.stretches import LENGTH_M, STEP_M
+from deeptruck_model.mismatch.residual.stretches import LENGTH_M
 from deeptruck_model.mismatch_flow.classify import Named
 from deeptruck_model.mismatch_flow.tree import UNKNOWN, Tree
 from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
@@ -75,20 +76,11 @@ def _by_size(needed: Mapping[str, float]) -> Tree:
 
 
 def _tree(e: Evidence, lock: RoadLock) -> Tree:
-    """Of windows that agree with another better than 99 % do by chance, the expected share that does so by
-    chance is the probability that nothing comes again (Storey's false discovery rate)."""
-    windows = sum(
-        max(float(np.ptp(e["distance"][s.rows])) - LENGTH_M, 0.0) / (EVERY * STEP_M) for s in e.stretches
-    )
-    again = lock.same_way_km + lock.other_way_km
-    found = again * 1000.0 / (EVERY * STEP_M)
-    by_chance = min(
-        (1.0 - BY_CHANCE)
-        * windows
-        * (2.0 if lock.same_way_km and lock.other_way_km else 1.0)
-        / max(found, 1.0),
-        1.0,
-    )
-    p = 1.0 - by_chance
+    """Names by how many windows, beside each other, agree with another pass better than 99 % do by chance:
+    either direction may do so by chance, and a road is as probable beforehand as none."""
+    beside = sum(float(np.ptp(e["distance"][s.rows])) // LENGTH_M for s in e.stretches)
+    again = max(lock.same_way_km, lock.other_way_km) * 1000.0 / LENGTH_M
+    by_chance = min(2.0 * float(gammainc(again, (1.0 - BY_CHANCE) * max(beside, 1.0))), 1.0)  # Poisson
+    p = 1.0 / (1.0 + by_chance)
     slope = 1.0 if lock.other_way_km else ONE_WAY  # a surface slows either way
     return Tree({SLOPE: p * slope, SURFACE: p * (1.0 - slope), UNKNOWN: 1.0 - p})
