@@ -18,9 +18,9 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from deeptruck_exam.cases import Case, make_case, open_truth
-from deeptruck_exam.plans import LEVELS
-from deeptruck_exam.score import score_names
+from deeptruck_exam.cases.case import Case, make_case, open_truth
+from deeptruck_exam.cases.levels import LEVELS
+from deeptruck_exam.scoring.score import score_names
 from deeptruck_model import mismatch, mismatch_flow, recordings, simulators
 from deeptruck_model.mismatch_flow.tree import FAMILY, ROOT, UNKNOWN
 
@@ -124,7 +124,7 @@ def main() -> None:
         for level in LEVELS:
             folder = options.cases / f"{level}_{options.seed + k}"
             if not folder.exists():
-                make_case(folder, level, options.seed + k, forms="sealed")
+                make_case(folder, level, options.seed + k)
     results: dict[str, Any] = json.loads(options.out.read_text()) if options.out.exists() else {}
     flows = options.flow or list(FLOWS)
     for folder in sorted(path.parent for path in options.cases.glob("*/case.json")):

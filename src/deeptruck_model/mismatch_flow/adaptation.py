@@ -1,7 +1,8 @@
 """What a drive has of its own: a constant force per mass, estimated from its first minutes.
 
-Load, wind and weather differ from day to day, and no other drive shows them. The constant is the one of least
-squared speed error in free runs along the begin of the drive, with a prior about zero.
+Load, wind and weather differ from day to day, and no other drive shows them. Every free run along the begin
+of the drive asks for the constant of least squared speed error; their mean is shrunk to zero by how far they
+disagree.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from deeptruck_model.simulators import Simulator
 
 FIRST_S = 300.0
 CONSTANT = "grade_bias"  # the mechanism of a constant force per mass, as a slope
-PRIOR = 0.1  # m/s^2, sd of what differs between drives
+PRIOR = 0.03  # m/s^2, sd of what differs between drives
 STEP = 0.02  # m/s^2, of the sensitivity
-TELLS = 2.0  # independent numbers that a free run's error tells: how far off, and where it bends
-LEAST_ERROR = 0.02  # m/s
+APART = 2.0  # by how much the mean of free runs varies beyond independent ones: slopes and wind last longer
+LEAST_SD = 0.002  # m/s^2, of the constant that one free run asks for
 
 
 @dataclass(frozen=True)
@@ -60,11 +61,12 @@ def adapt(simulator: Simulator, recordings: Sequence[Recording], first_s: float 
             "record longer, or take more of it by --first-s"
         )
     slope = (moved.speed - plain.speed) / STEP
-    square, pull = float(np.sum(slope**2)), -float(np.sum(slope * plain.speed))
-    error = plain.speed + slope * (pull / max(square, 1e-12))
-    noise = max(float(np.mean(error**2)), LEAST_ERROR**2)
-    precision = square * TELLS / (plain.speed.shape[1] * noise)
-    constant = pull / max(square, 1e-12) * precision / (precision + 1.0 / PRIOR**2)
+    square = np.maximum(np.sum(slope**2, axis=1), 1e-12)
+    each = -np.sum(slope * plain.speed, axis=1) / square
+    mean = float(np.average(each, weights=square))
+    spread = max(float(np.std(each, ddof=1)) if len(each) > 1 else PRIOR, LEAST_SD)
+    precision = len(each) / (APART * spread**2)
+    constant = mean * precision / (precision + 1.0 / PRIOR**2)
     sd = float(1.0 / np.sqrt(precision + 1.0 / PRIOR**2))
     seconds = sum(len(p.recording) * p.dt for p in drives)
     return Adapted(with_constant(simulator, constant), constant, sd, seconds, len(plain.speed))

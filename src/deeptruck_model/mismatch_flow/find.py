@@ -28,7 +28,7 @@ from deeptruck_model.mismatch_flow.rules import Rules
 from deeptruck_model.mismatch_flow.validate import validate
 from deeptruck_model.mismatch_flow.witnesses import witnesses
 from deeptruck_model.recordings import Recording
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 NO_VEHICLE = 0.01  # of the samples: more is no jolt
@@ -40,7 +40,7 @@ OTHER_GEAR = "the simulator drives in another gear than was recorded"
 
 
 def find_mismatch(
-    simulator: Simulator,
+    simulator: MinimalSimulator,
     recordings: Sequence[Recording],
     held_out: Sequence[Recording] = (),
     *,
@@ -56,6 +56,7 @@ def find_mismatch(
     own: without it forces are per kilogram. Raises InputError where simulator and recordings do not belong
     together, for an effect that does not exist, and for a mass that is impossible or not the simulator's.
     """
+    simulator = completed(simulator)
     check_excluded(exclude)
     _check_mass(simulator, mass_kg)
     with threadpool_limits(1):

@@ -8,7 +8,7 @@ from small_drives import evidence
 
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch_flow.road import SLOPE, SURFACE, _tree, road
+from deeptruck_model.mismatch_flow.road import SLOPE, SURFACE, _by_size, _tree, road
 from deeptruck_model.mismatch_flow.tree import UNKNOWN
 
 
@@ -45,3 +45,10 @@ def test_only_the_other_way_separates_a_slope_from_a_surface() -> None:
 
 def test_beside_a_simulator_of_known_physics_kernels_hold_the_road() -> None:
     assert road(evidence()) is None
+
+
+def test_where_nothing_comes_again_the_size_decides() -> None:
+    needed = {SLOPE: 0.02, "headwind": 24.0, "torque_derate": 0.6}
+    assert _by_size(needed).stated(0.9) == SLOPE
+    gentle = _by_size({SLOPE: 0.01, "headwind": 2.0, "torque_derate": 0.04})
+    assert max(gentle.names.values()) < 0.5
