@@ -65,7 +65,6 @@ def classify(search: Search, behind: frozenset[str], rules: Rules) -> Names:
         p = by.told(seen)[0]
         if found and p[by.names.index(NOTHING)] > rules.nothing_more:
             break
-        p = _with_recorded_torque(evidence, y, by.names, p, given, float(seen.held.unit[0]))
         names = {n: float(x) for n, x in zip(by.names, p, strict=True) if n != NOTHING and n not in given}
         total = sum(names.values())
         tree = Tree({n: x / total for n, x in names.items()}).without(behind)
@@ -77,19 +76,6 @@ def classify(search: Search, behind: frozenset[str], rules: Rules) -> Names:
             break
         given.append(best)
     return Names(tuple(found), *first, threshold)
-
-
-def _with_recorded_torque(
-    evidence: KernelEvidence, y: Array, names: tuple[str, ...], p: Array, given: list[str], unit: float
-) -> Array:
-    """Probabilities with what the engine's recorded torque says of each name's force."""
-    nats = np.zeros(len(names))
-    for k, name in enumerate(names):
-        if p[k] > 1e-3 and any(kernel.name == name and kernel.reported for kernel in evidence.kernels):
-            nats[k] = evidence.reported(evidence.force(y, name, given), name)
-    log_p = np.log(np.maximum(p, 1e-12)) + nats / unit
-    out: Array = np.exp(log_p - log_p.max())
-    return out / out.sum()
 
 
 def _threshold(search: Search, rules: Rules) -> float:

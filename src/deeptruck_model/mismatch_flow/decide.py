@@ -32,7 +32,7 @@ from deeptruck_model.mismatch_flow.witnesses import Witness
 
 Array = NDArray[np.float64]
 
-LATE, DELAY = ("command_delay", "clock_offset"), "delay"
+LATE = ("command_delay", "clock_offset")
 
 
 def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
@@ -134,10 +134,11 @@ def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], r
 
 def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
     """Whether a finding is not only a lateness that ordinary message periods and filters have."""
-    delays = [s for n, s in f.parameters.items() if n.startswith(DELAY) and s.ci95 is not None]
-    if f.effect not in LATE or not delays:
+    if f.effect not in LATE or f.force is None:
         return True
-    return any(min(abs(x) for x in s.ci95 or ()) > e.rules.least_delay_s for s in delays)
+    late = e.rerun("delay_all", e.rules.least_delay_s)[e.valid]
+    times = abs(float(f.force[e.valid] @ late)) / max(float(late @ late), 1e-12)
+    return times > 1.0
 
 
 def _with_shares(e: Evidence, findings: Sequence[Finding]) -> list[Finding]:

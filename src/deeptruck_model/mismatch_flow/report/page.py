@@ -157,7 +157,7 @@ def _data(found: Result, e: Evidence) -> str:
     }
     if v.budget is not None:
         channels |= {f"part: {spoken(p.part)}": p.force for p in v.budget.parts if len(p.force)}
-    drives = []
+    drives: list[dict[str, Any]] = []
     for s in e.stretches:
         rows = slice(s.start, s.start + (s.stop - s.start) // per * per)
         drives.append(
@@ -193,5 +193,6 @@ def _shown(s: Segment) -> dict[str, Any]:
 def _means(x: Array, per: int) -> list[float | None]:
     blocks = x.reshape(-1, per)
     known = np.isfinite(blocks)
-    total = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    return [float(f"{m:.4g}") if k else None for m, k in zip(total, known.any(axis=1), strict=True)]
+    count = known.sum(axis=1)
+    mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return [float(f"{m:.4g}") if k else None for m, k in zip(mean.tolist(), count.tolist(), strict=True)]
