@@ -86,7 +86,7 @@ def one(
     """Make one case, run the tool on it, open the truth and score."""
     if generate_only:
         case = make_case(out, level, seed, effect, simulator, minutes)
-        print(f"sealed {case.sha256}\nsimulator {case.simulator}")
+        print(f"truth {case.sha256}\nsimulator {case.simulator}")
         print(f"recordings {' '.join(map(str, case.paths(case.fit)))}")
         print(f"held out {' '.join(map(str, case.paths(case.held_out)))}")
         return

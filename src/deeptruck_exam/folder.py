@@ -11,8 +11,8 @@ from deeptruck_model.results import FOUND, TRUCK_FILES, apart
 _BAG = ("metadata.yaml", "*_0.mcap", LEDGER)
 _FOUND = tuple(f"found/{name}" for name in (*FOUND.names, LEDGER))
 _CASE = (
-    LEDGER, "case.json", "score.json", ".score.json", "simulator.yaml", "sealed/truth.json",
-    "sealed/drives.npz",
+    LEDGER, "case.json", "score.json", ".score.json", "simulator.yaml", "truth/truth.json",
+    "truth/drives.npz",
     *(f"recordings/*/{name}" for name in _BAG),
     *(f"found/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
     *_FOUND,

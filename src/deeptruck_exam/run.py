@@ -1,4 +1,4 @@
-"""One case from beginning to end: make, seal, run the tool, open, score. Resumable: a scored case is read
+"""One case from beginning to end: make, run the tool, open the truth, score. Resumable: a scored case is read
 back."""
 
 from __future__ import annotations
@@ -84,8 +84,8 @@ def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[s
     ('tool')."""
     simulator = simulators.load(case.simulator)
     fit, held = _recordings(case, case.fit), _recordings(case, case.held_out)
-    with np.load(case.folder / "sealed" / "drives.npz") as archive:
-        sealed = {name: archive[name] for name in ("extra", "grade")}
+    with np.load(case.folder / "truth" / "drives.npz") as archive:
+        kept = {name: archive[name] for name in ("extra", "grade")}
     rows = slice(len(case.fit), None)
     blind = "grade" not in held[0].channels
     oracle = simulator if truth["simulator"] == "deep" else _true_truck(simulator, truth, blind)
@@ -94,8 +94,8 @@ def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[s
         fit,
         held,
         oracle=oracle,
-        extra=sealed["extra"][rows],
-        grade=sealed["grade"][rows] if blind and truth["simulator"] != "deep" else None,
+        extra=kept["extra"][rows],
+        grade=kept["grade"][rows] if blind and truth["simulator"] != "deep" else None,
     )
     corrected = case.folder / "found" / "simulator"
     errors["tool"] = errors["before"]  # a tool that hands over nothing improves nothing

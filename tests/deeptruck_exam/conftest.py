@@ -13,9 +13,9 @@ import pytest
 
 from deeptruck_exam.cases.build import Built, build
 from deeptruck_exam.cases.plan import draw_plan
+from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.laws import EFFECTS
 from deeptruck_exam.laws.law import Array, Setting
-from deeptruck_exam.oracle.trace import Trace, setting_of
 from deeptruck_exam.worlds import trucks
 from deeptruck_model.trucks import PhysicsTruck
 

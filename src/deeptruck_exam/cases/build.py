@@ -27,7 +27,7 @@ ATTEMPTS = 5  # each draws nearer to the upper end of the ranges
 @dataclass(frozen=True)
 class Built:
     """A driven world. `extra` (batch, n) is the acceleration the effects caused, m/s2; `nats` what that
-    tells a detector that knows its shape, in the recordings for the fit; `oracle` the truck that knows
+    leaves for a detector that knows its shape, in the recordings for the fit; `oracle` the truck that knows
     everything."""
 
     plan: Plan

@@ -1,4 +1,4 @@
-"""A sealed case: recordings and a simulator in the open, the truth beside them for the scorer alone."""
+"""A case: recordings and a simulator in the open, the truth beside them for the scorer alone."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def make_case(
     minutes: float = 4.0,
 ) -> Case:
     """Write one case into the new folder `out`: six recordings to fit and two held out, the simulator, and
-    the sealed truth. The same arguments give the same case. Raises InputError for an unknown level or
+    the withheld truth. The same arguments give the same case. Raises InputError for an unknown level or
     effect."""
     if out.exists():
         raise InputError(f"{out} exists already; choose another folder or remove it")
@@ -88,11 +88,9 @@ def make_case(
         believed = absorb(plan, recordings[: plan.fit])
     spec = _simulator(out, plan, believed)
     truth = describe(built, names, believed)
-    (out / "sealed").mkdir()
-    np.savez_compressed(
-        out / "sealed" / "drives.npz", extra=built.extra, grade=built.drives.channels["grade"]
-    )
-    return _seal(out, plan, spec, names, truth)
+    (out / "truth").mkdir()
+    np.savez_compressed(out / "truth" / "drives.npz", extra=built.extra, grade=built.drives.channels["grade"])
+    return _written(out, plan, spec, names, truth)
 
 
 def measure(built: Built) -> list[dict[str, Array]]:
@@ -159,10 +157,10 @@ def _simulator(out: Path, plan: Plan, believed: dict[str, float]) -> str:
     return f"truck:{plan.truck}:{path}"
 
 
-def _seal(out: Path, plan: Plan, simulator: str, names: tuple[str, ...], truth: dict[str, Any]) -> Case:
+def _written(out: Path, plan: Plan, simulator: str, names: tuple[str, ...], truth: dict[str, Any]) -> Case:
     text = json.dumps(truth, indent=1)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    (out / "sealed" / "truth.json").write_text(text)
+    (out / "truth" / "truth.json").write_text(text)
     environment = {"DEEPTRUCK_MISMATCH_EXCLUDE": ",".join(plan.excluded)} if plan.excluded else {}
     case = Case(out, simulator, names[: plan.fit], names[plan.fit :], environment, digest)
     data = {
@@ -177,9 +175,9 @@ def _seal(out: Path, plan: Plan, simulator: str, names: tuple[str, ...], truth: 
 
 
 def open_truth(case: Case) -> dict[str, Any]:
-    """The truth of a case. Raises InputError where it is not the one that was sealed."""
-    text = (case.folder / "sealed" / "truth.json").read_text()
+    """The truth of a case. Raises InputError where it is not the one that was written."""
+    text = (case.folder / "truth" / "truth.json").read_text()
     if hashlib.sha256(text.encode()).hexdigest() != case.sha256:
-        raise InputError(f"the truth of {case.folder} is not the one that was sealed")
+        raise InputError(f"the truth of {case.folder} is not the one that was written")
     truth: dict[str, Any] = json.loads(text)
     return truth

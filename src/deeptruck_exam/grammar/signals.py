@@ -1,4 +1,4 @@
-"""What a truck's forces see along driven drives, as arrays; and the carriers that grammar laws are made of.
+"""What a truck's forces see along driven drives, as arrays; and the carriers and drivers of grammar laws.
 
 A carrier is a force (batch, n) in N that acts along the drives whatever a law then makes of it: brake force,
 drag, pull at the wheels, weight. A driver is a signal (batch, n) >= 0 by which a law's size may change.
@@ -12,34 +12,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from deeptruck_exam.cases.trace import Trace
 from deeptruck_exam.laws.law import GRAVITY, Array, Setting
 from deeptruck_exam.laws.series import lagged
-from deeptruck_exam.worlds.drive import Drives
-from deeptruck_model.trucks import PhysicsTruck, View
-
-SUBSTEPS = 10  # of the truck from one sample to the next
-
-
-class _Recorder:
-    """A force of nothing that keeps what forces see, once a sample."""
-
-    def __init__(self) -> None:
-        self.seen: list[dict[str, Array]] = []
-        self.calls = 0
-
-    def reset(self, batch: int) -> None:
-        self.seen, self.calls = [], 0
-
-    def __deepcopy__(self, memo: object) -> _Recorder:
-        return self
-
-    def force(self, view: View, dt: float) -> Array:
-        if self.calls % SUBSTEPS == 0:
-            names = (name for name in View.__annotations__ if name not in ("time", "u"))
-            seen = {name: np.array(getattr(view, name)) for name in names}
-            self.seen.append({**seen, "command": view.u[:, 0].copy()})
-        self.calls += 1
-        return np.zeros_like(view.speed)
+from deeptruck_model.trucks import View
 
 
 @dataclass(frozen=True)
@@ -50,16 +26,13 @@ class Signals:
     setting: Setting
 
     @staticmethod
-    def along(truck: PhysicsTruck, drives: Drives, setting: Setting) -> Signals:
-        """What forces of `truck` see along the drives."""
-        recorder = _Recorder()
-        truck.with_forces([recorder]).rollout(drives.u, drives.w, drives.y[:, 0], drives.y, inside=False)
-        names = recorder.seen[0]
-        stacked = {name: np.stack([seen[name] for seen in recorder.seen], axis=1) for name in names}
-        n = drives.u.shape[1]
-        whole = {name: np.concatenate([x, x[:, -1:].repeat(n - x.shape[1], axis=1)], axis=1) for name, x in
-                 stacked.items()}  # fmt: skip
-        return Signals(whole, setting)
+    def of_trace(trace: Trace, samples: int) -> Signals:
+        """The views of a trace as arrays of so many samples; the last view is held."""
+        at = np.minimum(np.arange(samples), len(trace.views) - 1)
+        names = [name for name in View.__annotations__ if name not in ("time", "u")]
+        of = {name: np.stack([getattr(view, name) for view in trace.views], axis=1)[:, at] for name in names}
+        of["command"] = np.stack([view.u[:, 0] for view in trace.views], axis=1)[:, at]
+        return Signals(of, trace.setting)
 
     def __getattr__(self, name: str) -> Array:
         try:

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from deeptruck_exam.cases.build import MOTION_SD, Built
 from deeptruck_exam.cases.gates import CONDITIONS, Open, Windows
+from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.laws import EFFECTS, Effect
 from deeptruck_exam.laws.catalogue import Planted
 from deeptruck_exam.laws.law import Array, Setting
-from deeptruck_exam.oracle.trace import Trace, setting_of
 from deeptruck_exam.worlds import trucks
 from deeptruck_model.trucks import PhysicsTruck
 

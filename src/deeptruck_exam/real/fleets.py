@@ -1,9 +1,9 @@
-"""Real logs of more than one vehicle: what the tool says where a channel is withheld, and where nothing is.
+"""Real logs of more than one vehicle: what the tool says where a channel is withheld, and where not.
 
 `prove --real DATA --out DIR`. Beside the logs whose road is withheld (`withheld`) stand pairs of drives of
-one vehicle, with all channels, beside a simulator learned from other drives of it: whatever is claimed there
-and validated is a false alarm or something the log's owner did not know. One vehicle and the first trips were
-at hand when settings were chosen, the others only report.
+one vehicle with all channels, and a simulator trained on other drives of it. A name given and validated
+there is a false alarm, or something that the log's owner did not know; what is reported of a pair is the
+budget of its speed error. One vehicle and the first trips were at hand when settings were chosen.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Row:
 
     @property
     def false_alarm(self) -> bool:
-        """Whether something is claimed and validated though nothing was withheld."""
+        """Whether a name is given and validated though nothing was withheld."""
         return not self.withheld and bool(self.said) and self.validated
 
     @property

@@ -1,1 +1,1 @@
-"""Scores: the sealed truth against the verdict, held-out errors beside rivals, the pages people read."""
+"""Scores: the withheld truth against the verdict, held-out errors beside rivals, the pages people read."""

@@ -77,7 +77,7 @@ def _lines(
     lines = [
         "# The proof: hidden effects",
         "",
-        f"{board['cases']} sealed cases, made and scored by `{command}`. A case is eight drives of four"
+        f"{board['cases']} cases, made and scored by `{command}`. A case is eight drives of four"
         " minutes on a random truck with a hidden effect; the truth's hash is written before the tool starts"
         " as a separate process. Laws, trucks, roads, drivers and sensors are in `deeptruck_exam`, which"
         " shares no code with the tool.",

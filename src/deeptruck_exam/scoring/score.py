@@ -1,4 +1,4 @@
-"""Compares the sealed truth with the tool's verdict. All rules are in this file.
+"""Compares the withheld truth with the tool's verdict. All rules are in this file.
 
 Right first: the first finding bears the true name. In the set: the true name is the first finding's or
 among those it calls not distinguishable. An equivalent name ('accepts' of an effect) counts in the group
@@ -32,7 +32,7 @@ def group(finding: Mapping[str, Any]) -> set[str]:
 
 
 def bears(finding: Mapping[str, Any], name: str) -> bool:
-    """Whether the finding is the name, or says that it cannot be told from it."""
+    """Whether the finding is the name, or has it in its credible set."""
     return name == finding.get("effect") or (name != "unknown" and name in group(finding))
 
 

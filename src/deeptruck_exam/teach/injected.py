@@ -10,11 +10,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from deeptruck_exam.cases.build import DT, Built
+from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.grammar import grammar
 from deeptruck_exam.grammar.signals import Signals
 from deeptruck_exam.laws import EFFECTS, Effect
 from deeptruck_exam.laws.law import Array
-from deeptruck_exam.oracle.trace import Trace, setting_of
 from deeptruck_exam.teach.strayed import strayed
 from deeptruck_exam.worlds import trucks
 from deeptruck_model.trucks import PhysicsTruck
@@ -40,13 +40,13 @@ class Injection:
     def __init__(self, built: Built, rng: np.random.Generator) -> None:
         self._built, self._rng = built, rng
         self._nominal = trucks.make(built.plan.truck, built.plan.values)
-        self._setting = setting_of(built)
+        self._trace = Trace.of(self._nominal, built.drives, setting_of(built))
         self._keep = float(np.exp(-DT / max(rng.uniform(0.0, LATE_S), 1e-3)))
         self._led = bool(np.isfinite(built.leader_m).any())
 
     def of_grammar(self) -> Iterator[Injected]:
         """Laws of every name the grammar has for these drives, a share of them strayed."""
-        signals = Signals.along(self._nominal, self._built.drives, self._setting)
+        signals = Signals.of_trace(self._trace, self._built.drives.u.shape[1])
         for name in grammar.names(leader=self._led):
             if name == "torque_converter_slip" and self._built.plan.truck != "freightliner":
                 continue
@@ -59,16 +59,15 @@ class Injection:
 
     def of_catalogue(self) -> Iterator[Injected]:
         """Every textbook law that these drives can have, once, as it is written."""
-        trace = Trace.of(self._nominal, self._built.drives, self._setting)
         for law in EFFECTS.values():
             fits = self._built.plan.truck in law.trucks and (self._led or not law.leader)
             if law.kind == "missing_physics" and fits and law.key != "slope_not_recorded":
-                yield Injected(law.name, law.key, self._rows(self._replayed(law, trace)))
+                yield Injected(law.name, law.key, self._rows(self._replayed(law)))
 
-    def _replayed(self, law: Effect, trace: Trace) -> Array:
-        planted = law.build(self._setting, SimpleNamespace(**law.draw(self._rng)))
+    def _replayed(self, law: Effect) -> Array:
+        planted = law.build(self._trace.setting, SimpleNamespace(**law.draw(self._rng)))
         if not planted.filters and not planted.parameters:
-            return trace.acceleration(planted.forces)[0]
+            return self._trace.acceleration(planted.forces)[0]
         truck = self._nominal.with_parameters(dict(planted.parameters))
         truck = truck.with_forces(list(planted.forces), list(planted.filters))
         return self._driven(truck) - self._driven(self._nominal)

@@ -32,10 +32,10 @@ def test_the_same_arguments_give_the_same_case(tmp_path):
         p.read_text() for p in (tmp_path / "a" / "case.json", tmp_path / "a" / "simulator.yaml")
     )
     assert "sticking" not in open_to_the_tool
-    truth = json.loads((tmp_path / "a" / "sealed" / "truth.json").read_text())
+    truth = json.loads((tmp_path / "a" / "truth" / "truth.json").read_text())
     truth["effects"][0]["name"] = "headwind"
-    (tmp_path / "a" / "sealed" / "truth.json").write_text(json.dumps(truth))
-    with pytest.raises(InputError, match="sealed"):
+    (tmp_path / "a" / "truth" / "truth.json").write_text(json.dumps(truth))
+    with pytest.raises(InputError, match="the one that was written"):
         open_truth(one)
     with pytest.raises(InputError, match="exists"):
         make_case(tmp_path / "b", "noise", 12)
@@ -64,7 +64,7 @@ def test_a_law_of_one_condition_acts_under_its_condition_only():
             break
     built = build(plan)
     slow = built.drives.channels["speed"] < 16.0
-    # a gear that differs from the simulator's after a fast stretch may last into a slow one
+    # a gear that differs from the simulator's after a fast segment may last into a slow one
     assert np.abs(built.extra[slow]).mean() < 0.2 * np.abs(built.extra[~slow]).mean() + 1e-6
 
 
@@ -100,8 +100,8 @@ def test_retuning_without_the_effect_fits_better_and_the_oracle_fits_best(tmp_pa
     tuned = wrong.with_parameters(retune(wrong, {"mass": wrong.parameters()["mass"]}, recordings))
     error = [np.std(residual(s, u, w, y)) for s in (wrong, tuned)]
     assert error[1] < error[0]
-    with np.load(case.folder / "sealed" / "drives.npz") as sealed:
-        extra = sealed["extra"]
+    with np.load(case.folder / "truth" / "drives.npz") as kept:
+        extra = kept["extra"]
     before = open_loop(simulator, u, w, y).rmse()["speed_rmse"]
     oracle = open_loop(nominal, u, w, y, extra[: len(recordings)]).rmse()["speed_rmse"]
     assert oracle < 0.7 * before

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from deeptruck_exam.cases.build import build_case
+from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.oracle import limit
 from deeptruck_exam.oracle.limit import Limited
 from deeptruck_exam.oracle.oracle import Evidence, Oracle
-from deeptruck_exam.oracle.trace import Trace, setting_of
 from deeptruck_exam.worlds import trucks
 from deeptruck_model.errors import InputError
 

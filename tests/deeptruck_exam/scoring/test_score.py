@@ -69,21 +69,21 @@ def test_unknown_counts_only_as_a_finding_of_its_own():
 
 
 def test_large_groups_and_probabilities_that_are_too_sure_cost():
-    def told(probability, *names):
+    def first(probability, *names):
         said = verdict(names)
         said["findings"][0]["probability"] = probability
         return score_names(truth("brake_fade"), said)
 
     alone, beside, among = (
-        told(0.8, "brake_fade"),
-        told(0.6, "headwind", "brake_fade"),
-        told(0.6, "a", "b", "brake_fade"),
+        first(0.8, "brake_fade"),
+        first(0.6, "headwind", "brake_fade"),
+        first(0.6, "a", "b", "brake_fade"),
     )
     assert (alone["set_size"], beside["set_size"], among["set_size"]) == (1, 2, 3)
     assert alone["log_score"] == pytest.approx(math.log(0.8))
     assert beside["log_score"] == pytest.approx(math.log(0.4 * 0.9))
     assert among["log_score"] == pytest.approx(math.log(0.2 * 0.9))
-    assert told(0.9, "headwind")["log_score"] < told(0.5, "headwind")["log_score"] < beside["log_score"]
+    assert first(0.9, "headwind")["log_score"] < first(0.5, "headwind")["log_score"] < beside["log_score"]
 
 
 def test_the_probabilities_of_all_names_are_one_together():
