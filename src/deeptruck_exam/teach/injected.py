@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.signal import lfilter
 
-from deeptruck_exam.cases.build import DT, Built
+from deeptruck_exam.cases.build import DT, MOTION_SD, Built, information
+from deeptruck_exam.cases.plan import FIT
 from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.grammar import grammar
 from deeptruck_exam.grammar.signals import Signals
@@ -19,8 +20,9 @@ from deeptruck_exam.teach.strayed import strayed
 from deeptruck_exam.worlds import trucks
 from deeptruck_model.trucks import PhysicsTruck
 
-EACH, NAMELESS = 7, 40  # grammar laws along one base: of each name, and without a name
+EACH, NAMELESS = 18, 90  # grammar laws along one base: of each name, and without a name
 STRAYED = 0.4  # share of them that stray from their form
+WEAK, LEAST = 150.0, (150.0, 3000.0)  # nats: a law that leaves less is scaled to leave some of these
 BLOCK = 2  # samples of a drive to a row of the evidence
 LATE_S = 0.15  # at most, of the sensors through which a force is seen
 
@@ -55,7 +57,13 @@ class Injection:
                 force = law.acceleration(signals)
                 if self._rng.random() < STRAYED:
                     force = strayed(force, self._rng)
-                yield Injected(name, law.key, self._rows(force))
+                yield Injected(name, law.key, self._rows(self._noticeable(force)))
+
+    def _noticeable(self, force: Array) -> Array:
+        """The force, made larger where it would not be seen."""
+        nats = information(force[:FIT], MOTION_SD)
+        wanted = float(np.exp(self._rng.uniform(*np.log(LEAST))))
+        return force * np.sqrt(wanted / nats) if 1e-3 < nats < WEAK else force
 
     def of_catalogue(self) -> Iterator[Injected]:
         """Every textbook law that these drives can have, once, as it is written."""

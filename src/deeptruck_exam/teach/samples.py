@@ -29,10 +29,10 @@ SCALES = (-1.2, 0.3)  # of the logarithm of what a law's size is multiplied by
 PARAMETER_SD = (0.004, 0.05)  # relative: parameters are nearly right where names are weighed
 ABSORBED = 0.25  # share of laws that the parameters were tuned to, in part
 WRONG = (0.03, 0.2)  # relative, of a parameter that is the answer
-SECOND, SECOND_NAMES = 0.25, 6  # share of samples with a second effect that is known; names of these
+SECOND, SECOND_NAMES = 0.2, 6  # share of samples with a second effect that is known; names of these
 STYLES = (0.55, 0.2, 0.25)  # bases driven by people, by cruise control, behind a leader
 FAULTS = ("grade_bias", "clock_offset")  # that are forces to the tool
-LEFT_OVER = 0.3  # share of samples once more, beside names that they may be taken for
+LEFT_OVER = 0.1  # share of samples once more, beside names that they may be taken for
 SEEN = {"nats": np.float32, "sign": np.float32, "size": np.int8, "told": np.float32, "noise": np.float32}
 FAULT_DRAWS = 3
 
