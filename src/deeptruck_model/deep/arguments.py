@@ -9,6 +9,9 @@ from typing import Literal
 from deeptruck_model.errors import InputError
 
 ADAPTING_UPDATES = 2000
+FUEL = 0.5
+# The paper's fuel error stays below 1e-3: in l/s that is 1 cm^3/s, in the cm^3/s it names no diesel's is.
+PAPER_FUEL = 1e-6
 OPTIONS = {"updates": "budget", "start": "from"}  # what the command line calls these fields
 LEAST = {
     "members": 1, "updates": 0, "steps": 2, "sequences": 1, "hidden": 1, "decoder": 1, "learning_rate": 0,
@@ -46,9 +49,9 @@ class Arguments:
     """largest norm of one member's gradient; 0: the mode's own, 1 or in paper mode none"""
     speed_s: float = 5.0
     """a speed error costs as much as the acceleration that brings it about in this time; paper mode takes
-    the plain squared error of each channel in its unit"""
-    fuel: float = 0.5
-    """cost of a fuel error of one standard deviation; not in paper mode"""
+    the plain squared errors"""
+    fuel: float = 0.0
+    """cost of a fuel error of one standard deviation, in paper mode of 1 cm^3/s; 0: the mode's own"""
     teach: float = 0.3
     """the same for gear, engine speed and torque where recorded; D has to know them, no one else does"""
     kind: Literal["black", "grey"] = "black"

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_model import files, simulators
 from deeptruck_model.deep import card, checkpoint, resume
-from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.arguments import FUEL, PAPER_FUEL, Arguments
 from deeptruck_model.deep.board import board
 from deeptruck_model.deep.data import coverage, driven, duplicates
 from deeptruck_model.deep.data.preparation import Prepared, prepare
@@ -157,10 +157,12 @@ def _begin(data: Prepared, arguments: Arguments, identity: dict[str, Any]) -> _R
     network = _fresh(data, arguments, seeds) if data.start is None else _copies(data.start, seeds)
     shape = network.shape
     if arguments.mode == "paper":
-        weight = np.ones(shape.responses + shape.taught, np.float32)
+        plain = [1.0, 1.0, arguments.fuel or PAPER_FUEL]  # of acceleration, speed and fuel rate
+        weight = np.array(plain[: shape.responses] + [0.0] * shape.taught, np.float32)
     else:
+        fuel = arguments.fuel or FUEL
         weight = loss_weights(
-            data.scales, shape.responses, shape.taught, arguments.speed_s, arguments.fuel, arguments.teach
+            data.scales, shape.responses, shape.taught, arguments.speed_s, fuel, arguments.teach
         )
     return _Run(
         data, arguments, identity, network, weight, optimizers(network, arguments), Best(network), seeds

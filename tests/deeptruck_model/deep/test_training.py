@@ -83,7 +83,8 @@ def test_paper_mode_weighs_every_channel_by_its_unit_and_clips_nothing(drive, sm
     limits = []
     monkeypatch.setattr(training, "guard", lambda network, losses, limit: limits.append(limit))
     train([drive(60)], tmp_path / "sim", replace(small, mode="paper", updates=2))
-    assert seen == [([1.0, 1.0, 1.0], "training")] * 2 and limits == [float("inf")] * 2
+    assert [form for _, form in seen] == ["training"] * 2 and limits == [float("inf")] * 2
+    np.testing.assert_allclose([weight for weight, _ in seen], [[1.0, 1.0, 1e-6]] * 2)  # fuel in l/s
 
 
 def test_same_seed_same_truck_other_seed_another(drive, small, tmp_path):

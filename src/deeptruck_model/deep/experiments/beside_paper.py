@@ -42,6 +42,7 @@ VARIANTS: dict[str, Arguments] = {
     "slower": replace(SHORT, learning_rate=0.005),
     "clipped": replace(SHORT, clip=1.0),
     "free": replace(SHORT, form="deployment"),
+    "cubic": replace(SHORT, fuel=1.0),
 }
 """The paper's recipe with one thing changed, to see what parts its two forms."""
 TRANSIENT_S, TRANSIENT_OF_SAMPLE_S = 2.0, 10.0

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 
+from deeptruck_model.deep.arguments import PAPER_FUEL
 from deeptruck_model.deep.data.scales import Scales
 from deeptruck_model.deep.data.windows import Sequences
 from deeptruck_model.deep.kernels import loss
@@ -29,9 +30,10 @@ class Unseen:
         self.drives = {"training": forced, "deployment": free}
 
     def losses(self, network: TruckNetwork) -> dict[str, list[float]]:
-        """Plain squared error by form, (members,) each, over windows of K steps from zero state."""
-        weight = np.ones(network.shape.responses + network.shape.taught, np.float32)
-        weight[network.shape.responses :] = 0.0
+        """Plain squared error by form with fuel in l/s, (members,) each, over windows of K steps from zero
+        state."""
+        weight = np.zeros(network.shape.responses + network.shape.taught, np.float32)
+        weight[: network.shape.responses] = [1.0, 1.0, PAPER_FUEL][: network.shape.responses]
         return {
             form: loss.loss(network, *_windows(network, drive), weight, form).tolist()
             for form, drive in self.drives.items()
