@@ -176,8 +176,8 @@ class Resampler:
             [self.name] if len(self._pieces) == 1 else [f"{self.name}#{k}" for k in range(len(self._pieces))]
         )
         valid = set().union(*(piece.valid() for piece in self._pieces))
-        for channel in self._tallies:
-            if channel not in valid:
+        for channel, tally in self._tallies.items():
+            if tally.read and channel not in valid:
                 account.remarks.append(f"{channel}: left out, as no sample of it is valid in a piece")
         needed = valid & {*interface.u, *interface.w, *interface.y}
         return [

@@ -77,7 +77,8 @@ def test_other_readers_open_it(tmp_path: Path, drive: Recording, interface: Truc
     assert [m.header.stamp.nanosec for m in found[:3]] == [0, 100_000_000, 200_000_000]
     (file,) = bag.glob("*.mcap")
     status = ros2_messages(file, "/truck/status")
-    assert list(status[0].name) == ["fuel_rate", "gear", "engine_speed", "engine_torque", *FAULTS]
+    expected = ["fuel_rate", "gear", "engine_speed", "engine_torque", "brake_switch", *FAULTS]
+    assert list(status[0].name) == expected
     np.testing.assert_array_equal([m.position[1] for m in status], drive.channels["gear"])
     ranges = [m.range for m in ros2_messages(file, "/radar/range")]
     np.testing.assert_array_equal(ranges, drive.channels["gap"])
