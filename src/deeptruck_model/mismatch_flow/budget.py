@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.search import Search
-from deeptruck_model.mismatch.residual.noise import whiten
+from deeptruck_model.mismatch.residual.noise import Prior, fit, whiten
 from deeptruck_model.mismatch_flow.rules import Rules
 from deeptruck_model.mismatch_flow.tree import FAMILY, NAMES
 
@@ -32,7 +32,8 @@ SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where ther
 PLACE_M, MOST_PLACES = 200.0, 160
 TWICE = 0.3  # of the way that is driven again, at least, for a part of its own
 DIRECTIONS = 40  # leading directions of a family's kernel
-STEPS = 50  # of EM
+TURNS, STEPS = 3, 25  # of fitting the noise beside the parts, and of EM in each
+NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 KNOWN = 0.9  # of a window that must be compared
 DRAWS = 200  # of the posterior, for the intervals
 FIRST_VARIANCE, LEAST_VARIANCE = 0.02**2, 1e-9
@@ -255,20 +256,22 @@ def _posterior(search: Search, F: Array, at: Sequence[NDArray[np.intp]]) -> tupl
     """Posterior mean (k,) and covariance (k, k) of the coefficients, at the variances of the parts that
     maximise the marginal likelihood, beside the noise of the recordings."""
     beside = _as_recorded(search)
-    fit = beside.background(()).fit
-    weight = 1.0 / (beside.series.relative[search.rows] * fit.sigma)
-    Fw = whiten(F, fit.ar, search.rows, weight)
-    yw = whiten(beside.series.y, fit.ar, search.rows, weight)
-    G, c = Fw.T @ Fw, Fw.T @ yw
+    series, noise = beside.series, beside.background(()).fit
     v = np.full(len(at), FIRST_VARIANCE)
     sizes = [len(a) for a in at]
-    mean, C = np.zeros(len(c)), np.eye(len(c))
-    for _ in range(STEPS):
-        C = np.linalg.inv(G + np.diag(1.0 / np.repeat(v, sizes))).astype(np.float64)
-        mean = C @ c
-        v = np.array(
-            [max(float(mean[a] @ mean[a] + np.trace(C[np.ix_(a, a)])) / len(a), LEAST_VARIANCE) for a in at]
-        )
+    mean, C = np.zeros(F.shape[1]), np.eye(F.shape[1])
+    for turn in range(TURNS):
+        if turn:  # beside the parts: noise that was fitted without them holds what is slow of them
+            left = np.where(series.valid, series.y - F @ mean, 0.0)
+            noise = fit(replace(series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
+        weight = 1.0 / (series.relative[search.rows] * noise.sigma)
+        Fw = whiten(F, noise.ar, search.rows, weight)
+        G, c = Fw.T @ Fw, Fw.T @ whiten(series.y, noise.ar, search.rows, weight)
+        for _ in range(STEPS):
+            C = np.linalg.inv(G + np.diag(1.0 / np.repeat(v, sizes))).astype(np.float64)
+            mean = C @ c
+            power = [float(mean[a] @ mean[a] + np.trace(C[np.ix_(a, a)])) / len(a) for a in at]
+            v = np.maximum(power, LEAST_VARIANCE)
     return mean, C
 
 
