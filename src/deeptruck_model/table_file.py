@@ -154,7 +154,7 @@ class TextTable:
         cells = self.cells(name).filter(pa.array(strange))
         if 2 * np.isfinite(floats(cells, other)[0]).sum() <= len(cells):
             return ""
-        return f': set decimal: "{other}" and export without marks of thousands'
+        return f': set decimal: "{other}"'
 
     def without(self, out: Mask, reason: str, first: str = "") -> TextTable:
         """The table without the rows `out` (n,), which the account has set aside for a reason."""
@@ -278,10 +278,13 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
     return x, y
 
 
+_THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
+
+
 def floats(cells: pa.ChunkedArray, decimal: str) -> tuple[Array, Mask]:
     """Text cells as float64 (n,), NaN where null or no number, and (n,) which are filled and no number."""
     if decimal != ".":
-        cells = pc.replace_substring(cells, decimal, ".")
+        cells = pc.replace_substring(_without_thousands(cells), decimal, ".")
     try:
         values: Array = cells.cast(pa.float64()).fill_null(np.nan).to_numpy().astype(np.float64)
         return values, np.zeros(len(cells), dtype=bool)
@@ -297,6 +300,23 @@ def floats(cells: pa.ChunkedArray, decimal: str) -> tuple[Array, Mask]:
         strange[row] = word not in ("nan", "inf", "infinity")
         values[row] = np.nan if strange[row] else float(cell)
     return values, strange
+
+
+def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Cells with a decimal comma, whose points can only mark thousands: 1.580 and 1.580,0 are 1580.
+
+    A column that has points in other places and no comma has the decimal point, whatever the others have.
+    """
+    points = pc.match_substring(cells, ".")
+    if not pc.any(points).as_py():
+        return cells
+    marked = pc.match_substring_regex(cells, _THOUSANDS)
+    commas = pc.any(pc.match_substring(cells, ",")).as_py()
+    others = pc.and_(points, pc.invert(marked))
+    if pc.any(others).as_py() and not commas:
+        return cells
+    cells = pc.if_else(marked, pc.replace_substring(cells, ".", ""), cells)
+    return pc.if_else(others, pc.binary_join_element_wise(cells, pa.scalar("?"), ""), cells)  # is no number
 
 
 def shown(cell: object) -> str:

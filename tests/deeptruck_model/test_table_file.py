@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,17 @@ from pyarrow import parquet
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
-from deeptruck_model.table_file import ABOVE, BELOW, BLANK, HEADER, RAGGED, UNCLOSED, read_curve, read_table
+from deeptruck_model.table_file import (
+    ABOVE,
+    BELOW,
+    BLANK,
+    HEADER,
+    RAGGED,
+    UNCLOSED,
+    floats,
+    read_curve,
+    read_table,
+)
 
 COLUMNS = {"time": {"column": "t", "unit": "s"}, "channels": {"speed": {"column": "v", "unit": "m/s"}}}
 ROWS = [f"{k / 10:.1f},{10 + k % 3}" for k in range(30)]
@@ -193,3 +204,20 @@ def test_every_row_is_used_or_set_aside(
     assert found is not None and all(recording.account is found for recording in recordings)
     assert found.total.read == len(lines)
     assert found.balanced
+
+
+@pytest.mark.parametrize(
+    ("cells", "expected"),
+    [
+        (["1.580", "46,8", "1.580,5", "980"], [1580.0, 46.8, 1580.5, 980.0]),
+        (["1.580", "1.618"], [1580.0, 1618.0]),
+        (["1.580.000,5", "-1.000"], [1580000.5, -1000.0]),
+        (["48.137154", "48.2"], [48.137154, 48.2]),  # a column with points of its own, as coordinates are
+        (["0.125", "1.580"], [0.125, 1.58]),
+        (["1.5", "2,5"], [math.nan, 2.5]),  # no number, and counted as such
+    ],
+)
+def test_points_beside_a_decimal_comma_mark_thousands(cells: list[str], expected: list[float]) -> None:
+    values, strange = floats(pa.chunked_array([pa.array(cells)]), ",")
+    assert values.tolist() == pytest.approx(expected, nan_ok=True)
+    assert strange.tolist() == [math.isnan(value) for value in expected]

@@ -44,7 +44,8 @@ class Queue:
             at = int(np.argmax(back > REORDER_NS))
             raise InputError(
                 f"{self.path}: time goes back by {back[at] / 1e9:.3g} s on {self.topic} "
-                f"(message {self._count + at}): its clock was set back or the bag holds two runs"
+                f"(message {self._count + at}): its clock was set back, a stamp is wrong, or the bag holds "
+                "two runs; '--clock log' times the messages by when they were recorded"
             )
         self._swapped += int((back > 0).sum())
         self._latest = int(latest[-1])

@@ -116,11 +116,20 @@ def _defaults(found: Decoding, torque: float) -> dict[str, Series]:
 
 
 def _best(found: Decoding, message: str, signal: str) -> Series | None:
-    """The source with most valid samples; the lowest address where two have as many."""
+    """The source with most valid samples; the lowest address where two have as many. Others are remarked."""
     keys = [key for key in found.series if key[:2] == (message, signal)]
     if not keys:
         return None
-    return _arrays(found, max(keys, key=lambda key: (len(found.series[key][0]), -key[2])))
+    best, *others = sorted(keys, key=lambda key: (-len(found.series[key][0]), key[2]))
+    if others:
+        told = ", ".join(f"0x{key[2]:02X} ({len(found.series[key][0])} samples)" for key in others)
+        count = len(found.series[best][0])
+        remark = (
+            f"{message}.{signal} is taken from 0x{best[2]:02X} ({count} samples), and is sent by {told} too; "
+            "'source' in the columns chooses"
+        )
+        found.account.remarks += [remark] if remark not in found.account.remarks else []
+    return _arrays(found, best)
 
 
 def _arrays(found: Decoding, key: tuple[str, str, int]) -> Series:

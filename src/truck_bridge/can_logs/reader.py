@@ -1,4 +1,4 @@
-"""Frames out of a log: candump and ASC by our own readers, BLF, TRC and MF4 by python-can, bags by rosbags.
+"""Frames out of a log: candump and ASC by our own readers, TRC, BLF and MF4 by python-can, bags by rosbags.
 
 `every` gives all that a log holds, `read` the extended data frames of one bus, which is what J1939 has. Both
 count in an Account: a frame that is read is used, or set aside for a reason.
@@ -19,7 +19,7 @@ import can
 from deeptruck_model.account import Account
 from deeptruck_model.reading import plain
 from truck_bridge import log_files
-from truck_bridge.can_logs import text_logs
+from truck_bridge.can_logs import text_logs, trc_logs
 from truck_bridge.can_logs.frames import Frame, Kind, of_message
 from truck_bridge.can_logs.pieces import in_pieces
 from truck_bridge.can_logs.whole import COPY, check_blf, check_file
@@ -115,10 +115,10 @@ def _of_file(path: Path, file: Path, account: Account) -> Iterator[Frame]:
         elif file.is_file() and suffix == ".asc":
             yield from text_logs.asc(file, account)
         else:
-            for frame in _by_library(file, account):
+            frames = trc_logs.trc if file.is_file() and suffix == ".trc" else _by_library
+            for frame in frames(file, account):
                 if not 0 <= frame.time < _LATEST_S:
                     raise InputError(f"{path} is damaged: a frame has the time {frame.time:g} s; {COPY}")
-                account.total.read += 1
                 yield frame
     except InputError as error:
         raise InputError(str(error).replace(str(file), str(path))) from None
@@ -134,24 +134,16 @@ def _by_library(path: Path, account: Account) -> Iterator[Frame]:
     if path.is_dir() or suffix in log_files.BAGS:
         from truck_bridge.can_logs import rosbag
 
-        yield from rosbag.read(path, account)
+        for frame in rosbag.read(path, account):
+            account.total.read += 1
+            yield frame
         return
     if suffix == ".blf":
         check_blf(path)
-    lines = _lines_of_trc(path) if suffix == ".trc" else 0
-    count = 0
     with can.LogReader(path) as reader:
         for message in reader:
-            count += 1
-            # BLF counts buses from 1, and python-can from 0; TRC and MF4 have their own numbers
+            # BLF counts buses from 1, and python-can from 0; MF4 has its own numbers
             number = message.channel
             channel = str(number + 1) if suffix == ".blf" and isinstance(number, int) else str(number or 1)
+            account.total.read += 1
             yield of_message(message, channel)
-    account.total.read += max(0, lines - count)
-    account.total.set_aside("lines that are no frame (status, errors)", count=max(0, lines - count))
-
-
-def _lines_of_trc(path: Path) -> int:
-    """Lines that a TRC log has below its head, most of which are frames."""
-    with path.open(encoding="cp1252", errors="replace") as lines:
-        return sum(bool(line.strip()) and not line.startswith(";") for line in lines)

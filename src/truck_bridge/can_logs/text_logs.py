@@ -120,7 +120,7 @@ def asc(path: Path, account: Account) -> Iterator[Frame]:
 
 
 def _lines(path: Path) -> Lines:
-    with path.open(encoding="utf-8", errors="replace") as lines:
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
         yield from enumerate(lines, 1)
 
 

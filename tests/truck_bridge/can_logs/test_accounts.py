@@ -386,3 +386,56 @@ def test_the_account_balances_on_any_log(tmp_path, lines, data):
                     continue
                 assert account.balanced, list(account.lines())
                 assert account.total.used == len(frames)
+
+
+def trc(tmp_path, tail=""):
+    """A log of PEAK's form 1.1 as python-can writes it, and what follows its frames."""
+    path = recorded(tmp_path, "trc", [message(k, 0x0CF00400, EEC1) for k in range(5)])
+    path.write_text(path.read_text() + tail)
+    return path
+
+
+def test_status_lines_of_trc_are_counted(tmp_path):
+    path = trc(tmp_path)
+    lines = path.read_text().splitlines()
+    frame = next(line for line in lines if "0CF00400" in line or " CF00400" in line)
+    version = 2 if "$COLUMNS" in path.read_text() else 1
+    status = frame.replace("DT", "ST") if version == 2 else frame.replace("Rx", "Warng")
+    path.write_text("\n".join([*lines, status, frame]) + "\n")
+    frames, account = taken(path)
+    assert len(frames) == 6 and reasons(account) == {"lines of status or errors": 1}
+
+
+@pytest.mark.parametrize("kept", [8, 30, 55])
+def test_a_trc_log_cut_in_its_last_line_is_said(tmp_path, kept):
+    path = trc(tmp_path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines, lines[-1][:kept]]))
+    frames, account = taken(path)
+    assert len(frames) == 5
+    assert reasons(account) == {"frame cut off at the end of the log": 1}
+    assert any("cut off in its last line" in remark for remark in account.remarks)
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda line: line[:-6], lambda line: line.replace("DT", "XT").replace("Rx", "Rz")]
+)
+def test_a_damaged_line_within_a_trc_log_is_refused(tmp_path, damage):
+    path = trc(tmp_path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:-2], damage(lines[-2]), lines[-1]]) + "\n")
+    with pytest.raises(InputError) as error:
+        taken(path)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_two_senders_of_a_signal_are_said(tmp_path):
+    """The one with more samples is taken, and the import says that there is another."""
+    layout, lines = load()["CCVS1"], drive()
+    for k in range(400):
+        data = layout.encode({"WheelBasedVehicleSpeed": 85.0}).hex().upper()
+        lines.append(f"({k / 20:.6f}) can0 {layout.can_id(0x31):08X}#{data}\n")
+    log = written(tmp_path, "".join(sorted(lines, key=lambda line: float(line[1 : line.index(")")]))))
+    imported = import_table(log, {}, tmp_path / "bag").recordings[0]
+    (remark,) = [r for r in imported.account.remarks if "WheelBasedVehicleSpeed" in r]
+    assert "taken from 0x31 (400 samples), and is sent by 0x00 (200 samples) too" in remark
