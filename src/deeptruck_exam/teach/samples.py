@@ -169,12 +169,17 @@ def _left_over(first: Sequence[_Weighed], rng: np.random.Generator) -> Iterator[
 
 
 def _weighed(drives: CleanDrives, some: Sequence[_Labelled]) -> list[_Weighed]:
-    """Each with its evidence: those beside the same names at once."""
+    """Each with its evidence: those beside the same names at once.
+
+    What needs a signal that these drives lack, as drafting needs a gap, has no name here.
+    """
     out = []
     for beside in sorted({m.beside for m in some}):
         group = [m for m in some if m.beside == beside]
         together = drives.fingerprints(np.stack([m.residual for m in group], axis=1), beside)
-        out += [(m, together.of([k])) for k, m in enumerate(group)]
+        possible = together.names | {UNKNOWN, NOTHING}
+        labelled = [m if m.name in possible else replace(m, name=UNKNOWN) for m in group]
+        out += [(m, together.of([k])) for k, m in enumerate(labelled)]
     return out
 
 
