@@ -120,7 +120,8 @@ FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
         "account", "errors", "files", "reading", "console", "checks", "constants", "vehicle_kinds",
-        "table_file", "outside.reference", "outside.saved", "outside.truck", "interrupts", "script_start",
+        "table_file", "csv_text", "outside.reference", "outside.saved", "outside.truck",
+        "interrupts", "script_start",
     )
 )  # fmt: skip
 

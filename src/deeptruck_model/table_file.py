@@ -5,36 +5,30 @@ The one reader of tables: recordings, leaders and roads are read by it.
 
 from __future__ import annotations
 
-import codecs
 import csv as text_csv
 import difflib
-import gzip
-import io
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
-from pyarrow import csv, parquet
+from pyarrow import parquet
 
 from deeptruck_model import reading
 from deeptruck_model.account import Account
+from deeptruck_model.csv_text import BLANK, SAMPLED, CsvText
 from deeptruck_model.errors import InputError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 PARQUET = (".parquet", ".pq")
-DELIMITERS = ",;\t|"  # one of these is found by the header where none is given
-BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 SHOWN = 12  # columns that an error lists
-SAMPLED = 100  # rows by which the number of cells of a row is found
 MOST_ABOVE, MOST_BELOW = 3, 10  # rows of units above the numbers, of totals below them
 MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
 MOST_BEFORE = 20  # lines in which the header of a leader or road is looked for
@@ -45,9 +39,6 @@ LABELS = {  # in a cell of a row that sums up those above it
     "stdev", "count", "summe", "gesamt", "mittel", "mittelwert", "durchschnitt", "minimalwert", "maximalwert",
     "anzahl",
 }  # fmt: skip
-RAGGED = "with more or fewer cells than the header"
-UNCLOSED = "inside a quotation mark that is not closed in its line"
-BLANK = "without a filled cell"
 HEADER = "that repeat the header"
 ABOVE = "of units or text above the numbers"
 BELOW = "of totals or text below the numbers"
@@ -231,7 +222,7 @@ def read_table(
             account.total.read = table.num_rows
             rows = np.arange(table.num_rows)
         else:
-            table, names, rows, place = _Csv(path, delimiter, encoding, skip_rows, account).read(cure)
+            table, names, rows, place = CsvText(path, delimiter, encoding, skip_rows, account).read(cure)
     except (pa.ArrowException, UnicodeError, LookupError, OSError, text_csv.Error, EOFError) as error:
         raise InputError(f"{path} cannot be read: {_why(error, encoding)}") from None
     account.total.used = table.num_rows
@@ -325,207 +316,8 @@ def shown(cell: object) -> str:
     return f"'{text[:40]}...'" if len(text) > 43 else f"'{text}'"
 
 
-class _Csv:
-    """A text table: its header, and its rows with as many cells."""
-
-    def __init__(
-        self, path: Path, delimiter: str | None, encoding: str, skip_rows: int, account: Account
-    ) -> None:
-        self.path, self.account, self.skip_rows = path, account, skip_rows
-        self.encoding = encoding
-        self.data = self._utf8()
-        first = self.data[:200].split(b"\n")[0].decode("utf-8", "replace").strip().strip('"')
-        if skip_rows == 0 and re.fullmatch(r"sep=.", first):  # as Excel writes it
-            delimiter, self.skip_rows = delimiter or first[-1], 1
-        self.delimiter = delimiter or self._found_delimiter()
-        self.header, self.lines, self.start = self._header(self.delimiter)
-
-    def _utf8(self) -> bytes:
-        """The file's text without a byte order mark."""
-        data = self.path.read_bytes()
-        if self.path.suffix.lower() == ".gz":
-            data = gzip.decompress(data)
-        marks = [mark for mark in BYTE_ORDER_MARKS if data.startswith(mark)]
-        encoding = BYTE_ORDER_MARKS[marks[0]] if marks else self.encoding
-        if codecs.lookup(encoding).name in ("utf-8", "utf-8-sig", "ascii"):
-            data = data.removeprefix(codecs.BOM_UTF8)
-            if b"\0" in data[:4096]:
-                raise InputError(f"{self.path} is no text table but binary; export it as CSV or Parquet")
-            return data
-        if not encoding.lower().startswith(("utf-16", "utf-32", "utf16", "utf32")) and b"\0" in data[:4096]:
-            raise InputError(f"{self.path} is no text table but binary; export it as CSV or Parquet")
-        return data.decode(encoding).lstrip("\ufeff").encode()
-
-    def _records(self, start: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-        """Records from a byte on that are not blank lines, each with its first line there, from 0."""
-        text = io.TextIOWrapper(io.BytesIO(memoryview(self.data)[start:]), "utf-8", newline="")
-        records = text_csv.reader(text, delimiter=delimiter)
-        line = 0
-        for record in records:
-            if record:
-                yield line, record
-            line = records.line_num
-
-    def _found_delimiter(self) -> str:
-        counts = {mark: len(self._header(mark)[0]) for mark in DELIMITERS}
-        return "," if counts[","] > 1 else max(counts, key=lambda mark: counts[mark])
-
-    def _header(self, delimiter: str) -> tuple[list[str], int, int]:
-        """Names, the number of lines up to them and theirs, and the byte behind them."""
-        start = 0
-        for _ in range(self.skip_rows):
-            start = self.data.find(b"\n", start) + 1 or len(self.data)
-        text = io.TextIOWrapper(io.BytesIO(self.data[start:]), "utf-8", newline="")
-        taken: list[str] = []
-
-        def lines() -> Iterator[str]:
-            for line in text:
-                taken.append(line)
-                yield line
-
-        header = next(filter(None, text_csv.reader(lines(), delimiter=delimiter)), [])
-        return header, self.skip_rows + len(taken), start + sum(len(line.encode()) for line in taken)
-
-    def read(self, cure: str) -> tuple[pa.Table, list[str], NDArray[np.int64], Callable[[int], str]]:
-        """The rows, the names of their columns, their numbers in the file, and where those stand."""
-        body = self._without_unclosed()
-        names = self._names()
-        if not body.strip():
-            raise InputError(f"{self.path} is empty: it has no rows below its header")
-        odd: list[csv.InvalidRow] = []
-
-        def skip(row: csv.InvalidRow) -> str:
-            odd.append(row)
-            return "skip"
-
-        columns = [str(k) for k in range(len(names))]
-        table = csv.read_csv(
-            pa.BufferReader(body),
-            read_options=csv.ReadOptions(
-                column_names=columns, use_threads=False, block_size=min(len(body) + 1, 2**30)
-            ),
-            parse_options=csv.ParseOptions(delimiter=self.delimiter, invalid_row_handler=skip),
-            convert_options=csv.ConvertOptions(
-                column_types=dict.fromkeys(columns, pa.string()), strings_can_be_null=True, null_values=[""]
-            ),
-        )
-        self.account.total.read += table.num_rows + len(odd)
-        place = self._places(body)
-        numbers = np.setdiff1d(np.arange(table.num_rows + len(odd)), [row.number - 1 for row in odd])
-        if b'"' in body:
-            table, numbers = self._in_one_line(table, numbers, place)
-        if not odd:
-            return table, names, numbers, place
-        kept, kept_numbers = self._sort_out(odd, names, place)
-        if self.account.total.left_out > table.num_rows + len(kept):
-            self._refuse(odd[0], cure)
-        if kept:
-            more = pa.table([pa.array(c, pa.string()) for c in zip(*kept, strict=True)], names=columns)
-            numbers = np.concatenate([numbers, kept_numbers])
-            order = np.argsort(numbers)
-            table, numbers = pa.concat_tables([table, more]).take(pa.array(order)), numbers[order]
-        return table, names, numbers, place
-
-    def _without_unclosed(self) -> bytes:
-        """What is below the header, with a blank line for one in which a quotation mark is left open.
-
-        It would take all rows up to the next one for a single cell.
-        """
-        body = self.data[self.start :]
-        lines = body.splitlines(keepends=True) if b'"' in body else []
-        odd = [k for k, line in enumerate(lines) if line.count(b'"') % 2]
-        if not odd:
-            return body
-        for k in odd:
-            lines[k] = b"\n"
-        self.account.total.read += len(odd)
-        self.account.total.set_aside(UNCLOSED, f"line {self.lines + odd[0] + 1}", len(odd))
-        body = b"".join(lines)
-        self.data = self.data[: self.start] + body
-        return body
-
-    def _in_one_line(
-        self, table: pa.Table, numbers: NDArray[np.int64], place: Callable[[int], str]
-    ) -> tuple[pa.Table, NDArray[np.int64]]:
-        """The rows none of whose cells goes on in the next line."""
-        breaks = np.zeros(len(numbers), dtype=np.int64)
-        for column in table.columns:
-            breaks += pc.count_substring_regex(pc.fill_null(column, ""), r"\r\n|\n|\r").to_numpy()
-        if not breaks.any():
-            return table, numbers
-        self.account.total.read += int(breaks.sum())
-        lines = int(breaks.sum() + (breaks > 0).sum())
-        self.account.total.set_aside(UNCLOSED, place(int(numbers[np.argmax(breaks > 0)])), lines)
-        return table.filter(pa.array(breaks == 0)), numbers[breaks == 0]
-
-    def _names(self) -> list[str]:
-        """The header with as many cells as most rows have, where what one of them has more is blank."""
-        lengths = [len(cells) for _, cells in islice(self._records(self.start, self.delimiter), SAMPLED)]
-        usual = max(set(lengths), key=lengths.count) if lengths else len(self.header)
-        least = _filled(self.header)
-        named = self.header[: max(usual, least)]
-        return named + [""] * (max(usual, least) - len(named)) if self._blank_beyond(usual) else self.header
-
-    def _blank_beyond(self, usual: int) -> bool:
-        records = islice(self._records(self.start, self.delimiter), SAMPLED)
-        return all(_filled(cells) <= len(self.header) for _, cells in records if len(cells) == usual)
-
-    def _sort_out(
-        self, odd: list[csv.InvalidRow], names: list[str], place: Callable[[int], str]
-    ) -> tuple[list[list[str | None]], list[int]]:
-        """Of the rows with another number of cells those that differ in blank cells at the end only."""
-        kept: list[list[str | None]] = []
-        numbers = []
-        for row in odd:
-            text = row.text.rstrip("\r\n")
-            cells = next(text_csv.reader([text], delimiter=self.delimiter), [])
-            where = place(row.number - 1)
-            if "\n" in text or "\r" in text:
-                lines = sum(bool(line.strip()) for line in text.splitlines())
-                self.account.total.read += lines - 1
-                self.account.total.set_aside(UNCLOSED, where, lines)
-            elif not _filled(cells):
-                self.account.total.set_aside(BLANK, where)
-            elif _filled(self.header) <= len(cells) and _filled(cells) <= len(names):
-                kept.append([cell or None for cell in (cells + [""] * len(names))[: len(names)]])
-                numbers.append(row.number - 1)
-            else:
-                self.account.total.set_aside(RAGGED, where)
-        return kept, numbers
-
-    def _refuse(self, odd: csv.InvalidRow, cure: str) -> None:
-        """Raises InputError for a table most of whose rows do not fit its header."""
-        count, read = _filled(self.header), self.account.total.read
-        left = self.account.total.left_out
-        few = "none" if left == read else f"only {read - left}"
-        first = next(iter(self.account.total.aside.values())).first
-        raise InputError(
-            f"{self.path} is no table as it is read: its header has {count} cell{'s' if count != 1 else ''}, "
-            f"and {few} of the {read} rows below has as many; {cure} "
-            f"(first {first} with {odd.actual_columns})"
-        )
-
-    def _places(self, body: bytes) -> Callable[[int], str]:
-        """Where the k-th row below the header is; by counting, unless lines are blank or cells span them."""
-        first = self.lines + 1
-        uneven = (b'"', b"\n\n", b"\n\r", b"\r\r")
-        if not body.startswith((b"\n", b"\r")) and not any(mark in body for mark in uneven):
-            return lambda row: f"line {first + row}"
-
-        def place(row: int) -> str:
-            record = next(islice(self._records(self.start, self.delimiter), row, None), (row, []))
-            return f"line {first + record[0]}"
-
-        return place
-
-
 def _parquet_row(row: int) -> str:
     return f"row {row + 1}"
-
-
-def _filled(cells: list[str]) -> int:
-    """The number of cells up to the last that is not blank."""
-    return max((k + 1 for k, cell in enumerate(cells) if cell.strip()), default=0)
 
 
 def _plain_type(column: pa.ChunkedArray) -> pa.ChunkedArray:
@@ -585,7 +377,7 @@ def _lines_before(path: Path, *names: str) -> int:
         return 0
     for lines in range(MOST_BEFORE):
         try:
-            header = _Csv(path, None, "utf-8", lines, Account(str(path), "rows")).header
+            header = CsvText(path, None, "utf-8", lines, Account(str(path), "rows")).header
         except (UnicodeError, OSError, text_csv.Error, EOFError):
             return 0  # as read_table says
         if {name.strip() for name in header} >= set(names):

@@ -13,15 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
 
+from deeptruck_model.csv_text import BLANK, RAGGED, UNCLOSED
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
 from deeptruck_model.table_file import (
     ABOVE,
     BELOW,
-    BLANK,
     HEADER,
-    RAGGED,
-    UNCLOSED,
     floats,
     read_curve,
     read_table,

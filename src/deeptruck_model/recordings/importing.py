@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from deeptruck_model import files
 from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
+from deeptruck_model.csv_text import RAGGED
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
@@ -29,7 +30,7 @@ from deeptruck_model.recordings.resample import Series, uniform
 from deeptruck_model.recordings.row_times import timed
 from deeptruck_model.results import BAG
 from deeptruck_model.signals import CHANNELS, TruckInterface
-from deeptruck_model.table_file import RAGGED, TextTable, read_table
+from deeptruck_model.table_file import TextTable, read_table
 
 Array = NDArray[np.float64]
 

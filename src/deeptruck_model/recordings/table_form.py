@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deeptruck_model import reading
+from deeptruck_model.csv_text import BYTE_ORDER_MARKS, DELIMITERS
 from deeptruck_model.errors import InputError
-from deeptruck_model.table_file import BYTE_ORDER_MARKS, DELIMITERS, PARQUET
+from deeptruck_model.table_file import PARQUET
 
 LOOKED_AT = 200  # lines in which header and delimiter are looked for
 MOST_HEAD = 2**20  # characters of those lines
