@@ -142,13 +142,18 @@ def replay(
     channel: Channel,
     commands: Annotated[bool, typer.Option(help="send command messages too; never on a truck")] = False,
     speed: Annotated[float, typer.Option(help="times faster than recorded", min=0.01, max=1000.0)] = 1.0,
+    log_channel: Annotated[
+        str | None, typer.Option(help="the bus of the log, where it has several", metavar="NAME")
+    ] = None,
 ) -> None:
     """See _REPLAY."""
     log_files.check(log)
     from truck_bridge import can_logs
 
     account = Account(str(log), "frames")
-    sent = can_logs.replay(log, interface, channel, commands=commands, speed=speed, account=account)
+    sent = can_logs.replay(
+        log, interface, channel, commands=commands, speed=speed, of=log_channel, account=account
+    )
     print(f"{sent} frames sent")
     _show(account)
 

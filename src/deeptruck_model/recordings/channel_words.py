@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-COMMANDED = frozenset((  # anywhere in a topic, type or field: what is asked for, not what was measured
+COMMANDED = frozenset((  # anywhere in a topic, type or field: what is requested, not what was measured
     "cmd", "cmds", "command", "commands", "commanded", "target", "desired", "setpoint", "setpoints", "set",
     "reference", "ref", "request", "requested", "req", "demand", "demanded", "goal", "control", "ctrl",
     "des", "tgt", "sp", "soll", "ziel", "wunsch",

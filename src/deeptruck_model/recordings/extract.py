@@ -221,7 +221,7 @@ class _Drain:
             total.set_aside(f"on {topic} {_NO_NUMBER} {fields}", first, int(blank.sum()))
         if len(part.doubled):
             first = f"at {(int(part.doubled[0]) - (self.start or 0)) / 1e9:.6g} s"
-            total.set_aside(f"on {topic} with a stamp that comes again", first, len(part.doubled))
+            total.set_aside(f"on {topic} with a repeated stamp", first, len(part.doubled))
 
 
 def _mended(account: Account) -> list[str]:

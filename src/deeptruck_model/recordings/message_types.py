@@ -94,7 +94,7 @@ def _dataspeed(channel: str, span: float, note: str) -> Fields:
     return {
         "pedal_output": pedal("what the pedal's wire carries", Role.MEASURED),
         "pedal_input": pedal("the driver's pedal", Role.DRIVER),
-        "pedal_cmd": pedal("the pedal that is asked for", Role.COMMANDED),
+        "pedal_cmd": pedal("the requested pedal", Role.COMMANDED),
     }
 
 
@@ -189,14 +189,14 @@ _TABLE: tuple[tuple[tuple[str, ...], str, Fields], ...] = (  # packages, type, f
     (
         _AUTOWARE,
         "GearCommand",
-        {"command": Known("gear", None, "the gear that is asked for", Role.COMMANDED)},
+        {"command": Known("gear", None, "the requested gear", Role.COMMANDED)},
     ),
     (("autoware_control_msgs",), "Control", _longitudinal("longitudinal.", "velocity")),
     (("autoware_control_msgs",), "Longitudinal", _longitudinal("", "velocity")),
     (("autoware_auto_control_msgs",), "AckermannControlCommand", _longitudinal("longitudinal.", "speed")),
     (("autoware_auto_control_msgs",), "LongitudinalCommand", _longitudinal("", "speed")),
-    (_TIER4, "ActuationCommandStamped", _pedals("actuation.", "cmd", Role.COMMANDED, "asked for")),
-    (_TIER4, "ActuationCommand", _pedals("", "cmd", Role.COMMANDED, "asked for")),
+    (_TIER4, "ActuationCommandStamped", _pedals("actuation.", "cmd", Role.COMMANDED, "requested")),
+    (_TIER4, "ActuationCommand", _pedals("", "cmd", Role.COMMANDED, "requested")),
     (_TIER4, "ActuationStatusStamped", _pedals("status.", "status", Role.MEASURED, "as reported")),
     (_TIER4, "ActuationStatus", _pedals("", "status", Role.MEASURED, "as reported")),
     (
@@ -246,7 +246,7 @@ _TABLE: tuple[tuple[tuple[str, ...], str, Fields], ...] = (  # packages, type, f
         {
             "pedal_output": Known("engine_command", None, "what the pedal's wire carries"),
             "pedal_input": Known("engine_command", None, "the driver's pedal", Role.DRIVER),
-            "pedal_cmd": Known("engine_command", None, "the pedal that is asked for", Role.COMMANDED),
+            "pedal_cmd": Known("engine_command", None, "the requested pedal", Role.COMMANDED),
         },
     ),
     (
@@ -255,7 +255,7 @@ _TABLE: tuple[tuple[tuple[str, ...], str, Fields], ...] = (  # packages, type, f
         {
             "pedal_output": Known("brake_command", None, "what the pedal's wire carries"),
             "pedal_input": Known("brake_command", None, "the driver's pedal", Role.DRIVER),
-            "pedal_cmd": Known("brake_command", None, "the pedal that is asked for", Role.COMMANDED),
+            "pedal_cmd": Known("brake_command", None, "the requested pedal", Role.COMMANDED),
         },
     ),
     (_DATASPEED, "SteeringReport", {"speed": _speed("what the vehicle reports")}),
@@ -267,7 +267,7 @@ _TABLE: tuple[tuple[tuple[str, ...], str, Fields], ...] = (  # packages, type, f
             "state.gear": Known(
                 "gear", None, "a code: 1 park, 2 reverse, 3 neutral, 4 drive, 5 low", needs=_CODED
             ),
-            "cmd.gear": Known("gear", None, "the gear that is asked for", Role.COMMANDED),
+            "cmd.gear": Known("gear", None, "the requested gear", Role.COMMANDED),
         },
     ),
     (
@@ -327,10 +327,10 @@ _TABLE: tuple[tuple[tuple[str, ...], str, Fields], ...] = (  # packages, type, f
         {
             **_pacmod("output", Role.MEASURED, "what is put out"),
             **_pacmod("manual_input", Role.DRIVER, "what the driver demands"),
-            **_pacmod("command", Role.COMMANDED, "what is asked for"),
+            **_pacmod("command", Role.COMMANDED, "the requested value"),
         },
     ),
-    (_PACMOD, "SystemCmdFloat", _pacmod("command", Role.COMMANDED, "what is asked for")),
+    (_PACMOD, "SystemCmdFloat", _pacmod("command", Role.COMMANDED, "the requested value")),
     (
         _PACMOD,
         "LinearAccelRpt",

@@ -80,7 +80,7 @@ class Resampler:
         self.name, self.rate_hz, self.cuts = name, rate_hz, np.asarray(cuts, dtype=np.float64)
         self.dt = 0.0  # known once speed samples are there
         self._account = account
-        self._tallies: dict[str, Tally] = {}  # of what is handed over to here
+        self._tallies: dict[str, Tally] = {}  # of the samples that were added
         self._gap = 0.0
         self._ranges: dict[str, Range] = {}
         self._parts: dict[str, list[Series]] = {}
@@ -186,7 +186,7 @@ class Resampler:
         ]
 
     def _accounted(self) -> Account:
-        """The account with spans and channels. What its reader counted as used was handed over."""
+        """The account with spans and channels. What its reader counted as used was added here."""
         account = self._account or Account(self.name, "samples")
         account.spans = [(piece.start, piece.end) for piece in self._pieces]
         for channel in (channel for channel in CHANNELS if channel in self._tallies):

@@ -139,7 +139,7 @@ def _arrays(found: Decoding, key: tuple[str, str, int]) -> Series:
     times, values = times[order], values[order]
     last = np.append(np.diff(times) > 0, True)
     if not last.all():
-        remark = f"{(~last).sum()} samples of {key[0]}.{key[1]} with a stamp that came again left out"
+        remark = f"{(~last).sum()} samples of {key[0]}.{key[1]} with a repeated stamp left out"
         found.account.remarks += [remark] if remark not in found.account.remarks else []
     return times[last], values[last]
 

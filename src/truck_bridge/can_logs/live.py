@@ -105,14 +105,15 @@ def replay(
     *,
     commands: bool = False,
     speed: float = 1.0,
+    of: str | None = None,
     account: Account | None = None,
 ) -> int:
-    """Send a log's frames with their own timing; commands to a truck only where asked for. Returns how
-    many.
+    """Send a log's frames with their own timing; commands to a truck only with `commands`. Returns how many.
 
-    `account` is that of `read`. Raises InputError as `read` does, so for a log of several buses.
+    `of` is the bus of the log where it has several, and `account` is that of `read`. Raises InputError as
+    `read` does.
     """
-    frames = read(path, account)
+    frames = read(path, account, channel=of)
     first = next(frames)
     bus = open_bus(interface, channel)
     count, start = 0, time.monotonic()

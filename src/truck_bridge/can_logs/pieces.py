@@ -11,12 +11,14 @@ from collections.abc import Iterator
 
 from deeptruck_model.account import Account
 from truck_bridge.can_logs.frames import Frame
+from truck_bridge.errors import InputError
 
 HOLE_S = 1.0  # between frames; some message of every J1939 bus comes ten times a second
 BACK_S = 1.0  # frames may overtake one another by this much, as in bags; further back a clock was set
 RETURN_S = 5.0  # time is back in its place where it is within this of where it was left
 TRUSTED = 20  # frames behind a jump that make it a new piece
 PAUSE_S = 86400.0  # a longer jump ahead is no pause of the truck but a clock that was set
+BACK_AND_FORTH = 1 / 3  # of the frames; where more go back, and all lie within HOLE_S, times are differences
 APART_S = 60.0  # between sessions that are put one behind the other
 
 
@@ -106,6 +108,15 @@ class _Clock:
         """The frame by the clock of what is yielded."""
         return frame._replace(time=frame.time + self._shift) if self._shift else frame
 
+    def _check(self) -> None:
+        """Raises InputError for times that are no clock: they go back and forth and get nowhere."""
+        frames = self._account.total.read
+        if self._latest - self._begun < HOLE_S and self._overtaken > max(TRUSTED, BACK_AND_FORTH * frames):
+            raise InputError(
+                f"{self._account.source}: the times of {self._overtaken} of {frames} frames go back; are "
+                "they differences ('candump -t d')? Record with 'candump -t a' or 'candump -l'"
+            )
+
     def _close(self) -> None:
         first = self._first or 0.0
         self._account.spans.append((self._begun - first, self._latest - first))
@@ -113,6 +124,7 @@ class _Clock:
     def finish(self) -> None:
         if self._first is not None:
             self._close()
+        self._check()
         if self._overtaken:
             self._account.remarks.append(
                 f"time runs backwards {self._overtaken} times, by {self._most:.3f} s at most: "

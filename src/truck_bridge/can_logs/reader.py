@@ -84,7 +84,8 @@ def _of_bus(path: Path, account: Account, channel: str | None) -> Iterator[Frame
                 pass  # to count them all
             raise InputError(
                 f"{path} holds several buses{_listed(account)}, which may not be one truck's; choose one "
-                "with --channel NAME (for an import: 'channel: NAME' in the columns file)"
+                "with --channel NAME (import: 'channel: NAME' in the columns file; "
+                "replay: --log-channel NAME)"
             )
 
 

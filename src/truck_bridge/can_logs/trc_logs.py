@@ -69,7 +69,7 @@ def _end(path: Path) -> tuple[int, bool]:
     """The number of a log's last line, and whether it lacks its line break."""
     number, line = 0, b"\n"
     with path.open("rb") as file:
-        for number, line in enumerate(file, 1):  # noqa: B007 - the last ones are what is asked for
+        for number, line in enumerate(file, 1):  # noqa: B007 - the values after the loop are used
             pass
     return number, not line.endswith(b"\n")
 

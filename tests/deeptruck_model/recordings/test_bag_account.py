@@ -116,7 +116,7 @@ def test_every_reason_has_its_count_and_first_place(tmp_path: Path, storage: Sto
     assert list(account_of(bag).lines()) == [
         f"{bag}: 73 messages read, 68 used, 5 set aside",
         "  2 on /twist without a number in twist.linear.x, first at 0.7 s",
-        "  2 on /twist with a stamp that comes again, first at 0.3 s",
+        "  2 on /twist with a repeated stamp, first at 0.3 s",
         "  1 on /grade of type std_msgs/msg/String, as most there are std_msgs/msg/Float64",
         "  of /twist (52), /grade (21)",
         "  topics not mapped, so not read: /brake (1), /chat (1)",

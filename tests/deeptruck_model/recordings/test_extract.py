@@ -137,7 +137,7 @@ def test_a_stamp_that_comes_again_counts_once(tmp_path: Path) -> None:
     messages = drive_messages()
     (recording,) = read(bag_of(tmp_path / "bag", [*messages[:100], *messages[99:]]))
     assert len(recording) == 300
-    assert any("comes again" in note for note in recording.notes)
+    assert any("repeated stamp" in note for note in recording.notes)
 
 
 def test_no_target_is_invalid(tmp_path: Path) -> None:

@@ -439,3 +439,22 @@ def test_two_senders_of_a_signal_are_said(tmp_path):
     imported = import_table(log, {}, tmp_path / "bag").recordings[0]
     (remark,) = [r for r in imported.account.remarks if "WheelBasedVehicleSpeed" in r]
     assert "taken from 0x31 (400 samples), and is sent by 0x00 (200 samples) too" in remark
+
+
+def test_times_that_are_differences_are_refused(tmp_path):
+    """As 'candump -t d' prints them: 0.1 s between groups, little within."""
+    lines = [
+        line.replace(line[1 : line.index(")")], f"{0.1 if k % 2 == 0 else 0.0002:09.6f}")
+        for k, line in enumerate(drive())
+    ]
+    with pytest.raises(InputError, match=r"times of 200 of 400 frames go back.*candump -t a") as error:
+        can_logs.decode(written(tmp_path, "".join(lines)))
+    assert "\n" not in str(error.value)
+
+
+def test_replay_takes_one_bus_of_several(both):
+    with pytest.raises(InputError, match="replay: --log-channel NAME"):
+        can_logs.replay(both, "loopback", "no-bus")
+    account = Account(str(both), "frames")
+    assert can_logs.replay(both, "loopback", "replayed", speed=1000.0, of="can1", account=account) == 60
+    assert reasons(account) == {"frames of other buses": 60}
