@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from deeptruck_exam.laws.catalogue import law, sizes
-from deeptruck_exam.laws.law import Array, Law, Sizes, State, moving
+from deeptruck_exam.laws.law import STEP_S, Array, Law, Sizes, State, moving
 from deeptruck_model.trucks import View
 
 
 @law("brake_fade", "descent")
 @sizes(surface_share=(0.10, 0.20), onset_c=(110.0, 170.0), width_k=(60.0, 130.0), loss=(0.30, 0.55))
 class TwoMassFade(Law):
-    """Rubbing surface and drum body as two thermal masses. surface_share: of the drums' heat capacity; loss:
-    share of the torque lost when fully hot.
+    """Rubbing surface, at first 20 K warm, and drum body as two thermal masses. surface_share: of the
+    drums' heat capacity; loss: share of the torque lost when fully hot.
     Source: Limpert, Brake Design and Safety, and Day, Braking of Road Vehicles (2014), on brake temperature
     and fade."""
 
@@ -25,7 +25,7 @@ class TwoMassFade(Law):
         truck = self.truck
         hot = (s.surface - p.onset_c) / p.width_k
         lost = p.loss * np.where(hot > 0.0, 1.0 - np.exp(-(np.maximum(hot, 0.0) ** 2)), 0.0)
-        capacity = 0.6 * truck.brake_heat_capacity
+        capacity = 0.6 * truck.brake_heat_capacity  # J/K, of drums and linings without the hubs
         inward = 0.02 * capacity * (s.surface - s.body)  # W; 50 s to level out
         outward = (truck.brake_cooling + truck.brake_cooling_speed * view.speed) * (
             s.body - truck.ambient_temperature
@@ -36,9 +36,8 @@ class TwoMassFade(Law):
         return lost * view.brake_force * moving(view)
 
 
-SKIN_S = np.array([3.0, 15.0, 75.0])[:, None]  # layers below the rubbing face
-
-SKIN = np.array([0.5, 0.3, 0.2])[:, None]
+SKIN_S = np.array([3.0, 15.0, 75.0])[:, None]  # s, of layers ever deeper below the rubbing face
+SKIN = np.array([0.5, 0.3, 0.2])[:, None]  # shares: twofold about the root of time, 1 to 60 s
 
 
 @law("brake_fade", "descent")
@@ -69,11 +68,11 @@ class ChamberFilling(Law):
     Source: Subramanian, Darbha and Rajagopal, J. Dyn. Sys. Meas. Control 126 (2004)."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        self.steps = max(1, round(self.p.dead_time_s / 0.01))
+        self.steps = max(1, round(self.p.dead_time_s / STEP_S))
         return {"pipe": np.zeros((self.steps, batch)), "chamber": np.zeros(batch), "at": np.zeros(1, int)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        full = 2.0e5
+        full = 2.0e5  # N, of all brakes at full pressure
         slot = int(s.at[0]) % self.steps
         arrived = s.pipe[slot].copy()
         s.pipe[slot] = view.brake_force / full
@@ -108,7 +107,8 @@ class RelayValve(Law, chamber=0.0, open=0.0):
 @law("dragging_brake", "suburban descent")
 @sizes(floor_n=(300.0, 900.0), stuck_n=(900.0, 3000.0), ease_s=(12.0, 45.0), swell=(0.1, 0.5))
 class StickingCam(Law, stuck=0.0, heat=0.0):
-    """A drag that remains after each application, decays, and swells with heat.
+    """A drag that remains after each application (in full from 20 kN on), decays, and swells with heat.
+    swell: for each 4 MJ, which are gone after some 200 s.
     Source: Limpert, Brake Design and Safety, on air brake adjustment and residual shoe force."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -123,7 +123,8 @@ class StickingCam(Law, stuck=0.0, heat=0.0):
 @sizes(hold_bar=(5.6, 6.4), per_bar_n=(2200.0, 4500.0), use_bar=(0.10, 0.25), refill_s=(20.0, 45.0))
 class SpringBrakes(Law):
     """Every application draws air; the faster the engine turns, the sooner the shoes let go. use_bar: for
-    each second of firm braking.
+    each second of braking by 25 kN; refill_s: at 130 rad/s engine speed, towards the governor's 7.5 bar;
+    leaks take 0.012 bar/s.
     Source: Limpert, Brake Design and Safety, on spring brakes; FMVSS 121 S5.1 on the compressor's build-up
     with engine speed."""
 

@@ -24,7 +24,7 @@ class DeadZone(Law, side=1.0, since=99.0, jump=0.0):
         s.jump = np.where(open_now, view.traction_force, s.jump)
         t = s.since - p.gap_s
         omega = 2.0 * np.pi * p.shuffle_hz
-        size = np.clip(s.jump, -0.08 * weight(view), 0.08 * weight(view))
+        size = np.clip(s.jump, -0.08 * weight(view), 0.08 * weight(view))  # at most 0.08 g
         ring = p.clonk * size * np.exp(-p.damping * omega * t) * np.cos(omega * t)
         return np.where(open_now, -view.traction_force, np.where(t < 4.0, ring, 0.0)) * moving(view)
 
@@ -41,15 +41,15 @@ class IntegratedBacklash(Law, side=1.0, way=0.0, rate=0.0, share=1.0, hit=0.0):
         s.way = np.where(side != s.side, p.play_rad, s.way)
         s.side = side
         free = s.way > 0.0
-        push = np.abs(view.engine_torque) / self.truck.engine_inertia
+        push = np.abs(view.engine_torque) / self.truck.engine_inertia  # rad/s^2
         s.rate = np.where(free, s.rate + dt * np.clip(push, 4.0, 150.0), 0.0)
         before = s.way
         s.way = np.maximum(s.way - dt * s.rate, 0.0)
         meets = (before > 0.0) & (s.way == 0.0)
-        s.hit = np.where(meets, s.rate, s.hit * (1.0 - dt / 0.06))
+        s.hit = np.where(meets, s.rate, s.hit * (1.0 - dt / 0.06))  # the impulse lasts 0.06 s
         s.share = np.where(s.way > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.wind_up_s)
         knock = p.knock * self.truck.engine_inertia * s.hit * view.ratio / self.truck.wheel_radius / 0.06
-        knock = np.minimum(knock, 0.06 * 9.81 * view.mass)
+        knock = np.minimum(knock, 0.06 * weight(view))
         return ((s.share - 1.0) * view.traction_force + s.side * knock * (s.way == 0.0)) * moving(view)
 
 
@@ -57,8 +57,8 @@ class IntegratedBacklash(Law, side=1.0, way=0.0, rate=0.0, share=1.0, hit=0.0):
 @sizes(mesh=(0.05, 0.11), churning_n=(100.0, 500.0))
 class MeshAndChurning(Law):
     """Mesh losses in proportion to load, either way, and churning. churning_n: at 20 m/s.
-    Source: ISO/TR 14179-2 on mesh losses; Changenet and Velex, J. Mech. Des. 129 (2007): churning with the
-    power 1.5 of speed."""
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on losses. The power 1.5
+    of speed lies between 1, of viscous drag, and 2, of accelerated oil."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         churning = p.churning_n * np.maximum(view.speed / 20.0, 0.0) ** 1.5
@@ -134,8 +134,8 @@ class SlippingClutch(Law, ratio=0.0, open=0.0, carried=1000000.0):
 @sizes(capacity=(0.35, 0.75))
 def lockup_fails(setting: Setting, p: Sizes) -> Planted:
     """The lock-up clutch is inoperative and worn blades lower the capacity.
-    Source: Hrovat and Tobler, Bond Graph Modeling of Automotive Torque Converters, J. Franklin Institute 319
-    (1985)."""
+    Source: Hrovat and Tobler, Bond Graph Modeling and Computer Simulation of Automotive Torque Converters,
+    J. Franklin Institute 319 (1985)."""
     return Planted(
         parameters={
             "lockup_gear": 7.0,
@@ -168,8 +168,8 @@ class OpenConverter(Law, pump=-1.0, gear=0.0, since=0.0):
         pump = np.where((s.pump < 0.0) | ~is_open, turbine, s.pump)
         over = np.clip(turbine / np.maximum(pump, 1.0), 0.0, 1.2)
         takes = self.truck.peak_torque * (pump / p.stall_rads) ** 2 * np.clip(1.0 - over**6, -0.5, 1.0)
-        gives = takes * np.maximum(1.5 - (1.5 - 1.0) * over / 0.85, 1.0)
-        s.pump = np.maximum(pump + dt * (view.engine_torque - takes) / 2.5, 50.0)
+        gives = takes * np.maximum(1.5 - (1.5 - 1.0) * over / 0.85, 1.0)  # 1.5 at stall, coupling at 0.85
+        s.pump = np.maximum(pump + dt * (view.engine_torque - takes) / 2.5, 50.0)  # 2.5 kg m^2
         felt = np.where(is_open, gives - view.engine_torque, 0.0)
         most = 0.8 * self.truck.peak_torque
         return self.at_wheels(view, np.clip(felt, -most, most)) * np.clip(view.speed - 0.5, 0, 1)
@@ -179,7 +179,7 @@ class OpenConverter(Law, pump=-1.0, gear=0.0, since=0.0):
 @sizes(engine_kgm2=(4.0, 10.0), wheels_kgm2=(20.0, 150.0))
 class HeavyFlywheel(Law):
     """A heavy flywheel turns with the engine, massive wheels with the road.
-    Source: Wong, Theory of Ground Vehicles (2008), sec. 3.4.2 (mass factor 0.04 + 0.0025 ratio^2)."""
+    Source: Wong, Theory of Ground Vehicles (2008): mass factor 1.04 + 0.0025 ratio^2."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         r2 = self.truck.wheel_radius**2
@@ -193,7 +193,8 @@ class HeavyFlywheel(Law):
 class DampedFlywheel(Law, rotor=-1.0):
     """A second inertia behind a torsional damper. inertia: kg m2 at engine speed; wheels_kg: rim mass of dual
     wheels, as if at the tread.
-    Source: Reik, LuK Symposium (1990), on dual-mass flywheels."""
+    Source: Kiencke and Nielsen, Automotive Control Systems (2005), on drivelines of two inertias; Wong,
+    Theory of Ground Vehicles (2008), on the mass factor of wheels."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         s.rotor = np.where(s.rotor < 0.0, view.engine_speed, s.rotor)

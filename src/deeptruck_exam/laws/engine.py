@@ -28,9 +28,10 @@ class FanAndCompressor(Law):
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         load = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
-        s.heat += dt * (0.25 + 1.2 * load - 1.1 * s.on) / p.heat_s
+        s.heat += dt * (0.25 + 1.2 * load - 1.1 * s.on) / p.heat_s  # 1: the fan comes on
         s.heat = np.clip(s.heat, 0.0, 1.2)
         s.on = np.where(s.heat > 1.0, 1.0, np.where(s.heat < 0.35, 0.0, s.on))
+        # 1/s of a full tank: leaks, braking by 20 kN, the compressor
         s.tank -= dt * (0.004 + 0.03 * np.clip(view.brake_force / 2e4, 0.0, 1.0) - 0.02 * s.pumping)
         s.pumping = np.where(s.tank < 0.75, 1.0, np.where(s.tank > 0.95, 0.0, s.pumping))
         w = np.maximum(view.engine_speed, 40.0)
@@ -50,7 +51,7 @@ class CompressionBrake(Law, closed=0.0, torque=0.0):
         s.closed = np.where(closed & (view.shifting == 0.0), s.closed + dt, 0.0)
         stages = np.clip(np.floor((s.closed - p.delay_s) / 0.4 + 1.0), 0.0, 3.0) / 3.0
         wanted = stages * p.torque_nm * np.clip(view.engine_speed / 180.0, 0.0, 1.3) ** p.exponent
-        s.torque += dt * (wanted - s.torque) / 0.08
+        s.torque += dt * (wanted - s.torque) / 0.08  # s, a cycle or two of the engine
         return -self.at_wheels(view, s.torque) * moving(view)
 
 
@@ -58,7 +59,7 @@ class CompressionBrake(Law, closed=0.0, torque=0.0):
 @sizes(torque_nm=(280.0, 650.0), fill=(0.6, 1.8), cut_out_rpm=(850.0, 1000.0), limit=(0.7, 1.0))
 class ExhaustFlap(Law, shut=0.0, pressure=0.0):
     """Closed by the first touch of the brake pedal, opened by the throttle, and never recorded. fill:
-    manifold fillings a second at 1500 rpm.
+    manifold fillings a second at 1500 rpm (157 rad/s); it empties six times a second.
     Source: Heywood, Internal Combustion Engine Fundamentals, ch. 13, on pumping against a throttled
     exhaust."""
 
@@ -75,7 +76,8 @@ class ExhaustFlap(Law, shut=0.0, pressure=0.0):
 @law("engine_friction", accepts="engine_brake accessory_load")
 @sizes(cold_c=(-20.0, 10.0), exponent=(0.25, 0.40), warm_s=(150.0, 500.0))
 class ColdOil(Law):
-    """Motoring friction rises with a power of oil viscosity in a cold start.
+    """Motoring friction rises with a power of oil viscosity in a cold start; 0.55 of it is rubbing. Oil at
+    95 degC is warm.
     Source: Shayler, Leong and Murphy, SAE 2005-01-1654; viscosity by Vogel's equation."""
 
     def start(self, batch: int) -> dict[str, Array]:
@@ -111,7 +113,8 @@ class BoundaryAndPumping(Law):
 @sizes(depth=(0.20, 0.45), from_k=(6.0, 14.0), span_k=(6.0, 14.0), block_s=(60.0, 140.0))
 class CoolantDerate(Law, block=0.0, coolant=0.0):
     """Fuelling is cut in proportion above a coolant temperature; coolant and block are two thermal masses
-    with ram-air cooling. Temperatures in K above the thermostat.
+    with ram-air cooling. Temperatures in K above the thermostat; at full power the block is 60 K above the
+    coolant, which takes 30 s to follow.
     Source: Heywood, Internal Combustion Engine Fundamentals, ch. 12, on heat to the coolant; SAE J1939-71,
     SPN 1569, engine protection torque derate."""
 

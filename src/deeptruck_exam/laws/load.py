@@ -19,6 +19,7 @@ class Pendulum(Law, angle=0.0, rate=0.0):
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         omega2 = GRAVITY / p.pendulum_m
+        # rad/s^2 for each rad beyond 0.6, where the liquid meets the bulkhead
         bulkhead = 400.0 * np.sign(s.angle) * np.maximum(np.abs(s.angle) - 0.6, 0.0)
         turning = (
             -omega2 * np.sin(s.angle)

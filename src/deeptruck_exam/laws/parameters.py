@@ -66,8 +66,8 @@ class WindOfTheDrive(EachDrive):
 
 class TemperatureOfTheDrive(EachDrive):
     """Colder or warmer tyres and air in each drive. size: K, one standard deviation.
-    Source: ISO 28580, rolling resistance falls by 0.8 % with each K; air density with absolute
-    temperature."""
+    Source: ISO 28580, correction to 25 degC by 0.6 to 1 % with each K, by class of tyre; air density with
+    absolute temperature."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         kelvin = p.size * self.of_drive

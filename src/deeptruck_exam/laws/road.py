@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from deeptruck_exam.laws.catalogue import Planted, law, sizes
-from deeptruck_exam.laws.law import Array, Law, Setting, Sizes, State, moving, weight
-from deeptruck_exam.laws.series import OnRoad, smooth_spans
+from deeptruck_exam.laws.law import Array, Setting, Sizes, State, moving, weight
+from deeptruck_exam.laws.series import CELL_M, CELLS, OnRoad, smooth_spans
 from deeptruck_model.trucks import View
 
 
@@ -40,29 +40,27 @@ class CoarseMap(OnRoad):
 
 @law("road_surface", accepts="road_grade")
 @sizes(texture=(0.003, 0.010), roughness=(0.0001, 0.0004), share_of_road=(0.25, 0.5))
-class RoughSpans(Law):
-    """Rough spans of 250 to 900 m, the same whenever and whichever way the road is driven.
+class RoughSpans(OnRoad):
+    """Rough spans of 250 to 900 m, the same whenever and whichever way the road is driven. roughness:
+    for each m/s above 5 m/s.
     Source: Hammarström, Eriksson, Karlsson and Yahya, VTI rapport 748A (2012): rolling resistance with
     texture and, growing with speed, with roughness."""
 
     def prepare(self) -> None:
         rng = self.rng(4)
-        self.step_m, length = 5.0, 60000.0
-        routes = int(self.setting.route.max()) + 1
-        self.rough = np.zeros((routes, int(length / self.step_m)))
-        for row in self.rough:
+        length = CELL_M * CELLS
+        self.road = np.zeros((self.rows(), CELLS))
+        for row in self.road:
             at = 0.0
             while at < length:
                 at += rng.uniform(250.0, 900.0) * (1.0 - self.p.share_of_road) / self.p.share_of_road
                 end = at + rng.uniform(250.0, 900.0)
-                row[int(at / self.step_m) : int(end / self.step_m)] = rng.uniform(0.6, 1.0)
+                row[int(at / CELL_M) : int(end / CELL_M)] = rng.uniform(0.6, 1.0)
                 at = end
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        cell = (self.place(view) / self.step_m).astype(int) % self.rough.shape[1]
-        severity = self.rough[self.setting.route, cell]
         extra = p.texture + p.roughness * np.maximum(view.speed - 5.0, 0.0)
-        return -severity * extra * weight(view) * moving(view)
+        return -self.here(view) * extra * weight(view) * moving(view)
 
 
 @law("road_surface", accepts="road_grade")

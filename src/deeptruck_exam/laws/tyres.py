@@ -17,7 +17,7 @@ class StuttgartFormula(Law):
     Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), Stuttgart formula."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        growth = p.at_100mph * np.maximum(view.speed / 44.7, 0.0) ** p.power
+        growth = p.at_100mph * np.maximum(view.speed / 44.7, 0.0) ** p.power  # 44.7 m/s: 100 mph
         return -growth * weight(view)
 
 
@@ -69,10 +69,11 @@ class SelfHeatingTyres(Law):
         return {"below": self.first.copy()}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        size = weight(view) / 200000.0
+        size = weight(view) / 2.0e5  # N, 20 t
         steady = self.truck.rolling_resistance * weight(view)
         loss = steady * np.exp(-p.per_k * s.below)
         speed = np.maximum(view.speed, 0.0)
+        # the air takes 60 W/K at rest, more with the power 0.6 of speed, as from a turbulent boundary layer
         gained = (loss - steady) * speed - 60.0 * size * s.below * (1.0 + speed) ** 0.6
         s.below = np.minimum(s.below + dt * gained / (p.heat_jk * size), 0.0)
         flat = p.flat_n * size * self.flat * np.exp(-view.distance / p.roll_out_m)

@@ -151,7 +151,8 @@ class EcoRoll(Law, closed=0.0):
 @sizes(trailer_share=(0.2, 0.4), hz=(0.9, 1.8), damping=(0.06, 0.15), play_m=(0.002, 0.012))
 class DrawbarSpring(Law, stretch=0.0, rate=0.0):
     """A trailer on a spring with free play, fore and aft.
-    Source: textbook vibration of two masses; Wong, Theory of Ground Vehicles, on drawbars."""
+    Source: Den Hartog, Mechanical Vibrations (1956): relative motion of two masses on a spring; free play as
+    a dead zone."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         omega = 2.0 * np.pi * p.hz
@@ -202,7 +203,7 @@ class CurveResistance(Law):
 @sizes(gain=(0.8, 1.8), leak_m=(900.0, 2500.0), puncture_share=(0.1, 0.5))
 class SlowPuncture(Law):
     """A leak over distance; rolling loss rises with a power of pressure.
-    Source: ISO 28580, corrections of rolling resistance for inflation pressure."""
+    Source: SAE J2452: rolling resistance as a power of inflation pressure."""
 
     def prepare(self) -> None:
         self.from_m = self.rng(34).uniform(0.0, 2.0, self.setting.batch) * 2500.0 * self.p.puncture_share

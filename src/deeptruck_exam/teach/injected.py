@@ -23,6 +23,7 @@ from deeptruck_model.trucks import PhysicsTruck
 EACH, NAMELESS = 18, 90  # grammar laws along one base: of each name, and without a name
 STRAYED = 0.4  # share of them that stray from their form
 WEAK, LEAST = 150.0, (150.0, 3000.0)  # nats: a law that leaves less is scaled to leave some of these
+INACTIVE = 1e-3  # nats: one that leaves less does not act along these drives, and is not scaled
 BLOCK = 2  # samples of a drive to a row of the evidence
 LATE_S = 0.15  # at most, of the sensors through which a force is seen
 
@@ -63,7 +64,7 @@ class Injection:
         """The force, made larger where it would not be seen."""
         nats = information(force[:FIT], MOTION_SD)
         wanted = float(np.exp(self._rng.uniform(*np.log(LEAST))))
-        return force * np.sqrt(wanted / nats) if 1e-3 < nats < WEAK else force
+        return force * np.sqrt(wanted / nats) if INACTIVE < nats < WEAK else force
 
     def of_catalogue(self) -> Iterator[Injected]:
         """Every textbook law that these drives can have, once, as it is written."""

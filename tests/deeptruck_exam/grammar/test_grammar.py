@@ -8,13 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_exam.cases.build import Built
+from deeptruck_exam.cases.build import MOTION_SD, Built, information
+from deeptruck_exam.cases.plan import FIT
 from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.grammar import grammar
 from deeptruck_exam.grammar.shapes import CURVES, GATES, MEMORIES
 from deeptruck_exam.grammar.signals import CARRIERS, DRIVERS, Signals
 from deeptruck_exam.grammar.special import SPECIAL
 from deeptruck_exam.laws import named
+from deeptruck_exam.teach.injected import INACTIVE
 from deeptruck_exam.worlds import trucks
 
 DT = 0.1
@@ -53,7 +55,9 @@ def test_laws_of_a_name_act_and_are_the_same_again(name: str, signals: Signals) 
     laws = [grammar.draw(name, np.random.default_rng(k)) for k in range(8)]
     forces = [law.acceleration(signals) for law in laws]
     assert all(np.isfinite(f).all() and f.shape == signals.speed.shape for f in forces)
-    assert np.mean([np.abs(f).max() for f in forces]) > 0.01
+    # a gate may stay shut here, and a threshold be too high: training leaves such draws as they are
+    acting = [information(f[:FIT], MOTION_SD) > INACTIVE for f in forces]
+    assert sum(acting) > len(forces) / 2
     again = grammar.draw(name, np.random.default_rng(3)).acceleration(signals)
     assert np.array_equal(again, forces[3]) and not np.array_equal(forces[3], forces[4])
 
