@@ -16,6 +16,7 @@ from rich.table import Table
 
 from deeptruck_exam.cases.case import Case, make_case
 from deeptruck_exam.cases.levels import LEVELS
+from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_exam.folder import PROOF
 from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.laws import EFFECTS
@@ -42,11 +43,12 @@ def prove(
     seed: int = REPORT_SEED,
     simulators: Sequence[str] = SIMULATORS,
     resume: bool = True,
+    minutes: float = MINUTES,
 ) -> dict[str, Any]:
     """Examine the tool and write proof.md, scoreboard.json and figures into `out`; returns the scoreboard.
 
-    One folder a case; a scored case is skipped when `resume`, else `out` must not exist. Level
-    nothing_missing gets NULL_FACTOR times the cases, but not of a single one.
+    One folder a case, of recordings of so many `minutes`; a scored case is skipped when `resume`, else `out`
+    must not exist. Level nothing_missing gets NULL_FACTOR times the cases, but not of a single one.
     Raises InputError for unknown levels or simulators, or an `out` in use."""
     _known("level", levels, LEVELS)
     _known("simulator", simulators, SIMULATORS)
@@ -54,7 +56,7 @@ def prove(
         raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
     factor = NULL_FACTOR if cases_per_level > 1 else 1
     wanted = [
-        Job(level, seed + k, None, simulator)
+        Job(level, seed + k, None, simulator, minutes)
         for simulator in simulators
         for level in levels
         for k in range(cases_per_level * (factor if level == "nothing_missing" else 1))
@@ -79,7 +81,7 @@ def one(
     effect: Annotated[str | None, typer.Option(help="Key or name of a hidden law.")] = None,
     seed: Annotated[int, typer.Option(help="Development: 0 to 9999.", min=0)] = 0,
     simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
-    minutes: Annotated[float, typer.Option(help="Length of each recording.")] = 4.0,
+    minutes: Annotated[float, typer.Option(help="Length of each recording.")] = MINUTES,
     rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = True,
     generate_only: Annotated[bool, typer.Option(help="Do not run the tool.")] = False,
 ) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_model.sweeps import end_with_parent
 
 A_CASE = "about a minute each with a physics truck, longer with a learned one; a stopped run goes on"
@@ -28,7 +29,7 @@ class Job:
     seed: int
     effect: str | None = None
     simulator: str = "physics"
-    minutes: float = 4.0
+    minutes: float = MINUTES
 
     @property
     def folder(self) -> str:

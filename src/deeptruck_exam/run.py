@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_exam.cases.case import Case, make_case, open_truth
+from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_exam.folder import CASE
 from deeptruck_exam.scoring import rivals, score
 from deeptruck_exam.scoring.evaluation import arrays, open_loop
@@ -27,7 +28,7 @@ def examine(
     seed: int,
     effect: str | None = None,
     simulator: str = "physics",
-    minutes: float = 4.0,
+    minutes: float = MINUTES,
     *,
     with_rivals: bool = True,
     keep: bool = False,

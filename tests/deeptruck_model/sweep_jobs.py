@@ -9,7 +9,7 @@ from pathlib import Path
 
 from deeptruck_model.errors import InputError
 
-VICTIM, HALF = "seed-1", 30  # updates after which the victim waits to be killed
+VICTIM, HALF = "seed-1", 10  # updates after which the victim waits to be killed
 
 
 def train(job) -> str:

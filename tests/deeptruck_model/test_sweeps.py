@@ -24,8 +24,8 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import load
 
-GRID = {"budget": [60], "hidden": [8], "decoder": [8], "rounds": [6]}
-SETTINGS = "budget=60,hidden=8,decoder=8,rounds=6"
+GRID = {"budget": [20], "hidden": [8], "decoder": [8], "rounds": [6]}
+SETTINGS = "budget=20,hidden=8,decoder=8,rounds=6"
 PATIENCE_S = 200
 
 
@@ -96,9 +96,8 @@ def test_the_job_of_a_killed_worker_is_done_again(jobs, tmp_path, engine):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("engine", sweeps.ENGINES)
-def test_a_killed_worker_loses_no_finished_seed(bag, unbroken, jobs, tmp_path, engine):
-    """Real Ray: seed 0 is done and seed 1 half done when the process of seed 1 is killed."""
+def test_a_killed_worker_loses_no_finished_seed(bag, unbroken, jobs, tmp_path):
+    """Seed 0 is done and seed 1 half done when the process of seed 1 is killed."""
     out = tmp_path / "sweep"
     finished, victim = (files.unfinished(out) / SETTINGS / f"seed-{n}" for n in (0, 1))
 
@@ -106,12 +105,9 @@ def test_a_killed_worker_loses_no_finished_seed(bag, unbroken, jobs, tmp_path, e
         time.sleep(1.0)  # on a busy machine the pool hears of seed 0 later than its files are there
         os.kill(int(jobs.noted(victim).read_text()), signal.SIGKILL)
 
-    with sweeps._cluster(2) if engine == "ray" else nullcontext():
-        killer = when_both(finished / "simulator.json", victim.with_suffix(".waits"), kill)
-        rows = sweep.sweep([bag], out, GRID, seeds=2, workers=2, engine=engine)
-        killer.join()
-        with pytest.raises(InputError, match="job 1 cannot be done"):
-            list(sweeps.run(jobs.refuse, [0, 1], workers=2, engine=engine))
+    killer = when_both(finished / "simulator.json", victim.with_suffix(".waits"), kill)
+    rows = sweep.sweep([bag], out, GRID, seeds=2, workers=2)
+    killer.join()
     finished, victim = (out / SETTINGS / f"seed-{n}" for n in (0, 1))
     assert [len(jobs.noted(folder).read_text().split()) for folder in (finished, victim)] == [1, 2]
     for channel, errors in ranking(unbroken)[0]["held_out_mean_abs"].items():

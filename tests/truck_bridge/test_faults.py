@@ -1,4 +1,4 @@
-"""Each fault in lock-step, more seeds in the long tests, and the judge against a bridge without a core."""
+"""Each fault in lock-step, and the judge against a bridge without a core."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ import fault_runs
 
 
 @pytest.mark.parametrize("fault", list(fault_runs.FAULTS))
-@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2))])
-def test_no_invariant_breaks(fault, seed, monkeypatch):
+def test_no_invariant_breaks(fault, monkeypatch):
     monkeypatch.setattr(fault_runs, "FAULTS", {fault: fault_runs.FAULTS[fault]})
-    verdict = fault_runs.play(seed)
+    verdict = fault_runs.play(0)
     assert verdict.engaged
     assert verdict.broken == ()
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from deeptruck_exam import worlds
 from deeptruck_exam.cases.gates import CONDITIONS, Windows, draw_windows, gate
-from deeptruck_exam.cases.plan import Plan, draw_plan
+from deeptruck_exam.cases.plan import MINUTES, Plan, draw_plan
 from deeptruck_exam.laws.catalogue import Planted
 from deeptruck_exam.laws.law import Array, Setting
 from deeptruck_exam.worlds import roads as road_maker
@@ -48,7 +48,7 @@ def build_case(
     seed: int,
     effect: str | None = None,
     simulator: str = "physics",
-    minutes: float = 4.0,
+    minutes: float = MINUTES,
 ) -> Built:
     """Draw truck, roads and sizes until the effects matter in these drives (at most `ATTEMPTS` times), and
     drive."""

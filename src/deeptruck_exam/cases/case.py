@@ -15,7 +15,7 @@ from deeptruck_exam import worlds
 from deeptruck_exam.cases.absorption import absorb
 from deeptruck_exam.cases.build import DT, Built, build_case
 from deeptruck_exam.cases.levels import NOT_RECORDED
-from deeptruck_exam.cases.plan import Plan
+from deeptruck_exam.cases.plan import MINUTES, Plan
 from deeptruck_exam.cases.truth import describe
 from deeptruck_exam.folder import CASE
 from deeptruck_exam.laws.law import Array
@@ -64,7 +64,7 @@ def make_case(
     seed: int,
     effect: str | None = None,
     simulator: str = "physics",
-    minutes: float = 4.0,
+    minutes: float = MINUTES,
 ) -> Case:
     """Write one case into the new folder `out`: six recordings to fit and two held out, the simulator, and
     the withheld truth. The same arguments give the same case. Raises InputError for an unknown level or

@@ -21,6 +21,7 @@ WRONG = {  # relative standard deviation of the simulator's parameters at level 
     "brake_gain": 0.08,
 }
 FIT, HELD_OUT = 6, 2  # recordings
+MINUTES = 4.0  # of each
 DEEP_TRUCKS = 2  # of each kind: training takes minutes, so that cases share them
 WITHHELD = {"gear": 0.2, "engine_speed": 0.15, "engine_torque": 0.25, "elevation": 0.4}  # chances
 

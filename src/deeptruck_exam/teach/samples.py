@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_exam.cases.build import DT, build
 from deeptruck_exam.cases.case import interface_of, measure
-from deeptruck_exam.cases.plan import FIT, Plan, draw_plan
+from deeptruck_exam.cases.plan import FIT, MINUTES, Plan, draw_plan
 from deeptruck_exam.laws.catalogue import UNKNOWN
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.teach.injected import Injected, Injection
@@ -24,7 +24,6 @@ from deeptruck_model.mismatch import LIBRARY, NOTHING, CleanDrives, Fingerprint,
 from deeptruck_model.recordings import Recording
 
 Source = Literal["grammar", "laws"]
-MINUTES = 4.0
 SCALES = (-1.2, 0.3)  # of the logarithm of what a law's size is multiplied by
 PARAMETER_SD = (0.004, 0.05)  # relative: parameters are nearly right where names are weighed
 ABSORBED = 0.25  # share of laws that the parameters were tuned to, in part

@@ -88,7 +88,7 @@ def test_minutes_of_data_are_drawn_for_every_truck(tmp_path, monkeypatch):
     monkeypatch.setattr(minutes, "MINUTES", (1, 2))
     monkeypatch.setattr(minutes, "FLEET", 2)
     monkeypatch.setattr(minutes, "FLEET_MINUTES", 2)
-    monkeypatch.setattr(minutes, "drive_of", lambda name, length, seed: drive_of(name, min(length, 4), seed))
+    monkeypatch.setattr(minutes, "drive_of", lambda name, length, seed: drive_of(name, min(length, 2), seed))
     metrics = minutes.minutes_of_data(tmp_path, updates=5)
     assert list(metrics["volvo"]["adapted"]) == [0, 1, 2]
     assert list(metrics["volvo"]["from scratch"]) == [1, 2]
