@@ -245,6 +245,8 @@ def test_the_table_and_the_csv(tmp_path):
     (speed,) = (line for line in lines if line.startswith("CCVS1.WheelBasedVehicleSpeed"))
     assert "  84 " in speed
     assert "km/h" in speed
+    (brake,) = (line for line in lines if line.startswith("EBC1.BrakePedalPosition"))
+    assert brake.endswith(" 20 not available")
     can_logs.write_csv(found, tmp_path / "out.csv")
     with (tmp_path / "out.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import threading
 import warnings
 from pathlib import Path
@@ -24,10 +23,11 @@ def board(folder: Path, start: int) -> SummaryWriter:
     return SummaryWriter(str(folder), purge_step=start)
 
 
-@functools.cache
 def _quiet_thread() -> None:
-    """Once a process: the writer's thread prints no traceback of what is raised here too."""
+    """Let the writer's thread print no traceback of what is raised here too; other errors are as before."""
     before = threading.excepthook
+    if getattr(before, "__module__", "") == __name__:
+        return
 
     def hook(given: threading.ExceptHookArgs) -> None:
         is_writer = type(given.thread).__module__.startswith("tensorboard.")

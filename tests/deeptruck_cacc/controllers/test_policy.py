@@ -16,6 +16,7 @@ from safetensors.numpy import save_file
 
 from deeptruck_cacc import CaccEnv, MlpPolicy, Policy, load_policy
 from deeptruck_cacc.controllers.baselines import LAWS, baseline
+from deeptruck_cacc.controllers.law import Seen
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import MANIFEST, WEIGHTS
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
@@ -65,6 +66,21 @@ def test_saving_replaces_a_policy_only_where_asked(tmp_path):
         random_policy(power=True).save(tmp_path / "p")
     random_policy(power=True).save(tmp_path / "p", overwrite=True)
     assert load_policy(tmp_path / "p").features.power
+
+
+@pytest.mark.parametrize(
+    ("law", "wanted"),
+    [
+        ("acc", 0.23 * 6.0 + 0.07 * -2.0),
+        ("cacc", 0.45 * 6.0 + 0.25 * -2.0 + 0.3),
+        ("idm", 1.0 - (20.0 / 40.0) ** 4 - ((24.0 + 20.0 * 2.0 / (2 * (1.0 * 1.5) ** 0.5)) / 30.0) ** 2),
+        ("pi", 0.12 * 6.0 + 0.5 * -2.0 + 0.02 * 5.0 + 0.7 * 0.3),
+    ],
+)
+def test_a_law_is_its_printed_formula(law: str, wanted: float) -> None:
+    """At 20 m/s, 30 m behind a leader of 18 m/s and 0.3 m/s^2, where 24 m are wanted."""
+    numbers = (18.0, 20.0, 30.0, 24.0, 0.3, 0.0, 5.0)
+    assert LAWS[law](Seen(*(np.array([x]) for x in numbers))) == pytest.approx(wanted)
 
 
 def test_the_ideal_follower_has_the_speed_that_suits_the_gap_whatever_was_before():

@@ -37,14 +37,41 @@ def stopping_margin(p: Promise, gap: float, speed: float, leader: float, wait: f
     return least - p.d_safety
 
 
+def test_needed_gap_is_equation_4():
+    """docs/cacc_shield.md, (1) to (4), by hand: 20 m/s behind 15 m/s, cold brakes, w of 0.1 s."""
+    late, rise = 0.1 + 0.6, 24.0 / 20.0
+    peak = 20.0 + rise * late
+    braking = 4.2  # a stop heats the brakes to 0.6 * peak^2 = 261 J/kg, below the 400 from which they fade
+    travelled = 20.0 * late + rise * late**2 / 2 + peak**2 / (2 * braking)
+    between_calls = peak * 0.1 / 2 + braking * 0.1**2 / 2
+    gap = 2.0 + travelled + between_calls - 15.0**2 / (2 * 6.0)
+    assert PROMISE.needed_gap(column(20.0), column(15.0), column(0.0), 0.1) == pytest.approx(gap)
+
+
 @pytest.mark.parametrize("speed", [3.0, 10.0, 20.0, 30.0])
 @pytest.mark.parametrize("leader", [0.0, 8.0, 20.0, 31.0])
-def test_needed_gap_suffices_and_is_not_much_too_large(speed, leader):
+def test_needed_gap_suffices_and_is_too_large_by_the_time_between_calls_alone(speed, leader):
     gap = float(PROMISE.needed_gap(column(speed), column(leader), column(0.0), PROMISE.dt)[0])
     margin = stopping_margin(PROMISE, gap, speed, leader, PROMISE.dt)
     assert margin >= 0
-    if gap > PROMISE.d_safety:
-        assert margin < 0.1 * gap
+    peak = speed + float(PROMISE.acceleration_at(column(speed))[0]) * (PROMISE.dt + PROMISE.response_s)
+    braking = float(PROMISE.braking_when(column(PROMISE.stop_heat * 0.5 * peak**2))[0])
+    between_calls = 0.5 * peak * PROMISE.dt + 0.5 * braking * PROMISE.dt**2
+    if gap > PROMISE.d_safety + between_calls:  # else the truck stops before its leader, and nearest before
+        assert margin == pytest.approx(between_calls, abs=0.03)
+
+
+@pytest.mark.parametrize(("wish", "rate"), [(0.9, 24.0 / 16.0), (0.25, 0.0), (0.1, -0.2 * 0.5 * 4.2)])
+def test_the_worst_truck_obeys_short_of_the_full_brake(wish, rate):
+    """Full engine, neither, and a fifth of the brake: at 16 m/s, cold, behind a steady leader."""
+    genes = np.zeros((1, proof.WIDTH))
+    genes[:, :2] = 16.0 / 32.0  # own speed and the leader's
+    _, pull, wishes, _, _ = np.split(genes[0], 5 + proof.KNOTS * np.arange(4))
+    pull[:], wishes[:] = 6.0 / 8.0, wish  # the leader keeps its speed
+    least, _ = proof.rollouts(PROMISE, genes, steps=2, shielded=False)
+    start = PROMISE.needed_gap(column(16.1), column(15.9), column(0.0), 0.0) + PROMISE.gap_error
+    lost = PROMISE.dt * max(rate, 0.0) * PROMISE.dt  # the second step begins faster than the leader
+    assert least == pytest.approx(start - lost - PROMISE.d_safety, abs=1e-12)
 
 
 def test_random_policies_leaders_and_radars_find_no_violation():

@@ -267,6 +267,13 @@ def test_scores_count_only_what_the_task_allows():
     speed = zero + 0.3
     got = validation.scores(scene, 0.1, zero, speed, np.zeros(scene.batch))
     np.testing.assert_allclose(got, np.repeat([0.3, 0.0, 0.3], [16, 16, 8]))
+    crashed = np.arange(scene.batch) == 20
+    after = validation.scores(scene, 0.1, zero, speed, crashed)
+    np.testing.assert_allclose(after - got, 10.0 * crashed)
+    gap = zero.copy()
+    gap[round(validation.SETTLED_S / 0.1) - 1 :, 3] = np.linspace(9.0, 0.0, 301)
+    late = validation.scores(scene, 0.1, gap, zero, np.zeros(scene.batch))
+    np.testing.assert_allclose(late, np.where(np.arange(scene.batch) == 3, 9.0 - 0.03, 0.0))
 
 
 def test_a_learning_curve_that_cannot_be_written_says_how_to_go_on(tmp_path):

@@ -129,6 +129,19 @@ def test_the_linear_baseline_knows_returns_of_any_size_at_once_and_the_others_la
     assert missed["network"][1] > 0.95
 
 
+def test_the_network_baseline_learns_the_returns_of_its_states():
+    config = replace(QUICK, baseline="network", value_rate=0.01, value_passes=20, value_share=1.0)
+    one = return_baselines.baseline(config, 3, [torch.Generator().manual_seed(0)])
+    seen = torch.randn(1, 4, 61, 3, generator=torch.Generator().manual_seed(1))
+    returns, rngs = seen[:, :, :-1, 0], [np.random.default_rng(0)]
+    missed = []
+    for _ in range(3):
+        values = one.values(seen, returns)[..., :-1]
+        missed.append(float((values - returns).square().mean() / returns.var()))
+        one.learn(seen, returns, rngs)
+    assert missed[0] > 0.9 and missed[1] < 0.5 * missed[0] and missed[2] < 0.5 * missed[1]
+
+
 def test_an_unknown_baseline_is_refused():
     with pytest.raises(InputError, match="'tree'; known: linear, linear-before, network"):
         replace(QUICK, baseline="tree")

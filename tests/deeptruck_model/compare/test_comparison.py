@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from deeptruck_model import cli, driving_cycles, simulators, trucks
 from deeptruck_model.compare import compare, page, write
 from deeptruck_model.compare.alignment import By, Road
+from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.simulators import free_run
 
@@ -73,6 +74,15 @@ def test_an_offset_that_is_given_is_taken(bags: Path) -> None:
     sides = [str(bags / "whole"), str(bags / "later")]
     _, later = compare(sides, given={"later": 30.0}).compared
     assert later.offset.seconds == 30.0 and not later.offset.found and later.offset.correlation < 0.99
+
+
+@pytest.mark.parametrize("text", ["friday=abc", "friday=nan", "friday=", "12.5", "=12.5"])
+def test_an_offset_that_is_no_number_is_one_line(bags: Path, tmp_path: Path, text: str) -> None:
+    sides = [str(bags / "whole"), str(bags / "later")]
+    done = RUN.invoke(cli.whole(), ["compare", *sides, "--offset-s", text, "--out", str(tmp_path / "out")])
+    assert isinstance(done.exception, InputError)  # which the console script prints, with exit code 2
+    assert f"--offset-s '{text}' is not understood" in str(done.exception)
+    assert "\n" not in str(done.exception) and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("late_s", [0.0, 3.0, 6.0])

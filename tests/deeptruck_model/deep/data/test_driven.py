@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,14 @@ def test_damaged_or_of_other_signals_is_said(tmp_path: Path) -> None:
     driven.save(driven.measure([cruise(10.0, 1000.0)]), tmp_path)
     with pytest.raises(InputError, match="of other signals"):
         driven.load(tmp_path, 3)
+    whole = driven.load(tmp_path, 4)
+    assert whole is not None
+    for name, value in (("samples", np.nan), ("near", np.nan), ("near", 0.0)):
+        damaged = getattr(whole, name).copy()
+        damaged.flat[-1] = value
+        driven.save(replace(whole, **{name: damaged}), tmp_path)
+        with pytest.raises(InputError, match="values that are not possible"):
+            driven.load(tmp_path, 4)
     (tmp_path / driven.FILE).write_bytes(b"nothing of the kind")
     with pytest.raises(InputError, match="damaged"):
         driven.load(tmp_path, 4)

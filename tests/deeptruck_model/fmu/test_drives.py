@@ -1,0 +1,43 @@
+"""How many instances of an FMU are made, with a counter in the place of each."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import pytest
+
+from deeptruck_model.fmu.drives import FEWEST, Drive, Instances
+from deeptruck_model.fmu.instance import Instance
+
+
+class Counter:
+    """Counts its steps, as an instance that cannot keep its state."""
+
+    def start(self, values: object) -> list[float]:
+        self.steps = 0.0
+        return [0.0]
+
+    def step(self, inputs: object) -> list[float]:
+        self.steps += 1.0
+        return [self.steps]
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+
+@pytest.mark.parametrize(("only_once", "most"), [(True, 1), (False, FEWEST)])
+def test_an_fmu_that_allows_one_instance_gets_one(only_once: bool, most: int) -> None:
+    made: list[Counter] = []
+
+    def new() -> Instance:
+        made.append(Counter())
+        return cast(Instance, made[-1])
+
+    instances = Instances(new, keeps=False, only_once=only_once)
+    drives = [Drive(()) for _ in range(FEWEST + 2)]
+    for drive in drives:
+        instances.begin(drive)
+    for length in range(3):  # in turns: one instance drives each of them again from its start
+        for drive in drives:
+            assert instances.step(drive, length, [0.0])[1] == [length + 1.0]
+    assert len(made) == most
