@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from deeptruck_model.errors import InputError
 
@@ -34,12 +35,12 @@ def test_the_smallest_piece_ends_in_a_page(tmp_path: Path) -> None:
     done = demo("--out", tmp_path / "demo", "--quick", "--only", "mismatch")
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "demo" / "index.html").read_text()
-    assert "Mismatch" in text and "Closed loop" not in text
+    assert "Mismatch" in text and "Following" not in text
+    hidden = yaml.safe_load((tmp_path / "demo" / "drives" / "hidden.yaml").read_text())
+    assert f"Hidden from the tool: {hidden['says']}" in text
     assert (
         done.stdout.startswith("step 1 of 2, drive: running") and "step 2 of 2, mismatch: done" in done.stdout
     )
-    headline = re.search("<h1>(.*?)</h1>", (tmp_path / "demo" / "mismatch" / "report.html").read_text())
-    assert headline is not None and f"<strong>{headline[1]}" in text
     for shown in ("mismatch/report.html", "logs/drive.log"):
         assert f'"{shown}"' in text and (tmp_path / "demo" / shown).exists()
 
@@ -50,8 +51,9 @@ def test_the_whole_demo_and_once_more(tmp_path: Path) -> None:
     done = demo("--out", out, "--quick")
     assert done.returncode == 0, done.stderr
     text = (out / "index.html").read_text()
-    sections = ("Driving and recording", "Learning", "Open loop", "Closed loop", "Mismatch")
-    assert all(f"<h2>{section}" in text for section in sections)
+    sections = ("Driving and recording", "Learning", "Open loop")
+    assert all(f"<summary>{section}" in text for section in sections)
+    assert all(f"<h2>{section}" in text for section in ("Mismatch", "Following"))
     shown = [name for name in re.findall('(?:src|href)="([^"#]+)"', text) if not name.startswith("../")]
     assert len(shown) > 15 and all((out / name).exists() for name in shown)
     (out / "notes.txt").write_text("mine")
@@ -76,6 +78,32 @@ def test_intervals_that_hold_too_little_are_owned_up_to() -> None:
     assert said(0.55, 0.63).startswith("90 % intervals hold 55 to 63 % of the points: they are too narrow")
     assert said(0.88, 0.91) == "90 % intervals hold 88 to 91 % of the points"
     assert said() == ""
+
+
+@pytest.mark.parametrize(
+    ("effect", "validated", "says"),
+    [
+        (
+            "dragging_brake",
+            True,
+            "was found, and its correction reduces .* from 0.74 to 0.21 m/s",
+        ),
+        ("dragging_brake", False, "was found; the correction changes .* did not pass validation"),
+        ("brake_fade", True, "is one of several causes"),
+        ("headwind", True, "was not found"),
+    ],
+)
+def test_the_first_sentence_says_whether_the_hidden_was_found(
+    effect: str, validated: bool, says: str
+) -> None:
+    rivals = {"brake_fade": ["dragging_brake"]}.get(effect, [])
+    verdict = {
+        "findings": [{"effect": effect, "cannot_be_told_from": rivals}],
+        "fit": {"before": {"speed_rmse": 0.74}, "after": {"speed_rmse": 0.21}, "validated": validated},
+    }
+    assert re.search(
+        f"^The hidden dragging brake {says}", page._result({"effect": "dragging_brake"}, verdict)
+    )
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
@@ -209,10 +237,9 @@ def test_runs_side_by_side_have_the_time_of_one_leader() -> None:
         channels = dict.fromkeys(names, np.full(300, 40.0)) | {"leader_speed": leader}
         return Following("x", time, channels, np.full(300, 40.0), leader)
 
-    axes = following_figure([run(0.0), run(5.5)]).axes[:2]
-    first, second = (axis.lines[0] for axis in axes)
-    moves = [line.get_xdata()[np.argmax(line.get_ydata() > 20.5)] for line in (first, second)]
-    assert moves[0] == pytest.approx(moves[1], abs=0.11) and moves[0] == pytest.approx(15.5, abs=0.2)
+    early, late = run(0.0), run(5.5)
+    leader, _, second = following_figure([early, late]).axes[0].lines
+    assert leader.get_xdata()[np.argmax(leader.get_ydata() > 20.5)] == pytest.approx(15.5, abs=0.2)
     assert second.get_xdata()[0] == pytest.approx(5.5, abs=0.11)
 
 

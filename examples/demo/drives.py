@@ -4,28 +4,50 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 import yaml
 
 from deeptruck_model import console, driving_cycles, files, trucks
+from deeptruck_model.mismatch.strength import acts
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.results import BAG_FILES
 
 BAGS = ("cycle", "test", *(f"other/{name}" for name in "abcd"))
 DRIVES = files.Result(
     "a folder of the demo's drives",
-    ("leader.csv", "other.yaml", *(f"{bag}/{name}" for bag in BAGS for name in (*BAG_FILES, files.LEDGER))),
+    (
+        "leader.csv",
+        "hidden.yaml",
+        "hidden.csv",
+        *(f"{bag}/{name}" for bag in BAGS for name in (*BAG_FILES, files.LEDGER)),
+    ),
 )
-STICKING_SHARE = 1 / 6  # of the brake force: one brake of a three-axle truck's six, all alike
+BRAKES = 6  # of a three-axle truck, all alike
 LETS_GO_S = 20.0  # chosen, as no figure is published; brakes in order have 0.55 s (FMVSS 121, S5.3.4)
 NOISE = {"speed": 0.03, "acceleration": 0.05, "grade": 0.001}  # standard deviation of the sensors, SI
 
 
+class _Log(list[tuple[float, float]]):
+    """(time s, force N) of a drive; the copies of a truck's state share it."""
+
+    def __deepcopy__(self, memo: object) -> _Log:
+        return self
+
+
 class StickingBrake:
     """One brake of six presses with the others, but comes off slowly: its return spring is weak."""
+
+    effect = "dragging_brake"
+    says = (
+        f"one of {BRAKES} brakes does not let go when it is released: the force it holds falls with a "
+        f"time constant of {LETS_GO_S:g} s"
+    )
+
+    def __init__(self) -> None:
+        self.log = _Log()
 
     def reset(self, batch: int) -> None:
         """Released."""
@@ -33,9 +55,11 @@ class StickingBrake:
 
     def force(self, view: trucks.View, dt: float) -> np.ndarray:
         """N at the road: what the brake holds beyond its share of the truck's braking; none at rest."""
-        pressed = STICKING_SHARE * np.abs(view.brake_force)
+        pressed = np.abs(view.brake_force) / BRAKES
         self.held = np.maximum(pressed, self.held * (1.0 - dt / LETS_GO_S))
-        return (pressed - self.held) * (view.speed > 0.5)
+        force = (pressed - self.held) * (view.speed > 0.5)
+        self.log.append((view.time, float(force[0])))
+        return force
 
 
 def cycle_drives(out: Path, hours: float) -> None:
@@ -54,17 +78,41 @@ def leader(out: Path, seconds: float = 3600.0) -> None:
 
 
 def other_truck(out: Path, seconds: float, seed: int = 20) -> None:
-    """Bags other/a .. other/d of a truck that differs from the simulator, and what differs, as YAML."""
-    truck = trucks.load("trucksim").with_forces([StickingBrake()])
+    """Bags other/a .. other/d of a truck that differs from the simulator.
+
+    What differs is in hidden.yaml, its force (N) over each drive's time (s) in hidden.csv.
+    """
     rng = np.random.default_rng(seed)
     (out / "other").mkdir(exist_ok=True)
+    hidden: dict[str, np.ndarray] = {}
     for k, name in enumerate("abcd"):
+        brake = StickingBrake()
+        truck = trucks.load("trucksim").with_forces([brake])
         drive = driving_cycles.drive(truck, seconds=seconds, seed=10 + k, name=name)
         noisy = {c: drive.channels[c] + rng.normal(0.0, sd, len(drive)) for c, sd in NOISE.items()}
         measured = replace(drive, channels={**drive.channels, **noisy})
         write_bag(out / "other" / name, [measured], interface=truck.interface)
-    differs = {"sticking_share": STICKING_SHARE, "lets_go_s": LETS_GO_S}
-    (out / "other.yaml").write_text(yaml.safe_dump(differs))
+        times, force = np.array(brake.log).T
+        hidden |= {
+            "time": drive.time - drive.start_s,
+            name: np.interp(drive.time - drive.start_s, times, force),
+        }
+    np.savetxt(
+        out / "hidden.csv", np.stack(list(hidden.values()), axis=1), "%.2f", ",",
+        header=",".join(hidden), comments="",
+    )  # fmt: skip
+    (out / "hidden.yaml").write_text(yaml.safe_dump(_description(np.concatenate([hidden[d] for d in "abc"]))))
+
+
+def _description(force: np.ndarray) -> dict[str, Any]:
+    """What was hidden, by the effect's name, in words, and as its mean while it acts on the drives a to c."""
+    acting = acts(force)
+    return {
+        "effect": StickingBrake.effect,
+        "says": StickingBrake.says,
+        "mean_force_n": float(force[acting].mean()) if acting.any() else 0.0,
+        "share_of_time": float(acting.mean()),
+    }
 
 
 def main(

@@ -3,65 +3,60 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
-from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import printed
+from deeptruck_model.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, styled
 from examples.demo.following import Following
 
-BLUE, RED, GREY = "tab:blue", "tab:red", "0.45"
+FOUND = "#D55E00"
+RUNS = (MODELLED, FOUND)
 
 
-def recording_figure(drive: Recording, shown_s: float = 900.0) -> Figure:
-    """The first quarter of an hour of a drive, channel under channel."""
-    piece = drive.piece(0, min(len(drive), round(shown_s / drive.dt)))
-    minutes = (piece.time - piece.start_s) / 60
-    engine, brake = (printed(drive.interface.unit(name)) for name in ("engine_command", "brake_command"))
-    rows = (
-        ("speed", 1.0, "speed\n[m/s]"),
-        ("acceleration", 1.0, "acceleration\n[m/s²]"),
-        ("engine_command", 1.0, f"engine command\n[{engine}]"),
-        ("brake_command", 1.0, f"brake command\n[{brake}]"),
-        ("gear", 1.0, "gear"),
-        ("grade", 100.0, "grade\n[%]"),
-        ("fuel_rate", 1.0, "fuel rate\n[cm³/s]"),
-    )
-    figure = Figure(figsize=(11, 11), layout="constrained")  # so high that the labels do not touch
-    axes = figure.subplots(len(rows), 1, sharex=True)
-    for axis, (name, scale, label) in zip(axes, rows, strict=True):
-        axis.plot(minutes, scale * piece.channels[name], lw=0.8, color=BLUE)
-        axis.set_ylabel(label)
-        axis.margins(x=0)
-    axes[-1].set_xlabel("time [min]")
-    figure.align_ylabels(axes)
+@styled()
+def hidden_figure(
+    time: NDArray[np.float64], force: NDArray[np.float64], segments: Sequence[Mapping[str, Any]]
+) -> Figure:
+    """The hidden force (n,) in N over a drive, and the mean of each segment that the tool found in it."""
+    figure = Figure(figsize=(WIDTH_IN, 2.6))
+    axis = figure.subplots()
+    axis.plot(time, force / 1000.0, color=RECORDED, label="hidden")
+    label: str | None = "found: mean of each segment"
+    for s in segments:
+        if s["mean_force_n"] is not None:
+            axis.plot(
+                (s["start_s"], s["end_s"]), [s["mean_force_n"] / 1000.0] * 2, color=FOUND, lw=4, label=label
+            )
+            label = None
+    axis.set(xlabel="time [s]", ylabel="force [kN]")
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    axis.margins(x=0)
     return figure
 
 
+@styled()
 def learning_figure(simulator: Path, policy: Path) -> Figure:
     """Losses of the deep truck (from its TensorBoard log) and of the policy against the updates."""
-    figure = Figure(figsize=(11, 3.6), layout="constrained")
-    truck, follower = figure.subplots(1, 2)
+    figure = Figure(figsize=(WIDTH_IN, 5.2))
+    truck, follower = figure.subplots(2, 1)
     for name, points in truck_curves(simulator).items():
         truck.semilogy(*zip(*points, strict=True), label=name)
-    truck.set(xlabel="updates", ylabel="loss")
+    truck.set(title="deep truck", ylabel="loss")
     rows = [json.loads(line) for line in (policy / "learning_curve.jsonl").read_text().splitlines()]
     steps = np.array([row["iteration"] for row in rows])
     follower.semilogy(steps, [np.mean(row["cost"]) for row in rows], label="cost", lw=0.8)
     judged = [(row["iteration"], np.min(row["validation"])) for row in rows if "validation" in row]
     follower.semilogy(*zip(*judged, strict=True), "o-", label="validation, fresh scenes")
-    follower.set(xlabel="updates", ylabel="cost of a step")
-    for axis, title in ((truck, "deep truck"), (follower, "policy")):
-        axis.set_title(title, loc="left")
-        axis.legend(
-            ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False
-        )  # no curve runs there
+    follower.set(title="policy", xlabel="updates", ylabel="cost of a step")
+    for axis in (truck, follower):
+        axis.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))  # no curve runs there
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axis.grid(alpha=0.3)
     return figure
 
 
@@ -74,23 +69,25 @@ def truck_curves(simulator: Path) -> dict[str, list[tuple[int, float]]]:
     return {name: [(e.step, e.value) for e in events.Scalars(f"loss/{name}")] for name in names}
 
 
-def following_figure(runs: list[Following]) -> Figure:
-    """The closed-loop runs side by side, one column each, on the same axes.
+@styled()
+def following_figure(runs: Sequence[Following]) -> Figure:
+    """The closed-loop runs over each other.
 
     Time is the first run's: a bag may begin before or after its leader, so the others are moved until their
     leaders first change speed when its leader does.
     """
-    figure = Figure(figsize=(6.2 * len(runs), 9.5), layout="constrained")
-    axes = figure.subplots(5, len(runs), sharex=True, sharey="row", squeeze=False)
-    for column, run in enumerate(runs):
-        _follow(axes[:, column], run, _delay(runs[0], run))
-        axes[0, column].set_title(run.title)
-        axes[-1, column].set_xlabel("time [s]")
-    labels = ("speed\n[m/s]", "gap\n[m]", "acceleration\n[m/s²]", "engine\n[N m]", "brake\n[%]")
-    for row, label in enumerate(labels):
-        axes[row, 0].set_ylabel(label)
-    axes[0, 0].legend(ncols=2)
-    axes[1, 0].legend()
+    figure = Figure(figsize=(WIDTH_IN, 6.6))
+    axes = figure.subplots(4, 1, sharex=True)
+    for run, colour in zip(runs, RUNS, strict=False):
+        _follow(axes, run, colour, _delay(runs[0], run), first=run is runs[0])
+    for axis, label in zip(
+        axes, ("speed\n[m/s]", "time gap\n[s]", "engine\n[N m]", "brake\n[%]"), strict=True
+    ):
+        axis.set_ylabel(label)
+        axis.margins(x=0)
+    axes[-1].set_xlabel("time [s]")
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+    figure.align_ylabels(axes)
     return figure
 
 
@@ -100,18 +97,15 @@ def _delay(first: Following, run: Following) -> float:
     return 0.0 if moves[0] is None or moves[1] is None else moves[0] - moves[1]
 
 
-def _follow(axes: Any, run: Following, delay: float) -> None:
+def _follow(axes: Any, run: Following, colour: str, delay: float, *, first: bool) -> None:
     t, c = run.time + delay, run.channels
-    axes[0].plot(t, c["leader_speed"], color="k", lw=1, label="leader, by radar")
-    axes[0].plot(t, c["speed"], color=RED, lw=1.2, label="truck")
-    axes[1].plot(t, c["gap"], color="k", lw=1, label="by radar")
-    axes[1].plot(t, run.target_gap, color=RED, lw=1.2, label=f"wanted: {run.time_gap:g} s of its speed")
-    axes[2].plot(t, c["acceleration"], color=BLUE, lw=1)
-    axes[3].plot(t, c["engine_command"], color=BLUE, lw=1)
-    axes[4].plot(t, c["brake_command"], color=BLUE, lw=1)
-    for axis in axes:
-        axis.grid(alpha=0.3)
-        axis.margins(x=0)
+    if first:
+        axes[0].plot(t, run.true_leader_speed, color=RECORDED, label="leader")
+        axes[1].axhline(run.time_gap, color=GUIDE)
         if run.another_s is not None:
-            axis.axvspan(*(delay + s for s in run.another_s), color="0.85", lw=0)
-    axes[1].set_ylim(bottom=0)
+            for axis in axes:
+                axis.axvspan(*(delay + s for s in run.another_s), color="0.85", lw=0)
+    axes[0].plot(t, c["speed"], color=colour, label=run.title)
+    axes[1].plot(t, run.true_gap / np.maximum(c["speed"], 1.0), color=colour)
+    axes[2].plot(t, c["engine_command"], color=colour)
+    axes[3].plot(t, c["brake_command"], color=colour)

@@ -7,23 +7,23 @@ import json
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from deeptruck_model import files
-from deeptruck_model.mismatch.report import headline, page, validation, wording
-from deeptruck_model.mismatch.result import Verdict
-from deeptruck_model.recordings import read
+from deeptruck_model import files, pages
+from deeptruck_model.pages import style
 from examples.demo import figures, following
 from examples.demo.runner import Progress
 from examples.demo.steps import ROOT
 
 HELD_ENOUGH = 0.8  # of the points, by intervals that were to hold 90 %
 HERE = Path(__file__).parent
+UNJUDGED = "One truck through the whole loop"
 
 
 def write(out: Path, progress: Sequence[Progress], seconds: float) -> Path:
@@ -35,10 +35,12 @@ def write(out: Path, progress: Sequence[Progress], seconds: float) -> Path:
         "steps": [p for p in progress if p.step.name in done],
         "commands": {p.step.name: p.step.typed for p in progress},
         "minutes": seconds / 60,
-        "pages": os.path.relpath(ROOT / "docs", out),
+        "docs": os.path.relpath(ROOT / "docs", out),
+        "style": "".join(map(pages.shared, (pages.STYLE, pages.DOCUMENT, pages.DARK))),
     }
     for name, needs, section in SECTIONS:
         content[name] = section(out) if done.issuperset(needs) else None
+    content["title"] = content["mismatch"]["title"] if content["mismatch"] else UNJUDGED
     environment = Environment(
         loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -49,9 +51,7 @@ def write(out: Path, progress: Sequence[Progress], seconds: float) -> Path:
 
 
 def _save(figure: Figure, out: Path, name: str) -> str:
-    picture = BytesIO()
-    figure.savefig(picture, format="png", dpi=110)
-    _put(out, f"figures/{name}", picture.getvalue())
+    _put(out, f"figures/{name}", style.png(figure))
     return f"figures/{name}"
 
 
@@ -72,9 +72,8 @@ def _print(content: bytes) -> str:
 
 
 def _recording(out: Path) -> dict[str, Any]:
-    picture = _save(figures.recording_figure(read(out / "drives" / "cycle")[0]), out, "recording.png")
     coverage = json.loads((out / "coverage" / "coverage.json").read_text())
-    return {"picture": picture, "hours": coverage["duration_s"] / 3600}
+    return {"hours": coverage["duration_s"] / 3600}
 
 
 def _learning(out: Path) -> dict[str, Any]:
@@ -124,8 +123,8 @@ def remarks(out: Path, progress: Mapping[str, Progress]) -> list[str]:
 
 def _following(out: Path) -> dict[str, Any]:
     runs = [
-        following.load(out / "following" / "simulation", "simulation: deep truck, lock-step"),
-        following.load(out / "following" / "can", "over CAN: physics truck behind its ECUs, real time"),
+        following.load(out / "following" / "simulation", "simulation"),
+        following.load(out / "following" / "can", "over CAN"),
     ]
     picture = _save(figures.following_figure(runs), out, "following.png")
     measured = [run.figures() for run in runs]
@@ -139,15 +138,88 @@ def _following(out: Path) -> dict[str, Any]:
 
 
 def _mismatch(out: Path) -> dict[str, Any]:
-    verdict = Verdict.read(json.loads((out / "mismatch" / "verdict.json").read_text()))
-    fit = verdict.fit
+    """What the tool found beside what was hidden from it: words for the page, a table and a picture."""
+    verdict: dict[str, Any] = json.loads((out / "mismatch" / "verdict.json").read_text())
+    hidden: dict[str, Any] = yaml.safe_load((out / "drives" / "hidden.yaml").read_text())
+    force = np.genfromtxt(out / "drives" / "hidden.csv", delimiter=",", names=True)
+    drive = max("abc", key=lambda name: float(np.abs(force[name]).sum()))  # where it shows best
+    segments = [s for s in verdict["segments"] if s["recording"] == drive]
+    picture = _save(figures.hidden_figure(force["time"], force[drive], segments), out, "hidden.png")
+    errors = _fit_rows(verdict["fit"])
     return {
-        "sentence": headline.text(verdict),
-        "says": [wording.prose(finding.says) for finding in verdict.findings],
-        "fit": fit.to_json() if fit is not None and fit.errors is not None else None,
-        "validation": validation.said(fit),
-        "names": page.ROWS,
+        "title": _result(hidden, verdict),
+        "hidden": hidden["says"],
+        "rows": _beside(hidden, verdict["findings"]),
+        "errors": errors,
+        "horizon_s": verdict["fit"].get("horizon_s"),
+        "picture": picture,
+        "drive": drive,
     }
+
+
+def _result(hidden: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
+    """The first sentence of the page: whether what was hidden was found, and what the correction brings."""
+    name = _words(hidden["effect"])
+    findings = verdict["findings"]
+    if any(f["effect"] == hidden["effect"] for f in findings):
+        found = f"The hidden {name} was found"
+    elif any(hidden["effect"] in f["cannot_be_told_from"] for f in findings):
+        found = f"The hidden {name} is one of several causes that were found possible"
+    else:
+        found = f"The hidden {name} was not found"
+    fit = verdict["fit"]
+    if "before" not in fit:
+        return f"{found}, and no held-out drive shows the effect of a correction"
+    before, after = fit["before"]["speed_rmse"], fit["after"]["speed_rmse"]
+    change = f"the speed error of the simulator from {before:.2f} to {after:.2f} m/s"
+    if fit["validated"]:
+        return f"{found}, and its correction reduces {change}"
+    return f"{found}; the correction changes {change}, which did not pass validation"
+
+
+def _beside(hidden: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    """Rows of name, probability, mean force while it acts and share of time: the truth, then each finding."""
+    truth = (
+        _words(hidden["effect"]),
+        "",
+        _kilonewton(hidden["mean_force_n"]),
+        _percent(hidden["share_of_time"]),
+    )
+    rows: list[tuple[str, ...]] = [("hidden", *truth)]
+    for f in findings:
+        strength = f.get("strength") or {}
+        newton = strength.get("unit") == "N"
+        force = _kilonewton(strength["value"]) if newton else ""
+        time = _percent(strength["share_of_time"]) if newton else ""
+        rows.append(("found", _words(f["effect"]), _percent(f["probability"]), force, time))
+    return rows
+
+
+ERRORS = {
+    "before": "simulator as given",
+    "parameters_only": "all parameters refitted, no finding",
+    "after": "corrected by the findings",
+}
+
+
+def _fit_rows(fit: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    return [
+        (says, f"{fit[key]['speed_rmse']:.2f}", f"{fit[key]['acceleration_rmse']:.2f}")
+        for key, says in ERRORS.items()
+        if key in fit
+    ]
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _kilonewton(newton: float) -> str:
+    return f"{abs(newton) / 1000:.1f} kN {'against' if newton < 0 else 'with'} the motion"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
 
 
 def _real(out: Path) -> dict[str, Any]:

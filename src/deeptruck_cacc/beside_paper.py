@@ -280,10 +280,10 @@ def _returns(curve: Path) -> dict[str, float]:
 
 def _draw(folder: Path, name: str, traces: Mapping[str, Trace], policy: Path, truck: Simulator) -> None:
     folder.mkdir(exist_ok=True)
-    figures.error_bands(traces["DeepEnv-set"], "DeepEnv-set, 100 runs", folder / f"deepenv_{name}.png")
-    figures.error_bands(traces["TruckSIM-set"], "TruckSIM-set, 10 runs", folder / f"trucksim_{name}.png")
+    figures.error_bands(traces["DeepEnv-set"], folder / f"deepenv_{name}.png")
+    figures.error_bands(traces["TruckSIM-set"], folder / f"trucksim_{name}.png")
     for scene in ("closing", "following"):
-        figures.field_run(traces[scene], scene, folder / f"{scene}_{name}.png", truck.interface)
+        figures.field_run(traces[scene], folder / f"{scene}_{name}.png", truck.interface)
     curves = sorted(policy.glob("seeds/*/learning_curve.jsonl")) or [policy / "learning_curve.jsonl"]
     runs = [[json.loads(line) for line in c.read_text().splitlines()] for c in curves if c.exists()]
     if runs:

@@ -66,6 +66,14 @@ def printed(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³")
 
 
+def sensible(value: float) -> str:
+    """A measurement in SI units as a page shows it: three digits, none below a thousandth, no exponent."""
+    for digits, least in ((0, 100.0), (1, 10.0), (2, 1.0)):
+        if abs(value) >= least:
+            return f"{value:.{digits}f}"
+    return f"{value:.3f}".replace("-0.000", "0.000").replace("0.000", "0")
+
+
 ENGINE_UNITS = ("N m", "percent", "g/s", "cm^3/s")
 BRAKE_UNITS = ("percent", "m/s^2", "bar")
 

@@ -7,22 +7,64 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_cacc.evaluation import overview
-from deeptruck_model.pages.document import Picture, Table, document
+from deeptruck_model.pages.document import Folded, Picture, Table, document
+from deeptruck_model.signals import sensible
+
+FIRST = "long_following"  # the picture to begin with
+PICTURES = {
+    "long_following": "Behind a moving leader on hills, as in the paper's field run.",
+    "gap_closing": "Closing a gap, as in the paper's field run.",
+    "learning_curve": "Learning curve.",
+    "string_stability": "Amplification along a platoon of eight trucks.",
+}
 
 
 def page(results: Mapping[str, Any], folder: Path) -> str:
-    """All scenes side by side, the numbers of metrics.json, one table a scene, and the folder's figures."""
+    """Three numbers and a picture first, then all scenes side by side; each scene and its figure folded."""
     scenes = results["sets"]
-    first = f"The policy {results['policy']} was driven on {results['simulator']} in {len(scenes)} scenes."
+    about = f"Policy {results['policy']} on {results['simulator']}."
     shield = ["The shield stood before policy and baselines."] if results["shield"] else []
-    tables = [Table("All scenes", overview.HEAD, tuple(overview.rows(results)))]
+    pictures = {
+        p.stem: Picture(p.read_bytes(), PICTURES.get(p.stem, f"Errors in '{_words(p.stem)}' over time."))
+        for p in sorted(folder.glob("*.png"))
+    }
+    first = [pictures.pop(FIRST)] if FIRST in pictures else []
+    tables = [Table("All scenes, and baselines in them", overview.HEAD, tuple(overview.rows(results)))]
     if platoon := overview.platoon_rows(results):
         tables.append(
             Table("A disturbance grows where the amplification is above 1.", overview.PLATOON, tuple(platoon))
         )
-    tables += [_scene(name, numbers) for name, numbers in scenes.items()]
-    pictures = [Picture(p.read_bytes(), _words(p.stem)) for p in sorted(folder.glob("*.png"))]
-    return document(first, [*shield, overview.MEANS], tables, pictures)
+    folded = [
+        Folded(
+            f"Scene: {_words(name)}",
+            [_scene(name, numbers), *([pictures.pop(name)] if name in pictures else [])],
+        )
+        for name, numbers in scenes.items()
+    ]
+    rest = [Folded(picture.says.rstrip("."), [picture]) for picture in pictures.values()]
+    return document(judgement(results), [about, *shield, overview.MEANS], [*first, *tables, *folded, *rest])
+
+
+def judgement(results: Mapping[str, Any]) -> str:
+    """Time-gap error, smallest gap and crashes over all scenes in one sentence, beside the ACC baseline."""
+    scenes = results["sets"]
+    gap = f"{_mean_error(scenes):.2f} s"
+    baseline = results.get("baselines", {}).get("acc")
+    beside = ""
+    if baseline:
+        shared = {name: scenes[name] for name in baseline if name in scenes}
+        ours, theirs = _mean_error(shared), _mean_error(baseline)
+        beside = f" In the {len(shared)} scenes driven by ACC too: {ours:.2f} s, and {theirs:.2f} s with ACC."
+    crashes = sum(x["crashes"] for x in scenes.values())
+    count = {0: "no crash", 1: "1 crash"}.get(crashes, f"{crashes} crashes")
+    least = min(x["min_gap_m"] for x in scenes.values())
+    return f"Mean time-gap error {gap}, smallest gap {least:.1f} m, {count}.{beside}"
+
+
+def _mean_error(scenes: Mapping[str, Any]) -> float:
+    """Mean magnitude of the time-gap error, each scene alike, s."""
+    each = [x["time_gap_error_after_10s"]["mean_abs"] for x in scenes.values()]
+    return float(sum(each) / len(each))
 
 
 def _scene(name: str, numbers: Mapping[str, Any]) -> Table:
@@ -43,7 +85,7 @@ def _rows(numbers: Mapping[str, Any], before: str = "") -> list[tuple[str, ...]]
 def _text(value: Any) -> str:
     if value is None:
         return "not known"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return sensible(value) if isinstance(value, float) else str(value)
 
 
 def _words(name: str) -> str:

@@ -43,6 +43,7 @@ from deeptruck_model.simulators import Simulator
 Say = Callable[[str], None]
 
 COMPARED = ("paper", "moving", "steps", "stop", "gap_closing")
+BASELINE = "acc"  # is driven always, in those of COMPARED that are; the others with `full`
 
 
 @dataclass(frozen=True)
@@ -72,13 +73,13 @@ def evaluate(
 ) -> dict[str, Any]:
     """Drive a policy and write `out`/metrics.json and figures; the metrics are returned as well.
 
-    Always: the paper's set, a moving leader on hills, and the two field runs. `full` adds the scenes of
-    hard_scenes.HARD, heavier and lighter trucks where the simulator has a mass, recorded leaders where the
-    data is present, every baseline (on a pedal map calibrated on this simulator) and platoons. `shield`
-    puts the guard before policy and baselines, with a promise measured on the simulator. `draw` False leaves
-    the scenes' figures out; `say` is told each step. `out` is written as a whole or not at all, and replaces
-    an older evaluation only with `overwrite`. Raises InputError for an `out` that cannot be written, and a
-    policy for another truck.
+    Always: the paper's set, a moving leader on hills and the two field runs, with ACC as a baseline. `full`
+    adds the scenes of hard_scenes.HARD, heavier and lighter trucks where the simulator has a mass, recorded
+    leaders where the data is present, every baseline (on a pedal map of this simulator) and platoons.
+    `shield` puts the guard before policy and baselines, with a promise measured on the simulator.
+    `draw` False leaves the scenes' figures out; `say` is told each step.
+    `out` is written as a whole or not at all, and replaces an older evaluation only with `overwrite`.
+    Raises InputError for an `out` that cannot be written, and a policy for another truck.
     """
     extent = Extent(rollouts, seed, shield, full, draw, say)
     with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
@@ -107,9 +108,10 @@ def _evaluate(
         "shield": extent.shield,
         "sets": {name: _row(name, trace, own[name]) for name, trace in sets.items()},
     }
+    laws = LAWS if full else (BASELINE,)
+    drivers = {law: _behind(baseline(law, truck.interface, pedals, truck.dt), promise) for law in laws}
+    results["baselines"] = _baselines(truck, pedals, drivers, extent, [s for s in COMPARED if s in cases])
     if full:
-        drivers = {law: _behind(baseline(law, truck.interface, pedals, truck.dt), promise) for law in LAWS}
-        results["baselines"] = _baselines(truck, pedals, drivers, extent)
         extent.say("driving platoons")
         results["platoon"] = _platoons(truck, driver, drivers)
     for name in _each(extent, "drawing", sets) if extent.draw else ():
@@ -230,9 +232,9 @@ def _row(name: str, trace: Trace, pedals: PedalMap) -> dict[str, Any]:
 
 def _draw(name: str, trace: Trace, interface: TruckInterface, out: Path) -> None:
     if name in FIELD:
-        figures.field_run(trace, name.replace("_", " "), out / f"{name}.png", interface)
+        figures.field_run(trace, out / f"{name}.png", interface)
     else:
-        figures.error_bands(trace, f"{name}: {trace.scene.batch} rollouts", out / f"{name}.png")
+        figures.error_bands(trace, out / f"{name}.png")
 
 
 def _each(extent: Extent, doing: str, names: Iterable[str]) -> Iterator[str]:
@@ -248,10 +250,10 @@ def _behind(driver: Policy, promise: Promise | None) -> Policy:
 
 
 def _baselines(
-    truck: Simulator, pedals: PedalMap, drivers: dict[str, Policy], extent: Extent
+    truck: Simulator, pedals: PedalMap, drivers: dict[str, Policy], extent: Extent, names: Iterable[str]
 ) -> dict[str, Any]:
     table: dict[str, Any] = {}
-    scenes = {name: _scene(name, extent.rollouts, extent.seed, truck.dt) for name in COMPARED}
+    scenes = {name: _scene(name, extent.rollouts, extent.seed, truck.dt) for name in names}
     for law in _each(extent, "driving", drivers):
         driver = drivers[law]
         traces = {name: _drive(driver, truck, scene) for name, scene in scenes.items()}

@@ -67,6 +67,8 @@ def evaluate(
             typer.echo(
                 f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
             )
+    for baseline in metrics["baselines"]:
+        typer.echo(f"{baseline['name']}, for comparison: speed rmse {baseline['speed']['rmse']:.4f}")
     typer.echo(f"figures and metrics.json in {out}; see {out / 'evaluation.html'}")
     _remarks(truck, recordings, metrics, horizon)
 

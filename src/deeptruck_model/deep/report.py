@@ -11,12 +11,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from deeptruck_model.deep import remarks
+from deeptruck_model.deep.baselines import CONSTANT, baselines
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.learned import is_deep
-from deeptruck_model.pages.document import Picture, Table, document
+from deeptruck_model.pages.document import Part, Picture, Table, document
+from deeptruck_model.pages.style import MODELLED, RECORDED, WIDTH_IN, png, styled
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import EVALUATION
-from deeptruck_model.signals import CHANNELS, SPEED, printed
+from deeptruck_model.signals import CHANNELS, SPEED, printed, sensible
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 
 LABELS = {"acceleration": "acceleration", "speed": "speed", "fuel_rate": "fuel rate"}
@@ -60,9 +62,9 @@ def evaluate_into(
 
         for name, share in inside(simulator, runs).items():
             metrics[name]["inside_90"] = share
-    error_figure(runs).savefig(folder / "error_statistics.png", dpi=120)
-    scenario_figure(runs).savefig(folder / "scenarios.png", dpi=120)
-    sample_figure(runs).savefig(folder / "samples.png", dpi=120)
+    metrics["baselines"] = baselines(runs, simulator.interface, simulator)
+    for name, draw in DRAWN.items():
+        (folder / name).write_bytes(png(draw(runs)))
     (folder / "metrics.json").write_text(f"{json.dumps(metrics, indent=1)}\n")
     notes = remarks.remarks(simulator, recordings, metrics, horizon_s)
     (folder / "evaluation.html").write_text(page(metrics, folder, named, notes), encoding="utf-8")
@@ -70,12 +72,12 @@ def evaluate_into(
 
 
 SHOWN = {
+    "samples.png": "Single runs, recorded and simulated, from the best to the worst by largest speed error.",
     "error_statistics.png": "Mean and standard deviation of the error against the time since a run began.",
-    "scenarios.png": "What the runs visited: speeds at the start and along the way, and slopes.",
-    "samples.png": "Single runs: recorded and simulated.",
+    "scenarios.png": "The driving in these runs: speeds at the start and along the way, and slopes.",
 }
 FIGURES = {
-    "mean_abs": "mean abs error", "rmse": "rmse", "mean": "mean", "rmse_at_end": "rmse at the end",
+    "rmse": "rms error", "mean_abs": "mean absolute", "mean": "mean", "rmse_at_end": "rms at the end",
     "largest": "largest", "inside_90": "inside the 90 % interval, %",
 }  # fmt: skip
 
@@ -90,13 +92,41 @@ def page(metrics: dict[str, Any], folder: Path, named: str, notes: Sequence[str]
         (f"{LABELS[name]}, {printed(CHANNELS[name].unit)}", *(_cell(x.get(key), key) for key in kinds))
         for name, x in told.items()
     ]
-    speed = f"{told['speed']['rmse']:.3g} m/s" if "speed" in told else "not known"
-    runs = f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s"
+    beside = metrics["baselines"]
+    compared = [
+        (f"{LABELS[name]}, {printed(CHANNELS[name].unit)}", _cell(x["rmse"]),
+         *(_cell(b[name]["rmse"]) if name in b else "" for b in beside))
+        for name, x in told.items()
+    ]  # fmt: skip
     over = ", ".join(dict.fromkeys(metrics["recordings"]))
-    first = f"{opened(named)} beside {over}: in {runs} the rms error of the speed is {speed}."
+    runs = f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s along {over}, by {named}."
+    heads = ("channel", "simulator", *(b["name"] for b in beside))
     pictures = [Picture((folder / name).read_bytes(), says) for name, says in SHOWN.items()]
-    said = [f"Note: {line}." for line in notes]
-    return document(first, said, [Table("Errors", ("channel", *kinds.values()), tuple(rows))], pictures)
+    parts: list[Part] = [
+        Table("Rms error, and that of the baselines", heads, tuple(compared)),
+        *pictures,
+        Table("All figures of the error", ("channel", *kinds.values()), tuple(rows)),
+    ]
+    return document(judgement(metrics), [runs, *(f"Note: {line}." for line in notes)], parts)
+
+
+def judgement(metrics: dict[str, Any]) -> str:
+    """The speed error in one sentence, beside the baselines."""
+    if "speed" not in metrics:
+        return "No speed was recorded to judge the simulator by."
+    ours = metrics["speed"]["rmse"]
+    said = {True: "smaller than that of", False: "not smaller than that of"}
+    parts: list[str] = []
+    for better in (True, False):
+        names = [
+            f"{'a' if b['name'] == CONSTANT else 'the'} {b['name']} ({b['speed']['rmse']:.2f} m/s)"
+            for b in metrics["baselines"]
+            if (ours < b["speed"]["rmse"]) is better
+        ]
+        if names:
+            parts.append(f"{said[better]} {' and '.join(names)}")
+    over = f"free runs of {metrics['horizon_s']:.0f} s"
+    return f"The rms speed error is {ours:.2f} m/s over {over}, {', and '.join(parts)}."
 
 
 def opened(named: str) -> str:
@@ -104,39 +134,45 @@ def opened(named: str) -> str:
     return f"{named[:1].upper()}{named[1:]}" if " " in named else named
 
 
-def _cell(value: float | None, key: str) -> str:
+def _cell(value: float | None, key: str = "") -> str:
     if value is None:
         return ""
-    return f"{100 * value:.0f}" if key == "inside_90" else f"{value:.4g}"
+    return f"{100 * value:.0f}" if key == "inside_90" else sensible(value)
 
 
+@styled()
 def error_figure(runs: Trials) -> Figure:
     """Mean (line) and standard deviation (area) of the error against time, one panel a channel."""
     mean, deviation = against_time(runs)
-    figure = Figure(figsize=(7, 2.2 * len(runs.channels)), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 0.6 + 1.6 * len(runs.channels)))
     axes = figure.subplots(len(runs.channels), 1, sharex=True, squeeze=False)[:, 0]
     for j, (axis, name) in enumerate(zip(axes, runs.channels, strict=True)):
         axis.fill_between(
-            runs.time, (mean - deviation)[:, j], (mean + deviation)[:, j], color="tab:red", alpha=0.3,
+            runs.time, (mean - deviation)[:, j], (mean + deviation)[:, j], color=MODELLED, alpha=0.25, lw=0,
             label="standard deviation",
         )  # fmt: skip
-        axis.plot(runs.time, mean[:, j], color="tab:blue", label="mean")
+        axis.plot(runs.time, mean[:, j], color=MODELLED, label="mean")
         axis.axhline(0, color="0.6", lw=0.5)
-        axis.set_ylabel(f"{LABELS[name]} error\n[{printed(CHANNELS[name].unit)}]")
-    axes[0].legend(loc="upper left", ncols=2, fontsize="small")
-    axes[0].set_title(f"open-loop error, {len(runs.measured)} trials")
-    axes[-1].set_xlabel("time since the start of the simulation [s]")
+        axis.set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
+    _legend_above(axes[0])
+    axes[-1].set_xlabel("time since the start of the run [s]")
+    figure.align_ylabels(axes)
     return figure
 
 
+def _legend_above(axis: Any) -> None:
+    """Over the axes, where no curve can run beneath it."""
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+
+
+@styled()
 def scenario_figure(runs: Trials) -> Figure:
     """What the trials visited: initial speed, speed over time, grade over time."""
     panels = 3 if runs.w.shape[2] else 2
-    figure = Figure(figsize=(4 * panels, 3.2), layout="constrained")
-    axes = figure.subplots(1, panels)
-    axes[0].hist(runs.measured[:, 0, SPEED], bins=20, color="tab:blue")
-    axes[0].set(xlabel="initial speed [m/s]", ylabel="trials")
-    axes[0].set_title(f"what {len(runs.measured)} trials visited")
+    figure = Figure(figsize=(WIDTH_IN, 2.2 * panels))
+    axes = figure.subplots(panels, 1)
+    axes[0].hist(runs.measured[:, 0, SPEED], bins=20, color=MODELLED)
+    axes[0].set(xlabel="initial speed [m/s]", ylabel="runs")
     _density(axes[1], runs.time, runs.measured[..., SPEED], "speed [m/s]")
     if panels == 3:
         _density(axes[2], runs.time, 100 * runs.w[..., 0], "grade [%]")
@@ -151,6 +187,7 @@ def _density(axis: Any, time: np.ndarray[Any, Any], values: np.ndarray[Any, Any]
     axis.set(xlabel="time [s]", ylabel=label)
 
 
+@styled()
 def sample_figure(runs: Trials, shown: int = 4) -> Figure:
     """Measured and modelled responses of the best trial, the worst and evenly ranked ones between, by largest
     speed error."""
@@ -159,20 +196,25 @@ def sample_figure(runs: Trials, shown: int = 4) -> Figure:
     places = np.linspace(0, len(order) - 1, min(shown, len(order))).astype(int)
     chosen = order[places]
     rows = len(runs.channels)
-    figure = Figure(figsize=(3.4 * len(chosen), 1.9 * rows), layout="constrained")
-    axes = figure.subplots(rows, len(chosen), sharex=True, squeeze=False)
+    figure = Figure(figsize=(WIDTH_IN, 0.8 + 1.4 * rows))
+    axes = figure.subplots(rows, len(chosen), sharex=True, sharey="row", squeeze=False)
     for column, trial in enumerate(chosen):
         for j, name in enumerate(runs.channels):
-            axes[j, column].plot(runs.time, runs.measured[trial, :, j], color="k", lw=1, label="recorded")
-            axes[j, column].plot(runs.time, runs.modelled[trial, :, j], color="tab:red", lw=1, label="model")
+            axes[j, column].plot(runs.time, runs.measured[trial, :, j], color=RECORDED, label="recorded")
+            axes[j, column].plot(runs.time, runs.modelled[trial, :, j], color=MODELLED, label="model")
             axes[j, 0].set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
-        title = f"{_rank(int(places[column]), len(order))}\nlargest speed error {worst[trial]:.2f} m/s"
-        axes[0, column].set_title(title, fontsize="small")
+        title = f"{_rank(int(places[column]), len(order))}\n{worst[trial]:.2f} m/s"
+        axes[0, column].set_title(title, fontsize=8)
         axes[-1, column].set_xlabel("time [s]")
-    axes[0, 0].legend(fontsize="small")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 
 def _rank(place: int, runs: int) -> str:
     """What a run is among all when the best comes first."""
-    return {0: "best run", runs - 1: "worst run"}.get(place, f"run {place + 1} of {runs}, best first")
+    return {0: "best run", runs - 1: "worst run"}.get(place, f"run {place + 1} of {runs}")
+
+
+DRAWN = {
+    "error_statistics.png": error_figure, "scenarios.png": scenario_figure, "samples.png": sample_figure,
+}  # fmt: skip

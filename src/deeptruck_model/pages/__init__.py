@@ -2,7 +2,7 @@
 
 from importlib import resources
 
-STYLE, DARK, PLOT = "page.css", "dark.css", "plot.js"
+STYLE, DOCUMENT, DARK, PLOT = "page.css", "document.css", "dark.css", "plot.js"
 
 
 def shared(name: str) -> str:

@@ -1,14 +1,15 @@
-"""A page that is read: one sentence on top, tables, and pictures with what they show. One file, offline."""
+"""A page that is read: one sentence, then tables and pictures, the details folded. One file, offline."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from jinja2 import Environment, StrictUndefined
 
-from deeptruck_model.pages import DARK, STYLE, shared
+from deeptruck_model.pages import DARK, DOCUMENT, STYLE, shared
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,7 @@ class Table:
     says: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    kind: ClassVar[str] = "table"
 
 
 @dataclass(frozen=True)
@@ -26,19 +28,30 @@ class Picture:
 
     png: bytes
     says: str
+    kind: ClassVar[str] = "picture"
 
     @property
     def source(self) -> str:
         return "data:image/png;base64," + base64.b64encode(self.png).decode()
 
 
-def document(
-    first: str, more: Sequence[str] = (), tables: Sequence[Table] = (), pictures: Sequence[Picture] = ()
-) -> str:
+@dataclass(frozen=True)
+class Folded:
+    """Details that a reader opens by their title."""
+
+    says: str
+    parts: Sequence[Part]
+    kind: ClassVar[str] = "folded"
+
+
+Part = Table | Picture | Folded
+
+
+def document(first: str, more: Sequence[str] = (), parts: Sequence[Part] = ()) -> str:
     """The page as HTML: `first` is its title and first sentence. Nothing in it is fetched from elsewhere."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return environment.from_string(shared("document.html.jinja")).render(
-        style=shared(STYLE) + shared(DARK), first=first, more=more, tables=tables, pictures=pictures
+        style="".join(map(shared, (STYLE, DOCUMENT, DARK))), first=first, more=more, parts=parts
     )

@@ -1,9 +1,9 @@
-"""One page that shows what recordings hold."""
+"""Pictures of what recordings hold: maps of the time spent, and the channels over time."""
 
 from __future__ import annotations
 
-import io
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,33 +11,28 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from deeptruck_model.pages.style import MODELLED, WIDTH_IN, png, styled
 from deeptruck_model.recordings import coverage_grid as grid
 from deeptruck_model.recordings.coverage_grid import Array, Counted
+from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.signals import printed
 
 SHOWN_FROM = -5.0  # m/s^2, or lower where there was braking as hard
+COLUMNS = 500  # of a channel's picture, each with the least and the most that was recorded there
 
 
+@styled()
 def draw(found: Counted) -> bytes:
-    """The figure as PNG: three maps of time spent, and which channels are valid in which recording."""
-    figure = Figure(figsize=(12, 8.5), layout="constrained")
+    """Three maps of time spent over speed, acceleration and grade, as PNG."""
+    figure = Figure(figsize=(WIDTH_IN, 6.2))
     FigureCanvasAgg(figure)
-    axes = figure.subplots(2, 2)
+    axes = figure.subplot_mosaic("AA;BC")
     with_grade, every = found.seconds[:, :, :-1], found.seconds
     speed, acceleration, grade = _axes(every.sum(axis=(0, 2)))
-    _map(axes[0, 0], every.sum(axis=2), speed, acceleration)
-    _map(axes[0, 1], with_grade.sum(axis=1), speed, grade)
-    _map(axes[1, 0], with_grade.sum(axis=0), acceleration, grade)
-    _channels(axes[1, 1], found)
-    pieces = len(found.recordings)
-    usual = every[:, grid.ACCELERATION_EDGES[:-1] >= SHOWN_FROM].sum(axis=2) > 0
-    figure.suptitle(
-        f"{found.duration_s / 3600:.2f} h in {pieces} recording{'s' if pieces != 1 else ''}, "
-        f"{100 * usual.mean():.0f} % of the speed-acceleration cells visited"
-    )
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    return buffer.getvalue()
+    _map(axes["A"], every.sum(axis=2), speed, acceleration)
+    _map(axes["B"], with_grade.sum(axis=1), speed, grade)
+    _map(axes["C"], with_grade.sum(axis=0), acceleration, grade)
+    return png(figure)
 
 
 class _Axis(NamedTuple):
@@ -69,37 +64,45 @@ def _map(ax: Axes, seconds: Array, x: _Axis, y: _Axis) -> None:
     shown = np.where(seconds.T == 0.0, np.nan, seconds.T)
     norm = LogNorm(vmin=max(0.1, float(np.nanmin(shown))), vmax=max(1.0, float(np.nanmax(shown))))
     mesh = ax.pcolormesh(x.edges, y.edges, shown, norm=norm, cmap="viridis")
-    ax.figure.colorbar(mesh, ax=ax, label="time spent, s")
-    ax.grid(alpha=0.2)
+    ax.figure.colorbar(mesh, ax=ax, label="time spent [s]")
 
 
-def _channels(ax: Axes, found: Counted) -> None:
-    """Rows are channels, blocks are recordings as wide as they are long, colour is the share of valid
-    samples.
-    """
-    names = list(dict.fromkeys(name for r in found.recordings for name in r["channels"]))
-    borders = np.concatenate([[0.0], np.cumsum([r["duration_s"] for r in found.recordings])]) / 60
-    valid = np.array([[_valid(r, name) for r in found.recordings] for name in names])
-    rows = np.arange(len(names) + 1)
-    mesh = ax.pcolormesh(borders, rows, valid, vmin=0, vmax=1, cmap="RdYlGn")
-    ax.figure.colorbar(mesh, ax=ax, label="share of valid samples (white: not there)")
-    if len(borders) < 60:
-        ax.vlines(borders, 0, len(names), color="white", lw=0.8)
-    ax.set_yticks(rows[:-1] + 0.5, [f"{name}\n{_span(found, name)}" for name in names], fontsize=7)
-    ax.invert_yaxis()
-    ax.set_xlabel("recorded time [min]")
+@styled()
+def draw_channels(recordings: Sequence[Recording]) -> bytes:
+    """Every channel over the recorded time, one small panel each, as PNG; a gap where it is invalid."""
+    names = list(dict.fromkeys(name for r in recordings for name in r.channels))
+    figure = Figure(figsize=(WIDTH_IN, 0.6 + 0.75 * len(names)))
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    begin = 0.0
+    for recording in recordings:
+        minutes = begin + recording.dt * np.arange(len(recording)) / 60
+        begin += recording.dt * len(recording) / 60
+        for axis, name in zip(axes, names, strict=True):
+            if name in recording.channels:
+                _envelope(axis, minutes, recording.channels[name])
+            if len(recordings) > 1:
+                axis.axvline(begin, color="0.8", lw=0.6)
+    for axis, name in zip(axes, names, strict=True):
+        unit = next(r.interface.unit(name) for r in recordings if name in r.channels)
+        said = "" if unit == "1" else f"\n[{printed(unit)}]"
+        axis.set_ylabel(f"{name.replace('_', ' ')}{said}", rotation=0, ha="right", va="center", fontsize=8)
+        axis.tick_params(labelsize=7)
+        axis.set_xlim(0.0, begin)
+        axis.locator_params(axis="y", nbins=3)
+    axes[-1].set_xlabel("recorded time [min]")
+    return png(figure)
 
 
-def _valid(recording: dict[str, Any], name: str) -> float:
-    channel = recording["channels"].get(name)
-    return float("nan") if channel is None else 1.0 - channel["nan_share"]
-
-
-def _span(found: Counted, name: str) -> str:
-    present = [r["channels"][name] for r in found.recordings if name in r["channels"]]
-    lows = [c["min"] for c in present if c["min"] is not None]
-    highs = [c["max"] for c in present if c["max"] is not None]
-    if not lows:
-        return "no valid sample"
-    unit = printed(present[0]["unit"])
-    return f"{min(lows):.4g} to {max(highs):.4g}" + ("" if unit == "1" else f" {unit}")
+def _envelope(axis: Axes, minutes: Array, values: Array) -> None:
+    """The least and the most of the valid values in each of COLUMNS columns."""
+    columns = max(1, len(values) // COLUMNS)
+    whole = len(values) // columns * columns
+    blocks, times = values[:whole].reshape(-1, columns), minutes[:whole:columns]
+    valid = ~np.isnan(blocks)
+    known = valid.any(axis=1)
+    low = np.where(valid, blocks, np.inf).min(axis=1)
+    high = np.where(valid, blocks, -np.inf).max(axis=1)
+    low, high = np.where(known, low, np.nan), np.where(known, high, np.nan)
+    axis.fill_between(times, low, high, color=MODELLED, alpha=0.4, lw=0)
+    axis.plot(times, (low + high) / 2, color=MODELLED, lw=0.8)

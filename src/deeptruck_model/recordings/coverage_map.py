@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.coverage_grid import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
+from deeptruck_model.recordings.coverage_judgement import judgement
 from deeptruck_model.recordings.not_recorded import not_recorded
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.results import COVERAGE
@@ -24,13 +25,15 @@ Array = NDArray[np.float64]
 class Coverage:
     """`seconds` (speed, acceleration, grade) is the time spent in each cell of the edges; the last grade cell
     stands for samples without a grade. What lies outside the edges counts in the outermost cells.
-    `not_recorded` are the inputs that were not recorded, `accounts` what became of all that was read.
+    `not_recorded` are the inputs that were not recorded, `accounts` what became of all that was read,
+    `drives` the recordings themselves.
     """
 
     seconds: Array
     recordings: list[dict[str, Any]]
     not_recorded: list[dict[str, Any]]
     accounts: list[dict[str, Any]]
+    drives: Sequence[Recording]
 
     @property
     def duration_s(self) -> float:
@@ -46,14 +49,24 @@ class Coverage:
             for name, channel in r["channels"].items()
             if channel["mean"] is None
         ]
-        commands = [r["channels"].get("engine_command") for r in self.recordings]
-        if not any(command and command["mean"] is not None for command in commands):
+        if not self._commanded:
             empty.append("no recording has a valid engine_command, without which none can be trained on")
         return empty
+
+    @property
+    def _commanded(self) -> bool:
+        commands = [r["channels"].get("engine_command") for r in self.recordings]
+        return any(command and command["mean"] is not None for command in commands)
+
+    @property
+    def judgement(self) -> str:
+        """One sentence: whether it is enough to train on, and in which conditions it is not."""
+        return judgement(self.seconds, self.duration_s, self._commanded)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
+            "judgement": self.judgement,
             "not_recorded": self.not_recorded,
             "duration_s": self.duration_s,
             "warnings": self.warnings,
@@ -80,7 +93,7 @@ class Coverage:
 
         Raises InputError where something else is there, or an older coverage without `overwrite`.
         """
-        from deeptruck_model.recordings.coverage_figure import draw
+        from deeptruck_model.recordings.coverage_figure import draw, draw_channels
         from deeptruck_model.recordings.coverage_page import page
 
         told = self.to_dict()
@@ -89,7 +102,9 @@ class Coverage:
             (draft / "coverage.json").write_text(content)
             picture = draw(self)
             (draft / "coverage.png").write_bytes(picture)
-            (draft / "coverage.html").write_text(page(told, picture), encoding="utf-8")
+            (draft / "coverage.html").write_text(
+                page(told, picture, draw_channels(self.drives)), encoding="utf-8"
+            )
 
 
 def coverage(recordings: Sequence[Recording]) -> Coverage:
@@ -106,6 +121,7 @@ def coverage(recordings: Sequence[Recording]) -> Coverage:
         [_summary(r, before) for before, r in zip((None, *recordings), recordings, strict=False)],
         [missing.to_dict() for missing in not_recorded(recordings)],
         list(accounts.values()),
+        recordings,
     )
 
 

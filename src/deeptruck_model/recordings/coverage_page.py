@@ -5,27 +5,38 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from deeptruck_model.pages.document import Picture, Table, document
-from deeptruck_model.recordings.not_recorded import sentence
-from deeptruck_model.signals import printed
+import numpy as np
 
-SHOWS = "Time over speed, acceleration and slope. What is bright was driven long, what is white not at all."
+from deeptruck_model.pages.document import Folded, Picture, Table, document
+from deeptruck_model.recordings import coverage_judgement
+from deeptruck_model.recordings.not_recorded import sentence
+from deeptruck_model.signals import printed, sensible
+
+SHOWS = "Time spent over speed, acceleration and slope. Cells without colour were not driven."
+SHOWS_CHANNELS = (
+    "Every channel over the recorded time, the pieces one after another. Gaps are invalid samples."
+)
+CONDITIONS = "Time driven in each condition"
 SHOWN_IN = {"ratio": "%"}  # as the figure has slopes
 CHANNELS_OF = "Channels of {name}, {seconds:.0f} s at {rate:g} Hz"
 
 
-def page(found: Mapping[str, Any], picture: bytes) -> str:
-    """The page as HTML, of what coverage.json tells and the figure of the same (PNG)."""
-    number = len(found["recordings"])
-    what = f"{number} recordings" if number > 1 else "one recording"
-    first = f"{found['duration_s'] / 3600:.3g} h of driving in {what}."
-    if found["not_recorded"]:
-        first = f"Not recorded: {', '.join(m['input'] for m in found['not_recorded'])}. {first}"
+def page(found: Mapping[str, Any], maps: bytes, channels: bytes) -> str:
+    """The page as HTML, of coverage.json and its two pictures (PNG)."""
+    seconds = np.array(found["occupancy"]["seconds"])
+    conditions = Table(
+        CONDITIONS, ("condition", "driven", "enough to learn it"), coverage_judgement.rows(seconds)
+    )
     return document(
-        first,
+        found["judgement"],
         [*(f"Not recorded: {sentence(missing)}" for missing in found["not_recorded"]), *found["warnings"]],
-        [*map(_account, found["accounts"]), *map(_table, found["recordings"])],
-        [Picture(picture, SHOWS)],
+        [
+            Picture(channels, SHOWS_CHANNELS),
+            conditions,
+            Picture(maps, SHOWS),
+            *(Folded(table.says, (table,)) for table in map(_account, found["accounts"])),
+            *(Folded(table.says, (table,)) for table in map(_table, found["recordings"])),
+        ],
     )
 
 
@@ -61,4 +72,4 @@ def _table(recording: dict[str, Any]) -> Table:
 def _cell(value: float | None, unit: str) -> str:
     if value is None:
         return ""
-    return f"{100.0 * value if unit in SHOWN_IN else value:.4g}"
+    return sensible(100.0 * value if unit in SHOWN_IN else value)

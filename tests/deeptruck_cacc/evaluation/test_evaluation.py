@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import errno
 import json
+import re
 from dataclasses import replace
 from functools import partial
 
@@ -15,6 +16,7 @@ from deeptruck_cacc.environments.rollouts import Trace, roll_out
 from deeptruck_cacc.evaluation import evaluate, metrics, platoon, report, table
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
+from deeptruck_model.signals import sensible
 
 
 @pytest.fixture
@@ -32,9 +34,11 @@ def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path):
     closing = results["sets"]["gap_closing"]
     assert 0 < closing["closed_s_paper_bounds_median"] <= closing["closed_s_paper_bounds"]
     assert row["crashes"] == 0 and row["time_gap_error_after_10s"]["worst_abs"] < 0.2
-    assert table(results).row_count == 4
+    assert table(results).row_count == 4 + 3  # of the baseline
+    assert list(results["baselines"]["acc"]) == ["paper", "moving", "gap_closing"]
     text = (tmp_path / "e" / "evaluation.html").read_text()
-    assert f">{row['time_gap_error_after_10s']['worst_abs']:.4g}<" in text and "crashes" in text
+    assert f">{sensible(row['time_gap_error_after_10s']['worst_abs'])}<" in text and "crashes" in text
+    assert re.search(r"<h1>Mean time-gap error \d\.\d\d s, smallest gap \d+\.\d m, no crash", text)
     assert text.count("data:image/png;base64,") == 4 and "http" not in text.partition("<body>")[2]
     evaluate(cacc, toy, tmp_path / "bare", rollouts=2, draw=False)
     assert {path.name for path in (tmp_path / "bare").iterdir()} == {"metrics.json", files.LEDGER}
@@ -56,7 +60,7 @@ def test_a_disk_that_fills_leaves_the_evaluation_that_was_there(toy, cacc, tmp_p
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(report.figures, "field_run", full)
-    monkeypatch.setattr(report.figures, "error_bands", lambda trace, title, path: path.write_bytes(b"x"))
+    monkeypatch.setattr(report.figures, "error_bands", lambda trace, path: path.write_bytes(b"x"))
     with pytest.raises(InputError, match=f"cannot write {tmp_path}/e: No space left on device; make room"):
         evaluate(cacc, toy, tmp_path / "e", rollouts=3, overwrite=True)
     assert {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()} == before

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -24,9 +23,7 @@ def drawn(monkeypatch, tmp_path):
         kept[-1].canvas.draw()
         return kept[-1]
 
-    yield _drawn
-    for figure in kept:
-        plt.close(figure)
+    return _drawn
 
 
 def assert_legends_are_outside(figure: Figure) -> None:
@@ -58,9 +55,9 @@ def test_a_run_is_drawn_with_units_and_its_legends_outside(drawn, tmp_path):
     names = ("leader_speed", "speed", "time_gap_error", "engine_command", "brake_command", "acceleration")
     trace = Trace(0.1, scene, {name: np.ones((100, 1)) for name in ("gap", *names)})
     interface = TruckInterface("mine", engine_unit="percent", brake_unit="m/s^2")
-    figure = drawn(figures.field_run, trace, "long following", tmp_path / "x.png", interface)
+    figure = drawn(figures.field_run, trace, tmp_path / "x.png", interface)
     labels = {axis.get_ylabel() for axis in figure.axes}
-    assert {"engine command [percent]", "brake command [m/s²]"} <= labels
+    assert {"engine\n[percent]", "brake\n[m/s²]"} <= labels
     assert_legends_are_outside(figure)
 
 
@@ -68,7 +65,7 @@ def test_error_bands_name_their_units_and_keep_their_legend_outside(drawn, tmp_p
     scene = long_following(np.random.default_rng(0), 3, 100, 0.1)
     names = ("gap", "time_gap_error", "speed_error")
     trace = Trace(0.1, scene, {name: np.ones((100, 3)) for name in names})
-    figure = drawn(figures.error_bands, trace, "paper: 3 rollouts", tmp_path / "x.png")
+    figure = drawn(figures.error_bands, trace, tmp_path / "x.png")
     assert [axis.get_ylabel() for axis in figure.axes] == ["time-gap error [s]", "speed error [m/s]"]
     assert_legends_are_outside(figure)
 

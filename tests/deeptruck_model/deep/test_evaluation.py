@@ -7,9 +7,10 @@ import pytest
 
 from deeptruck_model import files, results
 from deeptruck_model.deep import evaluate, report, statistics, trials
+from deeptruck_model.deep.baselines import baselines
 from deeptruck_model.deep.evaluation import Trials, against_time
 from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import TruckInterface, sensible
 
 
 class Shifted:
@@ -65,12 +66,13 @@ def test_writes_figures_and_metrics(truck, drive, tmp_path):
     assert names == {*results.EVALUATION.names, files.LEDGER}
     text = (tmp_path / "out" / "evaluation.html").read_text()
     for key in ("mean_abs", "rmse", "largest"):
-        assert f">{metrics['speed'][key]:.4g}<" in text
-    assert "The simulator beside" in text and f"{metrics['recordings'][0]}:" in text
-    assert "worth" not in text
+        assert f">{sensible(metrics['speed'][key])}<" in text
+    assert "by the simulator." in text and f"along {metrics['recordings'][0]}" in text
+    assert "independent" not in text
+    assert [b["name"].rpartition(" ")[0] for b in metrics["baselines"]] == ["constant", "physics truck"]
     evaluate(truck, [drive(60, seed=7)], tmp_path / "more", count=40, horizon_s=10, named="truck:mine")
     again = (tmp_path / "more" / "evaluation.html").read_text()
-    assert "<title>truck:mine beside" in again and "worth about 6 independent ones." in again
+    assert "by truck:mine." in again and "worth about 6 independent ones." in again
     assert text.count("data:image/png;base64,") == 3 and "<script" not in text
 
 
@@ -95,8 +97,8 @@ def test_recordings_that_do_not_fit(truck, drive, change, says):
 
 def test_samples_say_which_of_the_runs_they_are(truck, drive):
     figure = report.sample_figure(trials(truck, [drive(120)], 31, 10.0))
-    titles = [axis.get_title().split("\n")[0] for axis in figure.axes[:4]]
-    assert titles == ["best run", "run 11 of 31, best first", "run 21 of 31, best first", "worst run"]
+    titles = [axis.get_title(loc="left").split("\n")[0] for axis in figure.axes[:4]]
+    assert titles == ["best run", "run 11 of 31", "run 21 of 31", "worst run"]
 
 
 @pytest.mark.parametrize("horizon", [float("inf"), float("nan"), 0.0])
@@ -112,7 +114,30 @@ def test_a_full_disk_leaves_the_old_evaluation(truck, drive, tmp_path, monkeypat
     def full(runs):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(report, "sample_figure", full)
+    monkeypatch.setitem(report.DRAWN, "samples.png", full)
     with pytest.raises(InputError, match="No space left on device; make room"):
         evaluate(truck, [drive(60)], tmp_path, 4, 10.0, overwrite=True)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_the_first_sentence_is_read_against_the_baselines():
+    def said(constant, physics):
+        beside = [("constant speed", constant), ("physics truck volvo", physics)]
+        rows = [{"name": name, "speed": {"rmse": x}} for name, x in beside]
+        return report.judgement({"speed": {"rmse": 0.56}, "horizon_s": 40.0, "baselines": rows})
+
+    assert (
+        "0.56 m/s over free runs of 40 s, smaller than that of a constant speed (5.00 m/s) and the"
+        in said(5.0, 1.2)
+    )
+    assert "and not smaller than that of the physics truck volvo (0.30 m/s)" in said(5.0, 0.3)
+
+
+def test_a_constant_speed_keeps_the_start(drive):
+    recording = drive(60)
+    runs = trials(Shifted(recording), [recording], 5, 10.0)
+    (constant, *_) = baselines(runs, recording.interface)
+    measured = runs.measured[..., 1]
+    assert constant["speed"]["rmse"] == pytest.approx(
+        np.sqrt(np.mean((measured[:, 1:] - measured[:, :1]) ** 2))
+    )

@@ -11,8 +11,9 @@ import pytest
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, Series, coverage, coverage_figure, uniform
+from deeptruck_model.recordings.coverage_judgement import judgement
 from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import TruckInterface, sensible
 
 
 def steady(speed: float, acceleration: float, grade: float | None, count: int = 100) -> Recording:
@@ -73,9 +74,11 @@ def test_the_page_has_the_numbers_and_fetches_nothing(tmp_path: Path, drive: Rec
     text = (tmp_path / "out" / "coverage.html").read_text()
     told = found.to_dict()["recordings"][0]["channels"]["speed"]
     for key in ("min", "mean", "max"):
-        assert f">{told[key]:.4g}<" in text
+        assert f">{sensible(told[key])}<" in text
     grade = found.to_dict()["recordings"][0]["channels"]["grade"]
-    assert f'<td class="n">%</td><td class="n">{100 * grade["min"]:.4g}<' in text  # as the figure has it
+    assert (
+        f'<td class="n">%</td><td class="n">{sensible(100 * grade["min"])}<' in text
+    )  # as the figure has it
     assert "data:image/png;base64," in text and not re.search(r"https?://|<script|@import", text)
 
 
@@ -131,3 +134,22 @@ def test_nothing_to_look_at(tmp_path: Path, drive: Recording) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="is a file; choose another"):
         coverage([drive]).save(tmp_path / "file")
+
+
+def test_a_judgement_names_what_was_driven_too_little() -> None:
+    seconds = np.zeros((20, 52, 21))
+    seconds[4, 42, 10] = 1700.0
+    assert "no, 28 min were driven" in judgement(seconds, seconds.sum(), commanded=True)
+    seconds[12, 33, 10] = 200.0  # slowing by 1.75 m/s^2 at 24 m/s
+    said = judgement(seconds, seconds.sum(), commanded=True)
+    assert said.startswith("Enough to train: yes (32 min); below 4 m/s: no (0 s);")
+    assert "slowing by more than 2 m/s²: no (0 s)" in said and "slowing by 0.5 to 2" not in said
+    assert "no engine command" in judgement(seconds, seconds.sum(), commanded=False)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(1.887e-05, "0"), (-0.0123, "-0.012"), (5.678, "5.68"), (1234.5, "1234"), (-0.0001, "0")],
+)
+def test_numbers_have_sensible_digits(value: float, shown: str) -> None:
+    assert sensible(value) == shown
