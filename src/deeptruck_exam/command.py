@@ -1,4 +1,4 @@
-"""`prove`, and `python -m deeptruck_exam.command one|judge|batch|limit|classifier|list` for development.
+"""`prove`, and `python -m deeptruck_exam.command one|limit|classifier|list` for development.
 
 Development seeds are 0 to 9999; a report uses seeds from 100000, run once.
 """
@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from deeptruck_exam.cases.case import Case, make_case
+from deeptruck_exam.cases.case import make_case
 from deeptruck_exam.cases.levels import LEVELS
 from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_exam.folder import PROOF
@@ -22,10 +22,8 @@ from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.laws import EFFECTS
 from deeptruck_exam.oracle import limit
 from deeptruck_exam.real.withheld import data_folder, examine_withheld
-from deeptruck_exam.run import examine, judge
+from deeptruck_exam.run import examine
 from deeptruck_exam.scoring.page import write_page
-from deeptruck_exam.scoring.scoreboard import print_results
-from deeptruck_exam.tool import ToolRun
 from deeptruck_model.errors import InputError
 
 REPORT_SEED = 100_000
@@ -56,7 +54,7 @@ def prove(
         raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
     factor = NULL_FACTOR if cases_per_level > 1 else 1
     wanted = [
-        Job(level, seed + k, None, simulator, minutes)
+        Job(level, seed + k, simulator, minutes)
         for simulator in simulators
         for level in levels
         for k in range(cases_per_level * (factor if level == "nothing_missing" else 1))
@@ -94,34 +92,6 @@ def one(
         return
     result = examine(out, level, seed, effect, simulator, minutes, with_rivals=rivals, keep=True)
     print(json.dumps(result, indent=1))
-
-
-@app.command("judge")
-def judge_again(
-    folder: Annotated[Path, typer.Argument(help="A case made before, with the tool's output in found/.")],
-    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
-) -> None:
-    """Score a verdict of the tool author's own run of a case."""
-    verdict = json.loads((folder / "found" / "verdict.json").read_text())
-    result = judge(Case.read(folder), ToolRun(0, 0.0, verdict, ""), with_rivals=rivals)
-    print(json.dumps(result, indent=1))
-
-
-@app.command()
-def batch(
-    out: Annotated[Path, typer.Option(help="Folder; one case a subfolder, scored cases are skipped.")],
-    level: Annotated[list[str], typer.Option(help=", ".join(LEVELS))],
-    cases: Annotated[int, typer.Option(help="Cases a level.", min=1)] = 10,
-    seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
-    effect: Annotated[str | None, typer.Option(help="Only this law.")] = None,
-    simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
-    jobs: Annotated[int, typer.Option(help="Cases at a time.", min=1)] = 1,
-    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
-    keep: Annotated[bool, typer.Option(help="Keep recordings of every case.")] = True,
-) -> None:
-    """Run many development cases and print a line for each and a table."""
-    wanted = [Job(name, seed + k, effect, simulator) for name in level for k in range(cases)]
-    print_results(run_jobs(out, wanted, jobs=jobs, with_rivals=rivals, keep=keep))
 
 
 @app.command("limit")

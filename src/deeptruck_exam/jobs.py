@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import signal
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,19 +27,15 @@ class Job:
 
     level: str
     seed: int
-    effect: str | None = None
     simulator: str = "physics"
     minutes: float = MINUTES
 
     @property
     def folder(self) -> str:
-        chosen = f"-{self.effect}" if self.effect else ""
-        return f"{self.simulator}-{self.level}{chosen}-{self.seed}"
+        return f"{self.simulator}-{self.level}-{self.seed}"
 
 
-def run_jobs(
-    out: Path, wanted: Sequence[Job], *, jobs: int = 1, with_rivals: bool = True, keep: bool = False
-) -> list[dict[str, Any]]:
+def run_jobs(out: Path, wanted: Sequence[Job], *, jobs: int = 1) -> list[dict[str, Any]]:
     """Scores in the order of `wanted`. A case whose making or scoring breaks is reported with its
     traceback under 'broken' and made again on the next run; it never stops the others."""
     out.mkdir(parents=True, exist_ok=True)
@@ -57,7 +53,7 @@ def run_jobs(
     with bar, pool:
         bar.console.print(f"{len(wanted)} cases, {A_CASE}")
         task = bar.add_task("cases", total=len(wanted))
-        waiting = {pool.submit(_examine, out, job, with_rivals, keep): k for k, job in enumerate(wanted)}
+        waiting = {pool.submit(_examine, out, job): k for k, job in enumerate(wanted)}
         for future in as_completed(waiting):
             results[waiting[future]] = future.result()
             bar.update(task, advance=1, description=wanted[waiting[future]].folder)
@@ -66,27 +62,27 @@ def run_jobs(
     return [results[k] for k in range(len(wanted))]
 
 
+def in_parallel(do: Callable[..., None], each: Sequence[tuple[Any, ...]], jobs: int) -> None:
+    """Call `do` with each of these arguments in so many processes; a line on stderr for each that is done."""
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), end_with_the_run) as pool:
+        waiting = [pool.submit(do, *arguments) for arguments in each]
+        for k, done in enumerate(as_completed(waiting), 1):
+            done.result()
+            Console(stderr=True).print(f"{k} of {len(waiting)}")
+
+
 def end_with_the_run() -> None:
     """Without a word of its own where the run is interrupted, and where it is killed."""
     end_with_parent()
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
 
 
-def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, Any]:
+def _examine(out: Path, job: Job) -> dict[str, Any]:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     from deeptruck_exam.run import examine
 
     try:
-        return examine(
-            out / job.folder,
-            job.level,
-            job.seed,
-            job.effect,
-            job.simulator,
-            job.minutes,
-            with_rivals=with_rivals,
-            keep=keep,
-        )
+        return examine(out / job.folder, job.level, job.seed, None, job.simulator, job.minutes)
     except Exception:
         return {
             "level": job.level,

@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -57,13 +56,21 @@ def _excluded(case: Case) -> list[str]:
     return list(filter(None, case.environment.get("DEEPTRUCK_MISMATCH_EXCLUDE", "").split(",")))
 
 
-def smallest_force(verdict: Mapping[str, Any]) -> float | None:
-    """The steady force (m/s^2) that would have been seen; None in a verdict without it."""
-    seen = (verdict.get("data") or {}).get("smallest_visible")
-    return None if seen is None else float(seen["steady force all the time"]["m_s2"])
-
-
-def budget_of(verdict: Mapping[str, Any]) -> dict[str, float] | None:
-    """Shares of the squared speed error by part; None in a verdict without a budget."""
-    budget = verdict.get("budget")
-    return {p["part"]: float(p["share"]) for p in budget["parts"]} if budget else None
+def summary(run: ToolRun) -> dict[str, Any]:
+    """Of a run on real logs: what was said and how large it is, free-run speed errors before and after, the
+    budget as shares of the squared speed error by part, and the steady force (m/s^2) that would have been
+    seen; None for what the verdict does not have."""
+    findings, fit = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
+    strengths = [f.get("strength") or {} for f in findings]
+    budget = run.verdict.get("budget")
+    seen = (run.verdict.get("data") or {}).get("smallest_visible")
+    return {
+        "verdict": run.verdict.get("verdict", f"failed: {run.says[-200:]}"),
+        "said": [str(f["effect"]) for f in findings],
+        "sizes": [f"{s['value']:.3g} {s['unit']}" if s else "" for s in strengths],
+        "validated": bool(fit.get("validated")),
+        "speed_error": (fit.get("before") or {}).get("speed_rmse"),
+        "after": (fit.get("after") or {}).get("speed_rmse"),
+        "budget": {p["part"]: float(p["share"]) for p in budget["parts"]} if budget else None,
+        "smallest": None if seen is None else float(seen["steady force all the time"]["m_s2"]),
+    }

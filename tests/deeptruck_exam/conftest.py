@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_exam.cases.build import Built, build
+from deeptruck_exam.cases.build import Built, accelerations, build
 from deeptruck_exam.cases.plan import draw_plan
 from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.laws import EFFECTS
@@ -54,8 +54,7 @@ def acted(built: Callable[..., Built]) -> Callable[[str], Array]:
         if planted.filters or planted.parameters:
             d, nominal = world.drives, truck_of(effect.trucks[-1])
             other = nominal.with_parameters(dict(planted.parameters)).with_forces([], list(planted.filters))
-            runs = [t.rollout(d.u, d.w, d.y[:, 0], d.y, inside=False).y[:, :, 0] for t in (other, nominal)]
-            return np.asarray(runs[0] - runs[1])
+            return accelerations(other, d) - accelerations(nominal, d)
         return trace.acceleration(planted.forces)[0]
 
     return act

@@ -14,7 +14,7 @@ MINUTES = 0.7  # held-out errors are of windows of 40 s
 
 
 @pytest.mark.long
-@pytest.mark.timeout(1200)  # five minutes of CPU time
+@pytest.mark.timeout(3600)  # five minutes of CPU time, more on a busy machine
 def test_a_case_of_every_level_is_made_and_scored(tmp_path: Path) -> None:
     board = prove(tmp_path / "proof", LEVELS, 1, seed=5, simulators=["physics"], minutes=MINUTES)
     assert board["broken"] == [] and board["cases"] == len(LEVELS)

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
+from deeptruck_exam.cases.build import second_means
 from deeptruck_exam.cases.plan import Plan
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.worlds import trucks
@@ -36,9 +37,7 @@ def retune(
     def error(log_factor: Array) -> Array:
         values = dict(zip(names, (first * np.exp(log_factor)).tolist(), strict=True))
         run = truck.with_parameters(values).rollout(u, w, y[:, 0], y, inside=False)
-        difference = run.y[:, 1:, 0] - y[:, 1:, 0]
-        seconds = difference.shape[1] // 10
-        return difference[:, : 10 * seconds].reshape(-1, 10).mean(axis=1)
+        return second_means(run.y[:, 1:, 0] - y[:, 1:, 0]).ravel()
 
     found = least_squares(
         error,

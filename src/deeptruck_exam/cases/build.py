@@ -110,7 +110,7 @@ def _drive(
         truck = _plant(nominal, parts)
         driver = Driver(setting.truck, styles, target, plan.headway_s, DT, plan.rng(3), values)
         drives = simulate(truck, roads, driver, leader_m, DT)
-        return drives, truck, drives.y[:, :, 0] - _without(nominal, drives)
+        return drives, truck, drives.y[:, :, 0] - accelerations(nominal, drives)
 
     drives, oracle, extra = run(planted)
     if plan.level == "rare":
@@ -132,26 +132,31 @@ def _plant(nominal: PhysicsTruck, parts: list[Planted]) -> PhysicsTruck:
     return truck.with_forces([f for p in parts for f in p.forces], [f for p in parts for f in p.filters])
 
 
-def _without(nominal: PhysicsTruck, drives: Drives) -> Array:
-    """Acceleration (batch, n) of the truck without the effects along the same drives."""
-    return nominal.rollout(drives.u, drives.w, drives.y[:, 0], drives.y, inside=False).y[:, :, 0]
+def accelerations(truck: PhysicsTruck, drives: Drives) -> Array:
+    """Acceleration (batch, n) of another truck along the same drives, m/s^2."""
+    return truck.rollout(drives.u, drives.w, drives.y[:, 0], drives.y, inside=False).y[:, :, 0]
 
 
 def information(extra: Array, sd: float) -> float:
     """Nats by which a detector that knows the effect's shape beats 'no effect', at noise sd (m/s2) of 1 s
     means."""
-    seconds = extra.shape[1] // 10
-    means = extra[:, : 10 * seconds].reshape(len(extra), seconds, 10).mean(axis=2)
-    return float(0.5 * np.sum((means / sd) ** 2))
+    return float(0.5 * np.sum((second_means(extra) / sd) ** 2))
+
+
+def second_means(x: Array) -> Array:
+    """Means of (batch, n) over whole seconds, (batch, seconds)."""
+    samples = round(1.0 / DT)
+    seconds = x.shape[1] // samples
+    return x[:, : samples * seconds].reshape(len(x), seconds, samples).mean(axis=2)
 
 
 def unexplained(nominal: PhysicsTruck, drives: Drives, extra: Array) -> Array:
     """`extra` less its least-squares fit by the sensitivities of the nominal truck to its tunable
     parameters."""
-    base = _without(nominal, drives)
+    base = accelerations(nominal, drives)
     values, step = nominal.parameters(), 0.02
     sensitivity = [
-        _without(nominal.with_parameters({n: values[n] * (1.0 + step)}), drives) - base
+        accelerations(nominal.with_parameters({n: values[n] * (1.0 + step)}), drives) - base
         for n in trucks.TUNABLE
     ]
     x = np.stack([s.ravel() for s in sensitivity], axis=1) / step

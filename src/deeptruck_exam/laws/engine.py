@@ -27,7 +27,7 @@ class FanAndCompressor(Law):
         }
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        load = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        load = self.power_share(view)
         s.heat += dt * (0.25 + 1.2 * load - 1.1 * s.on) / p.heat_s  # 1: the fan comes on
         s.heat = np.clip(s.heat, 0.0, 1.2)
         s.on = np.where(s.heat > 1.0, 1.0, np.where(s.heat < 0.35, 0.0, s.on))
@@ -119,7 +119,7 @@ class CoolantDerate(Law, block=0.0, coolant=0.0):
     SPN 1569, engine protection torque derate."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        load = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        load = self.power_share(view)
         s.block += dt * (60.0 * load - (s.block - s.coolant)) / p.block_s * 2.0
         cooling = s.coolant * (0.4 + view.speed / 20.0)
         s.coolant += dt * ((s.block - s.coolant) - cooling) / 30.0

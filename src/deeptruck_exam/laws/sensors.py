@@ -60,8 +60,7 @@ def clock_set_daily(p: Sizes, channels: Channels, dt: float, rng: np.random.Gene
     another amount each drive.
     Source: SAE J1939-71, Time/Date, which counts in quarters of a second."""
     late = np.sign(p.sign) * p.late_s * rng.uniform(1.0 - p.spread, 1.0 + p.spread)
-    time = np.arange(len(channels["acceleration"])) * dt
-    channels["acceleration"] = np.interp(time - late, time, channels["acceleration"])
+    channels["acceleration"] = _shift(channels["acceleration"], dt, late)
 
 
 @fault("grade_bias", accepts="rolling_resistance", withheld="elevation")

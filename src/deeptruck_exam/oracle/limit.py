@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from deeptruck_exam.folder import LIMIT
-from deeptruck_exam.jobs import end_with_the_run
+from deeptruck_exam.jobs import in_parallel
 from deeptruck_exam.laws import EFFECTS
 from deeptruck_model import files
 
@@ -102,12 +100,8 @@ def run(out: Path, cases: int, seed: int, jobs: int) -> list[Limited]:
     on. Raises InputError where `out` holds something else."""
     each = math.ceil(cases / len(LEVELS))
     plan = [(level, seed + k) for k in range(each) for level in LEVELS][:cases]
-    context = get_context("spawn")
-    with LIMIT.in_place(out), ProcessPoolExecutor(jobs, context, end_with_the_run) as pool:
-        waiting = [pool.submit(_kept, out, *job) for job in plan]
-        for k, done in enumerate(as_completed(waiting), 1):
-            done.result()
-            Console(stderr=True).print(f"{k} of {len(plan)}")
+    with LIMIT.in_place(out):
+        in_parallel(_kept, [(out, *job) for job in plan], jobs)
         found = [c for c in (_read(_place(out, *job)) for job in plan) if c is not None]
         files.rewrite(out / "limit.json", json.dumps(_table(found), indent=1).encode())
     return found

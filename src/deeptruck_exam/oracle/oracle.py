@@ -17,21 +17,19 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_exam.cases.build import MOTION_SD, Built
+from deeptruck_exam.cases.build import MOTION_SD, Built, accelerations, second_means
 from deeptruck_exam.cases.gates import CONDITIONS, Open, Windows
 from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.laws import EFFECTS, Effect
 from deeptruck_exam.laws.catalogue import Planted
 from deeptruck_exam.laws.law import Array, Setting
 from deeptruck_exam.worlds import trucks
-from deeptruck_model.trucks import PhysicsTruck
 
 DRAWS, FEW_DRAWS = 12, 2  # of sizes; of laws with a chance of their own, which are made one by one
 REFINED, ROUNDS, NEARER = 10, 2, 0.3  # laws drawn anew, how often, and how much nearer each time
 FACTOR_SD = 0.3  # of the factor about one by which a drawn law may act
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 STEP = 0.02  # relative, of the sensitivities
-SECOND = 10  # samples
 NOTHING = "nothing"
 
 
@@ -61,10 +59,10 @@ class Oracle:
         self.fit = slice(0, built.plan.fit)
         self.trace = Trace.of(self.nominal, built.drives, setting_of(built))
         self.many = self.trace.repeated(DRAWS)
-        self.plain = self._driven(self.nominal)
+        self.plain = accelerations(self.nominal, built.drives)
         self.openings = self._openings()
-        noise = self.rng.normal(0.0, MOTION_SD, self._means(built.extra)[self.fit].shape)
-        self.y = (self._means(built.extra)[self.fit] + noise).ravel()
+        noise = self.rng.normal(0.0, MOTION_SD, second_means(built.extra)[self.fit].shape)
+        self.y = (second_means(built.extra)[self.fit] + noise).ravel()
         self._weigh_parameters()
         self.known = {e.key: s for e, s in zip(built.plan.effects, built.sizes, strict=True)}
 
@@ -137,7 +135,8 @@ class Oracle:
             whole = self.trace.acceleration(planted.forces, self.openings)
         else:
             truck = self.nominal.with_parameters(dict(planted.parameters))
-            driven = self._driven(truck.with_forces(list(planted.forces), list(planted.filters))) - self.plain
+            truck = truck.with_forces(list(planted.forces), list(planted.filters))
+            driven = accelerations(truck, self.built.drives) - self.plain
             whole = np.stack([driven] * (1 + len(self.openings)))
         return np.array([self._rows(x) for x in whole])
 
@@ -145,16 +144,7 @@ class Oracle:
         n = self.built.extra.shape[1]
         padded = np.zeros((len(acceleration), n))
         padded[:, : min(n, acceleration.shape[1])] = acceleration[:, :n]
-        return self._means(padded)[self.fit].ravel()
-
-    @staticmethod
-    def _means(x: Array) -> Array:
-        seconds = x.shape[1] // SECOND
-        return x[:, : SECOND * seconds].reshape(len(x), seconds, SECOND).mean(axis=2)
-
-    def _driven(self, truck: PhysicsTruck) -> Array:
-        d = self.built.drives
-        return truck.rollout(d.u, d.w, d.y[:, 0], d.y, inside=False).y[:, :, 0]
+        return second_means(padded)[self.fit].ravel()
 
     def _openings(self) -> tuple[Open, ...]:
         """Conditions under which laws may act, where this case has one; its windows, where it has those."""
@@ -181,7 +171,7 @@ class Oracle:
         out = []
         for name in trucks.TUNABLE:
             moved = self.nominal.with_parameters({name: values[name] * (1.0 + STEP)})
-            out.append(self._rows(self._driven(moved) - self.plain) / STEP * FREE[name])
+            out.append(self._rows(accelerations(moved, self.built.drives) - self.plain) / STEP * FREE[name])
         rows = np.stack(out)
         root = np.linalg.cholesky(np.eye(len(out)) + rows @ rows.T / MOTION_SD**2)
         self.whitened = np.linalg.solve(root, rows) / MOTION_SD

@@ -22,7 +22,7 @@ from rich.table import Table
 from deeptruck_exam.cases.case import Case
 from deeptruck_exam.folder import REAL, check_real
 from deeptruck_exam.real.withheld import LAYOUTS, SOURCES, Source, examine_withheld, trained, whole_log
-from deeptruck_exam.tool import ToolRun, budget_of, run_tool, smallest_force
+from deeptruck_exam.tool import run_tool, summary
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, split, write_bag
@@ -168,29 +168,13 @@ def _pair(fleet: Fleet, out: Path, simulator: Path, fit: str, held: str) -> Row:
     if not path.exists():
         case = Case(out, str(simulator), (fit,), (held,), {}, "")
         run = run_tool(case, out / f"{fit}-{held}" / "found", limit_s=LIMIT_S)
-        row = Row(fleet.name, f"{fit}, {held}", fleet.part, "", fleet.lacks, **_said(run))
+        row = Row(fleet.name, f"{fit}, {held}", fleet.part, "", fleet.lacks, **summary(run))
         files.write(path, json.dumps(asdict(row), indent=1).encode())
     return _read(json.loads(path.read_text()))
 
 
 def _read(kept: dict[str, Any]) -> Row:
     return Row(**{**kept, "said": tuple(kept["said"]), "sizes": tuple(kept["sizes"])})
-
-
-def _said(run: ToolRun) -> dict[str, Any]:
-    """The part of a row that stands in the verdict."""
-    findings, fit = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
-    strengths = [f.get("strength") or {} for f in findings]
-    return {
-        "verdict": run.verdict.get("verdict", f"failed: {run.says[-200:]}"),
-        "said": tuple(str(f["effect"]) for f in findings),
-        "sizes": tuple(f"{s['value']:.3g} {s['unit']}" if s else "" for s in strengths),
-        "validated": bool(fit.get("validated")),
-        "speed_error": (fit.get("before") or {}).get("speed_rmse"),
-        "after": (fit.get("after") or {}).get("speed_rmse"),
-        "budget": budget_of(run.verdict),
-        "smallest": smallest_force(run.verdict),
-    }
 
 
 def _of_withheld(result: Mapping[str, Any]) -> Row:

@@ -19,7 +19,7 @@ import numpy as np
 from deeptruck_exam.cases.case import Case
 from deeptruck_exam.laws.law import GRAVITY, Array
 from deeptruck_exam.scoring.evaluation import arrays, residual
-from deeptruck_exam.tool import ToolRun, budget_of, run_tool, smallest_force
+from deeptruck_exam.tool import ToolRun, run_tool, summary
 from deeptruck_model import files, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, read, split, write_bag
@@ -127,26 +127,17 @@ def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: in
     agreement = None
     if profile.exists():
         agreement = compare_profile(read_profiles(profile), opened, simulators.load(simulator))
-    findings, fitted = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
-    said = [str(f.get("effect")) for f in findings]
-    strengths = [f.get("strength") or {} for f in findings]
+    found = summary(run)
     return {
         "source": source.name,
         "hilly": source.hilly,
         "returncode": run.returncode,
         "seconds": run.seconds,
-        "verdict": run.verdict.get("verdict", "failed"),
-        "said": said,
-        "sizes": [f"{s['value']:.3g} {s['unit']}" if s else "" for s in strengths],
-        "validated": bool(fitted.get("validated")),
-        "speed_error": (fitted.get("before") or {}).get("speed_rmse"),
-        "after": (fitted.get("after") or {}).get("speed_rmse"),
-        "budget": budget_of(run.verdict),
-        "smallest": smallest_force(run.verdict),
-        "right": _right(source, run, said),
+        **found,
+        "right": _right(source, run, found["said"]),
         "says": run.says if run.returncode else "",
         "agreement": asdict(agreement) if agreement else None,
-        "next_pass": fitted.get("next_pass"),
+        "next_pass": (run.verdict.get("fit") or {}).get("next_pass"),
     }
 
 

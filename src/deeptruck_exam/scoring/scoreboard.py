@@ -1,4 +1,4 @@
-"""Figures of merit over scored cases, and the tables people read."""
+"""Figures of merit over scored cases."""
 
 from __future__ import annotations
 
@@ -7,37 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 Score = Mapping[str, Any]
 ENOUGH_NATS, TOO_FEW_NATS = 100.0, 40.0
-
-
-def print_results(results: Sequence[Score]) -> None:
-    """A line for each case and a table by level, on stdout."""
-    table = Table("level", "seed", "truth", "said", "outcome", "nats", "overlap", "s")
-    for r in results:
-        if "broken" in r:
-            table.add_row(str(r["level"]), str(r["seed"]), "broken", r["broken"].strip().splitlines()[-1])
-            continue
-        said = " ".join(r["said"]) or str(r["verdict"])
-        overlap = "" if r["overlap"] is None else f"{r['overlap']:.2f}"
-        nats, seconds = f"{r['information_nats']:.0f}", f"{r['seconds']:.0f}"
-        table.add_row(
-            r["level"], str(r["seed"]), " ".join(r["keys"]), said, r["outcome"], nats, overlap, seconds
-        )
-    console = Console(width=160)
-    console.print(table)
-    summary = Table("figure", *(f"{simulator} {level}" for simulator, level in by_level(results)))
-    rows = list(by_level(results).values())
-    for name in rows[0] if rows else ():
-        summary.add_row(name, *(_text(row[name]) for row in rows))
-    console.print(summary)
-
-
-def _text(value: Any) -> str:
-    return "-" if value is None else str(value) if isinstance(value, int) else f"{value:.2f}"
 
 
 def by_level(results: Iterable[Score]) -> dict[tuple[str, str], dict[str, Any]]:

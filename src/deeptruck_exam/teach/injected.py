@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.signal import lfilter
 
-from deeptruck_exam.cases.build import DT, MOTION_SD, Built, information
+from deeptruck_exam.cases.build import DT, MOTION_SD, Built, accelerations, information
 from deeptruck_exam.cases.plan import FIT
 from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.grammar import grammar
@@ -18,7 +18,6 @@ from deeptruck_exam.laws import EFFECTS, Effect
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.teach.strayed import strayed
 from deeptruck_exam.worlds import trucks
-from deeptruck_model.trucks import PhysicsTruck
 
 EACH, NAMELESS = 18, 90  # grammar laws along one base: of each name, and without a name
 STRAYED = 0.4  # share of them that stray from their form
@@ -79,11 +78,8 @@ class Injection:
             return self._trace.acceleration(planted.forces)[0]
         truck = self._nominal.with_parameters(dict(planted.parameters))
         truck = truck.with_forces(list(planted.forces), list(planted.filters))
-        return self._driven(truck) - self._driven(self._nominal)
-
-    def _driven(self, truck: PhysicsTruck) -> Array:
-        d = self._built.drives
-        return truck.rollout(d.u, d.w, d.y[:, 0], d.y, inside=False).y[:, :, 0]
+        drives = self._built.drives
+        return accelerations(truck, drives) - accelerations(self._nominal, drives)
 
     def _rows(self, acceleration: Array) -> Array:
         """As a sensor that is a little late sees it, in means over the rows of the evidence, (n,)."""

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from deeptruck_exam.folder import CLASSIFIER
-from deeptruck_exam.jobs import end_with_the_run
+from deeptruck_exam.jobs import in_parallel
 from deeptruck_exam.teach import acceptance, learning
 from deeptruck_exam.teach.samples import Samples, Source, samples
 from deeptruck_model import files
@@ -30,11 +26,7 @@ def run(out: Path, bases: int, judged: int, seed: int, jobs: int) -> dict[str, A
     plan: list[tuple[Source, int]] = [("grammar", seed + k) for k in range(bases)]
     plan += [("laws", seed + JUDGED_SEED + k) for k in range(judged)]
     with CLASSIFIER.in_place(out):
-        with ProcessPoolExecutor(jobs, get_context("spawn"), end_with_the_run) as pool:
-            waiting = [pool.submit(_kept, _place(out, *job), *job) for job in plan]
-            for k, done in enumerate(as_completed(waiting), 1):
-                done.result()
-                Console(stderr=True).print(f"base {k} of {len(plan)}")
+        in_parallel(_kept, [(_place(out, *job), *job) for job in plan], jobs)
         parts = {job: Samples.load(_place(out, *job)) for job in plan}
         training = [part for (source, _), part in parts.items() if source == "grammar"]
         scored = [part for (source, _), part in parts.items() if source == "laws"]

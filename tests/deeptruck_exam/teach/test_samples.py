@@ -45,7 +45,10 @@ def test_a_known_name_explains_what_is_its_own(base: Samples) -> None:
     assert np.median(left[own]) < np.median(left[~own])
 
 
-def test_the_laws_of_the_score_are_judged_and_none_is_trained_on(base: Samples) -> None:
+def test_the_laws_of_the_score_are_judged_and_none_is_trained_on(
+    base: Samples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deeptruck_exam.teach.samples.MINUTES", 1.0)
     judged = samples("laws", 43)
     assert {EFFECTS[law].name for law in judged.laws.tolist()} == set(judged.names.tolist())
     assert len(judged.laws) > 45 and not set(judged.laws.tolist()) & set(base.laws.tolist())
