@@ -22,9 +22,10 @@ import numpy as np
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+
 from deeptruck_model import deep, driving_cycles, simulators, trucks
 from deeptruck_model.mismatch import find_mismatch
-from deeptruck_model.mismatch.correction.own_error import speed_error
+from deeptruck_model.mismatch.validate import own_error
 
 TRUCK, SEEDS, FIT, SECONDS = "trucksim", 3, 3, 240.0
 CHANGES: tuple[tuple[str, tuple[float, ...]], ...] = (
@@ -119,7 +120,7 @@ def _judged(case: Case, simulator: simulators.Simulator, drives: Sequence[drivin
     errors = fit.errors if fit else None
     return Case(
         case.change, case.size, case.seed,
-        speed_error(simulator, False, horizon) or 0.0,
+        own_error(simulator, False, horizon) or 0.0,
         errors.before.speed if errors else 0.0,
         errors.after.speed if errors else 0.0,
         str(found.result.kind),

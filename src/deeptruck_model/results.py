@@ -52,24 +52,12 @@ BESIDE_PAPER = Result(
     (PAPER_PAGE, f"{PICTURES}/*", *(f"{WORK}{'/*' * depth}" for depth in range(1, 8))),
 )
 
-FIGURES = (
-    "timeline",
-    "regimes",
-    "ranking",
-    "unknown",
-    "errors",
-    "horizon_and_regime",
-    "sensors",
-    "coverage",
-)
 FOUND = Result(
     "a mismatch result",
     (
         "verdict.json",
         "profiles.csv",
-        "road.csv",
         "report.html",
-        *(f"{name}.png" for name in FIGURES),
         "simulator/simulator.json",
         "simulator/base/simulator.json",
     ),

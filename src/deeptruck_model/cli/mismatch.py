@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,19 +25,10 @@ from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
-    from deeptruck_model.mismatch.report.what_now import Asked
-    from deeptruck_model.mismatch_flow import Result
 
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
 ]
-
-
-class Flow(StrEnum):
-    """How a mismatch is found."""
-
-    SEARCH = "search"
-    BUDGET = "budget"
 
 
 def mismatch(
@@ -47,13 +37,9 @@ def mismatch(
     out: Annotated[Path, typer.Option(help="Folder for verdict.json, report.html and simulator/.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="Recordings used only to judge.")] = None,
     seed: Annotated[int, typer.Option(help="Of the input noise the simulator is tried with.", min=0)] = 0,
-    with_unnamed: Annotated[
-        bool,
-        typer.Option("--with-unnamed", help="Correct what has no name too, by laws of the recorded signals."),
-    ] = False,
     mass_kg: Annotated[
         float | None,
-        typer.Option(help="Mass of the truck, kg, where the simulator does not tell it: forces in newtons."),
+        typer.Option(help="Mass of the truck, kg, where the simulator does not state it: forces in newtons."),
     ] = None,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
@@ -62,13 +48,6 @@ def mismatch(
         list[str] | None,
         typer.Option(metavar="EFFECT", help="Leave this effect out of the library; repeat for more."),
     ] = None,
-    flow: Annotated[
-        Flow,
-        typer.Option(
-            help="'search' for names, one law after another; or 'budget': parts of the error, inputs that "
-            "were not recorded, and names as deep as the data carry (docs/mismatch_budget.md)."
-        ),
-    ] = Flow.SEARCH,
     overwrite: Overwrite = False,
 ) -> None:
     """Find what a simulator leaves out when recordings differ from it.
@@ -82,7 +61,6 @@ def mismatch(
         lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
         lambda: checks.mass(mass_kg),
         lambda: _check_excluded(exclude or []),
-        lambda: _check_flow(flow, with_unnamed),
     )
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
@@ -95,52 +73,25 @@ def mismatch(
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
         show_accounts([*fit, *held])
-        from deeptruck_model.mismatch.report.what_now import Asked
-
         # the libraries take seconds to import: a bag that cannot be read is refused before
-        asked = Asked(
-            out, simulator, tuple(recordings), tuple(held_out), topic_map, mass_kg, clock, tuple(msg or ())
-        )
-        if flow is Flow.BUDGET:
-            from deeptruck_model import mismatch_flow
+        from deeptruck_model.mismatch import find_mismatch
+        from deeptruck_model.mismatch.output import fill
 
-            result = mismatch_flow.find_mismatch(
-                truck, fit, held, seed=seed, exclude=exclude or (), say=say, mass_kg=mass_kg
-            )
-            say("writing the report")
-            mismatch_flow.fill(draft, result, out)
-            show = partial(_show, result, out)
-        else:
-            from deeptruck_model.mismatch import find_mismatch
-            from deeptruck_model.mismatch.output import fill
-
-            found = find_mismatch(
-                truck,
-                fit,
-                held,
-                seed=seed,
-                with_unnamed=with_unnamed,
-                exclude=exclude or (),
-                say=say,
-                mass_kg=mass_kg,
-            )
-            say("writing the report")
-            fill(draft, found, asked)
-            show = partial(_tell, found, asked)
-    show()
+        found = find_mismatch(truck, fit, held, seed=seed, exclude=exclude or (), say=say, mass_kg=mass_kg)
+        say("writing the report")
+        fill(draft, found, out)
+    _show(found, out)
 
 
-def _check_flow(flow: Flow, with_unnamed: bool) -> None:
-    """Raises InputError for what a flow does not have."""
-    if flow is Flow.BUDGET and with_unnamed:
-        raise InputError("--with-unnamed belongs to --flow search; leave it out")
+def _show(found: Mismatch, out: Path) -> None:
+    """The verdict, as the page begins."""
+    from deeptruck_model.mismatch import summary
 
-
-def _show(result: Result, out: Path) -> None:
-    """The verdict by its budget, as the page begins."""
-    from deeptruck_model.mismatch_flow import lines
-
-    print(f"{result.result.kind}: see {out / 'report.html'}", *lines(result.result), sep="\n")
+    print(f"{found.result.kind}: see {out / 'report.html'}", *summary(found), sep="\n")
+    if found.result.validated:
+        print(f"    {folders.apply_command(out)}")
+    for caveat in found.result.caveats:
+        print(f"note: {caveat}")
 
 
 def _check_excluded(names: list[str]) -> None:
@@ -149,27 +100,6 @@ def _check_excluded(names: list[str]) -> None:
         from deeptruck_model.mismatch.excluded import check_excluded
 
         check_excluded(names)
-
-
-def _tell(found: Mismatch, asked: Asked) -> None:
-    """The verdict as the page has it, the findings, and what to do now."""
-    from deeptruck_model.mismatch.report import headline, names, what_now
-    from deeptruck_model.mismatch.report.given import record_next
-    from deeptruck_model.mismatch.report.wording import opened, percent, prose, short_rows, spoken
-
-    result = found.result
-    print(f"{result.kind}: see {asked.out / 'report.html'}")
-    print("\n".join(headline.sentences(headline.of(result))))
-    for f in result.findings:
-        name = names.group(headline.name(f))
-        sure = f"Probability of {spoken(f.effect)}: {percent(f.probability)}"
-        print(f"  {opened(name)}: {prose(f.says)}. {sure}.")
-        for row in short_rows(f.parameters):
-            print(f"    {row.name}: {row.text}")
-    for step in what_now.steps(found, record_next(found), asked):
-        print(step.says, *filter(None, [step.command]), sep="\n    ")
-    for caveat in result.caveats:
-        print(f"note: {prose(caveat)}")
 
 
 def apply(
@@ -216,7 +146,7 @@ def adapt(
     with folders.APPLIED.replacing(out, overwrite=overwrite) as draft, progress("reading"):
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
-        from deeptruck_model.mismatch_flow.adaptation import adapt as adapted_to
+        from deeptruck_model.mismatch import adapt as adapted_to
 
         truck = simulators.load(simulator)
         pieces = rec.read_all(
@@ -267,7 +197,7 @@ def road(
     )
     if other is None:
         made, left_out = with_road(roads, read)
-        notes = [f"left out, as no slope was told of them: {', '.join(left_out)}"] if left_out else []
+        notes = [f"left out, as no slope was found for them: {', '.join(left_out)}"] if left_out else []
     else:
         made, covered = with_road_of_another(roads, Roads.read(other), read)
         notes = [str(part) for part in covered]

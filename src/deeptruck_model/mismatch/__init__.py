@@ -1,4 +1,4 @@
-"""When simulation and recordings differ: locate it, say what is missing, model it, show the fit improve.
+"""Where simulation and recordings differ: what was not recorded, a budget, names, and a corrected simulator.
 
 Loaded on first use, so that the command line can check what it is given within a moment.
 """
@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 from deeptruck_model.lazy import names
 
 if TYPE_CHECKING:
+    from deeptruck_model.mismatch.adaptation import adapt
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
     from deeptruck_model.mismatch.find import find_mismatch
     from deeptruck_model.mismatch.mechanisms import LIBRARY
-    from deeptruck_model.mismatch.output import apply, figures, read, summary, write
+    from deeptruck_model.mismatch.output import apply, read, summary, write
     from deeptruck_model.mismatch.posterior.clean_drives import CleanDrives
     from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint, Given, Seen
     from deeptruck_model.mismatch.posterior.kernels import NOTHING
@@ -30,8 +31,8 @@ __all__ = [
     "Recogniser",
     "Seen",
     "Verdict",
+    "adapt",
     "apply",
-    "figures",
     "find_mismatch",
     "load_directory",
     "read",
@@ -42,10 +43,11 @@ __all__ = [
 __getattr__ = names(
     __name__,
     {
+        "adaptation": ("adapt",),
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
         "find": ("find_mismatch",),
         "mechanisms": ("LIBRARY",),
-        "output": ("apply", "figures", "read", "summary", "write"),
+        "output": ("apply", "read", "summary", "write"),
         "posterior.clean_drives": ("CleanDrives",),
         "posterior.fingerprint": ("Fingerprint", "Given", "Seen"),
         "posterior.kernels": ("NOTHING",),

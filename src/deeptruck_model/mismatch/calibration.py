@@ -17,12 +17,13 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.improvement import free_windows, horizon, improvement
-from deeptruck_model.mismatch.find import Checked, checked_drives
 from deeptruck_model.mismatch.fit_result import Interval, Rmse
-from deeptruck_model.mismatch.posterior.linearised import accepted, refitted
+from deeptruck_model.mismatch.nuisance import refitted
 from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
+from deeptruck_model.mismatch.prepare import Drives, prepared
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch.residual.sensitivity import accepted
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
@@ -82,27 +83,27 @@ def calibrate(
     """
     with threadpool_limits(1):
         say("checking the data")
-        c = checked_drives(truck, recordings, held_out, rules)
-        if c.useless:
-            raise InputError(f"these recordings tell nothing of the truck: {c.useless}")
+        drives = prepared(truck, recordings, held_out, rules)
+        if drives.useless:
+            raise InputError(f"the truck cannot be fitted to these recordings: {drives.useless}")
         say("driving the truck along the recordings")
-        e = gather(truck, c.prepared, c.held_out, seed=seed, rules=rules).to_fit()
+        e = gather(truck, drives.prepared, drives.held_out, seed=seed, rules=rules)
         say("fitting all parameters")
-        search, model = refitted(truck, e, c.prepared, c.held_out, seed, frozenset(e.sensitivity), say)
+        search, model = refitted(truck, drives, e, seed, frozenset(e.sensitivity), say)
         told = frozenset(p for p in search.parameters if model.moved_sd(p) < 0.5 * FREE[p])
         if told != frozenset(e.sensitivity):
             say("fitting those that the drives tell")
-            search, model = refitted(truck, e, c.prepared, c.held_out, seed, told, say)
-        return _driven(truck, c, search, model, told)
+            search, model = refitted(truck, drives, e, seed, told, say)
+        return _driven(truck, drives, search, model, told)
 
 
 def _driven(
-    truck: PhysicsTruck, c: Checked, search: Search, model: Model, told: frozenset[str]
+    truck: PhysicsTruck, drives: Drives, search: Search, model: Model, told: frozenset[str]
 ) -> Calibration:
     change = {p: search.e.total_change(p, model.moved(p)) for p in told}
     own = truck.parameters()
     fitted = truck.with_parameters({p: own[p] * (1.0 + x) for p, x in accepted(truck, change).items()})
-    held = c.part(held_out=True)
+    held = drives.part(held_out=True)
     long = horizon(held)
     errors = {name: free_windows(t, held, long) for name, t in (("before", truck), ("after", fitted))}
     some = len(errors["before"].speed) > 0
@@ -119,7 +120,7 @@ def _driven(
         before=errors["before"].rmse() if some else None,
         after=errors["after"].rmse() if some else None,
         better=gained,
-        caveats=(*c.caveats, *([] if truck.interface.grade else [NO_GRADE])),
+        caveats=(*drives.caveats, *([] if truck.interface.grade else [NO_GRADE])),
     )
 
 

@@ -1,4 +1,4 @@
-"""Names that can be left out of the library; apart, as a wrong one is refused before the search loads."""
+"""Names that can be left out of the library; apart, as a wrong one is refused before the tool loads."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import difflib
 from collections.abc import Sequence
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
+from deeptruck_model.mismatch.tree import UNKNOWN
 
 SENSORS = ("acceleration_bias", "speed_scale")
-NAMED = (*LIBRARY, *PARAMETERS, *SENSORS, UNNAMED.effect)
+NAMED = (*LIBRARY, *PARAMETERS, *SENSORS, UNKNOWN)
 
 
 def check_excluded(names: Sequence[str]) -> None:

@@ -15,6 +15,11 @@ PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
 FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"
 
 
+def apply_command(found: Path) -> str:
+    """What takes over the corrected simulator of a run."""
+    return f"deeptruck-model apply {found} --out {found}_corrected"
+
+
 def check_applicable(directory: Path) -> None:
     """Raises InputError where a run found nothing, or validated nothing, that could be applied."""
     verdict = read_verdict(directory)

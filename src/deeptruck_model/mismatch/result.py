@@ -1,32 +1,30 @@
-"""What the tool found, as types. `Verdict.to_json` gives verdict.json, and nothing else does.
-
-Rooms below give the parts; the report reads them. Numbers are rounded where a finding is made, so that page,
-terminal and file say the same.
-"""
+"""What was found, as types; `Verdict.to_json` gives verdict.json, schema 2, and nothing else does."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.finding import Finding, Suspicion
-from deeptruck_model.mismatch.fit_result import Errors, FitResult
-from deeptruck_model.mismatch.posterior.causes import Explanation
+from deeptruck_model.mismatch.fit_result import Errors, FitResult, Interval
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.strength import Strength
+from deeptruck_model.mismatch.tree import Node
+from deeptruck_model.mismatch.unrecorded import NotRecorded
+from deeptruck_model.mismatch.witnesses import Witness
 
 Array = NDArray[np.float64]
 
-SCHEMA = 1
-COVERAGE = "coverage.png"
-ALWAYS, RARELY = "steady force all the time", "steady force 2 % of the time"
+SCHEMA = 2
+STEADY = "steady force all the time"
 
 
 class Conclusion(StrEnum):
@@ -61,6 +59,11 @@ class Segment:
             "finding": self.finding,
             "mean_force_n": None if self.mean_force_n is None else round(self.mean_force_n, 1),
         }
+
+    @staticmethod
+    def read(entry: Mapping[str, Any]) -> Segment:
+        """An entry of `segments` of verdict.json."""
+        return Segment(**entry, start=0, stop=0, energy=0.0)
 
 
 @dataclass(frozen=True)
@@ -105,23 +108,17 @@ class Regime:
 
 @dataclass(frozen=True)
 class SmallestVisible:
-    """What would have been reported: relative errors of parameters, and steady forces (m/s^2)."""
+    """What would have been detected: relative errors of parameters, and a steady force per mass, m/s^2."""
 
     parameters: Mapping[str, float]
-    always: float  # a force that acts all the time
-    rarely: float  # one that acts for 2 % of it
+    steady: float
     mass_kg: float | None  # None where it is not known
 
     def to_json(self) -> dict[str, Any]:
         """`data.smallest_visible`."""
-        forces = {ALWAYS: self._force(self.always), RARELY: self._force(self.rarely)}
-        return {name: {"relative": size} for name, size in self.parameters.items()} | forces
-
-    def _force(self, acceleration: float) -> dict[str, float]:
-        if self.mass_kg is None:
-            return {"m_s2": acceleration}
-        newtons = round(acceleration * self.mass_kg, 1)
-        return {"newton": newtons, "m_s2": acceleration, "mass_kg": self.mass_kg}
+        newtons = {} if self.mass_kg is None else {"newton": round(self.steady * self.mass_kg, 1)}
+        relative = {name: {"relative": size} for name, size in self.parameters.items()}
+        return relative | {STEADY: {"m_s2": self.steady} | newtons}
 
     @staticmethod
     def read(entry: Mapping[str, Any] | None) -> SmallestVisible | None:
@@ -129,37 +126,128 @@ class SmallestVisible:
         if entry is None:
             return None
         relative = {name: size["relative"] for name, size in entry.items() if "relative" in size}
-        always, rarely = entry[ALWAYS], entry[RARELY]
-        return SmallestVisible(relative, always["m_s2"], rarely["m_s2"], always.get("mass_kg"))
+        steady = entry[STEADY]
+        mass = round(steady["newton"] / steady["m_s2"], 1) if "newton" in steady else None
+        return SmallestVisible(relative, steady["m_s2"], mass)
+
+
+class Kind(StrEnum):
+    """What a finding is."""
+
+    PHYSICS = "missing_physics"
+    PARAMETER = "parameter_error"
+    SENSOR = "measurement_fault"
+
+
+class Answer(StrEnum):
+    """To a question of `advice`."""
+
+    YES = "yes"
+    NO = "no"
+    UNSURE = "unsure"
 
 
 @dataclass(frozen=True)
-class DataReport:
-    """What was wrong with the recordings; and, where nothing is missing, what would have been seen."""
+class Advice:
+    """An answer with its reason in one sentence."""
 
-    rejected: tuple[Rejection, ...] = ()
-    smallest_visible: SmallestVisible | None = None
+    answer: Answer
+    reason: str
+
+    def to_json(self) -> dict[str, str]:
+        """An entry of `advice`."""
+        return {"answer": self.answer, "reason": self.reason}
+
+
+@dataclass(frozen=True)
+class Size:
+    """A size in `unit` with its 95 % interval, where it was fitted."""
+
+    value: float
+    unit: str
+    ci95: Interval | None = None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found. `stated` is the deepest node of the tree that is probable enough; `force` (n,), m/s^2,
+    is absent for a fault that shows between sensors alone."""
+
+    kind: Kind
+    effect: str
+    family: str
+    stated: str
+    says: str
+    equation: str
+    parameters: Mapping[str, Size]
+    probability: float
+    family_probability: float
+    would_be_told_by: str
+    depends_on: tuple[str, ...]
+    cannot_be_told_from: tuple[str, ...] = ()
+    share_of_explainable_error: float = 0.0
+    evidence_nats: float | None = None
+    strength: Strength | None = None
+    force: Array | None = field(default=None, compare=False)
+
+    @staticmethod
+    def read(entry: Mapping[str, Any]) -> Finding:
+        """An entry of `findings` of verdict.json."""
+        sizes = {
+            name: Size(s["value"], s["unit"], (s["ci95"][0], s["ci95"][1]) if s["ci95"] else None)
+            for name, s in entry["parameters"].items()
+        }
+        return Finding(
+            Kind(entry["kind"]), entry["effect"], entry["family"], entry["stated"], entry["says"],
+            entry["equation"], sizes, entry["probability"], entry["family_probability"],
+            entry["would_be_told_by"], tuple(entry["depends_on"]), tuple(entry["cannot_be_told_from"]),
+            entry["share_of_explainable_error"], entry.get("evidence_nats"),
+            Strength.read(entry.get("strength")),
+        )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
-        """`data`."""
-        out: dict[str, Any] = {"rejected": [vars(r) for r in self.rejected], "coverage": COVERAGE}
-        if self.smallest_visible is not None:
-            out["smallest_visible"] = self.smallest_visible.to_json()
+        """An entry of `findings`."""
+        out: dict[str, Any] = {
+            "kind": self.kind,
+            "effect": self.effect,
+            "family": self.family,
+            "stated": self.stated,
+            "says": self.says,
+            "equation": self.equation,
+            "parameters": {
+                n: {"value": s.value, "unit": s.unit, "ci95": s.ci95} for n, s in self.parameters.items()
+            },
+            "would_be_told_by": self.would_be_told_by,
+            "depends_on": self.depends_on,
+            "probability": self.probability,
+            "family_probability": self.family_probability,
+            "cannot_be_told_from": self.cannot_be_told_from,
+            "share_of_explainable_error": self.share_of_explainable_error,
+        }
+        if self.evidence_nats is not None:
+            out["evidence_nats"] = self.evidence_nats
+        if self.strength is not None:
+            out["strength"] = self.strength.to_json()
         return out
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """All that verdict.json tells. `fit` is None where nothing could be driven."""
+    """All that verdict.json says. `fit` and `budget` are None where nothing could be compared."""
 
     kind: Conclusion
     findings: tuple[Finding, ...] = ()
     segments: tuple[Segment, ...] = ()
     regimes: tuple[Regime, ...] = ()
     fit: FitResult | None = None
-    data: DataReport = DataReport()
+    rejected: tuple[Rejection, ...] = ()
+    smallest_visible: SmallestVisible | None = None
     caveats: tuple[str, ...] = ()
-    suspicions: tuple[Suspicion, ...] = ()
+    not_recorded: tuple[NotRecorded, ...] = ()
+    budget: Budget | None = None
+    witnesses: tuple[Witness, ...] = ()
+    tree: tuple[Node, ...] = ()
+    advice: Mapping[str, Advice] = field(default_factory=dict)
 
     @property
     def validated(self) -> bool:
@@ -176,41 +264,54 @@ class Verdict:
                 "segments": [s.to_json() for s in self.segments],
                 "regimes": [r.to_json() for r in self.regimes],
                 "fit": self.fit.to_json() if self.fit is not None else {},
-                "data": self.data.to_json(),
+                "data": self._data(),
                 "caveats": self.caveats,
-                "suspicions": [vars(s) for s in self.suspicions],
+                "not_recorded": [m.to_json() for m in self.not_recorded],
+                "budget": self.budget.to_json() if self.budget is not None else {},
+                "witnesses": [w.to_json() for w in self.witnesses],
+                "tree": [vars(n) for n in self.tree],
+                "advice": {name: a.to_json() for name, a in self.advice.items()},
             }
         )
         return out
 
+    def _data(self) -> dict[str, Any]:
+        out: dict[str, Any] = {"rejected": [vars(r) for r in self.rejected]}
+        if self.smallest_visible is not None:
+            out["smallest_visible"] = self.smallest_visible.to_json()
+        return out
+
     @staticmethod
     def read(verdict: Mapping[str, Any]) -> Verdict:
-        """What verdict.json tells of findings, fit, data and caveats; where it acts is left out."""
-        data = verdict["data"]
+        """From verdict.json; forces along the drives are not in it. Raises KeyError, TypeError or ValueError
+        for what is none."""
+        data, budget = verdict["data"], verdict["budget"]
         return Verdict(
             Conclusion(verdict["verdict"]),
             tuple(Finding.read(f) for f in verdict["findings"]),
-            fit=FitResult.read(verdict["fit"]),
-            data=DataReport(
-                tuple(Rejection(**r) for r in data["rejected"]),
-                SmallestVisible.read(data.get("smallest_visible")),
-            ),
-            caveats=tuple(verdict["caveats"]),
-            suspicions=tuple(Suspicion(**s) for s in verdict.get("suspicions", ())),
+            tuple(Segment.read(s) for s in verdict["segments"]),
+            (),
+            FitResult.read(verdict["fit"]),
+            tuple(Rejection(**r) for r in data["rejected"]),
+            SmallestVisible.read(data.get("smallest_visible")),
+            tuple(verdict["caveats"]),
+            tuple(NotRecorded(**m) for m in verdict["not_recorded"]),
+            Budget.read(budget) if budget else None,
+            tuple(Witness(**w) for w in verdict["witnesses"]),
+            tuple(Node(**n) for n in verdict["tree"]),
+            {name: Advice(Answer(a["answer"]), a["reason"]) for name, a in verdict["advice"].items()},
         )
 
 
 @dataclass(frozen=True, repr=False)
 class Mismatch:
-    """Everything the tool found: its result, and what the report draws. None where nothing can be said."""
+    """The verdict and what the report draws with it; None where nothing can be compared."""
 
     result: Verdict
     evidence: Evidence | None
-    explanation: Explanation | None
     errors: Mapping[str, Errors]
     corrected: CorrectedTruck | None
     prepared: tuple[Prepared, ...]
-    excluded: tuple[str, ...] = ()  # effects that were to be left out of the library
 
     def __repr__(self) -> str:
         """What was found, in a line: its parts hold all samples."""

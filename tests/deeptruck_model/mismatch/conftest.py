@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deeptruck_model.mismatch import Mismatch, find_mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
-sys.path.append(str(Path(__file__).parent))  # found_mismatches.py and pages.py stand beside the tests
+sys.path.append(str(Path(__file__).parent))  # small_drives.py stands beside the tests
+
+from small_drives import TRUCK, LazyBrake, drives
 
 N, DT, SIGMA = 6000, 0.2, 0.03
 rng = np.random.default_rng(5)
@@ -48,3 +51,17 @@ def nothing_missing() -> Evidence:
         mass=20000.0,
         rerun=lambda name, amount: np.zeros(N),
     )
+
+
+@pytest.fixture(scope="session")
+def lazy_brake() -> Mismatch:
+    """What is found where brakes are slower than the simulator's."""
+    recorded = drives(TRUCK.with_forces([], [LazyBrake()]))
+    return find_mismatch(TRUCK, recorded[:3], recorded[3:])
+
+
+@pytest.fixture(scope="session")
+def right_truck() -> Mismatch:
+    """What is found where the simulator is the truck."""
+    recorded = drives(TRUCK)
+    return find_mismatch(TRUCK, recorded[:3], recorded[3:])

@@ -70,7 +70,7 @@ def creeping(count: int) -> list[Recording]:
 
 
 def test_drives_of_seconds_are_refused() -> None:
-    with pytest.raises(InputError, match="these recordings tell nothing of the truck"):
+    with pytest.raises(InputError, match="the truck cannot be fitted to these recordings"):
         calibrate(POOL, [r.piece(0, 60) for r in drives(1)])
 
 

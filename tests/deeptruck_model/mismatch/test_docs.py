@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from deeptruck_model import cli
+from deeptruck_model.mismatch import effects_table
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.report import effects_table
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE, EFFECTS = DOCS / "mismatch.md", DOCS / "mismatch_effects.md"
@@ -29,9 +29,7 @@ PROMISED = (
 
 def test_the_table_is_the_library() -> None:
     inside = EFFECTS.read_text().partition(effects_table.BEGIN)[2].partition(effects_table.END)[0]
-    assert inside.strip() == effects_table.table(), (
-        "run: python -m deeptruck_model.mismatch.report.effects_table"
-    )
+    assert inside.strip() == effects_table.table(), "run: python -m deeptruck_model.mismatch.effects_table"
 
 
 @pytest.mark.parametrize("effect", PROMISED)

@@ -5,17 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from found_mismatches import mismatch
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import figures, summary
 from deeptruck_model.mismatch.folders import APPLIED, check_applicable, check_road
-from deeptruck_model.results import FIGURES, FOUND
+from deeptruck_model.results import FOUND
 
 
 def test_files_without_a_ledger_are_the_users(tmp_path: Path) -> None:
     """They may bear a result's names: without a ledger nobody knows who wrote them."""
-    for name in ("verdict.json", "report.html", *(f"{figure}.png" for figure in FIGURES)):
+    for name in ("verdict.json", "report.html", "profiles.csv"):
         (tmp_path / name).write_text("{}")
     for overwrite in (False, True):
         with pytest.raises(InputError, match=r"but no \.deeptruck\.json"):
@@ -33,11 +31,3 @@ def test_what_is_not_there_is_to_be_found_first(tmp_path: Path) -> None:
     for check in (check_applicable, check_road):
         with pytest.raises(InputError, match="nowhere does not exist; run 'deeptruck-model mismatch --out"):
             check(tmp_path / "nowhere")
-
-
-def test_a_notebook_shows_what_was_found_in_a_line_in_sentences_and_in_pictures() -> None:
-    found = mismatch("missing_physics")
-    assert repr(found).startswith("<Mismatch: missing_physics; ") and len(repr(found)) < 200
-    assert found.findings == found.result.findings
-    assert found.findings and all(sentence.endswith(".") for sentence in summary(found))
-    assert figures(found)["timeline"]._repr_png_().startswith(b"\x89PNG")

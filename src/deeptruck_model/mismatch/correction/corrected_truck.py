@@ -17,7 +17,7 @@ from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.added import Added, State, TruckWithForces
 from deeptruck_model.mismatch.expression import Expression, Rerun
-from deeptruck_model.mismatch.mechanisms import KNOWN, Variant, build, saved
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved
 from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.components import SENSITIVITY, Shares
@@ -83,8 +83,8 @@ class CorrectedTruck:
         holds = effective_mass.holds(self.base)
         return TruckWithForces(self.base, self.added, holds, self.shares, self.gears, self._exogenous)
 
-    def asks_beyond(self) -> tuple[str, ...]:
-        """Signals that its terms are made of and that the protocol does not tell, such as a gap."""
+    def needs_beyond(self) -> tuple[str, ...]:
+        """Signals that its terms are made of and that the protocol does not carry, such as a gap."""
         inside = self.base.inside(self.base.reset(np.zeros((1, len(self.interface.y)))))
         told, asked = {*self.interface.u, *self.interface.w, *inside}, self.added.signals()
         return tuple(name for name in EXOGENOUS if name in asked and name not in told)
@@ -198,7 +198,7 @@ def _added(terms: Sequence[Term], moved: Mapping[str, float], carried: Mapping[s
     forces: list[tuple[Expression, float]] = [(SENSITIVITY[n], change) for n, change in moved.items()]
     paths = []
     for term in terms:
-        for column, b in zip(build(KNOWN[term.effect], term.variant), term.coefficients, strict=True):
+        for column, b in zip(build(LIBRARY[term.effect], term.variant), term.coefficients, strict=True):
             if isinstance(column.expression, Rerun):
                 paths.append((column.expression.path, column.expression.amount, b))
             elif b != 0.0:
@@ -214,7 +214,7 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
             " run the mismatch tool again"
         )
     try:
-        unknown = [t["effect"] for t in manifest["terms"] if t["effect"] not in KNOWN]
+        unknown = [t["effect"] for t in manifest["terms"] if t["effect"] not in LIBRARY]
         if unknown:
             raise InputError(f"{path} has terms this version does not know: {', '.join(unknown)}")
         terms = [

@@ -36,20 +36,20 @@ class _Row:
 
 
 def free_windows(
-    simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float, *, alone: bool = False
+    simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float, *, exogenous: bool = True
 ) -> Errors:
     """Free runs of one simulator; see `free_runs`."""
-    return free_runs([(simulator, prepared)], horizon_s, alone=alone)[0]
+    return free_runs([(simulator, prepared)], horizon_s, exogenous=exogenous)[0]
 
 
 def free_runs(
-    jobs: Sequence[tuple[Simulator, Sequence[Prepared]]], horizon_s: float, *, alone: bool = False
+    jobs: Sequence[tuple[Simulator, Sequence[Prepared]]], horizon_s: float, *, exogenous: bool = True
 ) -> list[Errors]:
     """Free runs of `horizon_s` of each simulator one after another along its recordings, with a forced
     stretch before each, and once more from halfway between their beginnings: what a run tells hangs on
     where it happens to begin.
 
-    `alone`: a corrected simulator is told no channel that the protocol does not carry.
+    Without `exogenous` a corrected simulator gets no channel that the protocol does not carry.
     The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole
     drive.
     """
@@ -58,7 +58,7 @@ def free_runs(
     found = [_errors((), np.zeros((0, 0, 2)), n) for n in steps]
     channels = [_told(own) for own in rows]
     for simulator, members in side_by_side.groups([s for s, _ in jobs], list(map(len, rows)), channels):
-        predicted = _run(simulator, [row for k in members for row in rows[k]], steps[members[0]], alone)
+        predicted = _run(simulator, [row for k in members for row in rows[k]], steps[members[0]], exogenous)
         ends = np.cumsum([len(rows[k]) for k in members])
         for k, part in zip(members, np.split(predicted, ends[:-1]), strict=True):
             found[k] = _errors(rows[k], part, steps[k])
@@ -98,18 +98,9 @@ def horizon(prepared: Sequence[Prepared]) -> float:
     return HORIZONS_S[-1] if prepared else HORIZONS_S[0]
 
 
-def joined(parts: Sequence[Errors]) -> Errors:
-    """The free runs of all of them, as along recordings one after the other."""
-    first = np.cumsum([0] + [int(p.recording.max(initial=-1)) + 1 for p in parts])
-    return Errors(
-        np.concatenate([p.speed for p in parts]),
-        np.concatenate([p.acceleration for p in parts]),
-        np.concatenate([p.recording + k for p, k in zip(parts, first, strict=False)]),
-        np.concatenate([p.start for p in parts]),
-    )
-
-
-def _run(simulator: Simulator | TruckWithForces, rows: Sequence[_Row], horizon: int, alone: bool) -> Array:
+def _run(
+    simulator: Simulator | TruckWithForces, rows: Sequence[_Row], horizon: int, exogenous: bool
+) -> Array:
     """Responses (rows, T, n_y): free within the windows, told the recorded ones outside."""
     length = max(len(row.prepared.recording) for row in rows)
     u, w, y = (np.stack([padded(getattr(r.prepared, f), length) for r in rows]) for f in ("u", "w", "y"))
@@ -119,7 +110,7 @@ def _run(simulator: Simulator | TruckWithForces, rows: Sequence[_Row], horizon: 
             free[row, s + 1 : s + horizon] = True
     if isinstance(simulator, TruckWithForces):
         known = fed(simulator.base, y)
-        simulator = simulator if alone else simulator.along(_exogenous(rows, length))
+        simulator = simulator.along(_exogenous(rows, length)) if exogenous else simulator
     else:
         known = fed(simulator, y)
     state: Any = simulator.reset(y[:, 0])
@@ -177,7 +168,7 @@ def improvement(judged: Mapping[str, Errors], seed: int = 0) -> Improvement:
 
 
 def interval(old: Errors, new: Errors, seed: int = 0) -> Interval:
-    """95 % interval of 1 - new / old, of the mean speed error of a free run (`Errors.of_a_run`)."""
+    """95 % interval of 1 - new / old, of the mean speed error of a free run."""
     rng = np.random.default_rng(seed)
     owners = np.unique(old.recording)
     a, b = old.of_runs(), new.of_runs()

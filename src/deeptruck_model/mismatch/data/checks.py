@@ -197,14 +197,14 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     slope, slope_se = _pool([k.slope for k in seen], [k.slope_se for k in seen])
     lag, lag_se = _pool([k.lag_s for k in seen], [k.lag_se for k in seen])
     faults = []
-    if abs(offset) > rules.accelerometer_bias and abs(offset) > rules.stands_out * offset_se:
+    if abs(offset) > rules.accelerometer_bias and abs(offset) > rules.sensor_sd * offset_se:
         says = f"the accelerometer is {offset:+.3f} m/s^2 off the derivative of speed whatever happens"
         faults.append(SensorFault("acceleration_bias", offset, offset_se, "m/s^2", says))
-    if abs(slope - 1) > rules.speed_scale and abs(slope - 1) > rules.stands_out * slope_se:
+    if abs(slope - 1) > rules.speed_scale and abs(slope - 1) > rules.sensor_sd * slope_se:
         scaled = units.likely(1 / slope, units.SPEEDS | units.ACCELEROMETERS) or "one of the two is scaled"
         says = f"speed changes {1 / slope:.3f} times as much as the accelerometer says: {scaled}"
         faults.append(SensorFault("speed_scale", 1 / slope, slope_se / slope**2, "1", says))
-    if abs(lag) > rules.clock_offset_s and abs(lag) > rules.stands_out * lag_se:
+    if abs(lag) > rules.clock_offset_s and abs(lag) > rules.sensor_sd * lag_se:
         says = f"acceleration is stamped {lag:+.2f} s against speed"
         faults.append(SensorFault("clock_offset", lag, lag_se, "s", says))
     return faults

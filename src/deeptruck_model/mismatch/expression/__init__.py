@@ -19,9 +19,7 @@ from deeptruck_model.mismatch.expression.nodes import (
     rows_of,
 )
 from deeptruck_model.mismatch.expression.places import (
-    AlongRoad,
     AtPlace,
-    During,
     InRecording,
     Interpolated,
     Knot,
@@ -32,12 +30,10 @@ from deeptruck_model.mismatch.expression.places import (
 )
 
 __all__ = [
-    "AlongRoad",
     "Apply",
     "AtPlace",
     "Change",
     "Constant",
-    "During",
     "Expression",
     "InRecording",
     "Interpolated",

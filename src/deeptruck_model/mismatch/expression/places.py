@@ -166,26 +166,6 @@ class AtPlace(Expression):
 
 
 @dataclass(frozen=True, eq=False)
-class AlongRoad(Expression):
-    """The first input where the second, a place, lies within one of `places` (from, to); zero elsewhere."""
-
-    inputs: tuple[Expression, ...]
-    places: Sequence[Sequence[float]]
-
-    def over(self, values: Sequence[Array], e: Evidence) -> Array:
-        return self._along(*values)
-
-    def advance(
-        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
-    ) -> tuple[Array, Any]:
-        return self._along(*values), memory
-
-    def _along(self, value: Array, place: Array) -> Array:
-        inside = [(first <= place) & (place < last) for first, last in self.places]
-        return np.where(np.any(inside, axis=0), value, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
 class InRecording(Leaf):
     """One in the named recording (from `from_s` on), zero elsewhere; in a simulation it is `elsewhere`."""
 
@@ -200,25 +180,6 @@ class InRecording(Leaf):
         self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
     ) -> tuple[Array, Any]:
         return np.float64(self.elsewhere), memory  # type: ignore[return-value]
-
-
-@dataclass(frozen=True, eq=False)
-class During(Expression):
-    """The input within spans (recording, from and to in s), zero elsewhere and in a simulation."""
-
-    inputs: tuple[Expression, ...]
-    spans: Sequence[Sequence[float]]
-
-    def over(self, values: Sequence[Array], e: Evidence) -> Array:
-        inside = np.zeros(len(e), dtype=bool)
-        for i, first, last in self.spans:
-            inside |= (e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last)
-        return np.where(inside, values[0], 0.0)
-
-    def advance(
-        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
-    ) -> tuple[Array, Any]:
-        return np.zeros_like(values[0]), memory
 
 
 @dataclass(frozen=True, eq=False)

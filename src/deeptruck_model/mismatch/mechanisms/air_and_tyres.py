@@ -269,8 +269,6 @@ MECHANISMS = (
         "drive the same stretch both ways at two speeds",
         _headwinds,
         _headwind,
-        hidden=True,
-        learned_if_steady=True,
     ),
     Mechanism(
         "drafting",
@@ -282,7 +280,6 @@ MECHANISMS = (
         "follow at several gaps at constant speed",
         _draftings,
         _drafting,
-        hidden=True,
     ),
     Mechanism(
         "drag_area",
@@ -294,7 +291,6 @@ MECHANISMS = (
         "coast down from high speed before and after the change",
         _drag_areas,
         _drag_area,
-        hidden=True,
         prior=0.7,
     ),
     Mechanism(
@@ -318,8 +314,6 @@ MECHANISMS = (
         "repeat the same stretch cold and after an hour",
         _warm_ups,
         _warm_up,
-        hidden=True,
-        comes_and_goes=False,  # tyres get warm for longer than seconds
     ),
     Mechanism(
         "wheel_slip",

@@ -16,8 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import (
-    AlongRoad,
-    During,
     Expression,
     Lag,
     Rerun,
@@ -26,17 +24,14 @@ from deeptruck_model.mismatch.expression import (
     rows_of,
 )
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, curves
-from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, OVERALL_RATIO, PLACE, PULL, SPEED
+from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, OVERALL_RATIO, PULL, SPEED
 from deeptruck_model.mismatch.mechanisms.variants import (
-    Along,
     Gate,
     Gated,
     OwnCurve,
-    Places,
     Simple,
     Sum,
     Variant,
-    Windowed,
 )
 from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -77,8 +72,7 @@ class Mechanism:
     """A named piece of physics.
 
     `needs` are the signals without which it cannot be tested; `depends_on` what it varies with, for people;
-    `hidden` says that its driver is not among a simulator's inputs, so that a learned simulator cannot have
-    absorbed it; `prior` is its prior probability relative to the others.
+    `prior` is its prior probability relative to the others.
     """
 
     effect: str
@@ -87,25 +81,18 @@ class Mechanism:
     needs: tuple[str, ...]
     depends_on: tuple[str, ...]
     source: str
-    told_by: str
+    separated_by: str
     variants: Callable[[Evidence], Iterator[Variant]] = field(repr=False)
     build: Callable[[Simple], list[Column]] = field(repr=False)
     kind: str = "missing_physics"
-    hidden: bool = False
     prior: float = 1.0
     force: bool = True  # its columns are forces per mass, and no errors of a sensor
-    reported: float = 0.0  # probability that the engine's controller tells of such a force in its torque
     unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
     confinable: bool = True  # it may act in a regime of driving alone, and several of its forms at once
-    comes_and_goes: bool = True  # it may act for seconds alone
-    learned_if_steady: bool = False  # a learned simulator has absorbed what is `hidden` but never changes
 
-    def chance(self, e: Evidence, comes_again: bool = False) -> float:
-        """Prior probability relative to the other mechanisms, given which signals were recorded; that of any
-        where other passes show it."""
-        return (1.0 if comes_again else self.prior) * (
-            0.2 if self.unlikely_with and e.has(self.unlikely_with) else 1.0
-        )
+    def chance(self, e: Evidence) -> float:
+        """Prior probability relative to the other mechanisms, given which signals were recorded."""
+        return self.prior * (0.2 if self.unlikely_with and e.has(self.unlikely_with) else 1.0)
 
 
 @dataclass(frozen=True)
@@ -134,10 +121,6 @@ def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
     match variant:
         case Sum(summands):
             return [c for part in summands for c in _forces(mechanism, part)]
-        case Windowed(of, spans):
-            return [replace(c, expression=During((c.expression,), spans)) for c in _forces(mechanism, of)]
-        case Along(of, places):
-            return [_along_road(c, places) for c in _forces(mechanism, of)]
         case Gated(of, gate):
             inside = _inside(gate)
             return [replace(c, expression=c.expression * inside) for c in _forces(mechanism, of)]
@@ -146,12 +129,6 @@ def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
         case Simple():
             return mechanism.build(variant)
     raise TypeError(f"{variant!r} is no variant of a term")
-
-
-def _along_road(c: Column, places: Places) -> Column:
-    """A column along places of the road alone, by whose metres it is named."""
-    where = ", ".join(f"{first:.0f} to {last:.0f} m" for first, last in places)
-    return replace(c, expression=AlongRoad((c.expression, PLACE), places), name=f"{c.name}[{where}]")
 
 
 def _inside(gate: Gate) -> Expression:
@@ -190,12 +167,6 @@ def _own_columns(effect: str, own: OwnCurve) -> list[Column]:
 def is_time_varying(term: CandidateTerm) -> bool:
     """Whether a candidate term has knots in time or along the road, and so can follow any slow force."""
     return term.variant.varies_in_time
-
-
-def held_steady(term: CandidateTerm, e: Evidence) -> CandidateTerm:
-    """A term that does not vary in time: one size throughout, which is all that another drive may ask."""
-    steady = term.variant.steady()
-    return term if steady == term.variant else candidate_term(term.mechanism, steady, e)
 
 
 def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:

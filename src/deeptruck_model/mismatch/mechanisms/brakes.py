@@ -188,7 +188,6 @@ MECHANISMS = (
         "repeat a stop of the same pressure cold and after a long descent",
         _fades,
         _fade,
-        hidden=True,
     ),
     Mechanism(
         "brake_lag",
@@ -211,8 +210,6 @@ MECHANISMS = (
         "coast down before and after braking",
         _draggings,
         _dragging,
-        hidden=True,
         prior=0.7,
-        learned_if_steady=True,
     ),
 )

@@ -112,7 +112,6 @@ MECHANISMS = (
         "step one command at a time, on one clock with the response",
         _delays,
         _delay,
-        reported=0.9,
         confinable=False,  # several delays side by side are any filter
     ),
     Mechanism(
@@ -125,7 +124,6 @@ MECHANISMS = (
         "step commands of different size: a limit makes large ones late, a lag does not",
         _rates,
         _rate,
-        reported=0.9,
     ),
     Mechanism(
         "clock_offset",
@@ -140,7 +138,6 @@ MECHANISMS = (
         kind="measurement_fault",
         prior=0.5,
         confinable=False,  # a clock is off always or not at all
-        comes_and_goes=False,
     ),
     Mechanism(
         "grade_bias",
@@ -155,6 +152,5 @@ MECHANISMS = (
         kind="measurement_fault",
         prior=0.7,
         confinable=False,  # a sensor is off always or not at all
-        comes_and_goes=False,
     ),
 )

@@ -216,7 +216,6 @@ MECHANISMS = (
         "step the engine command up and down at constant speed",
         _turbos,
         _turbo,
-        reported=0.8,
     ),
     Mechanism(
         "torque_derate",
@@ -228,8 +227,6 @@ MECHANISMS = (
         "hold full torque for several minutes, then repeat after idling",
         _derates,
         _derate,
-        hidden=True,
-        reported=0.7,
     ),
     Mechanism(
         "torque_limit",
@@ -241,6 +238,5 @@ MECHANISMS = (
         "command full torque from low to top speed",
         _limits,
         _limit,
-        reported=0.8,
     ),
 )

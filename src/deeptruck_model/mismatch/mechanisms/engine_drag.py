@@ -225,7 +225,6 @@ MECHANISMS = (
         "coast in gear and in neutral from the same speed",
         _engine_brakes,
         _engine_brake,
-        reported=0.2,
     ),
     Mechanism(
         "engine_friction",
@@ -249,8 +248,6 @@ MECHANISMS = (
         "hold the same road load with the fan on and off",
         _accessory_loads,
         _accessories,
-        hidden=True,
         prior=0.7,
-        learned_if_steady=True,
     ),
 )

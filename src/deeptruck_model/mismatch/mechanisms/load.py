@@ -100,8 +100,6 @@ MECHANISMS = (
         "accelerate with the same torque before and after loading",
         _payloads,
         _payload,
-        hidden=True,
-        comes_and_goes=False,  # a load stays for longer than seconds
     ),
     Mechanism(
         "load_slosh",

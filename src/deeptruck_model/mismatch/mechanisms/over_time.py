@@ -8,10 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal, lift
+from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
-    Mechanism,
 )
 from deeptruck_model.mismatch.mechanisms.symbols import PLACE
 from deeptruck_model.mismatch.mechanisms.variants import (
@@ -19,7 +18,6 @@ from deeptruck_model.mismatch.mechanisms.variants import (
     Constants,
     FromMoment,
     PerRecording,
-    Simple,
     Spline,
     Variant,
 )
@@ -28,30 +26,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 Along = Literal["elapsed", "distance"]
 ELAPSED: Literal["elapsed"] = "elapsed"
 DISTANCE: Literal["distance"] = "distance"
-ANY, LARGEST = lift(1.0), 0.5  # m/s^2
-
-
-def _variants(e: Evidence) -> Iterator[Spline]:
-    for along in (ELAPSED, DISTANCE):
-        yield from splines(e, ANY, LARGEST, along)
-
-
-def _columns(v: Simple) -> list[Column]:
-    return spline_columns(v, ANY, "force", "N", sign=0, per_mass=True)
-
-
-UNNAMED = Mechanism(
-    "unknown",
-    "F = f(t)",
-    "a force comes and goes as none of the known ones does",
-    (),
-    ("time", "distance along the road"),
-    "",
-    "drive the same stretch twice in either direction, at two speeds",
-    _variants,
-    _columns,
-    reported=0.3,
-)
 
 
 SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots

@@ -86,7 +86,6 @@ MECHANISMS = (
         "drive the same stretch in both directions",
         _grades,
         _grade,
-        hidden=True,
         unlikely_with="grade",
         confinable=False,  # a road does not ask how it is driven
     ),
@@ -100,7 +99,6 @@ MECHANISMS = (
         "drive the same stretch in both directions",
         _surfaces,
         _surface,
-        hidden=True,
         prior=0.05,  # what does not come again is any drag that is time-varying
     ),
 )

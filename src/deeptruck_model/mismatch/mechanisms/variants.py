@@ -3,7 +3,7 @@
 What enters a mechanism's formula nonlinearly (time constants, thresholds, orders) are its `Constants`, a
 frozen dataclass beside each formula. Four variants say where a coefficient applies: `Static` always,
 `FromMoment` from a moment on, `PerRecording` in one recording each, `Spline` at knots in time or distance.
-`OwnCurve` is a curve through a few knots over a variable. The other four are made of variants.
+`OwnCurve` is a curve through a few knots over a variable. `Gated` and `Sum` are made of variants.
 """
 
 from __future__ import annotations
@@ -15,9 +15,6 @@ from typing import Literal
 
 MANY_TERMS = 20.0  # trials of a spline: it can stand in for much else, and is penalised for that
 CURVE_TRIALS = 3.0  # a curve of its own is one of so many terms more in which its mechanism is looked for
-
-Span = tuple[int, float, float]  # recording, from and to in s since its start
-Places = tuple[tuple[float, float], ...]  # from and to, m along the road that all drives share
 
 
 @dataclass(frozen=True)
@@ -73,38 +70,9 @@ class Variant(ABC):
         return None
 
     @property
-    def spans(self) -> tuple[Span, ...]:
-        """The windows to which all of it is confined; none where it is not."""
-        return ()
-
-    @property
-    def places(self) -> Places:
-        """Along which of the road all of it acts; none where it acts anywhere."""
-        return ()
-
-    @property
-    def acts_in_windows(self) -> bool:
-        return bool(self.spans)
-
-    @property
     def varies_in_time(self) -> bool:
         """Whether it has knots in time or along the road, and so can follow any slow force."""
         return any(leaf.varies_in_time for leaf in self.leaves)
-
-    @property
-    def comes_again(self) -> bool:
-        """Whether it belongs to places along the road, and so comes again with every drive that passes."""
-        return any(isinstance(leaf, Spline) and leaf.shared for leaf in self.leaves)
-
-    @property
-    def per_recording(self) -> bool:
-        """Whether it has a coefficient for every recording."""
-        return any(leaf.per_recording for leaf in self.leaves)
-
-    @property
-    def is_a_law(self) -> bool:
-        """Whether it acts alike on every drive: bound to no recording, moment, knot or window."""
-        return not self.acts_in_windows and all(leaf.is_a_law for leaf in self.leaves)
 
     def steady(self) -> Variant:
         """The same without knots: one size throughout. A sum stays as it is."""
@@ -126,14 +94,6 @@ class Simple(Variant):
     @property
     def varies_in_time(self) -> bool:
         return False
-
-    @property
-    def per_recording(self) -> bool:
-        return False
-
-    @property
-    def is_a_law(self) -> bool:
-        return True
 
     def numbers(self) -> Iterator[tuple[str, float]]:
         yield from self.constants.numbers()
@@ -161,10 +121,6 @@ class FromMoment(Simple):
     def trials(self) -> float:
         return float(self.moments)
 
-    @property
-    def is_a_law(self) -> bool:
-        return False
-
     def numbers(self) -> Iterator[tuple[str, float]]:
         yield from super().numbers()
         yield "after_s", self.after_s
@@ -179,14 +135,6 @@ class PerRecording(Simple):
     mean: float
     constants: Constants = NONE
     weather: bool = False
-
-    @property
-    def per_recording(self) -> bool:
-        return True
-
-    @property
-    def is_a_law(self) -> bool:
-        return False
 
 
 @dataclass(frozen=True)
@@ -216,14 +164,6 @@ class Spline(Simple):
     def varies_in_time(self) -> bool:
         return bool(self.knots)
 
-    @property
-    def per_recording(self) -> bool:
-        return self.levels
-
-    @property
-    def is_a_law(self) -> bool:
-        return not (self.knots or self.levels)
-
     def steady(self) -> Variant:
         return replace(self, knots=())
 
@@ -243,10 +183,11 @@ class OwnCurve(Simple):
 
 
 @dataclass(frozen=True)
-class _Confined(Variant):
-    """Another variant, part of the time."""
+class Gated(Variant):
+    """A variant that acts on one side of a border alone."""
 
     of: Variant
+    within: Gate
 
     @property
     def leaves(self) -> tuple[Simple, ...]:
@@ -259,58 +200,6 @@ class _Confined(Variant):
     @property
     def trials(self) -> float:
         return self.of.trials
-
-    @property
-    def gate(self) -> Gate | None:
-        return self.of.gate
-
-    @property
-    def spans(self) -> tuple[Span, ...]:
-        return self.of.spans
-
-    @property
-    def places(self) -> Places:
-        return self.of.places
-
-    def steady(self) -> Variant:
-        return replace(self, of=self.of.steady())
-
-
-@dataclass(frozen=True)
-class Windowed(_Confined):
-    """A variant that acts in `windows` alone, and nowhere on another drive."""
-
-    windows: tuple[Span, ...]
-
-    @property
-    def spans(self) -> tuple[Span, ...]:
-        return self.windows
-
-
-@dataclass(frozen=True)
-class Along(_Confined):
-    """A variant that acts along the `road` from and to some places alone, whoever passes."""
-
-    road: Places
-
-    @property
-    def places(self) -> Places:
-        return self.road
-
-    @property
-    def comes_again(self) -> bool:
-        return True
-
-    @property
-    def is_a_law(self) -> bool:
-        return False
-
-
-@dataclass(frozen=True)
-class Gated(_Confined):
-    """A variant that acts on one side of a border alone."""
-
-    within: Gate
 
     @property
     def gate(self) -> Gate | None:
@@ -335,15 +224,3 @@ class Sum(Variant):
     def gate(self) -> Gate | None:
         gates = {part.gate for part in self.summands}
         return gates.pop() if len(gates) == 1 else None
-
-    @property
-    def places(self) -> Places:
-        return tuple(place for part in self.summands for place in part.places)
-
-    @property
-    def comes_again(self) -> bool:
-        return any(part.comes_again for part in self.summands)
-
-    @property
-    def is_a_law(self) -> bool:
-        return all(part.is_a_law for part in self.summands)

@@ -41,8 +41,7 @@ class _Directions:
 class KernelEvidence:
     """Kernels along the drives of a search, whitened by the noise of a model once for all residuals."""
 
-    def __init__(self, search: Search, model: Model, where: NDArray[np.bool_] | None = None) -> None:
-        """By all rows that count, or those of them `where` (n,) something acts."""
+    def __init__(self, search: Search, model: Model) -> None:
         self.kernels: tuple[Kernel, ...] = kernels(search)
         X, prior, _ = search.design(search.model((), frozenset()))
         blocks = [X * prior.sd, *(k.features for k in self.kernels)]
@@ -50,7 +49,7 @@ class KernelEvidence:
         self._of: list[Places] = [
             np.arange(end - b.shape[1], end) for end, b in zip(ends, blocks, strict=True)
         ]
-        self._rows = search.rows if where is None else search.rows[where[search.rows]]
+        self._rows = search.rows
         self._ar = model.fit.ar
         weight = np.sqrt((TAIL + 1) / (TAIL + model.fit.innovations[self._rows] ** 2))
         self._weight = weight / (search.series.relative[self._rows] * model.fit.sigma)
@@ -58,7 +57,6 @@ class KernelEvidence:
         self._gram = self._features.T @ self._features
         self._signed = [_where_signed(k, self._rows) for k in self.kernels]
         self._mean = X @ prior.mean
-        self._torque = search.torque
 
     def of(self, residuals: Array, beside: Sequence[str] = (), quiet: float | None = None) -> Fingerprint:
         """The fingerprints of residuals (n, N), m/s^2, beside kernels of names that are given. `quiet` is the
@@ -102,11 +100,6 @@ class KernelEvidence:
     def squares(self, residual: Array) -> float:
         """The sum of squares of a whitened residual (n,)."""
         return float(np.sum(self._whitened(residual - self._mean) ** 2))
-
-    def reported(self, force: Array, name: str) -> float:
-        """Nats by which the engine's recorded torque speaks for a force (n,) of a name."""
-        shown = max((k.reported for k in self.kernels if k.name == name), default=0.0)
-        return self._torque.gain(force, shown) if self._torque is not None and shown > 0.0 else 0.0
 
     def force(self, residual: Array, name: str, beside: Sequence[str] = ()) -> Array:
         """Posterior mean of a name's force (n,), m/s^2, in a residual (n,), beside the kernels of others, by

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying
 from deeptruck_model.mismatch.mechanisms.variants import Spline, Variant
-from deeptruck_model.mismatch.posterior.search import ENGINE_GAIN, FREE, GAIN_REPORTED, Search
+from deeptruck_model.mismatch.posterior.search import FREE, Search
 
 Array = NDArray[np.float64]
 
@@ -37,14 +37,12 @@ TINY = 1e-7  # of the largest power: a direction that has less is rounding
 @dataclass(frozen=True)
 class Kernel:
     """The features (n, k) of a name, in m/s^2, whose coefficients are N(0, 1). `sign` (n,) is that of a force
-    which can have no other; `chance` the prior probability of the name; `reported` that of the engine's
-    recorded torque to show its force."""
+    which can have no other; `chance` the prior probability of the name."""
 
     name: str
     features: Array
     sign: Array | None = None
     chance: float = 1.0
-    reported: float = 0.0
     part: str = "law"  # which of the name's forces it holds: its laws, those that vary in time, a parameter's
 
     @property
@@ -69,7 +67,6 @@ def _kernels(search: Search) -> tuple[Kernel, ...]:
         Kernel(
             p,
             search.e.sensitivity[p][:, None] * FREE[p],
-            reported=GAIN_REPORTED if p == ENGINE_GAIN else 0.0,
             part="parameter",
         )
         for p in search.parameters
@@ -103,7 +100,6 @@ def _kernel(search: Search, terms: Sequence[CandidateTerm], most: int, odds: flo
         _thin(features, search, most),
         typical if signed else None,
         mechanism.chance(search.e) * odds,
-        mechanism.reported,
         "in time" if most == IN_TIME else "law",
     )
 

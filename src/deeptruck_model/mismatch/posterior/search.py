@@ -1,6 +1,6 @@
-"""Which mechanisms, beside which parameter errors, explain the residual: a search by evidence.
+"""The linear model of the residual: terms beside the simulator's parameters and what sensors make of it.
 
-Every model is a set of terms beside the simulator's own parameters, which are either held (they may move by
+A model is a set of terms beside the simulator's own parameters, which are either held (they may move by
 HELD) or free (by the FREE share that is physically plausible). Log evidence is the sum of the log
 probabilities with which each part of the data is predicted from the rest, so it ranks by prediction and
 penalises every coefficient.
@@ -9,19 +9,13 @@ penalises every coefficient.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import (
-    LIBRARY,
-    CandidateTerm,
-    Mechanism,
-    candidate_terms,
-)
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Mechanism, candidate_terms
 from deeptruck_model.mismatch.mechanisms.regimes import Regimes
-from deeptruck_model.mismatch.posterior.recorded_torque import recorded_torque
 from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, Series, fit, whiten
@@ -30,10 +24,8 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOST_TERMS = 4  # that a model may have at once; so many too of laws without a name
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001
-ENGINE_GAIN, GAIN_REPORTED = "torque_gain", 0.7  # probability that the engine's controller tells of it
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 
 
@@ -74,7 +66,7 @@ class Model:
         return steeper * self.change_sd(parameter)
 
     def covariance(self, name: str) -> Array:
-        """Posterior covariance of the coefficients of an effect, as much wider as evidence is too sure, or as
+        """Posterior covariance of the coefficients of an effect, at the temper of evidence, or as wide as
         recordings disagree, whichever is the more."""
         part = dict(self.layout)[name]
         own = self.rules.temper * self.fit.covariance[part, part]
@@ -106,7 +98,7 @@ class Search:
         self._held = held
         self.e, self.rules = evidence, evidence.rules
         self.parameters = tuple(evidence.sensitivity)
-        self._late, self._lateness = sensor_filter.known(evidence)
+        self.lateness, self._lateness_prior = sensor_filter.known(evidence)
         self.series: Series = evidence.series(1e9, only)
         if sigma is None:
             sigma = fit(self.series, *self._design((), frozenset(self.parameters))[:2]).sigma
@@ -117,10 +109,8 @@ class Search:
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
         self.regimes = Regimes.of(evidence, self.series.usable())
-        self.torque = recorded_torque(evidence, only)
         self.own = Search(evidence.itself) if evidence.itself is not None else None
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
-        self._memo: tuple[Model, Fit, tuple[Array, Array, Array, Array]] | None = None
         self._models: dict[tuple[object, ...], Model] = {}
 
     def candidate_terms(self, mechanism: Mechanism) -> list[CandidateTerm]:
@@ -130,52 +120,25 @@ class Search:
         return self._candidate_terms[mechanism.effect]
 
     def model(
-        self,
-        named: tuple[CandidateTerm, ...],
-        free: frozenset[str],
-        start: Fit | None = None,
-        *,
-        again: bool = False,
-        pinned: str = "",
+        self, named: tuple[CandidateTerm, ...], free: frozenset[str], start: Fit | None = None
     ) -> Model:
-        """Fit one explanation, from the noise of `start`. Fitted `again` from another start, the better one
-        stays: noise that swallows a force and a force that leaves little noise are both optima. Parameters
-        that are not free are held near what the simulator was given; the `pinned` one is just that."""
-        key = (tuple((n.mechanism.effect, id(n)) for n in named), free, pinned)
-        known = self._models.get(key)
-        if known is None or again:
-            X, prior, layout = self._design(named, free, pinned)
+        """Fit one explanation, from the noise of `start`. Parameters that are not free are held near what the
+        simulator was given; one that would leave what a truck can have is held as well."""
+        key = (tuple((n.mechanism.effect, id(n)) for n in named), free)
+        if key not in self._models:
+            X, prior, layout = self._design(named, free)
             found = fit(self.series, X, prior, start)
             cost = self.rules.temper * sum(
-                np.log(n.trials) - np.log(n.mechanism.chance(self.e, n.variant.comes_again)) for n in named
+                np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named
             )
             model = Model(named, free, found, found.evidence - float(cost), layout, self.rules)
-            model = replace(model, score=model.score + self._reported(model))
             beyond = {p for p in free if not self.possible(p, model)}
-            if beyond:
-                model = self.model(named, free - beyond, start, again=again, pinned=pinned)
-            self._models[key] = model if known is None or model.score > known.score else known
+            self._models[key] = self.model(named, free - beyond, start) if beyond else model
         return self._models[key]
-
-    def _reported(self, model: Model) -> float:
-        """Nats by which the engine's recorded torque speaks for the forces of the engine in a model."""
-        if self.torque is None:
-            return 0.0
-        parts = [
-            (n.mechanism.reported, n.columns @ model.coefficients(n.mechanism.effect))
-            for n in model.named
-            if n.mechanism.reported
-        ]
-        if ENGINE_GAIN in model.free:
-            parts.append((GAIN_REPORTED, self.e.sensitivity[ENGINE_GAIN] * model.change(ENGINE_GAIN)))
-        if not parts:
-            return 0.0
-        force = np.sum([force for _, force in parts], axis=0)
-        return self.torque.gain(force, max(shows for shows, _ in parts))
 
     def possible(self, parameter: str, model: Model) -> bool:
         """Whether a parameter stays within what a truck can have: no rolling resistance is negative. All
-        scaled down alike change next to nothing, and would make up for whatever is not scaled with them."""
+        scaled down alike change next to nothing, and would compensate whatever is not scaled with them."""
         low, high = self.e.vehicle.possible(parameter)
         change = model.moved(parameter)
         return low < self.e.total_change(parameter, change) < high
@@ -195,58 +158,35 @@ class Search:
             grown = step
         return max((best, grown, everything), key=lambda m: m.score)
 
-    def whitened(self, base: Model, noise: Model | None = None) -> tuple[Array, Array, Array, Array]:
+    def whitened(self, base: Model, noise: Model) -> tuple[Array, Array, Array, Array]:
         """Residual and columns of `base` in units of the noise, its inverse precision, and the weights."""
-        fit = (noise or base).fit
-        if self._memo is None or self._memo[0] is not base or self._memo[1] is not fit:
-            X, prior, _ = self._design(base.named, base.free)
-            z = fit.innovations[self.rows]
-            weight = np.sqrt((TAIL + 1) / (TAIL + z**2)) / (self.series.relative[self.rows] * fit.sigma)
-            Xw = whiten(X, fit.ar, self.rows, weight)
-            yw = whiten(self.series.y - X @ base.fit.b, fit.ar, self.rows, weight)
-            H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
-            self._memo = (base, fit, (yw, Xw, H0, weight))
-        return self._memo[2]
-
-    def prediction(self, model: Model) -> Array:
-        """What a model says the residual is, (n,)."""
-        X, _, _ = self.design(model)
-        out: Array = X @ model.fit.b
-        return out
-
-    def gain_of(self, model: Model, column: Array) -> float:
-        """Nats gained by one more column (n,) that should enter with a factor near one."""
-        X, prior, _ = self.design(model)
-        extra = Prior(np.array([0.7]), np.array([0.4]), np.array([1.0]))
-        found = fit(self.series, np.column_stack([X, column]), Prior.join(prior, extra), model.fit)
-        return found.evidence - model.fit.evidence
-
-    def gain_of_given(self, model: Model, force: Array) -> float:
-        """Nats gained by a force (n,) taken as it is."""
-        X, prior, _ = self.design(model)
-        found = fit(replace(self.series, y=self.series.y - force), X, prior, model.fit)
-        return found.evidence - self.model(model.named, model.free, model.fit).fit.evidence
+        X, prior, _ = self.design(base)
+        z = noise.fit.innovations[self.rows]
+        weight = np.sqrt((TAIL + 1) / (TAIL + z**2)) / (self.series.relative[self.rows] * noise.fit.sigma)
+        Xw = whiten(X, noise.fit.ar, self.rows, weight)
+        yw = whiten(self.series.y - X @ base.fit.b, noise.fit.ar, self.rows, weight)
+        H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
+        return yw, Xw, H0, weight
 
     def design(self, model: Model) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         """Columns (n, k), prior and layout of a model."""
         return self._design(model.named, model.free)
 
     def _design(
-        self, named: tuple[CandidateTerm, ...], free: frozenset[str], pinned: str = ""
+        self, named: tuple[CandidateTerm, ...], free: frozenset[str]
     ) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         blocks = [n.columns for n in named] + [self.e.sensitivity[p][:, None] for p in self.parameters]
-        blocks.append(self._late)
+        blocks.append(self.lateness)
         names = (
             [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters] + ["sensor lag"]
         )
-        sd = np.array(
-            [PINNED if p == pinned else FREE[p] if p in free else self._held for p in self.parameters]
-        )
+        sd = np.array([FREE[p] if p in free else self._held for p in self.parameters])
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
-        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), self._lateness)
+        prior = Prior.join(
+            *(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), self._lateness_prior
+        )
         layout, at = [], 0
         for name, block in zip(names, blocks, strict=True):
             layout.append((name, slice(at, at + block.shape[1])))
             at += block.shape[1]
-        X = np.concatenate(blocks, axis=1)
-        return X, prior, tuple(layout)
+        return np.concatenate(blocks, axis=1), prior, tuple(layout)

@@ -1,1 +1,1 @@
-"""A verdict comes in; the page goes out: sentences, figures, and what to do now."""
+"""The report: templates. It reads a verdict and decides nothing."""

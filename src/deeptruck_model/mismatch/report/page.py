@@ -1,132 +1,209 @@
-"""The page: report.html in one file that opens offline, its figures as PNG beside it."""
+"""The page: report.html in one file that opens offline. It reads a result and decides nothing."""
 
 from __future__ import annotations
 
-import base64
+import json
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, StrictUndefined
+from numpy.typing import NDArray
 
 from deeptruck_model import pages
-from deeptruck_model.mismatch.fit_result import Chosen, FitResult
-from deeptruck_model.mismatch.report import explorer, figures, given, headline, validation, what_now, wording
-from deeptruck_model.mismatch.report import text as page_text
-from deeptruck_model.mismatch.report.drawing import words
-from deeptruck_model.mismatch.report.given import record_next, untested
-from deeptruck_model.mismatch.report.identifiability import most_tried
-from deeptruck_model.mismatch.report.what_now import Asked
-from deeptruck_model.mismatch.result import ALWAYS, RARELY, Mismatch, SmallestVisible
+from deeptruck_model.mismatch.budget import LEFT_OVER, Part
+from deeptruck_model.mismatch.report import lines
+from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Finding, Mismatch, Segment, Verdict
 
-TEMPLATE = "report.html.jinja"
-ROWS = {  # of the table before and after
-    "before": "before: as it was given",
-    "parameters_only": "parameters only: all refitted, nothing else",
-    "after": "after: corrected by the findings",
-    "free_model": "free model: corrected by laws without a name too",
-}
-SCALED = "forces only: all scaled, as the simulator has no parameters"
-ALONE = "after: all parameters refitted, no name, as these drove the fitted recordings best"
+Array = NDArray[np.float64]
+
+MOST_BLOCKS = 20000  # of all drives together: five hours and a half at one second
+AROUND_S = 20.0  # of a segment that is shown on either side
+LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
+QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
+ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}
 
 
-def write(mismatch: Mismatch, out: Path, asked: Asked) -> None:
-    """Write report.html and the figures (PNG, coverage.png among them) into the folder `out`, which exists.
-
-    `asked` is the call that the page's commands repeat. Raises OSError where the folder cannot be written.
-    """
-    drawn = figures.draw(mismatch)
-    for name, picture in drawn.items():
-        (out / f"{name}.png").write_bytes(picture.png)
-    (out / "report.html").write_text(page(mismatch, drawn, asked), encoding="utf-8")
-
-
-def page(mismatch: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> str:
-    """The page as HTML. Nothing in it is fetched from elsewhere."""
+def write(found: Mismatch, path: Path, command: str = "") -> None:
+    """Write the page; `command` applies the correction. Raises OSError where that is not possible."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.from_string(_file(TEMPLATE)).render(_content(mismatch, drawn, asked))
+    path.write_text(
+        environment.from_string(_file("report.html.jinja")).render(_content(found, command)), encoding="utf-8"
+    )
 
 
 def _file(name: str) -> str:
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> dict[str, Any]:
-    v = m.result
-    gained, nothing = page_text.rejected_names(m)
-    first, *more = headline.sentences(headline.of(v))
-    to_drive = record_next(m)
-    views = explorer.of(m)
+def _content(found: Mismatch, command: str) -> dict[str, Any]:
+    v, e = found.result, found.evidence
     return {
-        "style": pages.shared(pages.STYLE) + explorer.style() + pages.shared(pages.DARK) + explorer.dark(),
-        "script": explorer.script(),
-        "views": views,
-        "drives": explorer.text(views),
-        "sentence": first,
-        "verdict": more,
-        "now": what_now.steps(m, to_drive, asked),
-        "summary": given.summary(m),
-        "findings": page_text.findings(m),
-        "smallest": smallest(v.data.smallest_visible),
-        "figures": {name: _embedded(picture) for name, picture in drawn.items()},
-        "regimes": [
-            {
-                "where": wording.condition(r),
-                "error": wording.percent(r.share_of_error),
-                "time": wording.percent(r.share_of_time),
-            }
-            for r in v.regimes
+        "style": pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("report.css"),
+        "script": pages.shared(pages.PLOT) + _file("explorer.js"),
+        "headline": lines.headline(v),
+        "kind": opened(v.kind.replace("_", " ")),
+        "not_recorded": list(lines.not_recorded(v)),
+        "what": list(lines.what(v)),
+        "how_sure": list(lines.how_sure(v)),
+        "what_to_do": list(lines.what_to_do(v)),
+        "command": command if v.validated else "",
+        "lights": [{"question": QUESTIONS[n], **a.to_json()} for n, a in v.advice.items()],
+        "budget": [_part(p) for p in v.budget.parts if p.share >= LEAST_SHARE or p.part == LEFT_OVER]
+        if v.budget is not None
+        else [],
+        "findings": [_finding(f) for f in v.findings],
+        "errors": [
+            (name, f"{found.errors[key].rmse().speed:.3f}", f"{np.abs(found.errors[key].speed).mean():.3f}")
+            for key, name in ROWS.items()
+            if key in found.errors and len(found.errors[key].speed)
         ],
-        "fit": _fit(v.fit),
-        "gained": gained,
-        "nothing": nothing,
-        "suspicions": page_text.suspicions(m.result),
-        "samples": [{"rule": wording.prose(r.rule), "samples": r.samples} for r in v.data.rejected],
-        "next": [*to_drive, *untested(m)],
-        "caveats": [wording.opened(wording.prose(c)) for c in given.caveats(v)],
+        "errors_say": errors_say(v),
+        "tree": [
+            (spoken(n.node), percent(n.probability), n.parent != ROOT)
+            for n in v.tree
+            if n.probability >= LEAST_SHARE
+        ],
+        "rejected": v.rejected,
+        "caveats": v.caveats,
+        "where": _where(v),
+        "has_data": e is not None,
+        "data": _data(found, e) if e is not None else "",
     }
 
 
-def _embedded(picture: figures.Picture) -> dict[str, Any]:
-    parts = [base64.b64encode(part).decode("ascii") for part in picture.parts or (picture.png,)]
-    return {"sources": [f"data:image/png;base64,{part}" for part in parts], "caption": picture.caption}
-
-
-def smallest(seen: SmallestVisible | None) -> list[dict[str, str]]:
-    """The table of what would have been seen."""
-    if seen is None:
-        return []
-    parameters = [{"name": words(n), "size": _relative(n, size)} for n, size in seen.parameters.items()]
-    forces = ((ALWAYS, seen.always), (RARELY, seen.rarely))
-    return [*parameters, *({"name": name, "size": wording.force(x, seen.mass_kg)} for name, x in forces)]
-
-
-def _relative(parameter: str, size: float) -> str:
-    """A relative size; the largest that was tried may not have been seen either."""
-    percent = f"{100 * size:.{0 if size >= 0.1 else 1}f} %"
-    return f"more than {percent}; larger ones were not tried" if size >= most_tried(parameter) else percent
-
-
-def _fit(fit: FitResult | None) -> dict[str, Any] | None:
-    """The before/after table; None where there was no free run to compare."""
-    if fit is None or fit.errors is None:
-        return None
-    names = ROWS | ({"after": ALONE} if fit.chosen is Chosen.PARAMETERS else {})
-    names |= {"parameters_only": SCALED} if fit.scales_forces else {}
-    rows = [
-        {
-            "name": names[name],
-            "speed": wording.number(rmse.speed),
-            "acceleration": wording.number(rmse.acceleration),
-        }
-        for name, rmse in fit.errors.each().items()
-    ]
+def _part(p: Part) -> dict[str, Any]:
+    most = sorted(p.drives, key=lambda d: -d[1])[:2]
     return {
-        "rows": rows,
-        "runs": wording.counted(fit.windows, "free run"),
-        "horizon": wording.number(fit.horizon_s),
-        "held_out": ", ".join(fit.held_out),
-        "said": validation.said(fit),
+        "name": spoken(p.part),
+        "rest": p.part == LEFT_OVER,
+        "width": f"{100.0 * max(p.share, 0.0):.2f}",
+        "share": percent(p.share),
+        "interval": f"{100.0 * p.low:.0f} to {100.0 * p.high:.0f} %",
+        "time": percent(p.time_share) if p.part != LEFT_OVER else "",
+        "drives": ", ".join(
+            f"{name} ({percent(share)} of its error)" for name, share in most if share > LEAST_SHARE
+        ),
     }
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    rows = [("probability", lines.sure(f))]
+    if f.equation:
+        rows.append(("equation", f.equation))
+    for name, size in f.parameters.items():
+        interval = f" ({_digits(size.ci95[0])} to {_digits(size.ci95[1])})" if size.ci95 else ""
+        rows.append((name.replace("_", " "), f"{_digits(size.value)}{interval} {size.unit}"))
+    if f.strength is not None:
+        kind, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
+        rows.append(
+            (
+                "while it acts",
+                f"{_digits(f.strength.value)} {f.strength.unit} ({kind}), {time} of the time",
+            )
+        )
+    if f.would_be_told_by:
+        rows.append(("manoeuvre", f.would_be_told_by))
+    return {
+        "title": opened(spoken(f.effect if f.stated == ROOT else f.stated)),
+        "says": opened(f.says) + ".",
+        "rows": rows,
+    }
+
+
+def errors_say(v: Verdict) -> str:
+    """How far the held-out error falls, and whether that is validated; empty where nothing was driven."""
+    if v.fit is None or v.fit.improvement is None:
+        return ""
+    low, high = v.fit.improvement.ci95
+    passed = "validated" if v.fit.validated else "not validated"
+    return (
+        f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. The mean error falls by {100 * low:.0f} to "
+        f"{100 * high:.0f} % (95 % interval): {passed}."
+    )
+
+
+def _where(v: Verdict) -> str:
+    """The segment that the picture begins with, and the regime in which most of it is."""
+    out = []
+    if v.segments:
+        s = v.segments[0]
+        out.append(f"Largest in {s.recording}, {s.start_s:.0f} to {s.end_s:.0f} s.")
+    regime = next((r for r in v.regimes if r.bounds), None)
+    if regime is not None:
+        out.append(
+            f"{percent(regime.share_of_error)} of the squared error is in {percent(regime.share_of_time)} "
+            f"of the time, where {regime.where}."
+        )
+    return " ".join(out)
+
+
+def _data(found: Mismatch, e: Evidence) -> str:
+    """Block means of every drive and channel as one JSON text that can stand within a script element."""
+    v = found.result
+    per = max(1, round(max(1.0, len(e) * e.dt / MOST_BLOCKS) / e.dt))
+    forces = [f.force for f in v.findings if f.force is not None]
+    explained = np.sum(forces, axis=0) if forces else np.zeros(len(e))
+    nan = np.where(e.valid, 0.0, np.nan)
+    channels = {
+        n: x
+        for n, x in e.signals.items()
+        if not n.startswith("sensitivity:") and n not in ("speed", "time", "place") and np.isfinite(x).any()
+    }
+    if v.budget is not None:
+        channels |= {f"part: {spoken(p.part)}": p.force for p in v.budget.parts if len(p.force)}
+    drives: list[dict[str, Any]] = []
+    for s in e.stretches:
+        rows = slice(s.start, s.start + (s.stop - s.start) // per * per)
+        drives.append(
+            {
+                "name": s.name,
+                "start": round(s.start_s, 2),
+                "n": (rows.stop - rows.start) // per,
+                "speed": _means(e["speed"][rows], per),
+                "residual": _means((e.residual + nan)[rows], per),
+                "explained": _means((explained + nan)[rows], per),
+                "channels": {n: _means(x[rows], per) for n, x in channels.items()},
+            }
+        )
+    drives = [d for d in drives if d["n"] > 2]
+    first = v.segments[0] if v.segments else None
+    content = {
+        "step": round(per * e.dt, 4),
+        "drives": drives,
+        "segments": [{"drive": s.recording, "from": s.start_s, "to": s.end_s} for s in v.segments],
+        "first": _shown(first)
+        if first is not None and any(d["name"] == first.recording for d in drives)
+        else None,
+        "labels": {n: n.replace("_", " ") for n in channels},
+        "channel": next((n for n in _of_interest(v) if n in channels), next(iter(channels), "")),
+    }
+    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _of_interest(v: Verdict) -> tuple[str, ...]:
+    """The channels to show first."""
+    brakes = v.findings and v.findings[0].family == "brakes"
+    return ("brake_command", "engine_command") if brakes else ("engine_command",)
+
+
+def _digits(x: float) -> str:
+    """Three significant digits, without an exponent."""
+    return f"{x:,.0f}" if abs(x) >= 100.0 else f"{x:.3g}"
+
+
+def _shown(s: Segment) -> dict[str, Any]:
+    return {"drive": s.recording, "from": max(s.start_s - AROUND_S, 0.0), "to": s.end_s + AROUND_S}
+
+
+def _means(x: Array, per: int) -> list[float | None]:
+    blocks = x.reshape(-1, per)
+    known = np.isfinite(blocks)
+    count = known.sum(axis=1)
+    mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return [float(f"{m:.4g}") if k else None for m, k in zip(mean.tolist(), count.tolist(), strict=True)]

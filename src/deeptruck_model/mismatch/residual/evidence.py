@@ -163,18 +163,13 @@ class Evidence:
     sensitivity: dict[str, Array]
     mass: float  # kg; a typical one where it is not known
     rerun: Callable[[str, float], Array]
-    tolerance: dict[str, float] = field(
-        default_factory=dict
-    )  # nats a name gains from the simulator's model discrepancy alone
     model_discrepancy: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
     slow_noise: float = Rules.slow_noise  # m/s^2 sd of the mean over so long that may still be noise
     itself: Evidence | None = None  # a learned simulator along the recordings it keeps
     other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one
     moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
     command_units: dict[str, str] = field(default_factory=dict)
-    filtered: bool = True  # whether a sensor's filter is known beside all else
     sooner: Array | None = None  # (n,) m/s^2 more for deciding, as when to shift, a sample sooner
-    late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
     rules: Rules = field(default_factory=Rules)  # by which all of this is judged
     mass_known: bool = True
     known_physics: bool = True  # the simulator tells parameters or forces: it is nobody's learned one

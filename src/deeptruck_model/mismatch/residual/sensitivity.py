@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fill, widen
 from deeptruck_model.mismatch.residual import components
 from deeptruck_model.mismatch.residual.evidence import LEAST_EFFECTIVE_MASS_GAIN, Evidence
@@ -20,7 +21,29 @@ Mask = NDArray[np.bool_]
 
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
 STEP = 0.04  # relative step of a parameter for its sensitivity
+HALVINGS = 12  # of a change that a simulator refuses
 SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
+
+
+def accepted(simulator: Simulator, changes: Mapping[str, float], near: float = 0.0) -> dict[str, float]:
+    """The relative changes, each halved until the simulator takes the value, and those `near` it on both
+    sides (relative)."""
+    return {name: _accepted(simulator, name, change, near) for name, change in changes.items()}
+
+
+def _accepted(simulator: Simulator, name: str, change: float, near: float) -> float:
+    own = simulator.parameters().get(name)
+    if own is None:
+        return change  # not its own; a force stands for it
+    for _ in range(HALVINGS):
+        try:
+            for value in (own * (1.0 + change) * (1.0 + side) for side in (-near, near)):
+                simulator.with_parameters({name: value})
+        except InputError:
+            change /= 2.0
+        else:
+            return change
+    return 0.0
 
 
 def sensitivities(

@@ -25,7 +25,6 @@ REACH_S = 0.6  # from how far before and after a sample a sensor's filter may ta
 ROUNDING = 1e-6
 SHARE = 0.06  # ... and the prior sd of each
 SAMPLES = 1.0  # prior sd: by so many a truck decides sooner or later than its simulator, as when to shift
-LATE_SHARE = 0.3  # prior sd of the share of a delay that is known beside all else
 
 
 def known(e: Evidence) -> tuple[Array, Prior]:
@@ -34,15 +33,13 @@ def known(e: Evidence) -> tuple[Array, Prior]:
     slope = _late_slope(e)
     filtered = _shifted(e, rows(e))
     sooner = [] if e.sooner is None else [e.sooner]
-    found = np.zeros((len(e), 0)) if e.late is None else e.late
     prior = Prior.join(
         SENSOR_LAG,
         _around_nothing(len(slope), SLOPE_LATE_S),
         _around_nothing(len(filtered), SHARE),
         _around_nothing(len(sooner), SAMPLES),
-        _around_nothing(found.shape[1], LATE_SHARE),
     )
-    return np.column_stack([*late, *slope, *filtered, *sooner, found]), prior
+    return np.column_stack([*late, *slope, *filtered, *sooner]), prior
 
 
 def _late_slope(e: Evidence) -> list[Array]:
@@ -63,9 +60,9 @@ def _late_slope(e: Evidence) -> list[Array]:
 
 
 def rows(e: Evidence) -> int:
-    """How many rows before and after a sample a filter reaches; none where it is not to be known, or where
-    rows are too far apart for one, as beside a learned simulator."""
-    return int(REACH_S / e.dt + ROUNDING) if e.filtered else 0
+    """How many rows before and after a sample a filter reaches; none where rows are too far apart for one, as
+    beside a learned simulator."""
+    return int(REACH_S / e.dt + ROUNDING)
 
 
 def _shifted(e: Evidence, most: int) -> list[Array]:

@@ -97,14 +97,6 @@ def test_a_corrected_truck_hears_what_was_recorded_beside_the_protocol(prepared:
     assert np.abs(alone).max() < 1.0 and (behind[:, -1] > alone[:, -1]).any()
 
 
-def test_joined_runs_keep_their_recordings_apart() -> None:
-    one, three = (Errors(np.full((n, 5), n), np.zeros((n, 5)), np.arange(n), np.arange(n)) for n in (1, 3))
-    none = Errors(np.zeros((0, 5)), np.zeros((0, 5)), np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
-    all_of_them = improvement.joined([one, none, three])
-    assert all_of_them.recording.tolist() == [0, 1, 2, 3]
-    assert all_of_them.speed[:, 0].tolist() == [1.0, 3.0, 3.0, 3.0]
-
-
 def test_free_runs_are_as_long_as_the_driving_between_gaps_lets_them_be(prepared: list[Prepared]) -> None:
     assert improvement.horizon(prepared) == 40.0
     broken = [replace(p, valid=np.arange(len(p.valid)) % 350 > 60) for p in prepared]

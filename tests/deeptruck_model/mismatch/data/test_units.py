@@ -13,7 +13,6 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks, speed_unit, units
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
-from deeptruck_model.mismatch.report.findings import from_sensor
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
@@ -65,8 +64,7 @@ def test_tyres_another_gear_and_what_is_no_unit_are_not(scale: float) -> None:
 def test_a_scale_without_an_accelerometer_is_told_by_engine_speed(scale: float) -> None:
     (found,) = speed_unit.faults(OneGear(), [drive(scale)] * 2, Rules())  # type: ignore[arg-type]
     assert found.effect == "speed_scale" and found.value == pytest.approx(scale) and found.se < 1e-3
-    told = from_sensor(found)
-    assert told.depends_on == ("speed", "engine_speed") and "accelerometer" not in told.equation
+    assert found.between == ("speed", "engine_speed") and "accelerometer" not in found.equation
     mended = checks.mended(drive(scale).recording, [found])
     np.testing.assert_allclose(mended.channels["speed"], drive(1.0).recording.channels["speed"])
 

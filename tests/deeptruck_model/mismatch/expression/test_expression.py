@@ -195,7 +195,7 @@ def test_every_mechanism_is_the_same_both_ways(effect: str, monkeypatch: pytest.
 def test_every_mechanism_says_what_it_is(effect: str) -> None:
     m = LIBRARY[effect]
     assert m.effect == effect and m.kind in ("missing_physics", "measurement_fault")
-    assert all((m.equation, m.says, m.source, m.told_by, m.needs, m.depends_on))
+    assert all((m.equation, m.says, m.source, m.separated_by, m.needs, m.depends_on))
     for v in m.variants(EVIDENCE):
         for column in build(m, v):
             assert column.sd > 0 and column.name and column.unit and column.sign in (0, 1)
@@ -203,7 +203,7 @@ def test_every_mechanism_says_what_it_is(effect: str) -> None:
 
 
 def test_a_formula_knows_its_signals() -> None:
-    force = ex.Lag((ex.Signal("brake") * ex.maximum(SPEED, 1.0),), 3.0) * ex.During((ex.Signal("gap"),), [])
+    force = ex.Lag((ex.Signal("brake") * ex.maximum(SPEED, 1.0),), 3.0) * ex.Signal("gap")
     assert force.signals() == {"brake", "speed", "gap"}
     assert ex.lift(1.0).signals() == frozenset()
     assert ex.Rerun("delay_all", 0.3).signals() == {"engine", "brake"}

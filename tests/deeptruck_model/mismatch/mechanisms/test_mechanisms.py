@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term, distinct
+from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term
+from deeptruck_model.mismatch.mechanisms.base import distinct
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
 from deeptruck_model.mismatch.mechanisms.engine import Boost, Top

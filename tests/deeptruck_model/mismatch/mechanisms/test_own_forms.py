@@ -9,8 +9,6 @@ import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, apart, curve, curves, knots
-from deeptruck_model.mismatch.posterior.search import Search
-from deeptruck_model.mismatch.posterior.stepwise import grow
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 AT = [1.0, 4.0, 6.0, 9.0]
@@ -48,19 +46,6 @@ def test_a_form_is_offered_where_its_variable_moves_and_its_carrier_acts(nothing
     assert not list(curves("rotating_inertia", e))  # the ratio is not known here
 
 
-def test_a_name_is_found_in_a_form_of_its_own(nothing_missing: Evidence) -> None:
-    """Tyres near their standing wave: no power of speed that the library knows."""
-    t = np.arange(len(nothing_missing)) * nothing_missing.dt
-    speed = 15.0 + 3.0 * np.sin(t / 31.0) + 4.0 * np.sin(t / 13.7) * np.sin(t / 97.0)
-    signals = nothing_missing.signals | {"speed": speed, "drag": 1e-4 * speed**2}
-    force = -0.06 * np.exp(np.minimum((speed - 18.0) / 0.8, 1.0))
-    e = replace(nothing_missing, signals=signals, residual=nothing_missing.residual + force)
-    search = Search(e)
-    model, _ = grow(search, search.background(()))
-    assert model.effects[0] == "rolling_resistance_speed"
-    assert np.corrcoef(search.prediction(model), force)[0, 1] > 0.95
-
-
 def test_forms_are_data_and_need_no_fit() -> None:
     for each in OWN.values():
         for form in each:
@@ -79,19 +64,3 @@ def test_a_time_that_is_mostly_long_ago_has_its_knots_where_it_is_not() -> None:
     at = knots(since, (0.02, 0.35, 0.65, 0.98))
     assert at[-1] == 4.0 and len(at) == 5 and at[2] < 2.6
     assert knots(np.linspace(0.0, 4.0, 1000), (0.5,)) == pytest.approx([2.0])
-
-
-@pytest.mark.long
-def test_a_torque_that_comes_back_late_after_shifts_is_no_play(nothing_missing: Evidence) -> None:
-    e = nothing_missing
-    every = np.arange(len(e)) % 100
-    gear = np.cumsum(every == 0).astype(float)
-    carried = (every >= 4) & (
-        (every < 40) | (every > 50)
-    )  # nothing in a change, nor in a pause of the driver
-    pull = np.where(carried, np.maximum(e["engine"], 0.0) + 0.2, 0.0)
-    late = -pull * np.clip((11 - every) / 4.0, 0.0, 1.0)
-    e = replace(e, signals=e.signals | {"gear": gear, "engine": pull}, residual=e.residual + late)
-    model, _ = grow(search := Search(e), search.background(()))
-    assert model.effects == ("shift_interruption",)
-    assert np.corrcoef(search.prediction(model), late)[0, 1] > 0.95

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,17 +11,8 @@ from deeptruck_model.mismatch.expression import Stream
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, build
 from deeptruck_model.mismatch.mechanisms.base import GATES
 from deeptruck_model.mismatch.mechanisms.variants import Gate
-from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
-from deeptruck_model.mismatch.report.findings import from_cause
 from deeptruck_model.mismatch.residual.evidence import Evidence
-
-
-@pytest.fixture(scope="module")
-def fast_only(nothing_missing: Evidence) -> Evidence:
-    """A driveline that loses 12 % of its force, above 19 m/s alone."""
-    lost = 0.12 * np.abs(nothing_missing["engine"]) * (nothing_missing["speed"] > 19.0)
-    return replace(nothing_missing, residual=nothing_missing.residual - lost)
 
 
 def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: Evidence) -> None:
@@ -40,18 +30,6 @@ def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: E
     assert len(gates) == regimes.count == 2 * 9 * 2  # nine borders of speed and of engine, two sides
 
 
-def test_it_is_named_and_its_regime_is_said(fast_only: Evidence) -> None:
-    # without gears these act alike in a narrow range of speed
-    others = ["torque_converter_slip", "torque_derate", "torque_limit"]
-    found = explain(Search(fast_only, exclude=others))
-    assert found.causes and found.causes[0].effect == "driveline_loss"
-    told = from_cause(found.causes[0], fast_only, found, {})
-    border = re.search(r"shows only where the speed is above ([\d.]+) m/s", str(told.says))
-    assert border is not None and 18.0 < float(border[1]) < 20.0  # the borders around 19 are 18.3 and 19.4
-    assert "speed" in told.depends_on
-    assert np.abs(found.causes[0].force[fast_only["speed"] < 18.0]).max() < 1e-9
-
-
 def confined(e: Evidence, gate: Gate) -> CandidateTerm:
     search = Search(e)
     return search.regimes.gated(search.candidate_terms(LIBRARY["driveline_loss"])[0], gate, e)
@@ -64,10 +42,6 @@ def test_what_brakes_make_up_for_begins_anew_at_the_border(nothing_missing: Evid
     term = confined(e, Gate("speed", "above", 19.0))
     rows = np.stack([part.expression.rows(e) for part in term.parts], axis=1)
     np.testing.assert_allclose(term.columns, rows, atol=1e-12)
-
-
-def test_nothing_missing_has_no_regime_either(nothing_missing: Evidence) -> None:
-    assert explain(Search(nothing_missing)).causes == ()
 
 
 @pytest.mark.parametrize("side", ["above", "below"])

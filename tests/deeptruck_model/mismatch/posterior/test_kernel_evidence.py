@@ -106,20 +106,6 @@ def test_many_residuals_at_once_are_each_as_alone(nothing_missing: Evidence) -> 
             np.testing.assert_allclose(many_of_them.noise[k], one.noise[0], rtol=1e-6)
 
 
-def test_what_is_confined_is_judged_by_what_is_seen_there(nothing_missing: Evidence) -> None:
-    """Elsewhere the same law would be missed, and speaks against its name."""
-    fast = nothing_missing["speed"] > 19.0
-    e = nothing_missing
-    search = Search(e)
-    model = search.model((), frozenset())
-    lost = np.where(fast, force(law(e, "headwind", 0), 0.06), 0.0)
-    there, anywhere = (
-        KernelEvidence(search, model, where).of((e.residual + lost)[:, None]) for where in (fast, None)
-    )
-    gaps = [f.by_evidence(["headwind", "unknown"])[0] for f in (there, anywhere)]
-    assert gaps[0][0] - gaps[0][1] > gaps[1][0] - gaps[1][1]
-
-
 def test_every_name_of_the_library_has_a_kernel_of_a_key_of_its_own(nothing_missing: Evidence) -> None:
     search = Search(nothing_missing)
     made = kernels(search)

@@ -9,8 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.posterior.candidates import candidates
-from deeptruck_model.mismatch.posterior.nuisances import left_beside
+from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -71,17 +70,10 @@ def test_a_slope_that_is_recorded_late_or_early_is_no_finding(
     assert _most(search) < 20.0
 
 
-def test_it_is_kept_where_the_names_of_a_model_leave_much_of_it(
-    smoothed: Evidence, nothing_missing: Evidence
-) -> None:
-    """Parameters alone had been fitted beside a filter that a lagging brake looks like."""
-    for e, kept in ((smoothed, True), (nothing_missing, False)):
-        assert left_beside(e, Search(e).background(())).filtered == kept
-
-
 def _most(search: Search) -> float:
-    base = search.background(())
-    return max(m.score for m in candidates(search, base)) - base.score
+    """Nats that the best kernel gains."""
+    evidence = KernelEvidence(search, search.background(()))
+    return float(evidence.of(search.series.y[:, None]).held.nats.max())
 
 
 def test_a_hole_in_the_recorded_slope_is_no_turn_of_the_road(nothing_missing: Evidence) -> None:

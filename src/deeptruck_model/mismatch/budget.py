@@ -1,0 +1,308 @@
+"""The budget of the mismatch: the squared free-run speed error, split into parts that add up to one.
+
+One additive model: the residual is a sum of the families' kernels, of a constant of each drive, of what is
+slow in time and of noise. The variance of each is estimated by maximising the marginal likelihood (EM); the
+parts are posterior means, added up over windows as a free run adds them up, and their intervals those of the
+posterior. It describes the drives that it was fitted to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.posterior.kernels import kernels
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual.noise import Prior, fit, whiten
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import FAMILY, NAMES
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
+HIDDEN = "unrecorded:brake"
+HORIZONS_S = (40.0, 20.0, 10.0)
+LEAST_WINDOWS = 3
+SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where there would be more
+PLACE_M, MOST_PLACES = 200.0, 160
+TWICE = 0.3  # of the way that is driven again, at least, for a part of its own
+DIRECTIONS = 40  # leading directions of a family's kernel
+TURNS, STEPS = 3, 25  # of fitting the noise beside the parts, and of EM in each
+NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
+KNOWN = 0.9  # of a window that must be compared
+DRAWS = 200  # of the posterior, for the intervals
+FIRST_VARIANCE, LEAST_VARIANCE = 0.02**2, 1e-9
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the squared speed error: its `share`, a 90 % interval, the share of the time in which its
+    force acts, its force (n,), m/s^2, and its share of each drive's own error by name."""
+
+    part: str
+    share: float
+    low: float
+    high: float
+    time_share: float
+    force: Array
+    drives: tuple[tuple[str, float], ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `budget.parts`."""
+        shares = {name: round(getattr(self, name), 4) for name in ("share", "low", "high", "time_share")}
+        drives = [{"recording": name, "share": round(share, 4)} for name, share in self.drives]
+        return {"part": self.part, **shares, "drives": drives}
+
+    @staticmethod
+    def read(entry: Mapping[str, Any]) -> Part:
+        """An entry of `budget.parts` of verdict.json, without its force."""
+        shares = {name: entry[name] for name in ("part", "share", "low", "high", "time_share")}
+        drives = tuple((d["recording"], d["share"]) for d in entry["drives"])
+        return Part(**shares, force=np.zeros(0), drives=drives)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The parts, largest first and what is left over last, of the squared speed error after up to
+    `horizon_s`, whose root mean is `speed_rmse`, m/s; `windows` of them. No parts where too few windows are
+    unbroken."""
+
+    horizon_s: float
+    windows: int
+    speed_rmse: float
+    parts: tuple[Part, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """`budget`."""
+        return {
+            "horizon_s": self.horizon_s,
+            "windows": self.windows,
+            "speed_rmse": self.speed_rmse,
+            "parts": [p.to_json() for p in self.parts],
+        }
+
+    @staticmethod
+    def read(entry: Mapping[str, Any]) -> Budget:
+        """`budget` of verdict.json."""
+        rmse = float("nan") if entry["speed_rmse"] is None else entry["speed_rmse"]
+        return Budget(entry["horizon_s"], entry["windows"], rmse, tuple(map(Part.read, entry["parts"])))
+
+    def share(self, part: str) -> float:
+        """Of a part; zero where there is none."""
+        return next((p.share for p in self.parts if p.part == part), 0.0)
+
+    def force(self, part: str, like: Array) -> Array:
+        """Of a part (n,); zero where there is none."""
+        return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
+
+
+def budget(search: Search, hidden: Mask, rules: Rules) -> Budget:
+    """Split what the rows that are fitted are off by. `hidden` (n,) are rows in which an input acts that was
+    not recorded, and which the search does not compare."""
+    blocks = _blocks(search)
+    names, F = list(blocks), np.concatenate(list(blocks.values()), axis=1)
+    ends = np.cumsum([b.shape[1] for b in blocks.values()])
+    at = [np.arange(end - b.shape[1], end) for end, b in zip(ends, blocks.values(), strict=True)]
+    mean, covariance = _posterior(search, F, at)
+    e = search.e
+    used = np.zeros(len(e), dtype=bool)
+    used[search.rows] = True
+    F = np.where(used[:, None], F, 0.0)
+    residual = np.where(used | hidden, e.residual, 0.0)
+    braked = np.where(hidden, e.residual, 0.0)
+    for horizon_s in HORIZONS_S:
+        starts = _starts(search, used | hidden, round(horizon_s / e.dt))
+        if len(starts) >= LEAST_WINDOWS:
+            break
+    else:
+        return Budget(HORIZONS_S[-1], len(starts), float("nan"), ())
+    steps = round(horizon_s / e.dt)
+    columns = np.column_stack([F, braked, residual])
+    added = np.concatenate([np.cumsum(columns[k : k + steps], axis=0) * e.dt for k in starts])
+    products = added.T @ added
+    squares = float(products[-1, -1])
+    rmse = float(np.sqrt(squares / len(added)))
+    rng = np.random.default_rng(0)
+    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(mean)))
+    draws = mean + rng.standard_normal((DRAWS, len(mean))) @ root.T
+    groups = [*at, np.array([len(mean)])]
+    names.append(HIDDEN)
+    central = _shares(mean, groups, products)
+    spread = np.stack([_shares(b, groups, products) for b in draws])
+    low, high = np.quantile(spread, [0.05, 0.95], axis=0)
+    forces = [F[:, a] @ mean[a] for a in at] + [braked]
+    forces.append(residual - np.sum(forces, axis=0))
+    names.append(LEFT_OVER)
+    by_drive = _by_drive(search, added, starts, steps, mean, groups)
+    counted = used | hidden
+    parts = [
+        Part(
+            name,
+            float(central[i]),
+            float(min(low[i], central[i])),
+            float(max(high[i], central[i])),
+            float(np.mean(np.abs(forces[i][counted]) > rules.acts)) if name != LEFT_OVER else 1.0,
+            forces[i],
+            tuple((drive, float(s[i])) for drive, s in by_drive.items()),
+        )
+        for i, name in enumerate(names)
+        if central[i] > 0.0 or name == LEFT_OVER
+    ]
+    parts.sort(key=lambda p: (p.part == LEFT_OVER, -p.share))
+    return Budget(horizon_s, len(starts), rmse, tuple(parts))
+
+
+def _shares(b: Array, groups: Sequence[NDArray[np.intp]], products: Array) -> Array:
+    """Shares of the squared error, what is left over last, that add up to one: each part's marginal
+    contribution averaged over all orders (Shapley's value of a quadratic form), so that what two correlated
+    parts explain is divided between them; what two parts cancel of each other counts in neither."""
+    b = np.append(b, [1.0, 0.0])
+    each = np.zeros((len(groups), len(products)))
+    for i, a in enumerate(groups):
+        each[i, a] = b[a]
+    total = each.sum(axis=0)
+    left = -total
+    left[-1] += 1.0
+    observed = products[-1]
+    squares = max(float(observed[-1]), 1e-12)  # of a simulator that is exact
+    share = (each @ observed + each @ (products @ left)) / squares
+    rest = float(left @ products @ left) / squares
+    gained = np.maximum(share, 0.0)
+    explained = 1.0 - rest
+    if gained.sum() <= 0.0 or explained <= 0.0:
+        return np.append(np.zeros(len(groups)), 1.0)
+    return np.append(gained * (explained / gained.sum()), rest)
+
+
+def _by_drive(
+    search: Search,
+    added: Array,
+    starts: Sequence[int],
+    steps: int,
+    mean: Array,
+    groups: Sequence[NDArray[np.intp]],
+) -> dict[str, Array]:
+    """The shares of each drive's own squared error by its name."""
+    owner = np.repeat(search.e.record[np.array(starts)], steps)
+    out = {}
+    for i in np.unique(owner):
+        own = added[owner == i]
+        out[search.e.stretches[i].name] = _shares(mean, groups, own.T @ own)
+    return out
+
+
+def _blocks(search: Search) -> dict[str, Array]:
+    """Features (n, k) of every part, of unit mean square over the rows that are fitted."""
+    e, rows = search.e, search.rows
+    out: dict[str, Array] = {"sensors": _thin(search.lateness, rows)}
+    for family in NAMES:
+        own = [k.features for k in kernels(search) if FAMILY.get(k.name) == family and k.part != "in time"]
+        if own:
+            together = np.concatenate([f / (np.linalg.norm(f[rows]) + 1e-9) for f in own], axis=1)
+            known = [out[family]] if family in out else []
+            out[family] = np.concatenate([*known, _thin(together, rows)], axis=1)
+    out[EACH_DRIVE] = np.stack([e.record == i for i in range(len(e.stretches))], axis=1).astype(float)
+    out[SLOW] = _knots(search)
+    if (place := _places(search)) is not None:
+        out[PLACE] = place
+    kept = {}
+    for name, f in out.items():
+        f = np.nan_to_num(f)
+        f = f[:, np.any(f[rows] != 0.0, axis=0)]
+        size = np.sqrt(np.mean(np.sum(f[rows] ** 2, axis=1))) if f.shape[1] else 0.0
+        if size > 0.0:
+            kept[name] = f / size
+    return kept
+
+
+def _thin(features: Array, rows: NDArray[np.intp]) -> Array:
+    """The leading directions of normalised features over the rows that are fitted."""
+    f = np.nan_to_num(features)
+    f = f / (np.linalg.norm(f[rows], axis=0) + 1e-9)
+    power, turn = np.linalg.eigh(f[rows].T @ f[rows])
+    kept = np.argsort(power)[::-1][:DIRECTIONS]
+    out: Array = f @ turn[:, kept[power[kept] > 1e-7 * power.max(initial=0.0)]]
+    return out
+
+
+def _knots(search: Search) -> Array:
+    """A linear spline in time for every drive that is fitted, (n, k)."""
+    e = search.e
+    fitted = [s for s in e.stretches if not s.held_out]
+    spacing = max(SLOW_S, sum(s.stop - s.start for s in fitted) * e.dt / MOST_KNOTS)
+    parts = []
+    for s in fitted:
+        at = np.arange(s.stop - s.start) * e.dt
+        knots = np.arange(0.0, at[-1] + spacing, spacing)
+        part = np.zeros((len(e), len(knots)))
+        part[s.rows] = np.maximum(1.0 - np.abs(at[:, None] - knots) / spacing, 0.0)
+        parts.append(part)
+    return np.concatenate(parts, axis=1)
+
+
+def _places(search: Search) -> Array | None:
+    """A linear spline over road positions that more than one drive passes, (n, k); None where hardly any of
+    the road is driven again."""
+    e = search.e
+    known = e.valid & (e["place"] >= 0.0)
+    if not known.any() or np.array_equal(e["place"], e["distance"]):  # positions were not recorded
+        return None
+    bins = (e["place"][known] / PLACE_M).astype(int)
+    passes = {b: len(np.unique(e.record[known][bins == b])) for b in np.unique(bins)}
+    again = np.array([passes[b] > 1 for b in bins])
+    if again.mean() < TWICE:
+        return None
+    last = float(e["place"][known].max())
+    spacing = max(PLACE_M, last / MOST_PLACES)
+    knots = np.arange(0.0, last + spacing, spacing)
+    out = np.maximum(1.0 - np.abs(e["place"][:, None] - knots) / spacing, 0.0)
+    out[e["place"] < 0.0] = 0.0
+    return out
+
+
+def _posterior(search: Search, F: Array, at: Sequence[NDArray[np.intp]]) -> tuple[Array, Array]:
+    """Posterior mean (k,) and covariance (k, k) of the coefficients, at the variances of the parts that
+    maximise the marginal likelihood, beside the noise of the recordings."""
+    beside = _as_recorded(search)
+    series, noise = beside.series, beside.background(()).fit
+    v = np.full(len(at), FIRST_VARIANCE)
+    sizes = [len(a) for a in at]
+    mean, C = np.zeros(F.shape[1]), np.eye(F.shape[1])
+    for turn in range(TURNS):
+        if turn:  # beside the parts: noise that was fitted without them holds what is slow of them
+            left = np.where(series.valid, series.y - F @ mean, 0.0)
+            noise = fit(replace(series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
+        weight = 1.0 / (series.relative[search.rows] * noise.sigma)
+        Fw = whiten(F, noise.ar, search.rows, weight)
+        G, c = Fw.T @ Fw, Fw.T @ whiten(series.y, noise.ar, search.rows, weight)
+        for _ in range(STEPS):
+            C = np.linalg.inv(G + np.diag(1.0 / np.repeat(v, sizes))).astype(np.float64)
+            mean = C @ c
+            power = [float(mean[a] @ mean[a] + np.trace(C[np.ix_(a, a)])) / len(a) for a in at]
+            v = np.maximum(power, LEAST_VARIANCE)
+    return mean, C
+
+
+def _as_recorded(search: Search) -> Search:
+    """The search whose noise is that of recordings. A learned simulator may be off by more, and slowly; but
+    what it is off by is what the budget splits."""
+    e = search.e
+    if e.model_discrepancy == 0.0:
+        return search
+    return Search(replace(e, model_discrepancy=0.0, slow_noise=e.rules.slow_noise, itself=None))
+
+
+def _starts(search: Search, counted: Mask, steps: int) -> list[int]:
+    """First rows of windows, each half over the one before, that are compared throughout."""
+    return [
+        k
+        for s in search.e.stretches
+        if not s.held_out
+        for k in range(s.start, s.stop - steps, max(steps // 2, 1))
+        if counted[k : k + steps].mean() >= KNOWN
+    ]

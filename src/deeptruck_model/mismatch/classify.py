@@ -1,0 +1,89 @@
+"""Probabilities of names by the evidence of every name's kernel: the first posterior, which stays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
+from deeptruck_model.mismatch.posterior.kernels import NOTHING
+from deeptruck_model.mismatch.posterior.recogniser import recogniser
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import ROOT, UNKNOWN, Tree
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Named:
+    """What stands in the place of one name, beside those before it: the tree, the gain (nats) of the best
+    kernel beside `held` and beside `free` parameters, and the posterior mean of the first name's force (n,).
+    Only where it is `accepted` it may be a finding.
+    """
+
+    tree: Tree
+    held: float
+    free: float
+    force: Array
+    accepted: bool = True
+
+
+@dataclass(frozen=True)
+class Names:
+    """All that was named, the most evident first; `threshold` is the gain beside free parameters below which
+    nothing is detected, nats."""
+
+    found: tuple[Named, ...]
+    gain_held: float
+    gain_free: float
+    threshold: float
+
+    @property
+    def detected(self) -> bool:
+        return self.gain_free > self.threshold
+
+
+def classify(search: Search, behind: frozenset[str], rules: Rules) -> Names:
+    """Names one after the other, each beside the kernels of those before it, until nothing more is more
+    probable than any name. Names `behind` a missing input are `unknown`."""
+    evidence = KernelEvidence(search, search.background(()))
+    y = search.series.y
+    threshold = _threshold(search, rules)
+    found: list[Named] = []
+    given: list[str] = []
+    first = (0.0, 0.0)
+    while len(found) < rules.most_findings:
+        seen = evidence.of(y[:, None], given)
+        held, free = float(seen.held.nats.max()), float(seen.free.nats.max())
+        first = first if found else (held, free)
+        if max(held, free) <= threshold:
+            break
+        by = recogniser()
+        p = by.told(seen)[0]
+        if found and p[by.names.index(NOTHING)] > rules.nothing_more:
+            break
+        names = {n: float(x) for n, x in zip(by.names, p, strict=True) if n != NOTHING and n not in given}
+        total = sum(names.values())
+        tree = Tree({n: x / total for n, x in names.items()}).without(behind)
+        best = tree.first
+        sure = tree.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
+        accepted = sure or search.e.known_physics
+        found.append(Named(tree, held, free, evidence.force(y, best, given), accepted))
+        if best == UNKNOWN:
+            break
+        given.append(best)
+    return Names(tuple(found), *first, threshold)
+
+
+def _threshold(search: Search, rules: Rules) -> float:
+    """The gain below which nothing is detected: also what the best kernel gains, in as much driving, on the
+    recordings that a learned simulator keeps."""
+    if search.own is None:
+        return rules.least_gain
+    own = search.own
+    seen = KernelEvidence(own, own.background(())).of(own.series.y[:, None])
+    ratio = max(float(search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), 0.5)
+    return max(rules.least_gain, rules.discrepancy * ratio * float(seen.free.nats.max()))

@@ -1,0 +1,352 @@
+"""The verdict: the only file that names one. All numbers and the rules go in, a `Verdict` comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch import where
+from deeptruck_model.mismatch.budget import LEFT_OVER, Budget
+from deeptruck_model.mismatch.classify import Named, Names
+from deeptruck_model.mismatch.data.checks import SensorFault
+from deeptruck_model.mismatch.detectable import smallest_visible
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
+from deeptruck_model.mismatch.model import Made
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.report import wording
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Finding, Kind, Size, Verdict
+from deeptruck_model.mismatch.road import Road
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.sizes import sizes_of
+from deeptruck_model.mismatch.strength import Strength, acts
+from deeptruck_model.mismatch.tree import FAMILY, ROOT, UNKNOWN, Node
+from deeptruck_model.mismatch.unrecorded import NotRecorded
+from deeptruck_model.mismatch.validate import Validated
+from deeptruck_model.mismatch.witnesses import Witness
+
+Array = NDArray[np.float64]
+
+LATE = ("command_delay", "clock_offset")
+
+
+def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
+    """Where nothing can be compared: a fault of the sensors if there is one, else undetermined, and why."""
+    findings = tuple(_of_fault(f) for f in drives.faults)
+    why = drives.useless or ""
+    return Verdict(
+        Conclusion.SENSOR if findings else Conclusion.UNDETERMINED,
+        findings,
+        rejected=drives.rejected,
+        caveats=(*drives.caveats, why),
+        not_recorded=missing,
+        advice={
+            "data": Advice(Answer.NO, why),
+            "simulator": Advice(Answer.UNSURE, "nothing could be compared"),
+            "apply": Advice(Answer.NO, "nothing was corrected"),
+        },
+    )
+
+
+def decide(
+    simulator_parameters: dict[str, float],
+    drives: Drives,
+    search: Search,
+    missing: tuple[NotRecorded, ...],
+    names: Names,
+    again: Road | None,
+    found: Budget,
+    seen: tuple[Witness, ...],
+    made: Made,
+    driven: Validated,
+    rules: Rules,
+) -> Verdict:
+    """The verdict from all that was measured."""
+    e = search.e
+    findings = [_of_fault(f) for f in drives.faults]
+    of_road = _of_road(e, again, rules)
+    named = _accepted(search, names, made, simulator_parameters, rules)
+    longer = [f for f in named if _longer_than_sensors(f, e)]
+    findings += _with_shares(e, of_road + longer)
+    detected = names.detected and not (named and not longer)
+    kind = _kind(findings, detected, found, driven, rules)
+    forces = {i: f.force for i, f in enumerate(findings) if f.force is not None}
+    error = np.sum(list(forces.values()), axis=0) if forces else e.residual
+    first = names.found[0].tree if names.found else None
+    first = again.tree if again is not None and of_road else first
+    return Verdict(
+        kind,
+        tuple(findings),
+        tuple(where.segments(e, forces)),
+        tuple(where.regimes(e, error)),
+        replace(driven.fit, next_pass=again.ahead if again is not None else None),
+        drives.rejected,
+        smallest_visible(search, names.threshold, rules) if kind is Conclusion.NOTHING else None,
+        (*drives.caveats, *_caveats(e, findings)),
+        missing,
+        found,
+        seen,
+        first.nodes() if first is not None else (Node("nothing", ROOT, 1.0),),
+        _advice(drives, missing, kind, found, driven, rules),
+    )
+
+
+def _of_road(e: Evidence, again: Road | None, rules: Rules) -> list[Finding]:
+    """The road, where what is slow comes again with it and its name is stated."""
+    if again is None or again.tree.stated(rules.stated) == ROOT:
+        return []
+    m = LIBRARY[again.tree.first]
+    return [
+        _finding(
+            e,
+            again.named(),
+            Kind(m.kind),
+            m.says,
+            m.equation,
+            {},
+            m.depends_on,
+            m.separated_by,
+            again.force,
+            rules,
+        )
+    ]
+
+
+def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], rules: Rules) -> list[Finding]:
+    """The findings of what was named."""
+    out = []
+    for named in names.found:
+        first = named.tree.first
+        if first in search.parameters and (first not in LIBRARY or named.free <= names.threshold):
+            f = _of_parameter(search, named, own, rules)
+        elif named.free <= names.threshold:
+            continue
+        else:
+            f = _of_name(search, made, named, rules)
+        if f is not None and named.accepted:
+            out.append(f)
+    return out
+
+
+def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
+    """Whether a finding is not only a lateness that ordinary message periods and filters have."""
+    if f.effect not in LATE or f.force is None:
+        return True
+    late = e.rerun("delay_all", e.rules.least_delay_s)[e.valid]
+    times = abs(float(f.force[e.valid] @ late)) / max(float(late @ late), 1e-12)
+    return times > 1.0
+
+
+def _with_shares(e: Evidence, findings: Sequence[Finding]) -> list[Finding]:
+    """The findings, each with its share of the squares of all their forces."""
+    squares = [float(np.sum(f.force[e.valid] ** 2)) if f.force is not None else 0.0 for f in findings]
+    total = sum(squares) or 1.0
+    return [
+        replace(f, share_of_explainable_error=round(x / total, 3))
+        for f, x in zip(findings, squares, strict=True)
+    ]
+
+
+def _of_parameter(search: Search, named: Named, own: dict[str, float], rules: Rules) -> Finding | None:
+    """An error of a parameter; None where it is no larger than that of any simulator may be."""
+    name = named.tree.first
+    free = search.background(())
+    if name not in free.free:
+        free = search.model((), frozenset(search.parameters))
+    gain = free.score - search.model((), free.free - {name}).score if name in free.free else 0.0
+    change = search.e.total_change(name, free.moved(name))
+    sd = free.moved_sd(name)
+    if abs(change) - Z95 * sd < rules.nearly_right or gain < rules.parameter_gain:
+        return None
+    sizes = {"relative_error": Size(change, "1", (change - Z95 * sd, change + Z95 * sd))}
+    if name in own:
+        value = own[name]
+        sizes = {
+            name: Size(
+                value * (1 + change),
+                wording.PARAMETER_UNITS.get(name, "1"),
+                (value * (1 + change - Z95 * sd), value * (1 + change + Z95 * sd)),
+            )
+        } | sizes
+    force = np.nan_to_num(search.e.sensitivity[name]) * change
+    return _finding(
+        search.e,
+        named,
+        Kind.PARAMETER,
+        wording.of_parameter(name, change),
+        "",
+        sizes,
+        ("all driving",),
+        wording.PARAMETER_MANOEUVRE.get(name, ""),
+        force,
+        rules,
+    )
+
+
+def _of_name(search: Search, made: Made, named: Named, rules: Rules) -> Finding:
+    """A force of a mechanism, or one that has no name."""
+    first = named.tree.first
+    if first == UNKNOWN:
+        return _finding(
+            search.e,
+            named,
+            Kind.PHYSICS,
+            wording.UNKNOWN_FORCE,
+            "",
+            {},
+            (),
+            wording.RECORD_MORE,
+            named.force,
+            rules,
+        )
+    m = LIBRARY[first]
+    term = next((t for t in made.recipe.terms if t.mechanism.effect == first), None)
+    sizes = _sizes(term, made, search)
+    return _finding(
+        search.e,
+        named,
+        Kind(m.kind),
+        m.says,
+        m.equation,
+        sizes,
+        m.depends_on,
+        m.separated_by,
+        named.force,
+        rules,
+    )
+
+
+def _sizes(term: CandidateTerm | None, made: Made, search: Search) -> dict[str, Size]:
+    return {} if term is None else sizes_of(term, made.fit, search.e)
+
+
+def _finding(
+    e: Evidence,
+    named: Named,
+    kind: Kind,
+    says: str,
+    equation: str,
+    sizes: dict[str, Size],
+    depends_on: tuple[str, ...],
+    manoeuvre: str,
+    force: Array,
+    rules: Rules,
+) -> Finding:
+    first = named.tree.first
+    family = FAMILY[first]
+    rivals = tuple(n for n in named.tree.credible(rules.credible) if n != first)
+    return Finding(
+        kind,
+        first,
+        family,
+        named.tree.stated(rules.stated),
+        says,
+        equation,
+        sizes,
+        round(named.tree.names[first], 3),
+        round(named.tree.families[family], 3),
+        manoeuvre,
+        depends_on,
+        rivals,
+        evidence_nats=round(named.held, 1),
+        strength=_strength(e, force),
+        force=force,
+    )
+
+
+def _strength(e: Evidence, force: Array) -> Strength:
+    """How strong a force (n,), m/s^2, is while it acts."""
+    on = acts(force) & e.valid
+    part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
+    one_way = bool(abs(part.mean()) > 0.5 * np.abs(part).mean())
+    value = float(part.mean() if one_way else np.sqrt(np.mean(part**2)))
+    return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)))
+
+
+def _of_fault(f: SensorFault) -> Finding:
+    """A fault that shows between sensors alone."""
+    ci = (f.value - Z95 * f.se, f.value + Z95 * f.se)
+    return Finding(
+        Kind.SENSOR, f.effect, FAMILY[f.effect], f.effect, f.says, f.equation,
+        {"value": Size(f.value, f.unit, ci)}, 0.99, 0.99, wording.SENSOR_MANOEUVRE, f.between,
+        share_of_explainable_error=0.0,
+    )  # fmt: skip
+
+
+def _kind(
+    findings: Sequence[Finding], detected: bool, found: Budget, driven: Validated, rules: Rules
+) -> Conclusion:
+    """The kind of the finding that explains most; without one, `nothing_missing` only where nothing that
+    matters is left."""
+    if findings:
+        explaining = max(findings, key=lambda f: f.share_of_explainable_error)
+        return Conclusion(explaining.kind)
+    if detected or not _right(found, driven, rules):
+        return Conclusion.UNDETERMINED
+    return Conclusion.NOTHING
+
+
+def _right(found: Budget, driven: Validated, rules: Rules) -> bool:
+    """Whether nothing that matters is left: free runs are off by little, or as a learned simulator is on its
+    own recordings, or by nothing that the budget knows of."""
+    told = driven.fit.errors
+    error = told.before.speed if told is not None else found.speed_rmse
+    if not np.isfinite(error):
+        return False
+    if driven.own_error is not None:
+        return error <= min(rules.differs * driven.own_error, rules.largest)
+    if error <= rules.visible:
+        return True
+    return error <= rules.largest and found.share(LEFT_OVER) > rules.visible_slow
+
+
+def _caveats(e: Evidence, findings: Sequence[Finding]) -> list[str]:
+    out = []
+    if e.itself is None and not e.known_physics:
+        out.append(wording.COUNTS_AS_LEARNED)
+    if not e.mass_known:
+        out.append(wording.WITHOUT_MASS)
+    return out
+
+
+def _advice(
+    drives: Drives,
+    missing: Sequence[NotRecorded],
+    kind: Conclusion,
+    found: Budget,
+    driven: Validated,
+    rules: Rules,
+) -> dict[str, Advice]:
+    """Whether the data are enough, the simulator is good enough, and the correction should be applied."""
+    hidden = [m.input for m in missing]
+    if not found.parts:
+        data = Advice(Answer.NO, wording.TOO_SHORT)
+    elif hidden:
+        data = Advice(Answer.UNSURE, wording.not_recorded(hidden))
+    else:
+        data = Advice(Answer.YES, wording.ENOUGH)
+    told = driven.fit.errors
+    if told is None:
+        return {
+            "data": data,
+            "simulator": Advice(Answer.UNSURE, wording.NOT_DRIVEN),
+            "apply": Advice(Answer.NO, wording.NOT_DRIVEN),
+        }
+    if kind is Conclusion.NOTHING:
+        simulator = Advice(Answer.YES, wording.good(told.before.speed, driven.fit.horizon_s))
+    elif told.before.speed <= rules.visible:
+        simulator = Advice(Answer.YES, wording.off(told.before.speed, driven.fit.horizon_s))
+    else:
+        simulator = Advice(Answer.NO, wording.off(told.before.speed, driven.fit.horizon_s))
+    if driven.fit.validated:
+        apply = Advice(Answer.YES, wording.better(told.before.speed, told.after.speed))
+    elif told.after.speed < told.before.speed:
+        apply = Advice(Answer.UNSURE, wording.UNSURE_BETTER)
+    else:
+        apply = Advice(Answer.NO, wording.NOT_BETTER)
+    return {"data": data, "simulator": simulator, "apply": apply}

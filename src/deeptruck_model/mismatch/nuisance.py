@@ -1,0 +1,121 @@
+"""The regression that all names are compared on: linearised about parameters that fit.
+
+A truck is not linear in its parameters: brakes that are too strong in the simulator get too hot and fade. So
+where parameters are far off they are set in the simulator, and all is linearised anew about them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.sensitivity import STEP, accepted
+from deeptruck_model.simulators import Simulator
+
+FAR, SETTLED, STEPS = 0.05, 0.02, 4  # relative changes of parameters that are worth another linearisation
+CLOSE, CLOSER_STEPS = 0.005, 10  # the same where parameters are all that is fitted
+LEAST = 0.005  # of a parameter that is set at all
+
+
+def about_fitting_parameters(
+    simulator: Simulator,
+    drives: Drives,
+    e: Evidence,
+    hidden: NDArray[np.bool_],
+    seed: int,
+    exclude: Sequence[str],
+    say: Callable[[str], None],
+) -> Search:
+    """The regression about the parameters that fit best without a name, of the drives that are fitted; as
+    given where moving them explains no more. `hidden` (n,) are rows that are not compared."""
+    about = _About(simulator, drives, e, hidden, seed, tuple(exclude), say)
+    first = search = Search(e.to_fit(), exclude=exclude)
+    here = search.background(())
+    for step in range(STEPS):
+        anew = about.parameters_of(search, here, SETTLED if step else FAR)
+        if anew is None:
+            break
+        further = Search(anew.to_fit(), exclude=exclude)
+        there = further.background(())
+        if not step and not _better(search, here, further, there):
+            return first
+        search, here = further, there
+    return search
+
+
+def refitted(
+    simulator: Simulator,
+    drives: Drives,
+    e: Evidence,
+    seed: int,
+    free: frozenset[str],
+    say: Callable[[str], None],
+) -> tuple[Search, Model]:
+    """The regression about the parameters that fit best with no name, of which only `free` ones move, and
+    that fit. Where mass and gains move together many steps are needed."""
+    about = _About(simulator, drives, e, np.zeros(len(e), dtype=bool), seed, (), say)
+    search = Search(e.to_fit())
+    for _ in range(CLOSER_STEPS):
+        anew = about.parameters_of(search, search.model((), free), CLOSE)
+        if anew is None:
+            break
+        search = Search(anew.to_fit())
+    return search, search.model((), free)
+
+
+@dataclass(frozen=True)
+class _About:
+    """Linearises about other parameters of the simulator."""
+
+    simulator: Simulator
+    drives: Drives
+    e: Evidence
+    hidden: NDArray[np.bool_]
+    seed: int
+    exclude: tuple[str, ...]
+    say: Callable[[str], None]
+
+    def parameters_of(self, search: Search, model: Model, least: float) -> Evidence | None:
+        """The evidence about the parameters of a model; None where none changes by more than `least`."""
+        own = self.simulator.parameters()
+        change = {p: model.moved(p) for p in search.parameters if p in own}
+        if all(abs(c) <= least for c in change.values()):
+            return None
+        self.say("linearising about refitted parameters")
+        total = {p: search.e.total_change(p, c) for p, c in change.items()}
+        possible = {
+            p: float(np.clip(c, *search.e.vehicle.possible(p))) for p, c in total.items() if abs(c) > LEAST
+        }
+        moved = accepted(self.simulator, possible, near=STEP)
+        tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
+        anew = gather(
+            tuned, self.drives.prepared, self.drives.held_out, seed=self.seed, moved=moved,
+            rules=self.e.rules, mass_kg=self.e.mass if self.e.mass_known else None, reruns_held_out=False,
+        )  # fmt: skip
+        return replace(
+            anew,
+            valid=anew.valid & ~self.hidden,
+            model_discrepancy=self.e.model_discrepancy,
+            slow_noise=self.e.slow_noise,
+            itself=self.e.itself,
+        )
+
+
+def _better(given: Search, here: Model, moved: Search, there: Model) -> bool:
+    """Whether moved parameters explain more of the rows that both may use. Parameters can compensate a force
+    they have nothing to do with, if they are moved far enough."""
+    both = given.e.valid & moved.e.valid
+    doubt = np.maximum(given.e.disagreement, moved.e.disagreement)  # rows weigh alike in both
+    sigma = max(given.sigma, moved.sigma)
+    scores = [
+        Search(replace(s.e, disagreement=doubt), only=both, sigma=sigma).model((), m.free).score
+        for s, m in ((given, here), (moved, there))
+    ]
+    return bool(scores[1] > scores[0] + given.rules.parameter_gain)

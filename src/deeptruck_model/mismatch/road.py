@@ -1,0 +1,86 @@
+"""A road that was not recorded: what is slow, and comes again where the same road is driven again.
+
+A learned truck that is fed its own speed follows a slope as it follows everything slow, so that little of it
+is left in its residual. A line through the recordings does not (`slow_force.plain_truck`). What is slow of
+its residual is the posterior mean of a smooth kernel in time; a window of it that returns elsewhere, with the
+same sign the same way or the other sign the other way, belongs to the road. Where nothing returns, the size
+that each possible cause would need decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammainc
+
+from deeptruck_model.mismatch.classify import Named
+from deeptruck_model.mismatch.posterior.next_pass import NextPass
+from deeptruck_model.mismatch.posterior.road_lock import BY_CHANCE, RoadLock, road_lock
+from deeptruck_model.mismatch.posterior.slow_force import plain_truck, slow_force
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.stretches import LENGTH_M
+from deeptruck_model.mismatch.tree import UNKNOWN, Tree
+from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
+
+Array = NDArray[np.float64]
+
+SLOPE, SURFACE = "road_grade", "road_surface"
+LARGEST = {SLOPE: STEEPEST, "headwind": STRONGEST_WIND, "torque_derate": LARGEST_DERATE}  # rms
+OTHER = 0.05  # weight of a slow force that is none of these
+ONE_WAY = 0.5  # probability of a slope where the road was driven again the same way alone
+
+
+@dataclass(frozen=True)
+class Road:
+    """The slow force (n,), m/s^2, where it came again (None: nowhere), and the probability of names."""
+
+    force: Array
+    lock: RoadLock | None
+    tree: Tree
+
+    @property
+    def ahead(self) -> NextPass | None:
+        """What another pass predicts of the road beyond the windows that were found again."""
+        return self.lock.ahead if self.lock is not None else None
+
+    def named(self) -> Named:
+        """As what stands in the place of a name; no kernel of the simulator's residual holds it."""
+        return Named(self.tree, 0.0, 0.0, self.force)
+
+
+def road(e: Evidence) -> Road | None:
+    """The road beside a learned simulator where no slope was recorded; None where nothing is slow."""
+    if e.known_physics or e.has("grade"):
+        return None
+    line = plain_truck(e)
+    if line is None:
+        return None
+    known = np.isfinite(line.left)
+    sigma = float(1.4826 * np.median(np.abs(line.left[known])))
+    slow = slow_force(e, np.where(known, line.left, 0.0), known.astype(float), sigma, line.doubt)
+    if slow is None:
+        return None
+    lock = road_lock(e, slow.force)
+    return Road(slow.force, lock, _by_size(slow.needed) if lock is None else _tree(e, lock))
+
+
+def _by_size(needed: Mapping[str, float]) -> Tree:
+    """Names by the size that each would need beside the largest that it can have, two standard deviations."""
+    weight = {n: float(np.exp(-0.5 * (2.0 * size / LARGEST[n]) ** 2)) for n, size in needed.items()}
+    weight[UNKNOWN] = OTHER
+    total = sum(weight.values())
+    return Tree({name: w / total for name, w in weight.items()})
+
+
+def _tree(e: Evidence, lock: RoadLock) -> Tree:
+    """Names by how many windows, beside each other, agree with another pass better than 99 % do by chance:
+    either direction may do so by chance, and a road is as probable beforehand as none."""
+    beside = sum(float(np.ptp(e["distance"][s.rows])) // LENGTH_M for s in e.stretches)
+    again = max(lock.same_way_km, lock.other_way_km) * 1000.0 / LENGTH_M
+    by_chance = min(2.0 * float(gammainc(again, (1.0 - BY_CHANCE) * max(beside, 1.0))), 1.0)  # Poisson
+    p = 1.0 / (1.0 + by_chance)
+    slope = 1.0 if lock.other_way_km else ONE_WAY  # a surface slows either way
+    return Tree({SLOPE: p * slope, SURFACE: p * (1.0 - slope), UNKNOWN: 1.0 - p})

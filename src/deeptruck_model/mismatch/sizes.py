@@ -1,0 +1,86 @@
+"""The sizes of a finding: its parameters with their intervals, and the settings that were picked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.expression import Rerun
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, carriers
+from deeptruck_model.mismatch.posterior.search import Model
+from deeptruck_model.mismatch.residual.evidence import Evidence, unit
+from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch.result import Size
+
+Array = NDArray[np.float64]
+
+SETTING_UNITS = {
+    "tau_s": "s",
+    "decay_s": "s",
+    "cooling_s": "s",
+    "soak_s": "s",
+    "cold_s": "s",
+    "window_s": "s",
+    "length_m": "m",
+    "frequency_hz": "Hz",
+    "damping": "1",
+    "after_s": "s",
+    "keeps_s": "s",
+    "frees_m": "m",
+    "limit_speed": "m/s",
+}
+PER_MASS = {"limit_force": "N", "limit_torque": "N m", "limit_power": "W"}
+LIMIT_COMMAND = "limit_command"  # in the unit of the engine's command
+TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
+
+
+def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
+    """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
+    out: dict[str, Size] = {}
+    for name, value in term.variant.numbers():
+        if name in SETTING_UNITS:
+            out.setdefault(name, Size(value, SETTING_UNITS[name]))
+        elif name in PER_MASS:
+            out.setdefault(name, Size(value * e.unit.scale, e.unit.of(PER_MASS[name])))
+        elif name == LIMIT_COMMAND:
+            out.setdefault(name, Size(value, unit("engine_command", e.command_units)))
+    return out
+
+
+def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
+    """The most telling parameters by name. Columns of one name, from a widened term, add up to one size.
+
+    What acts on held-out recordings alone was not fitted, and has no size.
+    When within a sample a command came nobody knows, so that no delay is known better than that.
+    """
+    values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
+    acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
+    by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in model.free})
+    weights: dict[str, Array] = {}
+    told: dict[str, Column] = {}
+    for k, part in enumerate(term.parts):
+        for name, weight in part.course or ((part.name, 1.0),):
+            factor = weight * part.factor * (e.unit.scale if part.per_mass else 1.0)
+            factor *= carriers.ratio(part, e, by) if e.moved else 1.0
+            weights.setdefault(name, np.zeros(len(term.parts)))[k] = factor
+            told[name] = part
+    sizes: dict[str, tuple[float, float, str]] = {
+        name: (
+            float(g @ values),
+            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + timing(told[name], e))),
+            e.unit.of(told[name].unit) if told[name].per_mass else told[name].unit,
+        )
+        for name, g in weights.items()
+        if acts[g != 0.0].any()
+    }
+    telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
+    return {
+        name: Size(value, unit, (value - Z95 * sd, value + Z95 * sd) if sd else None)
+        for name, (value, sd, unit) in sizes.items()
+        if name in telling
+    }
+
+
+def timing(part: Column, e: Evidence) -> float:
+    """Variance (s^2) of a time for not knowing where within a quarter of a row either way a command came."""
+    return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0

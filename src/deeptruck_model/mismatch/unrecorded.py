@@ -1,0 +1,140 @@
+"""What was not recorded or not obeyed: what that hides, in which rows, and behind which names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+from scipy.stats import t as student_t
+
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import NAMES
+from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.not_recorded import not_recorded as lacking
+from deeptruck_model.trucks.compiled import entry
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# The names that an input explains as well where it was not recorded, and which have no kernel of their own.
+BEHIND = {
+    "brake": (*NAMES["brakes"], "engine_brake"),
+    "gear": (
+        "shift_interruption", "torque_converter_slip", "driveline_backlash", "driveline_loss",
+        "rotating_inertia", "engine_friction",
+    ),
+}  # fmt: skip
+ENGINE_SPEED = "engine_speed"  # with the speed it gives the gear
+BRAKING, BRAKING_SD = -0.8, 0.6  # m/s^2 that service brakes add, and its spread
+TAIL = 4.0  # degrees of freedom of the residual without braking
+OFF_S, ON_S = 90.0, 6.0  # mean time between applications, and of one
+BEGIN = np.exp(-4.0)  # odds of braking at the begin of a drive
+NEVER = -60.0  # log density of braking while the engine is asked to pull
+BLOCK_S, LEAST_S, LEAST_SPEED = 1.0, 30.0, 1.0
+IDLE = 0.05  # of the command's range above its lowest: the pedal is released
+
+
+@dataclass(frozen=True)
+class NotRecorded:
+    """An input that was not recorded or not obeyed: what it `hides`, the `signal` to record, the share of the
+    compared time in which it was found to act (None where it cannot be found), and the gain in nats."""
+
+    input: str
+    hides: str
+    signal: str
+    share_of_time: float | None = None
+    gain: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `not_recorded`."""
+        out: dict[str, Any] = {"input": self.input, "hides": self.hides, "signal": self.signal}
+        found = {"share_of_time": round(self.share_of_time, 4)} if self.share_of_time is not None else {}
+        return out | found
+
+
+def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tuple[NotRecorded, ...]:
+    """The inputs that at least one recording lacks; a mass that the simulator or the user states counts as
+    recorded."""
+    return tuple(
+        NotRecorded(m.input.name, m.input.hides, m.input.signal)
+        for m in lacking(recordings)
+        if not (mass_known and m.input.name == "mass")
+    )
+
+
+def names_behind(e: Evidence, missing: Sequence[NotRecorded]) -> frozenset[str]:
+    """The names that a missing input explains as well as they do."""
+    known = {"gear"} if e.has(ENGINE_SPEED) or e.has("gear") else set()
+    return frozenset(n for m in missing if m.input not in known for n in BEHIND.get(m.input, ()))
+
+
+def braking(e: Evidence, rules: Rules) -> tuple[Mask, float]:
+    """Rows (n,) in which a brake acts that was not recorded, by two hidden states over seconds in which the
+    engine is not asked to pull, and what these gain over one state, nats; none where that is too little."""
+    on, gain = np.zeros(len(e), dtype=bool), 0.0
+    if "engine_command" not in e.signals or "brake_command" in e.signals:
+        return on, gain
+    ok = e.valid & np.isfinite(e.residual)
+    per = max(1, round(BLOCK_S / e.dt))
+    command = e["engine_command"]
+    low, high = np.nanquantile(command[ok], [0.02, 0.98]) if ok.any() else (0.0, 1.0)
+    idle = np.nan_to_num(command, nan=high) <= low + IDLE * (high - low)
+    for s in e.stretches:
+        rows = np.arange(s.start, s.stop)[ok[s.rows]]
+        blocks = rows[: len(rows) // per * per].reshape(-1, per)
+        if len(blocks) * per * e.dt < LEAST_S:
+            continue
+        r = e.residual[blocks].mean(axis=1)
+        may = (idle[blocks].mean(axis=1) > 0.5) & (e["speed"][blocks].mean(axis=1) > LEAST_SPEED)
+        p, nats = _two_states(r, may, per * e.dt)
+        gain += nats
+        on[blocks[p > 0.5].ravel()] = True
+    return (on & ok, gain) if gain > rules.hidden_gain else (np.zeros(len(e), dtype=bool), gain)
+
+
+def _two_states(r: Array, may: Mask, dt: float) -> tuple[Array, float]:
+    """Posterior probability (n,) of braking, and the gain over no braking at all, nats."""
+    sigma = max(1.4826 * float(np.median(np.abs(r - np.median(r)))), 0.02)
+    off = student_t.logpdf(r / sigma, TAIL) - np.log(sigma)
+    on = np.where(may & (r < 0), norm.logpdf(r, BRAKING, np.hypot(BRAKING_SD, sigma)), NEVER)
+    stay_off, stay_on = np.exp(-dt / OFF_S), np.exp(-dt / ON_S)
+    change = np.log(np.array([[stay_off, 1 - stay_off], [1 - stay_on, stay_on]]))
+    states = np.stack([off, on], axis=1)
+    forward, backward = _passes(states, change, float(np.log(BEGIN)))
+    both = forward + backward
+    gain = float(np.logaddexp(*forward[-1]) - off.sum())
+    return np.exp(both[:, 1] - np.logaddexp(both[:, 0], both[:, 1])), gain
+
+
+@entry
+def _passes(states: Array, change: Array, begin: float) -> tuple[Array, Array]:
+    """Forward and backward log probabilities (n, 2) of a chain of two states (Rabiner, Proc. IEEE 77)."""
+    n = len(states)
+    forward, backward = np.empty((n, 2)), np.zeros((n, 2))
+    forward[0, 0], forward[0, 1] = states[0, 0], states[0, 1] + begin
+    for k in range(1, n):
+        for j in range(2):
+            a, b = forward[k - 1, 0] + change[0, j], forward[k - 1, 1] + change[1, j]
+            forward[k, j] = max(a, b) + np.log1p(np.exp(-abs(a - b))) + states[k, j]
+    for k in range(n - 2, -1, -1):
+        for i in range(2):
+            a = backward[k + 1, 0] + states[k + 1, 0] + change[i, 0]
+            b = backward[k + 1, 1] + states[k + 1, 1] + change[i, 1]
+            backward[k, i] = max(a, b) + np.log1p(np.exp(-abs(a - b)))
+    return forward, backward
+
+
+def with_braking(
+    missing: Sequence[NotRecorded], e: Evidence, hidden: Mask, gain: float
+) -> tuple[NotRecorded, ...]:
+    """The missing inputs, with the share of the time in which unrecorded braking was found."""
+    share = float(hidden.sum() / max((e.valid | hidden).sum(), 1))
+    return tuple(
+        replace(m, share_of_time=share, gain=gain) if m.input == "brake" and hidden.any() else m
+        for m in missing
+    )

@@ -1,0 +1,158 @@
+"""Where the mismatch is: segments of drives, and regimes of driving."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from sklearn.tree import DecisionTreeRegressor
+
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch, unit
+from deeptruck_model.mismatch.result import Bound, Regime, Segment
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NOTABLE = 0.02  # m/s^2
+MOST_SEGMENTS = 60
+SMALL = 1e-3  # of the range of a signal: a border so near zero is at zero to whoever reads it
+STANDING_M_S = 0.1  # slower, a truck may stand: a force has no visible effect there
+RATIO_STEP = 0.05  # relative; gears are farther apart
+
+
+def segments(e: Evidence, forces: Mapping[int, Array]) -> list[Segment]:
+    """Segments of drives in which each force (n,), given by the place of its finding, stands out while the
+    truck moves and is compared; most important first."""
+    out: list[Segment] = []
+    for i, force in forces.items():
+        smooth = uniform_filter1d(force, max(1, round(1.0 / e.dt)))
+        seen = e.valid & (np.abs(e["speed"]) > STANDING_M_S)
+        size = np.abs(smooth[seen])
+        if not len(size) or size.max() < 1e-6:
+            continue
+        level = max(0.35 * float(np.quantile(size, 0.99)), min(NOTABLE, 0.5 * float(size.max())))
+        for s in e.stretches:
+            out += [
+                _segment(e, force, i, s, a, b, seen)
+                for a, b in _runs((np.abs(smooth[s.rows]) > level) & seen[s.rows], e.dt)
+            ]
+    out.sort(key=lambda s: -s.energy)
+    return out[:MOST_SEGMENTS]
+
+
+def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int, seen: Mask) -> Segment:
+    rows = slice(s.start + a, s.start + b)
+    part = force[rows][seen[rows]]
+    at = s.start_s + np.array([a, b]) * e.dt
+    energy = float((part**2).sum())
+    return Segment(
+        s.name,
+        float(at[0]),
+        float(at[1]),
+        finding,
+        float(e.newtons(force)[rows][seen[rows]].mean()) if e.mass_known else None,
+        rows.start,
+        rows.stop,
+        energy,
+    )
+
+
+def _runs(on: Mask, dt: float) -> list[tuple[int, int]]:
+    """Runs of True; those nearer than 2 s are joined, those shorter than half a second dropped."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
+    runs: list[tuple[int, int]] = []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        if runs and (a - runs[-1][1]) * dt < 2.0:
+            runs[-1] = (runs[-1][0], int(b))
+        else:
+            runs.append((int(a), int(b)))
+    return [(a, b) for a, b in runs if (b - a) * dt >= 0.5]
+
+
+def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
+    """Regions of the driving signals with more than their share of squared `error` (n,), by a small tree."""
+    named = _features(e)
+    X = np.stack(list(named.values()), axis=1)[e.valid]
+    power = error[e.valid] ** 2
+    if len(power) < 200 or power.sum() <= 0:
+        return []
+    cap = float(np.quantile(power, 0.999))
+    tree = DecisionTreeRegressor(
+        max_leaf_nodes=6, min_samples_leaf=max(40, len(power) // 100), random_state=0
+    )
+    tree.fit(X, np.minimum(power, cap))
+    leaf = tree.apply(X)
+    out = []
+    for node in np.unique(leaf):
+        inside = leaf == node
+        share = float(power[inside].sum() / power.sum())
+        time = float(inside.mean())
+        if share > 1.3 * time:
+            ranges = dict(zip(named, np.ptp(X, axis=0), strict=True))
+            out.append(Regime(_bounds(tree, node, ranges, e.command_units), share, time))
+    return sorted(out, key=lambda r: -r.share_of_error)[:most]
+
+
+def _features(e: Evidence) -> dict[str, Array]:
+    """Signals and short memories of them, (n,) each."""
+    out = {name: e[name] for name in ("speed", "engine", "brake")}
+    for name in (
+        "grade",
+        "gear",
+        "gap",
+        "ambient_temperature",
+        "elevation",
+        "elapsed",
+    ):
+        if e.has(name):
+            out[name] = e[name]
+    if e.has("ratio"):
+        # engine speed and speed are not sampled at one moment, so that their ratio tells the acceleration
+        coarse = np.log(np.maximum(np.nan_to_num(e["ratio"]), 1e-3)) / RATIO_STEP
+        out["ratio"] = np.exp(np.round(coarse) * RATIO_STEP)
+        out["engine_speed"] = out["ratio"] * e["speed"]
+    for name in ("engine_command", "brake_command"):
+        if e.has(name):
+            out[name] = e[name]
+            out[f"change of {name}"] = e[name] - e.lag(e[name], 1.0)
+    pull, power = np.maximum(e["engine"], 0.0), e["brake"] * e["speed"]
+    out["engine over 3 s"], out["engine over 60 s"] = e.lag(pull, 3.0), e.lag(pull, 60.0, "zero")
+    if e.model_discrepancy == 0.0:  # what a learned simulator learned badly is in its acceleration too
+        out["simulated"], out["acceleration over 2 s"] = e["simulated"], e.lag(e["simulated"], 2.0)
+    if power.max(initial=0.0) > 0:
+        out["braking power over 60 s"], out["braking power over 300 s"] = (
+            e.lag(power, 60.0, "zero"),
+            e.lag(power, 300.0, "zero"),
+        )
+        out["time since braking"] = np.minimum(e.since(e["brake"] > 0.1), 300.0)
+    return out
+
+
+def _bounds(
+    tree: DecisionTreeRegressor, leaf: int, ranges: Mapping[str, float], units: Mapping[str, str]
+) -> tuple[Bound, ...]:
+    """The path to a leaf, each signal once. `ranges` of the signals, in the tree's order."""
+    t, names = tree.tree_, list(ranges)
+    bounds: dict[str, list[float]] = {}
+    node = 0
+    below = {int(n): _under(t, int(n)) for n in range(t.node_count)}
+    while t.children_left[node] != -1:
+        name, at = names[t.feature[node]], float(t.threshold[node])
+        at = at if abs(at) > SMALL * ranges[name] else 0.0
+        low_high = bounds.setdefault(name, [-np.inf, np.inf])
+        if leaf in below[int(t.children_left[node])]:
+            low_high[1] = min(low_high[1], at)
+            node = int(t.children_left[node])
+        else:
+            low_high[0] = max(low_high[0], at)
+            node = int(t.children_right[node])
+    return tuple(Bound(name, low, high, unit(name, units)) for name, (low, high) in bounds.items())
+
+
+def _under(t: Any, node: int) -> set[int]:
+    if t.children_left[node] == -1:
+        return {node}
+    return _under(t, int(t.children_left[node])) | _under(t, int(t.children_right[node]))

@@ -1,0 +1,94 @@
+"""Recorded channels that the simulator does not take, held against what is slow and what differs by drive.
+
+A channel is a witness where a line in it, fitted to the other drives, predicts a drive that was left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.budget import EACH_DRIVE, SLOW, SLOW_S, Budget
+from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.mismatch.rules import Rules
+
+Array = NDArray[np.float64]
+
+LEAST_DRIVES = {EACH_DRIVE: 5, SLOW: 2}  # of which one after the other is left out
+KNOWN = 0.5  # of a drive, or of a span of it, in which a channel must be recorded
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A channel, the part of the budget that it explains, and the share of that part's variance that it
+    predicts on drives left out."""
+
+    channel: str
+    part: str
+    share: float
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `witnesses`."""
+        return {"channel": self.channel, "part": self.part, "share": round(self.share, 3)}
+
+
+def witnesses(
+    search: Search, prepared: Sequence[Prepared], found: Budget, rules: Rules
+) -> tuple[Witness, ...]:
+    """The channels that predict a part that has no carrier, the best first."""
+    e = search.e
+    taken = {"speed", "acceleration"}
+    for p in prepared:
+        taken |= {*p.recording.interface.u, *p.recording.interface.w}
+    names = {n for p in prepared for n, x in p.recording.channels.items() if np.isfinite(x).any()} - taken
+    block = max(1, round(e.dt / prepared[0].dt))
+    grid = Grid(prepared, [s.held_out for s in e.stretches], block)
+    out = []
+    for part in (EACH_DRIVE, SLOW):
+        force = found.force(part, e.residual)
+        if found.share(part) < rules.witness:
+            continue
+        for name in sorted(names):
+            x = grid.stack(
+                [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
+            )
+            share = _predicted(search, force, x, part)
+            if share > rules.witness:
+                out.append(Witness(name, part, share))
+    return tuple(sorted(out, key=lambda w: -w.share))
+
+
+def _predicted(search: Search, force: Array, x: Array, part: str) -> float:
+    """Share of the variance of means of a force (n,) that a line in a channel (n,) predicts, each drive by a
+    fit to the others; zero where too few drives have it."""
+    e, used = search.e, np.zeros(len(search.e), dtype=bool)
+    used[search.rows] = True
+    means, owner = [], []
+    for i, s in enumerate(e.stretches):
+        length = s.stop - s.start if part == EACH_DRIVE else max(1, round(SLOW_S / e.dt))
+        for begin in range(s.start, s.stop - length + 1, max(length, 1)):
+            rows = np.arange(begin, begin + length)
+            rows = rows[used[rows] & np.isfinite(x[rows])]
+            if len(rows) >= KNOWN * length:
+                means.append((float(x[rows].mean()), float(force[rows].mean())))
+                owner.append(i)
+    drives = np.unique(owner)
+    if len(drives) < LEAST_DRIVES[part]:
+        return 0.0
+    a, b, of = *np.array(means).T, np.array(owner)
+    error = np.zeros(len(b))
+    for i in drives:
+        here, there = of == i, of != i
+        spread = float(np.var(a[there]))
+        if spread <= 0.0:
+            return 0.0
+        slope = float(np.mean((a[there] - a[there].mean()) * (b[there] - b[there].mean()))) / spread
+        error[here] = b[here] - b[there].mean() - slope * (a[here] - a[there].mean())
+    total = float(np.sum((b - b.mean()) ** 2))
+    return 1.0 - float(np.sum(error**2)) / total if total > 0.0 else 0.0

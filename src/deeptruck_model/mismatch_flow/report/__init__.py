@@ -1,1 +1,0 @@
-"""The report: templates. It reads a verdict and decides nothing."""

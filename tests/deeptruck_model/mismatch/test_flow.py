@@ -1,0 +1,140 @@
+"""The whole flow on small drives whose truth is known."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import pytest
+from small_drives import TRUCK, LazyBrake, drives
+
+from deeptruck_model import mismatch
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import Mismatch, find_mismatch
+from deeptruck_model.mismatch.report import lines
+
+SCHEMA = json.loads(importlib.resources.files(mismatch).joinpath("verdict.schema.json").read_text())
+
+
+def test_slow_brakes_are_named_corrected_and_validated(lazy_brake: Mismatch) -> None:
+    v = lazy_brake.result
+    first = v.findings[0]
+    assert v.kind == "missing_physics"
+    assert first.family in ("brakes", "timing")
+    assert "brake_lag" in (first.effect, *first.cannot_be_told_from)
+    assert v.fit is not None and v.fit.errors is not None
+    assert v.validated
+    assert v.fit.errors.after.speed < 0.3 * v.fit.errors.before.speed
+
+
+def test_a_simulator_that_is_the_truck_has_nothing_missing(right_truck: Mismatch) -> None:
+    assert right_truck.result.kind == "nothing_missing"
+    assert not right_truck.findings
+    assert right_truck.verdict["advice"]["simulator"]["answer"] == "yes"
+
+
+def test_every_verdict_keeps_to_the_schema(lazy_brake: Mismatch, right_truck: Mismatch) -> None:
+    for found in (lazy_brake, right_truck):
+        jsonschema.validate(json.loads(json.dumps(found.verdict, allow_nan=False)), SCHEMA)
+
+
+def test_too_little_driving_is_undetermined_and_says_why() -> None:
+    short = [r.piece(0, 400) for r in drives(TRUCK, 2, 60.0)]
+    found = find_mismatch(TRUCK, short[:1], short[1:])
+    assert found.result.kind == "undetermined"
+    assert "usable driving" in found.result.caveats[-1]
+    jsonschema.validate(json.loads(json.dumps(found.verdict, allow_nan=False)), SCHEMA)
+
+
+def test_a_brake_that_was_not_recorded_is_said_first_and_named_never() -> None:
+    recorded = [_without_brake(r) for r in drives(TRUCK.with_forces([], [LazyBrake()]))]
+    found = find_mismatch(_NoBrake(), recorded[:3], recorded[3:])
+    assert "brake" in [m.input for m in found.result.not_recorded]
+    assert lines.lines(found.result)[1].startswith("Brake was not recorded.")
+    assert not [f for f in found.findings if f.family == "brakes"]
+
+
+def _without_brake(r):
+    interface = replace(r.interface, brake_unit=None)
+    channels = {n: x for n, x in r.channels.items() if n != "brake_command"}
+    return replace(r, channels=channels, interface=interface)
+
+
+class _NoBrake:
+    """The truck behind a simulator that takes no brake command."""
+
+    def __init__(self, truck=TRUCK) -> None:
+        self._truck = truck
+
+    @property
+    def interface(self):
+        return replace(self._truck.interface, brake_unit=None)
+
+    @property
+    def dt(self) -> float:
+        return self._truck.dt
+
+    def reset(self, y0):
+        return self._truck.reset(y0)
+
+    def step(self, state, u, w):
+        import numpy as np
+
+        return self._truck.step(state, np.column_stack([u, np.zeros(len(u))]), w)
+
+    def force(self, state, y):
+        return self._truck.force(state, y)
+
+    def inside(self, state):
+        return self._truck.inside(state)
+
+    def parameters(self):
+        own = self._truck.parameters()
+        own.pop("brake_gain", None)
+        return own
+
+    def with_parameters(self, values):
+        return _NoBrake(self._truck.with_parameters(values))
+
+
+def test_an_unknown_effect_and_a_wrong_mass_are_refused() -> None:
+    recorded = drives(TRUCK, 1, 60.0)
+    with pytest.raises(InputError, match="no_such_effect"):
+        find_mismatch(TRUCK, recorded, exclude=["no_such_effect"])
+    with pytest.raises(InputError, match="own mass"):
+        find_mismatch(TRUCK, recorded, mass_kg=1000.0)
+
+
+def test_files_of_a_result(lazy_brake: Mismatch, tmp_path: Path) -> None:
+    mismatch.write(lazy_brake, tmp_path / "found")
+    verdict = json.loads((tmp_path / "found" / "verdict.json").read_text())
+    assert verdict["schema"] == 2
+    rows = (tmp_path / "found" / "profiles.csv").read_text().splitlines()
+    assert rows[0] == "recording,time_s,distance_m,name,value"
+    assert {row.split(",")[3] for row in rows[1:]} == {f.effect for f in lazy_brake.findings}
+    assert (tmp_path / "found" / "simulator" / "simulator.json").exists()
+    page = (tmp_path / "found" / "report.html").read_text()
+    assert lines.headline(lazy_brake.result) in page
+    assert "http" not in page.replace("http-equiv", "").replace("http://www.w3.org", "")
+
+
+def test_nothing_missing_is_said_with_what_would_have_been_seen(right_truck: Mismatch) -> None:
+    seen = right_truck.result.smallest_visible
+    assert seen is not None
+    assert 0.005 < seen.parameters["mass"] < 0.1
+    assert 0.001 < seen.steady < 0.1
+
+
+def test_what_was_written_is_read_again(lazy_brake: Mismatch, tmp_path: Path) -> None:
+    mismatch.write(lazy_brake, tmp_path / "found")
+    again = mismatch.read(tmp_path / "found").to_json()
+    assert again | {"regimes": lazy_brake.verdict["regimes"]} == lazy_brake.verdict
+
+
+def test_a_notebook_shows_a_line_and_sentences(lazy_brake: Mismatch) -> None:
+    assert repr(lazy_brake).startswith("<Mismatch: missing_physics; ")
+    assert len(repr(lazy_brake)) < 200
+    assert all(sentence.endswith(".") for sentence in mismatch.summary(lazy_brake))

@@ -1,0 +1,59 @@
+"""What was not recorded: said, found where it acts, and behind no accepted name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from small_drives import BRAKE_COMMAND, evidence
+
+from deeptruck_model.mismatch import unrecorded
+from deeptruck_model.mismatch.rules import Rules
+
+
+def braked(e, times=12, seconds=6.0):
+    """The residual with braking at moments in which the engine is idle, and the rows of it."""
+    on = np.zeros(len(e), dtype=bool)
+    rows = round(seconds / e.dt)
+    for start in np.linspace(300, len(e) - 300, times).astype(int):
+        on[start : start + rows] = True
+    command = np.where(on, 0.0, e["engine_command"] + 0.2)
+    signals = {k: v for k, v in e.signals.items() if k != BRAKE_COMMAND} | {"engine_command": command}
+    return replace(e, residual=e.residual - 0.8 * on, signals=signals), on
+
+
+def test_unrecorded_braking_is_found_where_it_acts() -> None:
+    e, on = braked(evidence())
+    found, gain = unrecorded.braking(e, Rules())
+    assert gain > Rules().hidden_gain
+    assert found[on].mean() > 0.8
+    assert found[~on].mean() < 0.02
+
+
+def test_noise_alone_is_no_braking() -> None:
+    e = evidence()
+    e = replace(e, signals={k: v for k, v in e.signals.items() if k != BRAKE_COMMAND})
+    found, _ = unrecorded.braking(e, Rules())
+    assert not found.any()
+
+
+def test_where_the_brake_was_recorded_none_is_hidden() -> None:
+    e, _ = braked(evidence())
+    e = replace(e, signals=e.signals | {BRAKE_COMMAND: np.zeros(len(e))})
+    found, gain = unrecorded.braking(e, Rules())
+    assert not found.any()
+    assert gain == 0.0
+
+
+def test_no_brake_is_named_where_the_brake_was_not_recorded() -> None:
+    missing = [unrecorded.NotRecorded("brake", "hides", "signal")]
+    assert "dragging_brake" in unrecorded.names_behind(evidence(), missing)
+    assert not unrecorded.names_behind(evidence(), [])
+
+
+def test_engine_speed_stands_for_the_gear() -> None:
+    missing = [unrecorded.NotRecorded("gear", "hides", "signal")]
+    e = evidence()
+    assert "driveline_loss" in unrecorded.names_behind(e, missing)
+    e = replace(e, signals=e.signals | {"engine_speed": np.full(len(e), 100.0)})
+    assert not unrecorded.names_behind(e, missing)
