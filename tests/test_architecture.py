@@ -23,7 +23,6 @@ IMPORT_NAMES = {
     "pyyaml": "yaml",
     "python-can": "can",
     "scikit-learn": "sklearn",
-    "pillow": "PIL",
     "mcap-ros2-support": "mcap_ros2",
     "can-j1939": "j1939",
 }
@@ -236,7 +235,7 @@ def import_name(distribution: str) -> str:
 def test_what_the_source_imports_is_declared_and_what_is_declared_is_imported() -> None:
     required, extras = project()
     used = third_party(*SOURCES) - ROS - OPTIONAL - {"setuptools"}  # of colcon's setup.py
-    required = required.union(*(extras[name] for name in ("deep", "cacc", "can", "formula")))
+    required = required.union(*(extras[name] for name in ("deep", "cacc", "can")))
     declared = {import_name(d) for d in required | extras["ray"] | extras["dev"]}
     assert not used - declared
     everywhere = third_party(*SOURCES, ROOT / "tests", ROOT / "benchmarks", ROOT / "examples")

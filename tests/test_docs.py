@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import importlib
 import importlib.util
 import re
@@ -40,7 +39,6 @@ RUN_BY = {  # the snippets of other pages need what their own tests have at hand
     "docs/mismatch.md": "tests/deeptruck_model/mismatch/test_docs.py",
     "docs/own_policy.md": "tests/deeptruck_cacc/controllers/test_onnx_policy.py",
 }
-COUNTS, SHARES = re.compile(r"(\w+)_n$"), re.compile("_(first|in_group|recall|precision|said)$")
 
 
 def name(page: Path) -> str:
@@ -227,19 +225,6 @@ def test_the_reference_is_of_modules_that_exist() -> None:
         assert f"api/{page.stem}\n" in site
         modules = re.findall(r"automodule:: (\S+)", page.read_text())
         assert modules and not [module for module in modules if importlib.util.find_spec(module) is None]
-
-
-def test_the_history_of_the_mismatch_tool_adds_up() -> None:
-    with (DOCS / "results" / "mismatch_history.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) > 30
-    for row in rows:
-        assert re.fullmatch(r"[0-9a-f]{7}", row["commit"])
-        assert sum(int(n or 0) for key, n in row.items() if COUNTS.match(key)) == int(row["cases"])
-        shares = [
-            float(x) for key, x in row.items() if x and re.search("_(first|in_group|recall|said)$", key)
-        ]
-        assert all(0.0 <= share <= 1.0 for share in shares)
 
 
 def test_the_citation_and_the_changelog_are_of_this_version() -> None:

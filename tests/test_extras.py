@@ -19,7 +19,6 @@ EXTRAS = {
     "deep": ("torch", "safetensors", "onnx", "onnxruntime", "tensorboard"),
     "cacc": ("gymnasium", "stable_baselines3", "osqp"),
     "can": ("can", "cantools"),
-    "formula": ("pyoperon", "sympy"),
     "ros": ("rclpy",),
 }
 MODULES = [module for modules in EXTRAS.values() for module in modules]
@@ -121,7 +120,7 @@ def test_every_extra_is_in_all() -> None:
     extras = PROJECT["optional-dependencies"]
     assert set(EXTRAS) <= set(extras)
     (every,) = extras["all"]
-    assert every == "deeptruck[deep,cacc,can,formula]" and "deeptruck[all]" in extras["dev"]
+    assert every == "deeptruck[deep,cacc,can]" and "deeptruck[all]" in extras["dev"]
 
 
 def test_the_version_is_the_metadatas() -> None:

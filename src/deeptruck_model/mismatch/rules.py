@@ -69,7 +69,10 @@ class Rules:
         CHOSEN,
     )
     parameter_gain: float = _rule(
-        20.0, "nats", "gain of a parameter that is set free, below which it is not reported", CHOSEN
+        20.0,
+        "nats",
+        "gain of a free parameter, or of unrecorded braking, below which it is not reported",
+        CHOSEN,
     )
     discrepancy: float = _rule(
         2.0,
@@ -82,9 +85,6 @@ class Rules:
         "1",
         "relative error that any simulator's parameter may have; its interval stays beyond",
         CHOSEN,
-    )
-    hidden_gain: float = _rule(
-        20.0, "nats", "gain of two hidden states over one, below which no unrecorded braking is found", CHOSEN
     )
 
     # names
@@ -105,7 +105,7 @@ class Rules:
     witness: float = _rule(
         0.1,
         "1",
-        "share of a part's variance, on drives left out, above which a channel is a witness; and of the budget, of that part",
+        "share of a part's variance on drives left out, above which a channel is a witness of it",
         CHOSEN,
     )
 

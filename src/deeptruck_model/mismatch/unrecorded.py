@@ -94,7 +94,7 @@ def braking(e: Evidence, rules: Rules) -> tuple[Mask, float]:
         p, nats = _two_states(r, may, per * e.dt)
         gain += nats
         on[blocks[p > 0.5].ravel()] = True
-    return (on & ok, gain) if gain > rules.hidden_gain else (np.zeros(len(e), dtype=bool), gain)
+    return (on & ok, gain) if gain > rules.parameter_gain else (np.zeros(len(e), dtype=bool), gain)
 
 
 def _two_states(r: Array, may: Mask, dt: float) -> tuple[Array, float]:

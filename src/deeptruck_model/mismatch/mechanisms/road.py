@@ -29,7 +29,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 FINE_M, HILLY = 100.0, 0.02  # knots of a hilly road, and the sd of its slope
 ROUGH = 0.1  # m/s^2: soft ground
 WET = 0.02  # m/s^2: a third of what tyres take, from one whole drive to another
-BOTH = {"road_grade": HILLY, "road_surface": GRAVITY * HILLY}  # at a place, and the sd of their sizes there
 SLOPE, SURFACE = lift(-GRAVITY), lift(-1.0)
 
 

@@ -23,7 +23,6 @@ from deeptruck_model.mismatch.residual.components import (
     EFFICIENCY,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 
 Array = NDArray[np.float64]
 
@@ -135,17 +134,6 @@ class SlowForce:
     force: Array
     rms: float
     needed: dict[str, float]
-
-    @property
-    def possible(self) -> list[str]:
-        """Names whose needed size is physically possible, the least remarkable first."""
-        largest = {
-            "road_grade": STEEPEST,
-            "headwind": STRONGEST_WIND,
-            "torque_derate": LARGEST_DERATE,
-        }
-        fits = [name for name, size in self.needed.items() if size <= largest[name]]
-        return sorted(fits, key=lambda name: self.needed[name] / largest[name])
 
 
 def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: float = 0.0) -> SlowForce | None:
