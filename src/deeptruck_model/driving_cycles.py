@@ -27,6 +27,9 @@ from deeptruck_model.trucks.compiled import entry
 from deeptruck_model.trucks.driver import BRAKE, COAST, EPISODE, LOGGED, drive_along
 
 Array = NDArray[np.float64]
+COASTING_S = (8.0, 40.0)  # length of a coasting episode
+BRAKING_LEVELS = (0.08, 1.0)  # share of full braking
+LONGEST_STOP_S = 120.0  # of a braking episode that does not come to rest, as down a steep slope
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,8 +184,8 @@ def _episodes(n: int, dt: float, settings: CycleSettings, rng: np.random.Generat
     rows = []
     for kind, rate in rates.items():
         for start in rng.integers(0, n, rng.poisson(rate * n * dt)):
-            seconds = rng.uniform(8.0, 40.0) if kind == COAST else rng.uniform(0.5, 5.0)
-            rows.append((float(start), kind, seconds, rng.uniform(0.08, 1.0)))
+            seconds = rng.uniform(*COASTING_S) if kind == COAST else rng.uniform(0.5, 5.0)
+            rows.append((float(start), kind, seconds, rng.uniform(*BRAKING_LEVELS)))
     return np.array(sorted(rows), EPISODE)
 
 
@@ -190,6 +193,38 @@ def _stretches(n: int, dt: float, share: float, rng: np.random.Generator) -> Arr
     """0 or 1 a sample, in stretches of three minutes."""
     blocks = rng.random(int(n * dt / 180.0) + 1) < share
     return np.repeat(blocks.astype(float), ceil(180.0 / dt))[:n]
+
+
+def drive_episodes(
+    truck: PhysicsTruck, count: int, *, seed: int, settings: CycleSettings | None = None
+) -> list[Recording]:
+    """The paper's direct randomised initialisation: `count` recordings that begin in an episode.
+
+    Coasting and braking take turns. Each begins settled at a speed drawn uniformly from the cycle's range, on
+    a road of its own; coasting ends after 8 to 40 s, braking with the stop. Raises InputError for a negative
+    count and for settings without meaning.
+    """
+    settings = settings or CycleSettings()
+    if count < 0:
+        raise InputError(f"cannot drive {count} episodes")
+    rng, dt = np.random.default_rng(seed), truck.dt
+    low, high = settings.speed.v_min, settings.speed.v_max
+    if not 0.0 <= low < high:
+        raise InputError(f"speeds {low:g} to {high:g} m/s span nothing")
+    found = []
+    for k in range(count):
+        kind = (COAST, BRAKE)[k % 2]
+        speed, level = rng.uniform(low, high), rng.uniform(*BRAKING_LEVELS)
+        seconds = rng.uniform(*COASTING_S) if kind == COAST else LONGEST_STOP_S
+        targets = np.full(_samples(seconds, dt), speed)
+        road = road_grade(high * seconds + 2000.0, seed=rng, settings=settings.road)
+        episode = np.array([(0.0, kind, seconds, level)], EPISODE)
+        log = drive_along(truck, targets, np.zeros(len(targets)), episode, road, settings.road.spacing)
+        at_rest = np.flatnonzero(log[:, LOGGED.index("speed")] == 0.0)
+        stop = at_rest[0] + 1 if len(at_rest) else len(log)
+        name = f"{truck.interface.name}-{seed}-{('coasting', 'braking')[k % 2]}-{k}"
+        found.append(_recording(truck, log[:stop], name, seed))
+    return found
 
 
 def drive(
@@ -215,13 +250,18 @@ def drive(
     episodes = _episodes(len(targets), dt, settings, rng)
     engine_brake = _stretches(len(targets), dt, settings.engine_brake_share, rng)
     log = drive_along(truck, targets, engine_brake, episodes, road, settings.road.spacing)
+    return _recording(truck, log, name or f"{truck.interface.name}-{seed}", seed)
+
+
+def _recording(truck: PhysicsTruck, log: Array, name: str, seed: int) -> Recording:
+    """What was logged, as the truck's interface shows it."""
     channels = {c: np.ascontiguousarray(log[:, i]) for i, c in enumerate(LOGGED)}
     channels["elevation"] -= channels["elevation"].min()  # the walk of a long drive leaves the earth's range
     if not truck.interface.grade:
         del channels["grade"], channels["elevation"]
     return Recording(
-        name=name or f"{truck.interface.name}-{seed}",
-        dt=dt,
+        name=name,
+        dt=truck.dt,
         channels=channels,
         interface=truck.interface,
         notes=(f"driven by deeptruck_model.driving_cycles, seed {seed}",),

@@ -15,6 +15,7 @@ from deeptruck_model.driving_cycles import (
     RoadSettings,
     SpeedSettings,
     drive,
+    drive_episodes,
     road_grade,
     speed_profile,
 )
@@ -171,7 +172,27 @@ def test_driver_follows_what_the_truck_can_do() -> None:
     assert np.sqrt(np.mean((driven[600:] - target[600:]) ** 2)) < 0.6
 
 
+def test_episodes_begin_at_random_speeds_and_coast_or_brake_to_rest() -> None:
+    """The paper's direct initialisation; the truck, given the commands from there, does the same again."""
+    truck = trucks.load("trucksim")
+    made = drive_episodes(truck, 40, seed=3)
+    starts = np.array([one.channels["speed"][0] for one in made])
+    assert np.histogram(starts, [0.0, 12.0, 24.0, 35.0])[0].min() >= 5
+    assert len({one.channels["grade"][0] for one in made}) == 40
+    for one in made[::2]:
+        assert not one.u.any()
+        assert 7.9 < len(one) * one.dt < 40.1 or one.channels["speed"][-1] == 0.0
+    for one in made[1::2]:
+        assert one.channels["brake_command"][1:].all() and not one.channels["engine_command"].any()
+        assert one.channels["speed"][-1] == 0.0 and one.channels["speed"][:-1].all()
+    y = truck.rollout(made[1].u[None], made[1].w[None], made[1].y[None, 0]).y[0]
+    np.testing.assert_allclose(y[1:], made[1].y[1:], atol=1e-9)
+    np.testing.assert_array_equal(drive_episodes(truck, 2, seed=3)[1].y, made[1].y)
+
+
 def test_impossible_requests_are_refused() -> None:
+    with pytest.raises(InputError, match="cannot drive -1 episodes"):
+        drive_episodes(trucks.load("volvo"), -1, seed=1)
     with pytest.raises(InputError, match="cannot drive"):
         drive(trucks.load("volvo"), seed=1)
     with pytest.raises(InputError, match="span nothing"):
