@@ -12,6 +12,7 @@ from deeptruck_cacc import beside_paper, cli, training
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_model.deep.experiments import beside_paper as modelling
+from deeptruck_model.deep.experiments import paper_rules
 from deeptruck_model.deep.experiments.setup import TRAIN_SEED, drive_of
 
 
@@ -54,14 +55,6 @@ def test_an_unknown_chain_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert not list(tmp_path.iterdir())
 
 
-def test_two_groups_of_overshoots_are_bimodal() -> None:
-    rng = np.random.default_rng(0)
-    assert beside_paper.bimodality(np.repeat([-1.0, 1.0], 50)) == pytest.approx(1.0)
-    assert beside_paper.bimodality(rng.uniform(size=4000)) == pytest.approx(5 / 9, abs=0.02)
-    assert beside_paper.bimodality(rng.normal(size=40000)) == pytest.approx(1 / 3, abs=0.02)
-    assert beside_paper.bimodality(np.zeros(5)) == 0.0
-
-
 def test_an_overshoot_is_an_error_on_the_other_side() -> None:
     """Two trucks begin 1 m/s too slow and too fast; only the first gets too fast, by 0.3 m/s."""
     time = np.arange(400) * 0.1
@@ -70,12 +63,15 @@ def test_an_overshoot_is_an_error_on_the_other_side() -> None:
     still = np.zeros((2, 400))
     scene = Scene(np.full(2, 15.0), np.array([14.0, 16.0]), np.full(2, 30.0), np.full(2, 2.0), still, still)
     signals = {"speed_error": np.column_stack([slow, fast]), "time_gap_error": np.full((400, 2), 0.01)}
-    found = beside_paper._of_set(Trace(0.1, scene, {**signals, "crash": np.zeros((400, 2), bool)}))
-    assert found["overshoot"] == pytest.approx(0.3) and found["crashes"] == 0
+    trace = Trace(0.1, scene, {**signals, "crash": np.zeros((400, 2), bool)})
+    over = beside_paper._overshoot(trace)
+    assert over["slow"] == pytest.approx(0.3) and over["fast"] == 0.0
+    found = beside_paper._of_set(trace)
+    assert found["crashes"] == 0
     assert found["time_gap"] == [0.01, 0.01] and found["speed"] == [0.0, 0.0]
 
 
 def test_the_leader_ripples_only_at_the_end() -> None:
     scene = beside_paper.closing_with_ripple(np.random.default_rng(0), 3, 400, 0.1)
     assert not scene.leader_acceleration[:, :170].any()
-    assert set(np.abs(scene.leader_acceleration[:, 170:]).ravel()) == {beside_paper.RIPPLE}
+    assert set(np.abs(scene.leader_acceleration[:, 170:]).ravel()) == {paper_rules.RIPPLE}

@@ -12,6 +12,7 @@ ADAPTING_UPDATES = 2000
 FUEL = 0.5
 # The paper's fuel error stays below 1e-3: in l/s that is 1 cm^3/s, in the cm^3/s it names no diesel's is.
 PAPER_FUEL = 1e-6
+PAPER_PASSES = 600  # over the training data; "Model learning curves"
 OPTIONS = {"updates": "budget", "start": "from"}  # what the command line calls these fields
 LEAST = {
     "members": 1, "updates": 0, "steps": 2, "sequences": 1, "hidden": 1, "decoder": 1, "learning_rate": 0,

@@ -7,7 +7,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model.deep.arguments import ADAPTING_UPDATES, OPTIONS, Arguments, default_updates
+from deeptruck_model.deep.arguments import (
+    ADAPTING_UPDATES,
+    OPTIONS,
+    PAPER_PASSES,
+    Arguments,
+    default_updates,
+)
 from deeptruck_model.deep.data.preparation import Prepared
 from deeptruck_model.simulators import MANIFEST, read_manifest
 
@@ -18,7 +24,7 @@ def identity_of(data: Prepared, arguments: Arguments) -> dict[str, Any]:
     """What a resumed run must have in common with the killed one."""
     steps = data.steps(arguments.steps)
     batches = max(1, data.samples // (steps * arguments.sequences))
-    chosen = 600 * batches if arguments.mode == "paper" else default_updates(data.samples)
+    chosen = PAPER_PASSES * batches if arguments.mode == "paper" else default_updates(data.samples)
     chosen = ADAPTING_UPDATES if data.start is not None else chosen
     return {
         "arguments": asdict(arguments),

@@ -15,9 +15,15 @@ from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.experiments.learning_curves import COLOURS, Unseen
 from deeptruck_model.deep.experiments.output import sample_trials
-from deeptruck_model.deep.experiments.setup import (
+from deeptruck_model.deep.experiments.paper_rules import (
     FIELD_RUNS,
     FIELD_S,
+    LOOKS_AT_FEEDBACK,
+    SHORT_UPDATES,
+    TRANSIENT_OF_SAMPLE_S,
+    TRANSIENT_S,
+)
+from deeptruck_model.deep.experiments.setup import (
     OTHER_SEED,
     PAPER,
     TEST_SEED,
@@ -37,16 +43,15 @@ RECIPES: dict[str, Arguments] = {
     "default": Arguments(),
     "unaided": Arguments(teach=0.0),
 }
-SHORT = replace(PAPER, updates=4560, rounds=6)  # 60 passes, looked at where PAPER is
+SHORT = replace(PAPER, updates=SHORT_UPDATES)
 VARIANTS: dict[str, Arguments] = {
+    "short": SHORT,
     "slower": replace(SHORT, learning_rate=0.005),
     "clipped": replace(SHORT, clip=1.0),
     "free": replace(SHORT, form="deployment"),
     "cubic": replace(SHORT, fuel=1.0),
 }
-"""The paper's recipe with one thing changed, to see what parts its two forms."""
-TRANSIENT_S, TRANSIENT_OF_SAMPLE_S = 2.0, 10.0
-BY_FEEDBACK = 6  # rounds from one look at the feedback to the next
+"""The paper's recipe over fewer passes, as it is and with one setting changed at a time."""
 
 
 class Job(NamedTuple):
@@ -147,7 +152,7 @@ def _observer(curves: Path) -> Any:
 
     def observe(done: int, network: TruckNetwork) -> None:
         line: dict[str, Any] = {"updates": done, **{f: v[0] for f, v in unseen.losses(network).items()}}
-        if next(rounds) % BY_FEEDBACK == 0:
+        if next(rounds) % LOOKS_AT_FEEDBACK == 0:
             line["by_feedback"] = unseen.by_feedback(network)
         with curves.open("a") as file:
             file.write(json.dumps(line) + "\n")

@@ -29,10 +29,9 @@ from deeptruck_model.deep.experiments.output import (
     table,
     write,
 )
+from deeptruck_model.deep.experiments.paper_rules import FIELD_RUNS, FIELD_S
 from deeptruck_model.deep.experiments.setup import (
     FIELD,
-    FIELD_RUNS,
-    FIELD_S,
     LOOK_ALIKE_SEED,
     OTHER_SEED,
     PAPER,

@@ -21,9 +21,14 @@ Figures = Mapping[str, Any]
 TITLE = """# Beside the paper
 
 Every figure and number of the paper with ours beside it, on our reference trucks: `trucksim` for TruckSIM,
-`freightliner` and `volvo` for the two real ones, whose recordings are not public. What misses the paper's
-bound is in bold. A cell is the median of the seeds, in brackets the least and the largest of them; the row
-'seeds' says how many ran.
+`freightliner` and `volvo` for the two real ones, whose recordings are not public. A cell is the median of the
+seeds, in brackets the least and the largest of them; it is in bold where any seed misses the paper's bound.
+The row 'seeds' says how many ran. Two commands measure the whole page, and continue where they were stopped:
+
+```
+deeptruck-model experiment paper --out runs/experiments
+deeptruck-cacc experiment paper --out runs/experiments
+```
 """
 
 
@@ -43,7 +48,7 @@ class Row:
     form: str = "{:.2f}"
 
     def cell(self, seeds: Sequence[Figures]) -> str:
-        """The median over the seeds; '-' where nothing was measured."""
+        """The median over the seeds, bold where one misses; '-' where nothing was measured."""
         found = [value for seed in seeds if (value := self.value(seed)) is not None]
         if not found:
             return "-"
@@ -52,7 +57,7 @@ class Row:
         text = " to ".join(self.form.format(x) for x in middle)
         if len(found) > 1:
             text += f" ({' to '.join(self.form.format(x) for x in (ends.min(), ends.max()))})"
-        missed = bool((middle < self.least).any() or (middle > self.most).any())
+        missed = bool((ends < self.least).any() or (ends > self.most).any())
         return (f"**{text}**" if missed else text).replace("%", " %")
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from deeptruck_model import trucks
 from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.experiments.paper_rules import LOOKS
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
@@ -29,11 +30,10 @@ class Field(NamedTuple):
     gated_brake: bool = False  # its brake is a switch, and the deceleration stands for a command
 
 
-FIELD_RUNS, FIELD_S = 10, 15.0
 FIELD = {"freightliner": Field(16, YARD), "volvo": Field(24, FREEWAY, gated_brake=True)}
 
-PAPER = Arguments(mode="paper", rounds=60)
-"""The paper's recipe, looked at every tenth pass of its 600."""
+PAPER = Arguments(mode="paper", rounds=LOOKS)
+"""The paper's recipe, whose training passes PAPER_PASSES times over the data."""
 
 
 def chosen(seeds: int, updates: int, mode: Any = "default") -> Arguments:

@@ -15,9 +15,10 @@ from deeptruck_model.deep.experiments.setup import TRAIN_SEED, drive_of
 SPEED = Row("speed", "within 1.5", at("speed"), most=1.5)
 
 
-def test_a_cell_is_the_median_and_bold_where_it_misses() -> None:
+def test_a_cell_is_the_median_and_bold_where_a_seed_misses() -> None:
     assert SPEED.cell([{"speed": 1.0}]) == "1.00"
-    assert SPEED.cell([{"speed": x} for x in (1.0, 1.2, 9.0)]) == "1.20 (1.00 to 9.00)"
+    assert SPEED.cell([{"speed": x} for x in (1.0, 1.2, 1.4)]) == "1.20 (1.00 to 1.40)"
+    assert SPEED.cell([{"speed": x} for x in (1.0, 1.2, 9.0)]) == "**1.20 (1.00 to 9.00)**"  # one misses
     assert SPEED.cell([{"speed": 2.0}]) == "**2.00**"
     band = Row("band", "-0.5 to 1", at("band", "speed"), -0.5, 1.0)
     assert band.cell([{"band": {"speed": [-0.4, 0.9]}}]) == "-0.40 to 0.90"
@@ -36,11 +37,13 @@ def little(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nine minutes of every truck, one of the two field trucks and one variant."""
     volvo = {"volvo": modelling_page.FIELD_ROWS["volvo"]}
     monkeypatch.setattr(modelling_page, "FIELD_ROWS", volvo)
-    monkeypatch.setattr(modelling_page, "VARIANTS", {"slower": beside_paper.VARIANTS["slower"]})
+    few = {name: beside_paper.VARIANTS[name] for name in ("short", "cubic")}
+    monkeypatch.setattr(modelling_page, "VARIANTS", few)
     whole = drive_of("trucksim", 9, TRAIN_SEED)
     monkeypatch.setattr(beside_paper, "drives", lambda truck: (whole, whole))
     monkeypatch.setattr(modelling_page, "drives", beside_paper.drives)
     monkeypatch.setattr(beside_paper, "drive_of", lambda *_: whole.piece(0, 600))
+    monkeypatch.setattr(modelling_page, "drive_of", lambda *_: whole)
 
 
 @pytest.mark.usefixtures("little")
@@ -51,8 +54,11 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     out = tmp_path / "paper"
     page = (out / "paper.md").read_text()
     assert page.count("| seeds | | 1 | 1 | 1 |") == 2
-    assert "### Why the deployment form stays above" in page and "| a quarter of the step |" in page
-    assert "is taught engine_speed, engine_torque, gear besides" in page
+    assert "### Why the deployment form stays above" in page and "\n| fuel in cm³/s | " in page
+    assert "the deployment form rises in: " in page
+    assert "| | paper | fuel in l/s | fuel in cm³/s, as printed |" in page
+    assert "is trained on engine_speed, engine_torque, gear besides" in page
+    assert "| our default, not trained on gear and engine | brake pressure | " in page
     for name in (*modelling_page.CAPTIONS, "volvo.png"):
         assert f"(paper/{name})" in page and (out / "paper" / name).stat().st_size > 5000
     found = json.loads((out / "work" / "trucksim-paper-0.json").read_text())
