@@ -25,7 +25,7 @@ Every figure and number of the paper with ours beside it, on our reference truck
 seeds, in brackets the least and the largest of them; it is in bold where any seed misses the paper's bound.
 The row 'seeds' says how many ran. Two commands measure the whole page, and continue where they were stopped:
 
-```
+```bash
 deeptruck-model experiment paper --out runs/experiments
 deeptruck-cacc experiment paper --out runs/experiments
 ```
