@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Lock, Timer
 from types import FrameType
 
-from deeptruck_model.files import drafts
+from deeptruck_model.files.single import remove_all
 from deeptruck_model.script_start import INTERRUPTED, end_at_once
 
 GRACE_S = (
@@ -49,7 +49,7 @@ class Interrupt:
     def end(self) -> None:
         """Ends the process at once: threads of compiled libraries crash an interpreter that shuts down."""
         self._ending.acquire()  # never released: who comes second waits for the end
-        drafts.remove_all()
+        remove_all()
         with suppress(Exception):
             sys.stdout.flush()
         if sys.stderr.isatty():

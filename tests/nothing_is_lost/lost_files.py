@@ -71,8 +71,9 @@ def failing(at: int, error: str, *, after: bool) -> Iterator[None]:
 
 
 def own_names(kind: Result) -> list[str]:
-    """Files that the command writes."""
-    names = [name.replace("*", "a") for name in kind.names if not name.endswith(LEDGER)]
+    """Files that the command writes; of patterns at several depths, as work/* and work/*/*, the deepest."""
+    drawn = [name.replace("*", "a") for name in kind.names if not name.endswith(LEDGER)]
+    names = [name for name in drawn if not any(other.startswith(f"{name}/") for other in drawn)]
     return names or ["a_0.mcap", "metadata.yaml"]
 
 

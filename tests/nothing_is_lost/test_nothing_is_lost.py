@@ -172,10 +172,8 @@ def called(node: ast.Call) -> str:
 # Who else may delete or rename, and what: each its own work of the same run, or what it knows as its own.
 ALLOWED = {
     "deeptruck_model/files/results.py": "the rule itself",
-    "deeptruck_model/files/parts.py": "what the rule removes",
     "deeptruck_model/files/ledger.py": "the ledger of a folder, which says what is ours",
-    "deeptruck_model/files/again.py": "what the user changed, to a name that is free",
-    "deeptruck_model/files/single.py": "its own draft, renamed to a file that nobody has",
+    "deeptruck_model/files/single.py": "its own draft; what the user changed, to a name that is free",
     "deeptruck_model/recordings/crash_safe.py": "metadata.yaml of the bag that it has just made",
     "deeptruck_model/recordings/reindex.py": "the mended bag; what was cut off or replaced is kept beside it",
     "deeptruck_model/deep/card.py": "the resume point in the draft of its own run",

@@ -1,7 +1,9 @@
 """The ledger of a folder: which command made it, and which files, each as that command left it.
 
-A file with the right name and other content is the user's. Ledgers of earlier versions list names alone; in
-their folders, and in those that are still being worked on, a file is known by its name.
+    {"what": "a mismatch result", "files": {"verdict.json": {"bytes": 1234, "sha256": "..."}}}
+
+A file with the right name and other content is the user's. In a folder that is still being worked on,
+`at_work` is true or the prints are null: there a file is known by its name.
 """
 
 from __future__ import annotations
@@ -20,19 +22,25 @@ Print = dict[str, Any]  # of a file: its bytes and its sha256
 
 @dataclass(frozen=True)
 class Ledger:
-    """What a folder is, `what`, and the files in it.
+    """What a folder is, `what`, and the print of each file; None for one that is known by its name alone.
 
-    `files` has the print of each; None for one that is known by its name alone. Where all of it is None the
-    command is still at work, and its files are those that `Result.names` says.
+    While the command is `at_work`, its files are those that `Result.names` says, and `prints` are of files
+    that it writes again and again.
     """
 
     what: str
-    files: Mapping[str, Print | None] | None
+    prints: Mapping[str, Print | None]
+    at_work: bool = False
+
+    @property
+    def files(self) -> Mapping[str, Print | None] | None:
+        """The files that the folder consists of; None where that is not known yet."""
+        return None if self.at_work else self.prints
 
     @property
     def whole(self) -> bool:
         """Whether the content of the files is known, as of a folder that was finished."""
-        return self.files is not None and any(self.files.values())
+        return not self.at_work and any(self.prints.values())
 
     def is_changed(self, folder: Path, name: str) -> bool:
         """Whether a listed file is no longer what was written."""
@@ -40,7 +48,12 @@ class Ledger:
         if known is None:
             return False
         path = folder / name
-        return path.stat().st_size != known["bytes"] or _sha256(path) != known["sha256"]
+        return path.stat().st_size != known["bytes"] or print_of(path) != known
+
+    def to_bytes(self) -> bytes:
+        """As it stands in the file."""
+        work = {"at_work": True} if self.at_work else {}
+        return (json.dumps({"what": self.what, "files": self.prints, **work}, indent=1) + "\n").encode()
 
 
 def read(folder: Path) -> Ledger | None:
@@ -49,20 +62,23 @@ def read(folder: Path) -> Ledger | None:
     try:
         if path.is_symlink() or not path.is_file():
             return None
-        told = json.loads(path.read_text())
-        what, files = str(told["what"]), told["files"]
-        if told.get("at_work"):
-            return Ledger(what, None)
-        if isinstance(files, list):  # of an earlier version
-            return Ledger(what, dict.fromkeys(map(str, files)))
-        return Ledger(what, {str(name): _print(known) for name, known in files.items()})
+        content = json.loads(path.read_text())
+        prints = {str(name): _print(known) for name, known in content["files"].items()}
+        return Ledger(str(content["what"]), prints, bool(content.get("at_work")))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
-def written(what: str, folder: Path, names: Iterable[str]) -> bytes:
+def of(what: str, folder: Path, names: Iterable[str]) -> Ledger:
     """The ledger of a finished folder, of which these files are the command's."""
-    return _text({"what": what, "files": {name: print_of(folder / name) for name in sorted(names)}})
+    return Ledger(what, {name: print_of(folder / name) for name in sorted(names)})
+
+
+def put(known: Ledger, folder: Path) -> None:
+    """Replace the ledger of a folder. Raises OSError."""
+    draft = folder / f".{LEDGER}.tmp"
+    draft.write_bytes(known.to_bytes())
+    draft.replace(folder / LEDGER)
 
 
 def listed_inside(folder: Path) -> set[str]:
@@ -75,38 +91,18 @@ def listed_inside(folder: Path) -> set[str]:
     return found
 
 
-def by_name(what: str, names: set[str]) -> bytes:
-    """The ledger of a folder whose files are still changing."""
-    return _text({"what": what, "files": dict.fromkeys(sorted(names - {LEDGER}))})
-
-
-def at_work(what: str) -> bytes:
-    """The ledger of a folder in which a command works, and which files it will write is not known yet."""
-    return _text({"what": what, "files": {}, "at_work": True})
-
-
 def written_last(path: Path) -> Print | None:
     """The print of a file that a command writes again and again, as it last left it; None where it never did
     or the folder has no ledger of work that goes on."""
-    try:
-        told = json.loads((path.parent / LEDGER).read_text())
-        return _print(told["files"].get(path.name)) if told.get("at_work") else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
+    known = read(path.parent)
+    return known.prints.get(path.name) if known is not None and known.at_work else None
 
 
 def note_written(path: Path) -> None:
     """Remember how a command that goes on in this folder left one of its files. Raises OSError."""
-    place = path.parent / LEDGER
-    try:
-        told = json.loads(place.read_text())
-        at_work, files = bool(told["at_work"]), dict(told["files"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return
-    if at_work:
-        draft = path.with_name(f".{LEDGER}.tmp")
-        draft.write_bytes(_text({**told, "files": {**files, path.name: print_of(path)}}))
-        draft.replace(place)
+    known = read(path.parent)
+    if known is not None and known.at_work:
+        put(Ledger(known.what, {**known.prints, path.name: print_of(path)}, at_work=True), path.parent)
 
 
 def is_as_written(path: Path) -> bool:
@@ -125,9 +121,7 @@ def renew(path: Path) -> None:
         if known is None or known.files is None or not anew.keys() & known.files.keys():
             continue
         prints = {name: print_of(one) for name, one in anew.items() if name in known.files}
-        draft = folder / f".{LEDGER}.tmp"
-        draft.write_bytes(_text({"what": known.what, "files": {**known.files, **prints}}))
-        draft.replace(folder / LEDGER)
+        put(Ledger(known.what, {**known.files, **prints}), folder)
         changed.append(folder / LEDGER)
 
 
@@ -153,18 +147,10 @@ def around(out: Path) -> tuple[Path, str] | None:
 
 def print_of(path: Path) -> Print:
     """Size and SHA-256 of a file."""
-    return {"bytes": path.stat().st_size, "sha256": _sha256(path)}
+    with path.open("rb") as file:
+        return {"bytes": path.stat().st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
 def _print(known: Any) -> Print | None:
     """Raises TypeError or KeyError for what is no print."""
     return None if known is None else {"bytes": int(known["bytes"]), "sha256": str(known["sha256"])}
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _text(content: Mapping[str, Any]) -> bytes:
-    return (json.dumps(content, indent=1) + "\n").encode()

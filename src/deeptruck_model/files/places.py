@@ -1,4 +1,4 @@
-"""What lies beside a result, under which hidden name, and who holds it: drafts, older and newer results.
+"""What lies beside a result, under which hidden name, and how it is said: drafts, older and newer results.
 
 .NAME.unfinished         work that --resume goes on with
 .NAME.????????.tmp       a draft, which takes the place of NAME when it is whole
@@ -11,22 +11,18 @@ NAME.old                 an older NAME that was never finished, so that whose it
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import glob
-import hashlib
 import itertools
 import os
 import re
 import secrets
-import socket
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.files.single import ELSEWHERE, check_length
+from deeptruck_model.files.lock import free
+from deeptruck_model.files.single import check_length
 
 DRAFT = re.compile(r"^\.(.+?)(\.\w{8}\.tmp|\.tmp|\.unfinished|\.\d+\.(?:old|new|unfinished))$")
 BESIDE = ".." + str(2**22) + ".unfinished"  # what the longest of these names adds to that of the result
@@ -66,50 +62,6 @@ def beside(out: Path, suffix: str) -> Path:
 def final(path: Path) -> Path:
     """The name that a draft is to get; of any other path itself."""
     return path.with_name(DRAFT.sub(r"\1", path.name))
-
-
-@contextmanager
-def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
-    """Hold an existing folder against other runs; the hold ends with the block, or with the process.
-
-    Raises InputError where another run holds it.
-    """
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise InputError(
-            f"another run is at work in {folder}; wait until it has ended, or {elsewhere}"
-        ) from None
-    try:
-        yield
-    finally:
-        os.close(handle)
-
-
-@contextmanager
-def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
-    """Hold a name under which nothing stands yet, against other runs on this machine; the hold ends with the
-    block, or with the process. Raises InputError where another run holds it."""
-    name = hashlib.sha256(os.fsencode(os.path.realpath(out))).hexdigest()
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hold:
-        try:
-            hold.bind(f"\0deeptruck {name}")  # no file: the kernel forgets it with the process
-        except OSError as error:
-            if error.errno != errno.EADDRINUSE:
-                raise
-            raise InputError(
-                f"another run is to write {out}; wait until it has ended, or {elsewhere}"
-            ) from None
-        yield
-
-
-def free(folder: Path, elsewhere: str = ELSEWHERE) -> None:
-    """Raises InputError where a run writes into the folder; one that is not there is free."""
-    if folder.is_dir() and os.access(folder, os.R_OK):
-        with writing(folder, elsewhere):
-            pass
 
 
 def left_beside(out: Path) -> list[str]:
@@ -152,17 +104,6 @@ def tell_left_beside(out: Path) -> None:
 def drafts(out: Path) -> list[Path]:
     """Drafts of `out`; those of killed runs, where the caller holds `out`."""
     return sorted(out.parent.glob(f".{glob.escape(out.name)}.????????.tmp"))
-
-
-def is_mounted(folder: Path) -> bool:
-    """Whether a folder is a mount point; one of the same disk, as containers have them, is only listed."""
-    if not folder.is_dir():
-        return False
-    place = str(folder.resolve())
-    with suppress(OSError):
-        listed = (line.split(" ")[4] for line in Path("/proc/self/mountinfo").read_text().splitlines())
-        return place in (name.replace("\\040", " ") for name in listed)
-    return os.path.ismount(place)
 
 
 def _is_used(place: Path) -> bool:

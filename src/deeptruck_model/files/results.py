@@ -7,25 +7,38 @@ command wrote each file of it, as it is now.
 
 from __future__ import annotations
 
+import glob
+import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import drafts, ledger, places
-from deeptruck_model.files.ledger import LEDGER
-from deeptruck_model.files.owned import Owned
-from deeptruck_model.files.parts import remove
-from deeptruck_model.files.places import unfinished, writing
-from deeptruck_model.files.single import advice, aside
+from deeptruck_model.files import ledger, places
+from deeptruck_model.files.ledger import LEDGER, Ledger
+from deeptruck_model.files.lock import ELSEWHERE, free, reserved, writing
+from deeptruck_model.files.places import DRAFT, unfinished
+from deeptruck_model.files.single import advice, aside, check_outside, check_writable, removing, write
 
 OVERWRITE_HELP = "Replace what this command wrote there, once the new one is whole."
 
 
-class Result(Owned):
-    """A folder that one command writes; see `Owned` for what it is made from."""
+@dataclass(frozen=True)
+class Result:
+    """The kind of a folder that one command writes.
+
+    `what` names it in messages, with its article: "a mismatch result"; no two commands have the same.
+    `names` are the files that it may hold while the command is at work. They are relative to the folder; `*`
+    stands for any part of one name, never for a '/'. `elsewhere` is how messages advise another place.
+    """
+
+    what: str
+    names: tuple[str, ...] = ()
+    elsewhere: str = ELSEWHERE
 
     def check(self, out: Path, *, overwrite: bool = False) -> bool:
         """Whether an older result of this kind stands at `out`; called before anything is computed or read.
@@ -35,7 +48,7 @@ class Result(Owned):
         (named), an older result without `overwrite`, or another run that is writing there.
         """
         out = places.straight(out)
-        places.free(out, self.elsewhere)
+        free(out, self.elsewhere)
         return bool(self._older(out, overwrite))
 
     @contextmanager
@@ -55,7 +68,7 @@ class Result(Owned):
         with self._held(out, overwrite):
             self._tidy(out)
             try:
-                with drafts.removing(drop):
+                with removing(drop):
                     draft.mkdir()
                     self.claim(draft)
                     yield draft
@@ -114,7 +127,7 @@ class Result(Owned):
         """
         out = places.straight(out)
         if not self.check(out, overwrite=overwrite):
-            with places.reserved(out, self.elsewhere):
+            with reserved(out, self.elsewhere):
                 self._older(out, overwrite=False)  # another run may have written it meanwhile
                 with suppress(FileNotFoundError):
                     out.rmdir()  # an empty one
@@ -152,12 +165,12 @@ class Result(Owned):
         if folder.exists() or folder.is_symlink():
             within = tuple(f"{name}/" for name in inside)
             found = self._ours(folder)
-            remove(folder, [name for name in found if not within or name.startswith(within)])
+            _remove(folder, [name for name in found if not within or name.startswith(within)])
 
     def forget(self, out: Path) -> None:
         """Remove what this run left unfinished. Raises InputError for a file of somebody else there."""
         if (draft := unfinished(out)).exists():
-            remove(draft, self._ours(draft))
+            _remove(draft, self._ours(draft))
 
     def anew(self, out: Path) -> None:
         """Make room for new work where a killed run left some: that is set aside, and said."""
@@ -182,7 +195,7 @@ class Result(Owned):
                 with suppress(OSError):  # it holds what was written
                     out.rmdir()
 
-        with drafts.removing(remove):
+        with removing(remove):
             try:
                 out.mkdir(parents=True, exist_ok=True)
             except OSError as error:
@@ -225,7 +238,7 @@ class Result(Owned):
                 f"note: the older {out.name} was not finished; it is kept as {old}, remove it",
                 file=sys.stderr,
             )
-        elif not remove(old, files):
+        elif not _remove(old, files):
             print(f"note: {old} keeps what this command did not write", file=sys.stderr)
 
     def _keep(self, draft: Path, out: Path, error: BaseException) -> None:
@@ -246,7 +259,7 @@ class Result(Owned):
     def _drop(self, draft: Path) -> None:
         """Remove the draft of a run that failed, but for a file that is not this command's."""
         if self.names:
-            if not remove(draft, list(self._written(draft) | {LEDGER})):
+            if not _remove(draft, list(self._written(draft) | {LEDGER})):
                 print(f"note: {draft} keeps what this command did not write", file=sys.stderr)
         else:
             shutil.rmtree(draft, ignore_errors=True)
@@ -257,9 +270,160 @@ class Result(Owned):
         places.tell_left_beside(out)
         for draft in places.drafts(out):
             if self.signed(draft) and [p.name for p in draft.rglob("*")] == [LEDGER]:
-                remove(draft, [LEDGER])
+                _remove(draft, [LEDGER])
             else:
                 print(
                     f"note: {draft} looks like the draft of a killed run; see what is in it, and remove it",
                     file=sys.stderr,
                 )
+
+    def signed(self, folder: Path) -> bool:
+        """Whether the ledger in `folder` says that this command made it."""
+        known = ledger.read(folder)
+        return known is not None and known.what == self.what
+
+    def claim(self, folder: Path, *files: str) -> None:
+        """Write the ledger of a folder in which this command is at work: these `files`, or all of `names`."""
+        known = dict.fromkeys(sorted({*files} - {LEDGER}))
+        (folder / LEDGER).write_bytes(Ledger(self.what, known, at_work=not files).to_bytes())
+
+    def sign(self, folder: Path) -> None:
+        """Write the ledger of a finished folder. Raises InputError where it cannot be written."""
+        names = self._written(folder)
+        write(folder / LEDGER, ledger.of(self.what, folder, names).to_bytes())
+
+    def check_begun(self, out: Path) -> None:
+        """Whether what an unfinished run left at `out` is a folder of this command's files alone.
+
+        Raises InputError for a file of somebody else there, by its name.
+        """
+        draft = unfinished(out)
+        if draft.exists() and not draft.is_dir():
+            raise InputError(f"{draft} is a file, where this command keeps unfinished work; move it")
+        if draft.is_dir():
+            self._check_gone_on_with(draft)
+
+    def _written(self, folder: Path) -> set[str]:
+        """What this command wrote in a folder in which it was at work; where its names are not known before,
+        all that is there. A file that came meanwhile is nobody's part, so that it is never removed: neither
+        one of another name, nor one that the command did not say as it began."""
+        found = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()} - {LEDGER}
+        known = ledger.read(folder)
+        if known is not None and known.files:
+            found &= known.files.keys()
+        if not self.names:
+            return found
+        patterns = [name.split("/") for name in self.names]
+        inside = ledger.listed_inside(folder)
+        return {
+            name
+            for name in found
+            if name in inside or any(_fits(Path(name).parts, one, folder / name, True) for one in patterns)
+        }
+
+    def _check_gone_on_with(self, draft: Path) -> None:
+        """Raises InputError for what another command wrote, or is finished and has changed since."""
+        known = ledger.read(draft)
+        if known is not None and known.what != self.what:
+            raise self._foreign(draft, known.what)
+        self._ours(draft)
+        for name in (known.files or ()) if known is not None else ():
+            if known is not None and (draft / name).is_file() and known.is_changed(draft, name):
+                raise InputError(
+                    f"{draft} holds {name}, which has changed since it was finished; move the folder"
+                )
+
+    def _older(self, out: Path, overwrite: bool) -> list[str]:
+        """The files of an older result at `out`, which may be replaced; none where there is no such."""
+        if out.name in ("", ".."):
+            raise InputError(f"{out} is no new folder's name; {self.elsewhere}")
+        if out.is_symlink():
+            raise InputError(f"{out} is a symbolic link; give the folder it points to, {out.resolve()}")
+        if out.exists() and not out.is_dir():
+            raise InputError(f"{out} is a file; {self.elsewhere}")
+        if os.path.ismount(out):
+            raise InputError(
+                f"{out} is a mount point, which no result can take the place of; give a new folder in it"
+            )
+        check_writable(out, self.elsewhere)
+        check_outside(out, self.elsewhere)
+        if not out.is_dir() or not any(out.iterdir()):
+            return []
+        known = self._listed(out)
+        if not overwrite:
+            raise InputError(f"{out} holds {self.what} already; {self.elsewhere}, or add --overwrite")
+        self._check_replaceable(out, known)
+        return self._ours(out)
+
+    def _listed(self, out: Path) -> Ledger:
+        """The ledger of a folder that is not empty. Raises InputError for one of which not all is ours."""
+        known = ledger.read(out)
+        if known is not None and known.what != self.what:
+            raise self._foreign(out, known.what)
+        if self.names or known is not None:
+            self._ours(out)
+        if known is None:
+            first = min((p.name for p in out.iterdir() if p.name != LEDGER), default="nothing")
+            raise InputError(
+                f"{out} holds {first} but no {LEDGER} that can be read, which says what this command wrote; "
+                f"{self.elsewhere}, or remove it yourself"
+            )
+        return known
+
+    def _check_replaceable(self, out: Path, known: Ledger) -> None:
+        """Raises InputError for a part of another result, a file that has changed, and what is locked."""
+        if part := ledger.around(out):
+            raise InputError(f"{out} is part of {part[1]}, {part[0]}; {self.elsewhere}")
+        for name in known.files or ():
+            if (out / name).is_file() and known.is_changed(out, name):
+                raise InputError(
+                    f"{out} holds {name}, which has changed since this command wrote it; move it, or "
+                    f"{self.elsewhere}"
+                )
+        for folder in (out, *(path for path in out.rglob("*") if path.is_dir())):
+            if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
+                raise InputError(f"{folder} may not be changed, so it cannot be replaced; {self.elsewhere}")
+
+    def _ours(self, folder: Path) -> list[str]:
+        """The files in `folder`, relative to it. Raises InputError, naming it, for one of somebody else."""
+        if folder.is_symlink():
+            raise InputError(f"{folder} is a symbolic link; remove it, or {self.elsewhere}")
+        known = ledger.read(folder)
+        own = self.names if known is None or known.files is None else map(glob.escape, known.files)
+        patterns = [name.split("/") for name in (*own, LEDGER)]
+        exact = known is not None and known.whole
+        files = []
+        for path in sorted(folder.rglob("*")):
+            parts = path.relative_to(folder).parts
+            if path.is_symlink() or not any(_fits(parts, pattern, path, exact) for pattern in patterns):
+                raise self._foreign(folder, "/".join(parts))
+            if not path.is_dir():
+                files.append("/".join(parts))
+        return files
+
+    def _foreign(self, folder: Path, inside: str) -> InputError:
+        return InputError(
+            f"{folder} holds {inside}, which is no part of {self.what}; move it, or {self.elsewhere}"
+        )
+
+
+def _fits(parts: tuple[str, ...], pattern: list[str], path: Path, exact: bool) -> bool:
+    """Whether a path is what the pattern says, a folder on the way to it, or, unless `exact`, its draft."""
+    on_the_way = path.is_dir() and len(parts) < len(pattern)
+    whole = path.is_file() and len(parts) == len(pattern)
+    return (on_the_way or whole) and all(
+        fnmatchcase(part, one) or (not exact and fnmatchcase(DRAFT.sub(r"\1", part), one))
+        for part, one in zip(parts, pattern, strict=False)
+    )
+
+
+def _remove(folder: Path, files: list[str]) -> bool:
+    """Remove these files and the folders that this leaves empty; tell whether nothing was left."""
+    for name in files:
+        with suppress(OSError):
+            (folder / name).unlink()
+    inside = sorted((p for p in folder.rglob("*") if p.is_dir() and not p.is_symlink()), reverse=True)
+    for empty in (*inside, folder):
+        with suppress(OSError):
+            empty.rmdir()
+    return not folder.exists()

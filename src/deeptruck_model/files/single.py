@@ -1,4 +1,4 @@
-"""One file at a time: written beside its place and renamed; what mends an error of writing."""
+"""Drafts and single files: written beside their place and renamed, removed where the process ends before."""
 
 from __future__ import annotations
 
@@ -8,19 +8,39 @@ import itertools
 import os
 import secrets
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import drafts, ledger
+from deeptruck_model.files import ledger
+from deeptruck_model.files.lock import ELSEWHERE
 
 ADVICE = "make room or choose another --out"
-ELSEWHERE = "choose another --out"
 RENAME = "choose another name"
 LONGEST_NAME = 255  # bytes, on every disk in use
 LONGEST_PATH = 4095
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_removals: list[Callable[[], object]] = []
+
+
+@contextmanager
+def removing(remove: Callable[[], object]) -> Iterator[None]:
+    """`remove()` at the end of the block, or before, where the process ends without unwinding its stack."""
+    _removals.append(remove)
+    try:
+        yield
+    finally:
+        with suppress(ValueError):
+            _removals.remove(remove)
+        remove()
+
+
+def remove_all() -> None:
+    """Remove what all open blocks have begun, the innermost first; for whoever ends the process at once."""
+    while _removals:
+        with suppress(Exception):
+            _removals.pop()()
 
 
 def check_length(path: Path, beside: str) -> None:
@@ -82,7 +102,7 @@ def new_file(path: Path) -> Iterator[Path]:
     draft = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with drafts.removing(lambda: draft.unlink(missing_ok=True)):
+        with removing(lambda: draft.unlink(missing_ok=True)):
             draft.touch(exist_ok=False)
             yield draft
             _put(draft, path)
@@ -123,6 +143,22 @@ def write(path: Path, content: bytes, where_full: str = ADVICE) -> None:
     finally:
         with suppress(OSError):  # its folder is none, or cannot be written: then there is nothing to remove
             draft.unlink(missing_ok=True)
+
+
+def rewrite(path: Path, content: bytes) -> None:
+    """Write a file of work that goes on. What stands there and is not as this command left it is the user's:
+    it is set aside first, beside the folder, and said. Raises InputError where it cannot be written."""
+    if path.is_file() and not _is_ours(path, content):
+        kept = aside(path.parent.with_name(f"{path.parent.name}.{path.name}.before"))
+        path.rename(kept)
+        print(f"note: {path} was changed since this command wrote it; it is kept as {kept}", file=sys.stderr)
+    write(path, content)
+    ledger.note_written(path)
+
+
+def _is_ours(path: Path, content: bytes) -> bool:
+    known = ledger.written_last(path)
+    return (known is not None and known == ledger.print_of(path)) or path.read_bytes() == content
 
 
 def advice(error: BaseException, where_full: str = ADVICE, else_where: str = ELSEWHERE) -> str:

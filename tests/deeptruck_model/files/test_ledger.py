@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -71,17 +70,16 @@ def test_nothing_new_is_put_into_a_finished_result(tmp_path: Path) -> None:
         files.Result("another result").check(tmp_path / "out" / "sub")
 
 
-def test_a_ledger_of_an_earlier_version_lists_names_and_they_are_enough(tmp_path: Path) -> None:
-    publish(tmp_path / "out", a="old")
-    ledger = tmp_path / "out" / files.LEDGER
-    ledger.write_text(json.dumps({"what": "a test result", "files": ["a"]}))
-    (tmp_path / "out" / "a").write_text("written before there were prints")
-    publish(tmp_path / "out", overwrite=True, a="new")
-    assert (tmp_path / "out" / "a").read_text() == "new"
-
-
 @pytest.mark.parametrize(
-    "text", ["", "{", "[]", '{"what": 1}', '{"what": "a test result", "files": {"a": 3}}']
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        '{"what": 1}',
+        '{"what": "a test result", "files": {"a": 3}}',
+        '{"what": "x", "files": ["a"]}',
+    ],
 )
 def test_a_damaged_ledger_is_none(tmp_path: Path, text: str) -> None:
     publish(tmp_path / "out", a="old")

@@ -162,6 +162,23 @@ def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
+def test_work_in_place_that_was_interrupted_is_known_as_the_commands_and_goes_on(tmp_path: Path) -> None:
+    """As a proof of hours: each file is whole by itself, and a second run finds whose the folder is."""
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt), KIND.in_place(out):
+        (out / "a").write_text("first")
+        raise KeyboardInterrupt
+    assert KIND.signed(out)
+    with KIND.in_place(out):
+        assert (out / "a").read_text() == "first"
+        (out / "b").write_text("second")
+    with (
+        pytest.raises(InputError, match="no part of another result"),
+        files.Result("another result").in_place(out),
+    ):
+        pass
+
+
 def test_the_older_recording_stands_until_the_newer_one_is_whole(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

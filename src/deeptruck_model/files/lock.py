@@ -1,0 +1,57 @@
+"""One run at a time: a folder, or a name under which nothing stands yet, held against other runs."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+
+ELSEWHERE = "choose another --out"
+
+
+@contextmanager
+def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
+    """Hold an existing folder against other runs; the hold ends with the block, or with the process.
+
+    Raises InputError where another run holds it.
+    """
+    with _held(folder, f"another run is at work in {folder}; wait until it has ended, or {elsewhere}"):
+        yield
+
+
+@contextmanager
+def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
+    """Hold a name under which nothing stands yet, against other runs of this user on this machine; the hold
+    ends with the block, or with the process. Raises InputError where another run holds it."""
+    name = hashlib.sha256(os.fsencode(os.path.realpath(out))).hexdigest()
+    place = Path(tempfile.gettempdir()) / f"deeptruck-{os.getuid()}" / name
+    place.parent.mkdir(mode=0o700, exist_ok=True)
+    place.touch()
+    with _held(place, f"another run is to write {out}; wait until it has ended, or {elsewhere}"):
+        yield
+
+
+def free(folder: Path, elsewhere: str = ELSEWHERE) -> None:
+    """Raises InputError where a run writes into the folder; one that is not there is free."""
+    if folder.is_dir() and os.access(folder, os.R_OK):
+        with writing(folder, elsewhere):
+            pass
+
+
+@contextmanager
+def _held(place: Path, says: str) -> Iterator[None]:
+    handle = os.open(place, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(says) from None
+        yield
+    finally:
+        os.close(handle)
