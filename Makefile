@@ -18,7 +18,7 @@ HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a director
 # Of all that pip tells, what takes long: packages of a megabyte and more, and the end.
 SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.]+ [MG]B)\).*/  \3, \4/p
 UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
-.PHONY: demo test test-long test-hours lint bench docs schemas clean setup
+.PHONY: demo test test-long test-hours lint bench dist docs schemas clean setup
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
@@ -52,6 +52,12 @@ test-hours: setup
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done
+
+# Wheel and sdist in build/dist, the wheel made from the sdist, which must therefore be whole.
+dist: setup
+	rm -rf build/dist
+	$(BIN)/python -m build --no-isolation --outdir build/dist
+	$(BIN)/python -m twine check --strict build/dist/*
 
 # The JSON Schemas in docs/schemas, by which editors check files that users write.
 schemas: setup

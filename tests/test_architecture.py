@@ -30,7 +30,7 @@ USED_BY_OTHERS = {"tensorboard": "torch.utils.tensorboard"}  # dependencies that
 OPTIONAL = {"asammdf", "libsumo"}  # said to be missing where a user wants it
 TOOLS = {
     "mypy", "ruff", "pytest-timeout", "pytest-xdist", "pytest-cov", "types-pyyaml",
-    "colcon-common-extensions",
+    "colcon-common-extensions", "build", "twine",
 }  # fmt: skip
 
 

@@ -26,7 +26,12 @@ from deeptruck_model.cli import spread
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "examples" / "README.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "examples" / "README.md",
+    *sorted(DOCS.rglob("*.md")),
+]
 TYPER = r"(deeptruck-[a-z]+|truck-bridge|python (ros2_ws|examples|demo)\S*) \S"
 SCRIPT = r"python (-m \S+|(benchmarks|tests)/\S+\.py)"  # with argparse, or with options written out
 OTHERS = r"make \w+|\. \S+/activate$|#|$"
@@ -233,7 +238,9 @@ def test_the_citation_and_the_changelog_are_of_this_version() -> None:
     assert cited["version"] == version and cited["references"][0]["title"].startswith(
         "Longitudinal Deep Truck"
     )
-    assert version in (ROOT / "CHANGELOG.md").read_text()
+    assert re.search(
+        rf"^## \[{re.escape(version)}\] - 20\d\d-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M
+    )
 
 
 def test_the_picture_of_the_graph_shows_every_node_and_no_topic_that_is_not() -> None:

@@ -46,13 +46,20 @@ def call(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built by pip, offline, from a copy: setuptools leaves folders beside what it builds."""
-    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what a build reads: setuptools leaves folders beside what it builds."""
+    source = tmp_path_factory.mktemp("source")
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
     for folder in ("src", NODES):
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns(*LEFTOVERS))
+    return source
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built by pip, offline."""
+    out = tmp_path_factory.mktemp("wheel")
     build = (sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index")
     built = call(*build, "-w", out, source, cwd=out)
     assert built.returncode == 0, built.stderr
@@ -88,12 +95,16 @@ def files(source: Path) -> set[str]:
     return {path.relative_to(source).as_posix() for path in found if "__pycache__" not in path.parts}
 
 
+def packed(wheel: Path) -> set[str]:
+    """Paths of all files in a wheel, but for what describes it."""
+    return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+
+
 def test_the_wheel_holds_every_file_and_no_other(wheel: Path) -> None:
     inside = zipfile.ZipFile(wheel)
-    packed = {name for name in inside.namelist() if ".dist-info/" not in name}
-    assert packed == files(ROOT / "src") | files(ROOT / NODES)
+    assert packed(wheel) == files(ROOT / "src") | files(ROOT / NODES)
     for kind in (".yaml", ".dbc", ".xml", ".sumocfg", ".jinja", ".css", ".js", ".json", "py.typed"):
-        assert any(name.endswith(kind) for name in packed), kind
+        assert any(name.endswith(kind) for name in packed(wheel)), kind
     (listed,) = [name for name in inside.namelist() if name.endswith(".dist-info/top_level.txt")]
     assert set(inside.read(listed).decode().split()) == PACKAGES
 
@@ -156,3 +167,18 @@ def test_a_physics_truck_drives_and_is_judged(run: Call, tmp_path: Path) -> None
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "judged" / "metrics.json").exists()
     assert (tmp_path / "found" / "report.html").exists()
+
+
+@pytest.mark.long
+def test_wheel_and_sdist_can_be_published(source: Path, wheel: Path, tmp_path: Path) -> None:
+    """As `make dist`, offline: the wheel comes from the sdist, so that the sdist is whole too."""
+    for name in ("build", "twine"):
+        pytest.importorskip(name, reason=f"{name} is not installed here; it is in the extra dev")
+    built = call(sys.executable, "-m", "build", "--no-isolation", "--outdir", tmp_path, cwd=source)
+    assert built.returncode == 0, built.stdout + built.stderr
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    made = {path.name for path in tmp_path.iterdir()}
+    assert made == {f"deeptruck-{version}.tar.gz", f"deeptruck-{version}-py3-none-any.whl"}
+    assert packed(tmp_path / f"deeptruck-{version}-py3-none-any.whl") == packed(wheel)
+    checked = call(sys.executable, "-m", "twine", "check", "--strict", *tmp_path.iterdir(), cwd=tmp_path)
+    assert checked.returncode == 0, checked.stdout

@@ -1,5 +1,8 @@
 """For `colcon build`; without colcon the project's own pyproject.toml installs the same package."""
 
+from pathlib import Path
+from xml.etree import ElementTree
+
 from setuptools import setup
 
 PACKAGE = "deeptruck_nodes"
@@ -16,7 +19,7 @@ NODES = (
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version=ElementTree.parse(Path(__file__).with_name("package.xml")).findtext("version"),
     packages=[PACKAGE, f"{PACKAGE}.page"],
     package_data={
         PACKAGE: ["*.yaml", "*.xml", "scenarios/*"],
