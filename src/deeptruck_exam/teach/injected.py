@@ -16,11 +16,11 @@ from deeptruck_exam.grammar import grammar
 from deeptruck_exam.grammar.signals import Signals
 from deeptruck_exam.laws import EFFECTS, Effect
 from deeptruck_exam.laws.law import Array
-from deeptruck_exam.teach.strayed import strayed
+from deeptruck_exam.teach.distorted import distorted
 from deeptruck_exam.worlds import trucks
 
 EACH, NAMELESS = 18, 90  # grammar laws along one base: of each name, and without a name
-STRAYED = 0.4  # share of them that stray from their form
+DISTORTED = 0.4  # share of them whose force is distorted
 WEAK, LEAST = 150.0, (150.0, 3000.0)  # nats: a law that leaves less is scaled to leave some of these
 INACTIVE = 1e-3  # nats: one that leaves less does not act along these drives, and is not scaled
 BLOCK = 2  # samples of a drive to a row of the evidence
@@ -47,7 +47,7 @@ class Injection:
         self._led = bool(np.isfinite(built.leader_m).any())
 
     def of_grammar(self) -> Iterator[Injected]:
-        """Laws of every name the grammar has for these drives, a share of them strayed."""
+        """Laws of every name the grammar has for these drives, a share of them distorted."""
         signals = Signals.of_trace(self._trace, self._built.drives.u.shape[1])
         for name in grammar.names(leader=self._led):
             if name == "torque_converter_slip" and self._built.plan.truck != "freightliner":
@@ -55,8 +55,8 @@ class Injection:
             for _ in range(NAMELESS if name == "unknown" else EACH):
                 law = grammar.draw(name, self._rng)
                 force = law.acceleration(signals)
-                if self._rng.random() < STRAYED:
-                    force = strayed(force, self._rng)
+                if self._rng.random() < DISTORTED:
+                    force = distorted(force, self._rng)
                 yield Injected(name, law.key, self._rows(self._noticeable(force)))
 
     def _noticeable(self, force: Array) -> Array:

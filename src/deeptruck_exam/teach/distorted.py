@@ -1,4 +1,4 @@
-"""How a law may stray from its form and keep its name.
+"""How the force of a law may differ from its form and keep its name.
 
 Its force is bent, begins later, ends earlier, follows slowly, or differs from drive to drive, so that names
 are learned by what acts and when, not by one curve.
@@ -14,14 +14,14 @@ from scipy.signal import lfilter
 from deeptruck_exam.cases.build import DT
 from deeptruck_exam.laws.law import Array
 
-# Chosen, as how far laws stray is not known: wide, but so that what acts and when stays.
+# Chosen, as it is not known how far true laws differ from their forms: wide, but what acts and when stays.
 POWER, BEGINS, ENDS = (0.6, 1.7), (0.1, 0.5), (0.4, 0.9)  # exponent; quantiles of the force's own size
 SLOW_S, WARM_S = (0.1, 0.8), (20.0, 200.0)  # time constants
 SPREAD, GROWTH = 0.4, 0.75  # sds of the logarithm of a size: from drive to drive, and once warm
 ACTS = 1e-6  # m/s^2: less is nothing
 
 
-def strayed(force: Array, rng: np.random.Generator) -> Array:
+def distorted(force: Array, rng: np.random.Generator) -> Array:
     """A force along drives (drives, samples), m/s^2, changed in one or two ways; by none that leaves
     nothing."""
     ways = rng.permutation(len(WAYS))[: rng.integers(1, 3)]

@@ -1,4 +1,4 @@
-"""Forces that stray from their form still act where and as they did, and never do nothing."""
+"""Distorted forces still act where and as they did, and never do nothing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from deeptruck_exam.teach.strayed import WAYS, strayed
+from deeptruck_exam.teach.distorted import WAYS, distorted
 
 DRIVES, SAMPLES = 4, 1200
 
@@ -22,7 +22,7 @@ def pulls() -> np.ndarray:
 @example(1249)  # what begins above one size and is cut at a smaller one would be nothing
 def test_it_is_another_force_that_is_much_like_the_first(seed: int) -> None:
     force = pulls()
-    other = strayed(force, np.random.default_rng(seed))
+    other = distorted(force, np.random.default_rng(seed))
     assert other.shape == force.shape and np.isfinite(other).all()
     assert not np.allclose(other, force)
     alike = float(np.sum(other * force) / np.sqrt(np.sum(other**2) * np.sum(force**2)))
@@ -36,6 +36,6 @@ def test_nothing_stays_nothing_and_no_force_turns_round(way: object) -> None:
     assert (way(pulls(), rng) <= 0.0).all()  # type: ignore[operator]
 
 
-def test_the_same_seed_strays_alike() -> None:
-    a, b = (strayed(pulls(), np.random.default_rng(5)) for _ in range(2))
+def test_the_same_seed_distorts_alike() -> None:
+    a, b = (distorted(pulls(), np.random.default_rng(5)) for _ in range(2))
     assert np.array_equal(a, b)
