@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.noise import Prior, fit, whiten
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import FAMILY, NAMES
 
 Array = NDArray[np.float64]
@@ -35,6 +34,7 @@ DIRECTIONS = 40  # leading directions of a family's kernel
 TURNS, STEPS = 3, 25  # of fitting the noise beside the parts, and of EM in each
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 KNOWN = 0.9  # of a window that must be compared
+ACTS = 0.02  # m/s^2: smaller forces are within the noise of ordinary sensors
 DRAWS = 200  # of the posterior, for the intervals
 FIRST_VARIANCE, LEAST_VARIANCE = 0.02**2, 1e-9
 
@@ -101,7 +101,7 @@ class Budget:
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
 
 
-def budget(search: Search, hidden: Mask, rules: Rules) -> Budget:
+def budget(search: Search, hidden: Mask) -> Budget:
     """Split what the rows that are fitted are off by. `hidden` (n,) are rows in which an input acts that was
     not recorded, and which the search does not compare."""
     blocks = _blocks(search)
@@ -146,7 +146,7 @@ def budget(search: Search, hidden: Mask, rules: Rules) -> Budget:
             float(central[i]),
             float(min(low[i], central[i])),
             float(max(high[i], central[i])),
-            float(np.mean(np.abs(forces[i][counted]) > rules.acts)) if name != LEFT_OVER else 1.0,
+            float(np.mean(np.abs(forces[i][counted]) > ACTS)) if name != LEFT_OVER else 1.0,
             forces[i],
             tuple((drive, float(s[i])) for drive, s in by_drive.items()),
         )

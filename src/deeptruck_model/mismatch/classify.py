@@ -19,11 +19,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Named:
-    """What stands in the place of one name, beside those before it: the tree, the gain (nats) of the best
-    kernel beside `held` and beside `free` parameters, and the posterior mean of the first name's force (n,).
-    Only where it is `accepted` it may be a finding.
+    """One thing that was named, given those before it: the `name`, the tree, the gain (nats) of the best
+    kernel with parameters `held` and `free`, and the posterior mean of the name's force (n,), m/s^2. Only
+    where it is `accepted` it may be a finding.
     """
 
+    name: str
     tree: Tree
     held: float
     free: float
@@ -68,10 +69,11 @@ def classify(search: Search, behind: frozenset[str], rules: Rules) -> Names:
         names = {n: float(x) for n, x in zip(by.names, p, strict=True) if n != NOTHING and n not in given}
         total = sum(names.values())
         tree = Tree({n: x / total for n, x in names.items()}).without(behind)
-        best = tree.first
+        probable = next(iter(tree.families.values())) >= rules.named
+        best = tree.first if probable else UNKNOWN
         sure = tree.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
         accepted = sure or search.e.known_physics
-        found.append(Named(tree, held, free, evidence.force(y, best, given), accepted))
+        found.append(Named(best, tree, held, free, evidence.force(y, best, given), accepted))
         if best == UNKNOWN:
             break
         given.append(best)

@@ -71,12 +71,17 @@ def decide(
     findings = [_of_fault(f) for f in drives.faults]
     of_road = _of_road(e, again, rules)
     named = _accepted(search, names, made, simulator_parameters, rules)
-    longer = [f for f in named if _longer_than_sensors(f, e)]
-    findings += _with_shares(e, of_road + longer)
-    detected = names.detected and not (named and not longer)
+    matter = [f for f in named if _longer_than_sensors(f, e)]
+    if _right(found, driven, rules):
+        matter = [f for f in matter if f.effect != UNKNOWN]
+    findings += _with_shares(e, of_road + matter)
+    detected = names.detected and not (named and not matter)
     kind = _kind(findings, detected, found, driven, rules)
     forces = {i: f.force for i, f in enumerate(findings) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
+    fit = replace(driven.fit, next_pass=again.ahead if again is not None else None)
+    if kind is Conclusion.NOTHING:  # what is right is not corrected
+        driven = replace(driven, fit=replace(fit, validated=False))
     first = names.found[0].tree if names.found else None
     first = again.tree if again is not None and of_road else first
     return Verdict(
@@ -84,7 +89,7 @@ def decide(
         tuple(findings),
         tuple(where.segments(e, forces)),
         tuple(where.regimes(e, error)),
-        replace(driven.fit, next_pass=again.ahead if again is not None else None),
+        replace(fit, validated=driven.fit.validated),
         drives.rejected,
         smallest_visible(search, names.threshold, rules) if kind is Conclusion.NOTHING else None,
         (*drives.caveats, *_caveats(e, findings)),
@@ -121,24 +126,48 @@ def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], r
     """The findings of what was named."""
     out = []
     for named in names.found:
-        first = named.tree.first
-        if first in search.parameters and (first not in LIBRARY or named.free <= names.threshold):
+        first = named.name
+        by_parameters = named.free <= names.threshold  # free parameters explain it as well
+        if first in search.parameters and (first not in LIBRARY or by_parameters):
             f = _of_parameter(search, named, own, rules)
-        elif named.free <= names.threshold:
-            continue
         else:
             f = _of_name(search, made, named, rules)
+            if by_parameters:
+                f = _or_parameters(search, f, rules)
         if f is not None and named.accepted:
             out.append(f)
     return out
 
 
+def _or_parameters(search: Search, f: Finding, rules: Rules) -> Finding | None:
+    """A finding that parameters explain as well, with these in its credible set; None where none of them
+    would change by more than that of any simulator may be off."""
+    others = tuple(p for p in search.parameters if _change(search, p, rules) is not None and p != f.effect)
+    if not others:
+        return None
+    return replace(f, cannot_be_told_from=tuple(dict.fromkeys((*f.cannot_be_told_from, *others))))
+
+
+def _change(search: Search, parameter: str, rules: Rules) -> tuple[float, float] | None:
+    """Relative change of a parameter from the simulator as given, and its standard deviation; None where it
+    gains too little, or may be that of any simulator."""
+    free = search.background(())
+    if parameter not in free.free:
+        free = search.model((), frozenset(search.parameters))
+    gain = free.score - search.model((), free.free - {parameter}).score if parameter in free.free else 0.0
+    change, sd = search.e.total_change(parameter, free.moved(parameter)), free.moved_sd(parameter)
+    if abs(change) - Z95 * sd < rules.nearly_right or gain < rules.parameter_gain:
+        return None
+    return change, sd
+
+
 def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
-    """Whether a finding is not only a lateness that ordinary message periods and filters have."""
+    """Whether a finding is not only a lateness that ordinary message periods and filters have. Of a lateness
+    the sensors' own columns hold a part, so that the whole residual is compared."""
     if f.effect not in LATE or f.force is None:
         return True
     late = e.rerun("delay_all", e.rules.least_delay_s)[e.valid]
-    times = abs(float(f.force[e.valid] @ late)) / max(float(late @ late), 1e-12)
+    times = abs(float(e.residual[e.valid] @ late)) / max(float(late @ late), 1e-12)
     return times > 1.0
 
 
@@ -154,15 +183,11 @@ def _with_shares(e: Evidence, findings: Sequence[Finding]) -> list[Finding]:
 
 def _of_parameter(search: Search, named: Named, own: dict[str, float], rules: Rules) -> Finding | None:
     """An error of a parameter; None where it is no larger than that of any simulator may be."""
-    name = named.tree.first
-    free = search.background(())
-    if name not in free.free:
-        free = search.model((), frozenset(search.parameters))
-    gain = free.score - search.model((), free.free - {name}).score if name in free.free else 0.0
-    change = search.e.total_change(name, free.moved(name))
-    sd = free.moved_sd(name)
-    if abs(change) - Z95 * sd < rules.nearly_right or gain < rules.parameter_gain:
+    name = named.name
+    changed = _change(search, name, rules)
+    if changed is None:
         return None
+    change, sd = changed
     sizes = {"relative_error": Size(change, "1", (change - Z95 * sd, change + Z95 * sd))}
     if name in own:
         value = own[name]
@@ -190,7 +215,7 @@ def _of_parameter(search: Search, named: Named, own: dict[str, float], rules: Ru
 
 def _of_name(search: Search, made: Made, named: Named, rules: Rules) -> Finding:
     """A force of a mechanism, or one that has no name."""
-    first = named.tree.first
+    first = named.name
     if first == UNKNOWN:
         return _finding(
             search.e,
@@ -237,7 +262,7 @@ def _finding(
     force: Array,
     rules: Rules,
 ) -> Finding:
-    first = named.tree.first
+    first = named.name
     family = FAMILY[first]
     rivals = tuple(n for n in named.tree.credible(rules.credible) if n != first)
     return Finding(

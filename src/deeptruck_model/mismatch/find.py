@@ -91,7 +91,7 @@ def find_mismatch(
         search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
         names = classify(search, unrecorded.names_behind(e, missing), rules)
         again = road(search.e.everywhere())
-        found = budget(search, hidden & ~e.held_out, rules)
+        found = budget(search, hidden & ~e.held_out)
         seen = witnesses(search, drives.prepared, found, rules)
 
         say("correcting the simulator and driving it free")

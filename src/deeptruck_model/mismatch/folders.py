@@ -23,7 +23,7 @@ def apply_command(found: Path) -> str:
 def check_applicable(directory: Path) -> None:
     """Raises InputError where a run found nothing, or validated nothing, that could be applied."""
     verdict = read_verdict(directory)
-    if verdict.get("verdict") in ("nothing_missing", "undetermined"):
+    if verdict.get("verdict") == "nothing_missing":
         raise InputError(f"in {directory} nothing was found that could be applied")
     if not verdict["fit"].get("validated"):
         raise InputError(

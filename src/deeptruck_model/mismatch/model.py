@@ -65,7 +65,7 @@ def correct(simulator: Simulator, search: Search, names: Names, rules: Rules) ->
     terms = _terms(search, names, rules)
     parameters = frozenset(search.parameters)
     accepted = [n for n in names.found if n.accepted]
-    stated = frozenset(n.tree.first for n in accepted) & parameters
+    stated = frozenset(n.name for n in accepted) & parameters
     tuning = Recipe((), parameters)
     options = [Recipe()]
     if accepted:
@@ -93,7 +93,7 @@ def _terms(search: Search, names: Names, rules: Rules) -> tuple[CandidateTerm, .
     out: tuple[CandidateTerm, ...] = ()
     parameters = frozenset(search.parameters)
     for named in names.found:
-        first = named.tree.first
+        first = named.name
         if not named.accepted or first == UNKNOWN or first in parameters:
             continue
         credible = {first, *named.tree.credible(rules.credible)}

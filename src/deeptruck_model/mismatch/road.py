@@ -48,7 +48,7 @@ class Road:
 
     def named(self) -> Named:
         """As what stands in the place of a name; no kernel of the simulator's residual holds it."""
-        return Named(self.tree, 0.0, 0.0, self.force)
+        return Named(self.tree.first, self.tree, 0.0, 0.0, self.force)
 
 
 def road(e: Evidence) -> Road | None:

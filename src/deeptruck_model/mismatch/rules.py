@@ -89,6 +89,9 @@ class Rules:
 
     # names
     stated: float = _rule(0.9, "1", "probability of the deepest node of the tree that is stated", STATISTICS)
+    named: float = _rule(
+        0.4, "1", "probability of the most probable family, below which its name is `unknown`", CHOSEN
+    )
     credible: float = _rule(
         0.8, "1", "probability that a credible set of names holds the right one", STATISTICS
     )
@@ -101,7 +104,6 @@ class Rules:
     most_findings: int = _rule(4, "1", "names of one verdict", CHOSEN)
 
     # budget
-    acts: float = _rule(0.02, "m/s^2", "force above which a part of the budget acts", SENSORS)
     witness: float = _rule(
         0.1,
         "1",

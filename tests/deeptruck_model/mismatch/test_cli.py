@@ -96,7 +96,7 @@ def test_too_little_is_a_verdict_and_nothing_to_apply(
     code, said, _ = here("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
     assert code == 0 and said.startswith("undetermined")
     code, _, errors = here("apply", out, "--out", tmp_path / "sim")
-    assert code == 2 and "nothing was found" in errors and not (tmp_path / "sim").exists()
+    assert code == 2 and "no passed validation" in errors and not (tmp_path / "sim").exists()
     again = ("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
     assert here(*again)[0] == 2 and here(*again, "--overwrite")[0] == 0
 
