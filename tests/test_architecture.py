@@ -118,8 +118,8 @@ def test_the_safety_core_stands_alone() -> None:
 FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
-        "account", "errors", "files", "reading", "console", "checks", "constants", "vehicle_kinds",
-        "table_file", "csv_text", "outside.reference", "outside.saved", "outside.truck",
+        "account", "errors", "files", "reading", "console", "checks", "compatibility", "constants",
+        "vehicle_kinds", "table_file", "csv_text", "outside.reference", "outside.saved", "outside.truck",
         "interrupts", "script_start",
     )
 )  # fmt: skip

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from deeptruck_model import compatibility
 from deeptruck_model.checks.bags import (
     INTERFACE_KEY,
     MAGIC,
@@ -36,6 +37,7 @@ from deeptruck_model.checks.simulators import (
     simulator,
     trucks,
 )
+from deeptruck_model.compatibility import Given, Taken
 from deeptruck_model.errors import InputError, MisfitsError
 
 __all__ = [
@@ -119,21 +121,8 @@ def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: Mapped |
 
 def misfits(facts: SimulatorFacts, one: BagFacts) -> list[str]:
     """Why a bag cannot be compared with a simulator, a line each: channels that lack, units that differ."""
-    found = []
-    lacking = [name for name in (*facts.interface.u, *facts.interface.w) if one.lacks(name)]
-    if lacking:
-        found.append(
-            f"{one.path} has no {', '.join(lacking)}, which the simulator {facts.name} needs; "
-            "record it or use another simulator"
-        )
-    for name in facts.interface.u:
-        here, there = one.unit(name), facts.interface.unit(name)
-        if name not in lacking and here not in (None, there):
-            found.append(
-                f"{one.path} has {name} in {here}, the simulator {facts.name} takes {there}; "
-                "import it with the simulator's unit, or use another simulator"
-            )
-    return found
+    taken = Taken(f"the simulator {facts.name}", facts.interface, facts.dt)
+    return compatibility.misfits(taken, Given(str(one.path), one.lacks, one.unit))
 
 
 def same_truck(bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import compatibility
+from deeptruck_model.compatibility import Given, Taken
 from deeptruck_model.deep.data.windows import cut, has
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
@@ -49,18 +51,16 @@ class Trials:
 def check(simulator: Simulator, recordings: Sequence[Recording]) -> None:
     """Raises InputError where a recording has a signal of the simulator in another unit or rate, or all lack
     it."""
+    taken = Taken("the simulator", simulator.interface, simulator.dt)
     for recording in recordings:
-        if abs(recording.dt - simulator.dt) > 1e-6:
-            raise InputError(
-                f"'{recording.name}' is sampled every {recording.dt:g} s, "
-                f"the simulator steps {simulator.dt:g} s; evaluate on bags of the simulator's rate"
-            )
-        for name in (*simulator.interface.u, *simulator.interface.w):
-            if not any(has(other, name) for other in recordings):
-                raise InputError(f"'{recording.name}' has no {name}, which the simulator needs")
-            theirs, ours = recording.interface.unit(name), simulator.interface.unit(name)
-            if theirs not in (ours, "none"):
-                raise InputError(f"'{recording.name}' has {name} in {theirs}, the simulator expects {ours}")
+        given = Given(
+            f"'{recording.name}'",
+            lambda name: not any(has(one, name) for one in recordings),
+            recording.interface.unit,
+            recording.dt,
+        )
+        for misfit in compatibility.misfits(taken, given):
+            raise InputError(misfit)
 
 
 def trials(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from deeptruck_model import checks, console
+from deeptruck_model.compatibility import Given, Taken, misfits
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import parameters
@@ -54,18 +55,11 @@ def policy_fits(policy: str, truck: TruckInterface | None) -> None:
 
 def monitor_fits(monitor: str, truck: TruckInterface | None) -> None:
     """Raises InputError where the monitor's simulator is none, or takes other commands than the truck."""
-    own = checks.simulator(monitor).interface
+    own = checks.simulator(monitor)
     if truck is None:
         return
-    for name in own.u:
-        here = truck.unit(name) if name in truck.u else "not there"
-        if here != own.unit(name):
-            raise InputError(
-                f"{monitor} takes {name} in {own.unit(name)}, on this truck it is {here}; "
-                "choose another simulator for --monitor"
-            )
-    if own.grade and not truck.grade:
-        raise InputError(f"{monitor} needs grade, which this truck does not tell; choose another simulator")
+    given = Given("this truck", lambda name: name not in (*truck.u, *truck.w), truck.unit)
+    checks.refuse(misfits(Taken(monitor, own.interface, own.dt), given))
 
 
 def leader_is_known(profile: str, initial_gap: float) -> None:

@@ -1,0 +1,58 @@
+"""Does this recording fit this simulator? One answer, from metadata or from samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from deeptruck_model.signals import TruckInterface
+
+SAME_DT_S = 1e-6  # s in which two steps are one
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is known of a recording, `name` in messages.
+
+    `lacks` says of a channel that it is certainly not there; `unit` gives that of a channel, None or "none"
+    where it is not known; `dt` is the step in s, None where only the samples have it.
+    """
+
+    name: str
+    lacks: Callable[[str], bool]
+    unit: Callable[[str], str | None]
+    dt: float | None = None
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What a simulator takes, `name` in messages, and its step in s."""
+
+    name: str
+    interface: TruckInterface
+    dt: float
+
+
+def misfits(taken: Taken, given: Given) -> list[str]:
+    """Why a recording cannot drive a simulator, a line each: other step, missing channels, other units."""
+    found = []
+    if given.dt is not None and abs(given.dt - taken.dt) > SAME_DT_S:
+        found.append(
+            f"{given.name} is sampled every {given.dt:g} s, {taken.name} steps {taken.dt:g} s; "
+            "give recordings of the simulator's rate"
+        )
+    channels = (*taken.interface.u, *taken.interface.w)
+    lacking = [name for name in channels if given.lacks(name)]
+    if lacking:
+        found.append(
+            f"{given.name} has no {', '.join(lacking)}, which {taken.name} needs; "
+            "record it or use another simulator"
+        )
+    for name in channels:
+        here, there = given.unit(name), taken.interface.unit(name)
+        if name not in lacking and here not in (None, "none", there):
+            found.append(
+                f"{given.name} has {name} in {here}, {taken.name} takes {there}; "
+                "import it with the simulator's unit, or use another simulator"
+            )
+    return found
