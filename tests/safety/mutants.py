@@ -1,4 +1,4 @@
-"""One change of the safety core at a time: every operator, comparison, boundary, constant and condition."""
+"""One change at a time: every operator, comparison, boundary, constant and condition of a module."""
 
 from __future__ import annotations
 
@@ -126,7 +126,8 @@ class _Place:
 
 
 def _parse(module: str) -> ast.Module:
-    return ast.parse((SOURCE / f"{module}.py").read_text())
+    place = SOURCE / f"{module}.py" if "/" not in module else SOURCE.parents[1] / module
+    return ast.parse(place.read_text())
 
 
 def _places(tree: ast.Module) -> list[_Place]:
@@ -149,7 +150,7 @@ def _places(tree: ast.Module) -> list[_Place]:
 
 
 def mutants(module: str) -> list[Mutant]:
-    """Every mutant of a module."""
+    """Every mutant of a module: one of the safety core by its name, or a path below src."""
     found = []
     for number, place in enumerate(_places(_parse(module))):
         before = ast.unparse(place.statement).splitlines()

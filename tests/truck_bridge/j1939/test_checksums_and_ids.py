@@ -24,6 +24,24 @@ def test_a_signed_frame_verifies_and_a_changed_one_does_not(kind):
 
 
 @pytest.mark.parametrize(
+    ("kind", "total", "wanted"),
+    [
+        (checksums.TSC1, 0b11_010_001, 3 + 2 + 1),
+        (checksums.TSC1, 0b01_111_101, (1 + 7 + 5) % 8),
+        (checksums.TSC1, 0b1_11_010_001, 3 + 2 + 1),  # of a longer sum the low byte alone
+        (checksums.XBR, 0x5A, 0x5 + 0xA),
+        (checksums.XBR, 0x1F3, (0xF + 0x3) % 16),
+    ],
+)
+def test_a_checksum_folds_the_sum_of_all_bytes(kind, total, wanted):
+    """J1939-71: the low byte's three octal digits are added modulo 8, for XBR its two hexadecimal ones."""
+    identifier, counter = 0x0C00002A, 5
+    first = min(total - 0x0C - 0x2A - counter, 0xFF)
+    data = bytes([first, total - 0x0C - 0x2A - counter - first, 0, 0, 0, 0, 0, counter])
+    assert checksums.checksum(kind, identifier, data) == wanted
+
+
+@pytest.mark.parametrize(
     ("can_id", "priority", "pgn", "destination", "source"),
     [
         (0x0CF00400, 3, 0xF004, 0xFF, 0x00),
