@@ -7,17 +7,19 @@ is none, values that no reader expects) is refused with one line that names the 
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import json
 import os
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from deeptruck_model.errors import InputError
 
+SHOWN = 20  # names that an error lists
 LONGEST = 200  # characters that a library may say in one of our lines
 MOST_SAID = 500  # characters of one of our own lines about a file
 SAVE_AGAIN = "train or save the simulator again"
@@ -145,3 +147,12 @@ def plain(said: str, longest: int = LONGEST) -> str:
 
 def _why(error: BaseException) -> str:
     return plain(getattr(error, "strerror", None) or str(error)) or type(error).__name__
+
+
+def near(name: str, known: Sequence[str]) -> str:
+    """The end of an error message: what the writer may have meant, else the first names that are known."""
+    guesses = difflib.get_close_matches(name[:80], known, n=3, cutoff=0.6)
+    if guesses:
+        return f"did you mean {' or '.join(guesses)}?"
+    more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
+    return f"known: {', '.join(known[:SHOWN])}{more}"

@@ -138,8 +138,8 @@ def _run(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array | 
 
 
 def load(path: str | Path) -> Simulator:
-    """Load a simulator: a simulator directory, `truck:NAME[:overrides.yaml]` for a physics truck, or
-    `python:MODULE:FACTORY[:arguments.yaml]` for what a function of somebody else's returns, or
+    """Load a simulator: a simulator directory, `truck:NAME[:overrides.yaml]` or `truck:FILE.yaml` for a
+    physics truck, `python:MODULE:FACTORY[:arguments.yaml]` for what a function of somebody else's returns, or
     `fmu:MODEL.fmu[:mapping.yaml]` for somebody's FMU.
 
     Who can load which kind of directory, and what stands before a colon, is registered by entry points of

@@ -119,6 +119,15 @@ def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: Mapped |
     refuse(found)
 
 
+def held_out(recordings: Sequence[Path], others: Sequence[Path]) -> None:
+    """Raises InputError for bags that are both to be fitted and held out: they would judge themselves."""
+    fitted = {path.resolve() for path in recordings}
+    if twice := [str(path) for path in dict.fromkeys(others) if path.resolve() in fitted]:
+        raise InputError(
+            f"{', '.join(twice)}: in --recordings and in --held-out; hold out drives that are not fitted"
+        )
+
+
 def misfits(facts: SimulatorFacts, one: BagFacts) -> list[str]:
     """Why a bag cannot be compared with a simulator, a line each: channels that lack, units that differ."""
     taken = Taken(f"the simulator {facts.name}", facts.interface, facts.dt)

@@ -43,6 +43,12 @@ def simulator(text: str) -> SimulatorFacts:
     directory that is none.
     """
     if text.startswith("truck:"):
+        file = text.removeprefix("truck:")
+        if file.endswith((".yaml", ".yml")):
+            from deeptruck_model.trucks.specification import from_file, is_truck_file
+
+            if is_truck_file(file):
+                return SimulatorFacts(text, "physics", from_file(Path(file)).interface, 0.1)
         _, name, *overrides = text.split(":", 2)
         return _physics_truck(text, name, overrides[0] if overrides else None)
     if is_outside(text):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -45,6 +46,7 @@ def compare(
     bags = [_bag(text) for text in sides]
     checks.every(
         lambda: _several(sides),
+        *(partial(_a_drive, text, sides) for text in sides),
         lambda: results.apart(out, *bags),
         lambda: results.COMPARISON.check(out, overwrite=overwrite),
         *(_inputs(text, topic_map) for text in dict.fromkeys(sides)),
@@ -80,6 +82,18 @@ def _inputs(text: str, topic_map: Path | None):  # type: ignore[no-untyped-def]
 
     simulator, bag = split_name(text)
     return lambda: checks.inputs(simulator, [bag], mapped=mapped(topic_map))
+
+
+def _a_drive(text: str, sides: Sequence[str]) -> None:
+    """Raises InputError for a simulator without the drive along which it is to run."""
+    from deeptruck_model.compare.naming import split_name
+
+    simulator, bag = split_name(text)
+    if simulator is None and (
+        text.startswith(("truck:", "python:", "fmu:")) or (bag / checks.MANIFEST).exists()
+    ):
+        drive = next((s for s in sides if s != text and "@" not in s), "BAG")
+        raise InputError(f"{text} is a simulator, which runs along a drive: write {text}@{drive}")
 
 
 def _several(sides: Sequence[str]) -> None:

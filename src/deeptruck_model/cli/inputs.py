@@ -22,8 +22,8 @@ Overwrite = Annotated[
     typer.Option("--overwrite", help=files.OVERWRITE_HELP),
 ]
 SIMULATOR = (
-    "Simulator directory, truck:NAME[:overrides.yaml], python:MODULE:FACTORY[:arguments.yaml] or "
-    "fmu:MODEL.fmu[:mapping.yaml]."
+    "Simulator directory, truck:NAME[:overrides.yaml], truck:FILE.yaml, "
+    "python:MODULE:FACTORY[:arguments.yaml] or fmu:MODEL.fmu[:mapping.yaml]."
 )
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
 TopicMap = Annotated[

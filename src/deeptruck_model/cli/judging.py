@@ -51,10 +51,12 @@ def evaluate(
         lambda: _finite(horizon),
         lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
     )
-    from deeptruck_model import simulators
+    from deeptruck_model import overall_ratios, simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
     truck, recordings = simulators.load(simulator), read(bags, topic_map, clock, msg)
+    if said := overall_ratios.other_truck(truck, recordings):
+        typer.echo(f"warning: {said}", err=True)
     metrics = evaluate_simulator(
         truck, recordings, out, trials, horizon, seed, overwrite=overwrite, named=simulator
     )

@@ -59,12 +59,13 @@ def mismatch(
         lambda: FOUND.check(out, overwrite=overwrite),
         lambda: apart(out, Path(simulator), *recordings, *held_out),
         lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
+        lambda: checks.held_out(recordings, held_out),
         lambda: checks.mass(mass_kg),
         lambda: _check_excluded(exclude or []),
     )
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
+        from deeptruck_model import overall_ratios, simulators
         from deeptruck_model import recordings as rec
-        from deeptruck_model import simulators
 
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
@@ -72,6 +73,7 @@ def mismatch(
             rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others, clock=clock, msg=msg or ())
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
+        overall_ratios.check(truck, [*fit, *held])
         show_accounts([*fit, *held])
         # the libraries take seconds to import: a bag that cannot be read is refused before
         from deeptruck_model.mismatch import find_mismatch

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +20,7 @@ from deeptruck_model.outside.truck import lacks
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.calibration import Calibration
     from deeptruck_model.protocol_check import Row
+    from deeptruck_model.recordings import Recording
 
 
 def check_simulator(
@@ -105,7 +106,8 @@ def _judge(simulator: str, table: list[Row]) -> None:
 
 def calibrate_truck(
     truck: Annotated[
-        str, typer.Argument(metavar="TRUCK", help="truck:NAME[:overrides.yaml], or its folder.")
+        str,
+        typer.Argument(metavar="TRUCK", help="truck:NAME[:overrides.yaml], truck:FILE.yaml, or its folder."),
     ],
     recordings: Annotated[list[Path], typer.Option(help="Bags to fit; list several.")],
     out: Annotated[Path, typer.Option(help="Folder for the fitted truck.")],
@@ -123,6 +125,7 @@ def calibrate_truck(
     checks.every(
         lambda: results.PHYSICS_TRUCK.check(out, overwrite=overwrite),
         lambda: results.apart(out, Path(truck), *recordings, *held_out),
+        lambda: checks.held_out(recordings, held_out),
         lambda: checks.inputs(truck, [*recordings, *held_out], mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
@@ -133,6 +136,7 @@ def calibrate_truck(
     if not isinstance(given, PhysicsTruck):
         raise InputError(f"{truck} is no physics truck; 'deeptruck-model mismatch' refits other simulators")
     with progress("reading") as say:
+        from deeptruck_model import overall_ratios
         from deeptruck_model.mismatch.calibration import calibrate
 
         fit, held = (
@@ -141,9 +145,26 @@ def calibrate_truck(
             )
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
+        overall_ratios.check(given, [*fit, *held])
         found = calibrate(given, fit, held, say=say)
     found.truck.save(out, overwrite=overwrite)
-    typer.echo("\n".join([*_calibrated(found), f"truck in {out}"]))
+    typer.echo("\n".join([*_calibrated(found), *_stated_mass(found, fit), f"truck in {out}"]))
+
+
+def _stated_mass(found: Calibration, recordings: Sequence[Recording]) -> Iterator[str]:
+    """Where the mass that recordings state is outside the interval that their drives give."""
+    fitted = next((p for p in found.parameters if p.name == "mass" and p.ci95 is not None), None)
+    if fitted is None or fitted.ci95 is None:
+        return
+    low, high = (x / 1000.0 for x in fitted.ci95)
+    for r in recordings:
+        stated = None if r.interface.mass_kg is None else r.interface.mass_kg / 1000.0
+        if stated is not None and not low <= stated <= high:
+            yield (
+                f"note: {r.name} states a mass of {stated:.1f} t, and the drives show "
+                f"{fitted.value / 1000.0:.1f} t ({low:.1f} to {high:.1f}, 95 %)"
+            )
+            return
 
 
 def _calibrated(found: Calibration) -> Iterator[str]:

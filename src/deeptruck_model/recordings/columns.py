@@ -14,6 +14,7 @@ from typing import Any
 
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
+from deeptruck_model.reading import near
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.topic_map import load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
@@ -146,12 +147,12 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
 def _known(data: Mapping[str, Any], keys: set[str], where: str) -> None:
     unknown = sorted(str(key) for key in set(data) - keys)
     if unknown:
-        raise InputError(f"{where} has unknown keys: {', '.join(unknown)}; known: {', '.join(sorted(keys))}")
+        raise InputError(f"{where} has unknown keys: {', '.join(unknown)}; {near(unknown[0], sorted(keys))}")
 
 
 def _column(channel: str, entry: Any, notes: list[str]) -> Column:
     if channel not in CHANNELS:
-        raise InputError(f"unknown channel '{channel}' in COLUMNS; known: {', '.join(CHANNELS)}")
+        raise InputError(f"unknown channel '{channel}' in COLUMNS; {near(channel, list(CHANNELS))}")
     if isinstance(entry, Mapping):
         _known(
             entry, set(ENTRY_KEYS), f"channel '{channel}'"

@@ -11,6 +11,7 @@ from typing import Any
 from deeptruck_model import reading
 from deeptruck_model.checks import Mapped
 from deeptruck_model.errors import InputError
+from deeptruck_model.reading import near
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.units import Conversion, conversion
 from deeptruck_model.signals import CHANNELS, FAULTS
@@ -104,7 +105,7 @@ def _source(channel: str, entry: Any) -> Source:
     if isinstance(entry, Source):
         return entry
     if channel not in CHANNELS:
-        raise InputError(f"unknown channel '{channel}' in the topic map; known: {', '.join(CHANNELS)}")
+        raise InputError(f"unknown channel '{channel}' in the topic map; {near(channel, list(CHANNELS))}")
     if not isinstance(entry, Mapping) or not {"topic", "field"} <= set(entry):
         raise InputError(f"topic map: '{channel}' needs topic and field, as in {{topic: /odom, field: data}}")
     unknown = set(entry) - set(ENTRY_KEYS)

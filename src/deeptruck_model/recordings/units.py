@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
+from deeptruck_model.reading import near
 from deeptruck_model.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
 
 Array = NDArray[np.float64]
@@ -146,7 +147,7 @@ def conversion(channel: str, unit: str | None, density: float | None = None) -> 
     does not fit the channel.
     """
     if channel not in CHANNELS:
-        raise InputError(f"unknown channel '{channel}'; known: {', '.join(CHANNELS)}")
+        raise InputError(f"unknown channel '{channel}'; {near(channel, list(CHANNELS))}")
     candidates = canonical_units(channel)
     if unit is None:
         if len(candidates) > 1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.reading import near
 
 GEARS = 18  # room for the largest gearbox
-SHOWN = 20  # names that an error lists
 TABLE = 64  # points of the full-load curve, uniform in engine speed
 
 _ROWS = """
@@ -129,15 +128,6 @@ RECORD = np.dtype(
         ("full_load", "f8", (TABLE,)),  # N m at the flywheel
     ]
 )
-
-
-def near(name: str, known: list[str]) -> str:
-    """The end of an error message: what the writer may have meant."""
-    guesses = difflib.get_close_matches(name[:80], known, n=3, cutoff=0.6)
-    if guesses:
-        return f"did you mean {' or '.join(guesses)}?"
-    more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
-    return f"known: {', '.join(known[:SHOWN])}{more}"
 
 
 def check_value(name: str, value: Any) -> float:

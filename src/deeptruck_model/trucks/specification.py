@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
+from deeptruck_model.reading import near
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks.coast_down import KEY, REPLACES, CoastDown
-from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, RECORD, TABLE, check_values, near
+from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, RECORD, TABLE, check_values
 
 OVERRIDES = "give a table of parameters such as 'mass: 25000'"
 STRUCTURE = ("name", "interface", "ratios", "full_load")
@@ -197,3 +198,13 @@ def from_pool(name: str) -> Specification:
         raise InputError(f"there is no truck '{name}'; {near(name, list(pool()))}")
     path = resources.files("deeptruck_model.trucks") / "pool" / f"{name}.yaml"
     return specification_from_dict(yaml.safe_load(path.read_text()), f"truck '{name}'")
+
+
+def is_truck_file(text: str) -> bool:
+    """Whether what stands behind `truck:` is a truck file, and no name with or without overrides."""
+    return text.endswith((".yaml", ".yml")) and ":" not in text
+
+
+def from_file(path: Path) -> Specification:
+    """A truck from a truck file, as 'deeptruck-model new' writes it. Raises InputError for any other file."""
+    return specification_from_dict(reading.yaml_mapping(path, "'deeptruck-model new' makes one"), str(path))

@@ -22,7 +22,9 @@ from deeptruck_model.trucks.forces import CommandFilter, Force, View, total_forc
 from deeptruck_model.trucks.parameters import check_value
 from deeptruck_model.trucks.specification import (
     Specification,
+    from_file,
     from_pool,
+    is_truck_file,
     override,
     read_yaml,
     specification_from_dict,
@@ -259,7 +261,9 @@ def load(name: str, overrides: str | None = None, *, dt: float = 0.1) -> Physics
 
 
 def load_text(text: str) -> PhysicsTruck:
-    """The truck that `truck:TEXT` names: NAME, or NAME:overrides.yaml."""
+    """The truck that `truck:TEXT` names: NAME, NAME:overrides.yaml, or the truck file FILE.yaml."""
+    if is_truck_file(text):
+        return PhysicsTruck(from_file(Path(text)))
     name, _, overrides = text.partition(":")
     return load(name, overrides or None)
 

@@ -32,7 +32,8 @@ def main(
     simulator: Annotated[
         str,
         typer.Option(
-            help="Simulator directory, truck:NAME[:overrides.yaml], python:MODULE:FACTORY or fmu:MODEL.fmu."
+            help="Simulator directory, truck:NAME[:overrides.yaml], truck:FILE.yaml, "
+            "python:MODULE:FACTORY or fmu:MODEL.fmu."
         ),
     ],
     policy: Annotated[str, typer.Option(help="Policy directory, policy as ONNX, or baseline:NAME.")],

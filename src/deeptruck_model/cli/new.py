@@ -1,0 +1,150 @@
+"""`deeptruck-model new`: a physics truck of one's own from a data sheet, asked for or read from a file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from deeptruck_model import checks, files, reading, results
+from deeptruck_model.cli.inputs import ClockOption, MessageFiles, TopicMap, mapped
+from deeptruck_model.errors import InputError
+
+if TYPE_CHECKING:
+    from deeptruck_model.recordings import Recording
+
+_HELP = """Make a physics truck of your own from its data sheet: a file that 'truck:FILE' loads.
+
+Asks mass, gears, axle ratio, tyres, torque, frontal area and brakes, or reads them from a file:
+
+  mass_kg: 24000
+
+  gear_ratios: [12.69, 9.29, 6.75, 4.9, 3.62, 2.59, 1.9, 1.38, 1.0, 0.74]
+
+  axle_ratio: 3.7
+
+  tyres: 295/80R22.5
+
+  rated_torque_nm: 1750
+
+  frontal_area_m2: 10
+
+  full_braking_m_s2: 6
+
+They are checked against each other, and with --recordings against the ratio of engine speed to speed.
+
+Examples:
+
+  deeptruck-model new mytruck.yaml
+
+  deeptruck-model new mytruck.yaml --from sheet.yaml --recordings drives/monday
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the console script."""
+    app.command("new", help=_HELP)(new)
+
+
+def new(
+    truck: Annotated[Path, typer.Argument(metavar="TRUCK.yaml", help="Truck file to write, a new file.")],
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", help="YAML file with the data sheet; else it is asked.", metavar="FILE"),
+    ] = None,
+    recordings: Annotated[
+        list[Path] | None, typer.Option(help="Bags of this truck to check the gears by.", metavar="BAG")
+    ] = None,
+    topic_map: TopicMap = None,
+    clock: ClockOption = None,
+    msg: MessageFiles = None,
+) -> None:
+    """Write the truck file."""
+    bags = recordings or []
+    checks.every(
+        lambda: _yaml(truck),
+        lambda: files.check_new(truck),
+        lambda: results.apart(truck, *bags, *([source] if source else [])),
+        lambda: checks.inputs(None, bags, mapped=mapped(topic_map)) if bags else None,
+    )
+    if source is None and not sys.stdin.isatty():
+        raise InputError("there is no terminal to ask at; give the data sheet by --from FILE.yaml")
+    from deeptruck_model import overall_ratios
+    from deeptruck_model.recordings import read_all
+    from deeptruck_model.trucks import own_truck
+
+    drives = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ()) if bags else []
+    data = _asked(drives) if source is None else dict(reading.yaml_mapping(source, "give a data sheet"))
+    sheet = own_truck.sheet(_units(data, drives), str(source) if source else "the answers")
+    made = own_truck.specification(sheet, truck.stem)
+    if off := overall_ratios.misfit(sheet.overall_ratios, drives):
+        raise InputError(f"the data sheet is not that of the recorded truck: {off}")
+    with files.new_file(truck) as draft:
+        draft.write_text(own_truck.text(sheet, made, truck.name), encoding="utf-8")
+    rpm = own_truck.CRUISE * sheet.overall_ratios[-1] / own_truck.RPM
+    typer.echo(f"{truck}: {sheet.mass_kg:g} kg, {len(sheet.gear_ratios)} gears, {rpm:.0f} rpm at 80 km/h")
+    if bags and not len(overall_ratios.observed(drives)):
+        typer.echo("note: no engine speed was recorded, so the gears were not checked", err=True)
+    elif bags:
+        typer.echo("the gears are those of the recordings")
+    typer.echo(f"load it as truck:{truck}; 'deeptruck-model calibrate-truck' fits it to recordings")
+
+
+def _yaml(truck: Path) -> None:
+    if truck.suffix not in (".yaml", ".yml"):
+        raise InputError(f"{truck} must end in .yaml, as truck:FILE.yaml is how a truck file is named")
+
+
+def _units(data: dict[str, Any], drives: list[Recording]) -> dict[str, Any]:
+    """The sheet with the units of the recorded commands, where a physics truck has them and none is given."""
+    if not drives:
+        return data
+    interface = drives[0].interface
+    found = {"engine_unit": interface.engine_unit, "brake_unit": interface.brake_unit}
+    known = {"engine_unit": ("N m", "percent"), "brake_unit": ("percent", "m/s^2")}
+    return {**{name: unit for name, unit in found.items() if unit in known[name]}, **data}
+
+
+def _asked(drives: list[Recording]) -> dict[str, Any]:
+    """The data sheet as it is typed; an answer that cannot be used is asked again."""
+    from deeptruck_model import overall_ratios
+    from deeptruck_model.trucks import own_truck
+
+    entries = {entry.name: entry for entry in own_truck.NUMBERS}
+    answers: dict[str, Any] = {}
+
+    def ask(name: str, default: Any, read: Callable[[Any], Any], asks: str) -> None:
+        while name not in answers:
+            given = typer.prompt(asks, default=default)
+            try:
+                read(given)
+            except InputError as error:
+                typer.echo(str(error), err=True)
+            else:
+                answers[name] = given
+
+    def ask_number(name: str, default: str) -> None:
+        entry = entries[name]
+        unit = f" in {entry.unit}" if entry.unit else ""
+        ask(name, default, lambda value: own_truck.number(entry, value), f"{entry.asks}{unit}")
+
+    ask_number("mass_kg", "20000")
+    ask_number("axle_ratio", "3.7")
+    ask("tyres", "295/80R22.5", own_truck.radius, "Tyres, a size or the rolling radius in m")
+    scale = own_truck.radius(answers["tyres"]) / float(answers["axle_ratio"])
+    seen = [round(x * scale, 3) for x in overall_ratios.from_gears(drives)]
+    usual = ", ".join(f"{x:g}" for x in seen or own_truck.from_pool(own_truck.CLUTCH).ratios)
+    ask(
+        "gear_ratios",
+        usual,
+        own_truck.ratios,
+        "Gear ratios, first gear first" + (", here as driven" if seen else ""),
+    )
+    ask_number("rated_torque_nm", "1750")
+    ask_number("frontal_area_m2", "10")
+    ask_number("full_braking_m_s2", "6")
+    answers["converter"] = typer.confirm("Has it a torque converter?", default=False)
+    return answers

@@ -1,0 +1,129 @@
+"""Overall gear ratios, engine speed over road speed in rad/m, as recordings show them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.simulators import Simulator
+from deeptruck_model.trucks import PhysicsTruck
+
+Array = NDArray[np.float64]
+
+STEADY_S = 1.0  # in which the ratio changes by less than STEADY: gear engaged, clutch closed
+STEADY = 0.01
+NEAR = 0.04  # of a ratio: worn tyres turn up to 3 % faster
+LEAST_SPEED, LEAST_ENGINE = 3.0, 80.0  # m/s, rad/s: above creeping and idling
+LEAST_S = 60.0  # of steady driving, to judge by
+TIED = 0.02  # of the share, by which two factors do not differ
+FITS = 0.7  # share of it near one of the stated ratios
+FACTORS = np.exp(np.linspace(-0.8, 0.8, 801))  # by which all ratios may be off together
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """`share` of the steady driving is near a stated ratio; `factor` times the stated ones fit `best`."""
+
+    share: float
+    factor: float
+    best: float
+
+    def __str__(self) -> str:
+        says = f"its gear ratios explain {100 * self.share:.0f} % of the steady driving of the recordings"
+        if self.best >= FITS:
+            return (
+                f"{says}, {self.factor:.3f} times these {100 * self.best:.0f} %: check axle ratio and tyres"
+            )
+        return f"{says}: check gears, axle ratio and tyres, or whether this is the recorded truck"
+
+
+def observed(recordings: Sequence[Recording]) -> Array:
+    """The ratio at every steady sample, rad/m; empty where no engine speed was recorded."""
+    return np.concatenate([np.zeros(0), *(_steady(r) for r in recordings if "engine_speed" in r.channels)])
+
+
+def _steady(r: Recording) -> Array:
+    speed, engine = r.channels["speed"], r.channels["engine_speed"]
+    turning = (speed > LEAST_SPEED) & (engine > LEAST_ENGINE)
+    ratio = np.where(turning, engine, np.nan) / np.where(turning, speed, 1.0)
+    length = max(2, round(STEADY_S / r.dt))
+    if len(ratio) < length:
+        return np.zeros(0)
+    windows = np.lib.stride_tricks.sliding_window_view(ratio, length)
+    low, high = windows.min(axis=1), windows.max(axis=1)  # NaN where one is
+    middle: Array = windows[:, length // 2]
+    return middle[(high - low) < STEADY * low]
+
+
+def check(simulator: Simulator, recordings: Sequence[Recording]) -> None:
+    """Raises InputError where a physics truck, corrected or not, has other gears than the recordings."""
+    if said := other_truck(simulator, recordings):
+        raise InputError(said)
+
+
+def other_truck(simulator: Simulator, recordings: Sequence[Recording]) -> str:
+    """That a physics truck, or one with corrections, has other gears than the recordings; empty where not.
+
+    Other simulators state no ratios.
+    """
+    truck = getattr(simulator, "base", simulator)
+    if not isinstance(truck, PhysicsTruck):
+        return ""
+    values, gears = truck.specification.values, truck.specification.ratios
+    off = misfit([r * values["final_drive"] / values["wheel_radius"] for r in gears], recordings)
+    name = truck.specification.name
+    return f"the simulator '{name}' is another truck than the recorded one: {off}" if off else ""
+
+
+def misfit(stated: Sequence[float], recordings: Sequence[Recording]) -> Misfit | None:
+    """Why stated overall ratios (rad/m) are not those of the recordings; None where they are, or where less
+    than LEAST_S of steady driving has an engine speed."""
+    seen = observed(recordings)
+    if not len(seen) or len(seen) * recordings[0].dt < LEAST_S:
+        return None
+    shares = np.array([_share(np.log(seen), np.log(np.asarray(stated) * f)) for f in (1.0, *FACTORS)])
+    if shares[0] >= FITS:
+        return None
+    alike = np.flatnonzero(shares[1:] > shares[1:].max() - TIED)  # gears a step apart look alike
+    spans = np.split(alike, np.flatnonzero(np.diff(alike) > 1) + 1)
+    middles = np.array([span[len(span) // 2] for span in spans])
+    best = int(middles[np.argmin(np.abs(np.log(FACTORS[middles])))])
+    return Misfit(float(shares[0]), float(FACTORS[best]), float(shares[1 + best]))
+
+
+def _share(seen: Array, stated: Array) -> float:
+    """Share of the logarithms `seen` within NEAR of one of `stated`."""
+    ordered = np.sort(stated)
+    place = np.clip(np.searchsorted(ordered, seen), 1, len(ordered) - 1) if len(ordered) > 1 else None
+    if place is None:
+        return float(np.mean(np.abs(seen - ordered[0]) < NEAR))
+    off = np.minimum(np.abs(seen - ordered[place - 1]), np.abs(seen - ordered[place]))
+    return float(np.mean(off < NEAR))
+
+
+def from_gears(recordings: Sequence[Recording]) -> tuple[float, ...]:
+    """Overall ratio of each gear from 1 on, rad/m, by recorded gear and engine speed; empty without these.
+
+    Gears that were not driven are placed on the geometric series of the others."""
+    pairs = [
+        (r.channels["gear"], r.channels["engine_speed"], r.channels["speed"])
+        for r in recordings
+        if {"gear", "engine_speed"} <= r.channels.keys()
+    ]
+    if not pairs:
+        return ()
+    gear, engine, speed = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    turning = (speed > LEAST_SPEED) & (engine > LEAST_ENGINE)
+    gears = np.arange(1, int(np.nanmax(gear)) + 1)
+    own = [turning & (gear == k) for k in gears]
+    seen = [float(np.log(np.median(engine[m] / speed[m]))) if m.any() else np.nan for m in own]
+    known = np.isfinite(seen)
+    if known.sum() < 2:
+        return ()
+    line = np.polyval(np.polyfit(gears[known], np.array(seen)[known], 1), gears)
+    return tuple(np.minimum.accumulate(np.exp(np.where(known, seen, line))).tolist())

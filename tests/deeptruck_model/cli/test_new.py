@@ -1,0 +1,78 @@
+"""`deeptruck-model new`, as it is typed."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.recordings import write_bag
+
+SHEET = {
+    "mass_kg": 20000,
+    "gear_ratios": [12.69, 9.29, 6.75, 4.90, 3.62, 2.59, 1.90, 1.38, 1.00, 0.74],
+    "axle_ratio": 3.7,
+    "tyres": 0.5,
+    "rated_torque_nm": 1750,
+    "frontal_area_m2": 10.5,
+    "full_braking_m_s2": 6,
+}
+COMMAND = (sys.executable, "-c", "from deeptruck_model.cli import main; main()", "new")
+
+
+def new(here: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        (*COMMAND, *words), cwd=here, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+    )
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    (tmp_path / "sheet.yaml").write_text(yaml.safe_dump(SHEET))
+    truck = trucks.load("trucksim")
+    write_bag(
+        tmp_path / "bag", [driving_cycles.drive(truck, seconds=300.0, seed=3)], interface=truck.interface
+    )
+    return tmp_path
+
+
+def test_a_sheet_that_the_drive_confirms_becomes_a_truck(here: Path) -> None:
+    done = new(here, "mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
+    assert done.returncode == 0, done.stderr
+    assert "the gears are those of the recordings" in done.stdout and "truck:mine.yaml" in done.stdout
+    assert yaml.safe_load((here / "mine.yaml").read_text())["transmission"]["final_drive"] == 3.7
+
+
+def test_a_sheet_that_the_drive_contradicts_is_refused(here: Path) -> None:
+    (here / "sheet.yaml").write_text(yaml.safe_dump({**SHEET, "axle_ratio": 4.6}))
+    done = new(here, "mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "check axle ratio" in done.stderr
+    assert not (here / "mine.yaml").exists()
+
+
+def test_without_a_terminal_it_says_what_to_give(tmp_path: Path) -> None:
+    done = new(tmp_path, "mine.yaml")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1) and "--from FILE.yaml" in done.stderr
+    named = new(tmp_path, "mine", "--from", "sheet.yaml")
+    assert named.returncode == 2 and "must end in .yaml" in named.stderr
+
+
+def test_the_wizard_asks_again_after_a_wrong_answer(tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    answers = "heavy\n24000\n2.85\n315/80R22.5\n14.8 11.7 9 7.1 5.6 4.4 3.4 2.6 2 1.6 1.27 1\n2300\n\n\nn\n"
+    with subprocess.Popen(
+        (*COMMAND, "mine.yaml"), cwd=tmp_path, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        os.write(ours, answers.encode())
+        out, error = process.communicate(timeout=120)
+    os.close(ours)
+    os.close(theirs)
+    assert process.returncode == 0, error
+    assert b"'mass_kg' must be a number in kg, not 'heavy'" in error and b"12 gears" in out
+    assert yaml.safe_load((tmp_path / "mine.yaml").read_text())["body"]["mass"] == 24000.0

@@ -1,0 +1,45 @@
+"""Gears as recordings show them, beside those of a simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from deeptruck_model import driving_cycles, overall_ratios, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording
+
+
+@pytest.fixture(scope="module")
+def drive() -> Recording:
+    return driving_cycles.drive(trucks.load("trucksim"), seconds=900.0, seed=3)
+
+
+def overall(name: str) -> list[float]:
+    truck = trucks.load(name).specification
+    return [r * truck.values["final_drive"] / truck.values["wheel_radius"] for r in truck.ratios]
+
+
+def test_gears_are_read_off_engine_speed_and_speed(drive: Recording) -> None:
+    found, stated = overall_ratios.from_gears([drive]), overall("trucksim")
+    assert len(found) == len(stated)
+    assert found[3:] == pytest.approx(stated[3:], rel=0.02)
+
+
+def test_the_own_truck_fits_and_another_does_not(drive: Recording) -> None:
+    overall_ratios.check(trucks.load("trucksim"), [drive])
+    with pytest.raises(InputError, match="'volvo' is another truck than the recorded one: its gear ratios"):
+        overall_ratios.check(trucks.load("volvo"), [drive])
+
+
+def test_an_axle_ratio_that_is_off_is_a_factor(drive: Recording) -> None:
+    off = overall_ratios.misfit([x / 0.634 for x in overall("trucksim")], [drive])
+    assert off is not None and off.factor == pytest.approx(0.634, rel=0.02) and off.best > 0.9
+    assert "check axle ratio and tyres" in str(off)
+
+
+def test_without_an_engine_speed_nothing_is_said(drive: Recording) -> None:
+    bare = replace(drive, channels={k: v for k, v in drive.channels.items() if k != "engine_speed"})
+    overall_ratios.check(trucks.load("volvo"), [bare])
+    overall_ratios.check(trucks.load("volvo"), [drive.piece(0, 300)])  # too short

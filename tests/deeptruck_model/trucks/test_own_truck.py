@@ -1,0 +1,80 @@
+"""A truck from its data sheet: what is refused, and that the file drives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_model import checks, simulators
+from deeptruck_model.errors import InputError
+from deeptruck_model.trucks import own_truck
+
+DATA = {
+    "mass_kg": 24000,
+    "gear_ratios": [14.8, 11.7, 9.0, 7.1, 5.6, 4.4, 3.4, 2.6, 2.0, 1.6, 1.27, 1.0],
+    "axle_ratio": 2.85,
+    "tyres": "315/80R22.5",
+    "rated_torque_nm": 2300,
+    "frontal_area_m2": 9.8,
+    "full_braking_m_s2": 6.0,
+}
+
+
+def made(**changes: object) -> own_truck.Sheet:
+    return own_truck.sheet({**DATA, **changes}, "sheet.yaml")
+
+
+@pytest.mark.parametrize(
+    ("tyres", "metres"), [("315/80R22.5", 0.522), ("295/75 r 22.5", 0.492), (0.5, 0.5), ("0.5", 0.5)]
+)
+def test_a_tyre_size_gives_the_rolling_radius(tyres: str | float, metres: float) -> None:
+    assert own_truck.radius(tyres) == pytest.approx(metres, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"mass_kg": "heavy"}, "sheet.yaml: 'mass_kg' must be a number in kg"),
+        ({"mass_kg": 24}, "'mass_kg' is 24 kg, not 1000 to 60000"),
+        ({"mass_kg": True}, "must be a number"),
+        ({"gear_ratios": [1.0, 2.0]}, "must fall from first to top gear"),
+        ({"gear_ratios": "a, b"}, "must be numbers"),
+        ({"tyres": "315-80"}, "give a size such as 315/80R22.5"),
+        ({"tyres": 1.0}, "none of a truck"),
+        ({"converter": "yes"}, "true or false"),
+        ({"engine_unit": "Nm"}, "'engine_unit' must be N m or percent"),
+        ({"mass": 3}, "did you mean mass_kg"),
+    ],
+)
+def test_a_wrong_value_is_one_line(changes: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says) as refused:
+        made(**changes)
+    assert "\n" not in str(refused.value)
+
+
+def test_what_cannot_be_true_together_is_refused() -> None:
+    with pytest.raises(InputError, match="in top gear at 80 km/h the engine turns 2845 rpm"):
+        own_truck.specification(made(axle_ratio=7.0), "mine")
+    with pytest.raises(InputError, match=r"in first gear it climbs 4 %, and must climb 12 %"):
+        own_truck.specification(made(gear_ratios=[1.9, 1.0], rated_torque_nm=1000), "mine")
+
+
+@pytest.mark.parametrize("converter", [False, True])
+def test_the_file_loads_and_has_the_numbers_of_the_sheet(tmp_path: Path, converter: bool) -> None:
+    sheet = made(converter=converter)
+    file = tmp_path / "mine.yaml"
+    file.write_text(own_truck.text(sheet, own_truck.specification(sheet, "mine"), file.name))
+    assert checks.simulator(f"truck:{file}").interface.mass_kg == 24000
+    truck = simulators.load(f"truck:{file}")
+    assert truck.interface.name == "mine" and truck.parameters()["mass"] == 24000
+
+    def decelerates(brake: float) -> float:
+        state, y = truck.reset(np.array([[0.0, 20.0, 0.0]])), np.zeros((1, 3))
+        for _ in range(20):
+            state, y = truck.step(state, np.array([[0.0, brake]]), np.zeros((1, 1)))
+        return -float(y[0, 0])
+
+    assert decelerates(100.0) == pytest.approx(6.0, abs=0.6)  # besides air, rolling and engine drag
+    assert decelerates(0.0) < 0.5
