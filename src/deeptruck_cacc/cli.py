@@ -110,11 +110,11 @@ def _trained(
     simulator: str, out: Path, trainer: str, config: Config, resume: bool, overwrite: bool
 ) -> MlpPolicy:
     from deeptruck_cacc import training
-    from deeptruck_cacc.training.training_bar import telling
     from deeptruck_model import simulators
+    from deeptruck_model.progress_bar import bar
 
     truck = simulators.load(simulator)
-    with telling() as tell:
+    with bar("training") as tell:
         return training.train(
             truck,
             out,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +11,7 @@ import typer
 
 from deeptruck_model import checks, files, reading, results
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, mapped, show_accounts
+from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -205,18 +206,22 @@ def show_coverage(
         lambda: results.COVERAGE.check(out, overwrite=overwrite),
         lambda: checks.inputs(None, bags, mapped=mapped(topic_map)),
     )
-    from rich.console import Console
-    from rich.progress import track
-
     from deeptruck_model.recordings import coverage, read_all
     from deeptruck_model.recordings.not_recorded import sentence
 
-    bar = partial(track, description="reading", disable=len(bags) < 2, console=Console(stderr=True))
-    recordings = read_all(
-        bags, topic_map=topic_map, clock=clock, mixed_clocks=True, msg=msg or (), progress=bar
-    )
-    found = coverage(recordings)
-    found.save(out, overwrite=overwrite)
+    with progress("reading") as say:
+
+        def each(given: Sequence[str | Path]) -> Iterator[str | Path]:
+            for number, bag in enumerate(given, 1):
+                say(f"reading {bag} ({number} of {len(given)})")
+                yield bag
+
+        recordings = read_all(
+            bags, topic_map=topic_map, clock=clock, mixed_clocks=True, msg=msg or (), progress=each
+        )
+        say("counting and drawing")
+        found = coverage(recordings)
+        found.save(out, overwrite=overwrite)
     for missing in found.not_recorded:
         print(f"not recorded: {sentence(missing)}")
     show_accounts(recordings)

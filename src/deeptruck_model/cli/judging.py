@@ -20,6 +20,7 @@ from deeptruck_model.cli.inputs import (
     mapped,
     read,
 )
+from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,12 +55,15 @@ def evaluate(
     from deeptruck_model import overall_ratios, simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
-    truck, recordings = simulators.load(simulator), read(bags, topic_map, clock, msg)
-    if said := overall_ratios.other_truck(truck, recordings):
+    with progress("reading") as say:
+        truck, recordings = simulators.load(simulator), read(bags, topic_map, clock, msg)
+        said = overall_ratios.other_truck(truck, recordings)
+        say(f"driving {trials} free runs and the baselines, and drawing them")
+        metrics = evaluate_simulator(
+            truck, recordings, out, trials, horizon, seed, overwrite=overwrite, named=simulator
+        )
+    if said:
         typer.echo(f"warning: {said}", err=True)
-    metrics = evaluate_simulator(
-        truck, recordings, out, trials, horizon, seed, overwrite=overwrite, named=simulator
-    )
     typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
     for name, values in metrics.items():
         if isinstance(values, dict):

@@ -1,30 +1,54 @@
-"""What a long command is doing: one line that changes on a terminal, a line a step in a log."""
+"""What a long command is doing: step and time passed on a terminal, a line a step and a minute in a log."""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-QUIET_S = 2.0  # a log tells no step before: what refuses its input does so by one line
+from deeptruck_model.progress_bar import A_MINUTE_S
+
+QUIET_S = 2.0  # a log shows no step before: what refuses its input does so by one line
 
 
 @contextmanager
-def progress(first: str) -> Iterator[Callable[[str], None]]:
-    """A function that tells on stderr which step begins; a terminal shows the `first` one at once."""
+def progress(first: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[str], None]]:
+    """A function that says on stderr which step begins; a terminal shows the `first` one at once."""
     from rich.console import Console
 
     console = Console(stderr=True)
     if console.is_terminal:
-        with console.status(first) as status:
-            yield status.update
+        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        with Progress(*columns, console=console, transient=True) as shown:
+            task = shown.add_task(first)
+            yield lambda step: shown.update(task, description=step)
         return
     begun = time.monotonic()
+    now = first
+
+    def line(text: str) -> None:
+        print(f"{time.monotonic() - begun:4.0f} s: {text}", file=sys.stderr, flush=True)
 
     def say(step: str) -> None:
-        passed_s = time.monotonic() - begun
-        if passed_s > QUIET_S:
-            print(f"{passed_s:4.0f} s: {step}", file=sys.stderr, flush=True)
+        nonlocal now
+        now = step
+        if time.monotonic() - begun > QUIET_S:
+            line(step)
 
-    yield say
+    ended = threading.Event()
+
+    def remind() -> None:
+        while not ended.wait(every_s):
+            line(f"still {now}")
+
+    reminder = threading.Thread(target=remind, daemon=True)
+    reminder.start()
+    try:
+        yield say
+    finally:
+        ended.set()
+        reminder.join()

@@ -6,13 +6,12 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from threadpoolctl import threadpool_limits
 
 from deeptruck_model import files, simulators
@@ -31,6 +30,7 @@ from deeptruck_model.deep.optimizer import guard, largest_gradient, learning_rat
 from deeptruck_model.deep.selection import Best, finite, validate
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError
+from deeptruck_model.progress_bar import bar
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import DEEP_TRUCK, check_start
 from deeptruck_model.simulators import read_manifest
@@ -201,14 +201,12 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
     arguments, per_round = run.arguments, math.ceil(run.updates / run.arguments.rounds)
     judged = np.where(np.arange(len(run.weight)) < run.network.shape.responses, run.weight, np.float32(0.0))
     curves = board(working / "tensorboard", done)
-    with Progress(
-        TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        TextColumn("{task.fields[score]}"), console=Console(stderr=True),
-    ) as progress:  # fmt: skip
-        task = progress.add_task("training", total=run.updates, completed=done, score="")
+    score = ""
+    with bar("training") as show:
         while done < run.updates:
             count = min(per_round, run.updates - done)
-            losses = _round(run, done, count, per_round, lambda: progress.advance(task))
+            show(done, run.updates, score)
+            losses = _round(run, done, count, per_round, partial(show, total=run.updates, remark=score))
             done += count
             horizon = round(arguments.horizon_s / run.data.dt)
             scores = validate(run.network, run.data.held_out, judged, horizon)
@@ -216,7 +214,8 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
             curves.add_scalar("loss/training", float(np.mean(losses)), done)
             curves.add_scalar("loss/validation", float(np.mean(scores)), done)
             curves.add_scalar("learning_rate", learning_rate(arguments, done - 1, run.updates), done)
-            progress.update(task, score=f"validation {scores.mean():.4f}, best {run.best.scores.mean():.4f}")
+            score = f"validation {scores.mean():.4f}, best {run.best.scores.mean():.4f}"
+            show(done, run.updates, score)
             if observe is not None:
                 observe(done, run.network)
             resume.save(working, run.identity, run.network, run.optimizers, run.best, done)
@@ -226,7 +225,7 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
 
 
 def _round(
-    run: _Run, done: int, count: int, per_round: int, advance: Callable[[], None]
+    run: _Run, done: int, count: int, per_round: int, show: Callable[[int], None]
 ) -> np.ndarray[Any, Any]:
     """`count` updates; returns the losses (members,) of the last."""
     arguments, sequences, batch = run.arguments, run.data.sequences, run.arguments.sequences
@@ -239,7 +238,7 @@ def _round(
         for optimizer in run.optimizers:
             optimizer.param_groups[0]["lr"] = learning_rate(arguments, done + i, run.updates)
             optimizer.step()
-        advance()
+        show(done + i + 1)
     return losses
 
 

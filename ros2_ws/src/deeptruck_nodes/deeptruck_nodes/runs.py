@@ -13,7 +13,7 @@ from typing import Any
 from deeptruck_model import checks
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
-from deeptruck_nodes import bag_place, environment, parameters, run_checks
+from deeptruck_nodes import bag_place, environment, parameters, run_checks, run_summary
 from deeptruck_nodes.page import place
 from deeptruck_nodes.run_checks import Misfits, Sections
 from deeptruck_nodes.supervisor import Program, Supervisor, node
@@ -282,6 +282,9 @@ def _run(
             )
             code = supervisor.run(duration)
             outcome = recorded(common.record, bag)
+        if common.record is not None and bag_place.is_whole(common.record):
+            for sentence in run_summary.of(common.record, real_time=what == "vehicle"):
+                print(sentence, flush=True)
         print(f"ended: {supervisor.why}; {outcome}", flush=True)
         return code
     finally:

@@ -1,0 +1,75 @@
+"""What a recorded run comes to: smallest gap, time in control, hand-backs, crashes, lateness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+LEADER, ENGAGED, CLOCK = "/leader/state", "/truck/engaged", "/truck/twist"
+LATE_S = 0.05  # beyond the usual period: half a step of the controller
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Time in s and value of the true gap (m) and of being engaged (0, 1); stamps of the truck, s."""
+
+    gap: tuple[Array, Array]
+    engaged: tuple[Array, Array]
+    stamps: Array
+
+
+def of(bag: Path, *, real_time: bool) -> list[str]:
+    """Sentences on a run; none of a bag without leader or truck. `real_time`: no clock waited for it."""
+    return sentences(_read(bag), real_time=real_time)
+
+
+def sentences(run: Signals, *, real_time: bool) -> list[str]:
+    """The same of signals."""
+    said = []
+    known = run.gap[1][np.isfinite(run.gap[1])]
+    if len(known):
+        crashes = int(np.sum(np.diff((known <= 0.0).astype(int), prepend=0) > 0))
+        count = {0: "no crash", 1: "1 crash"}.get(crashes, f"{crashes} crashes")
+        said.append(f"smallest gap {max(0.0, float(known.min())):.1f} m, {count}")
+    times, engaged = run.engaged
+    if len(times) > 1:
+        passed = np.diff(times)
+        held = float(passed[engaged[:-1] > 0.5].sum())
+        back = int(np.sum((engaged[:-1] > 0.5) & (engaged[1:] <= 0.5)))
+        said.append(
+            f"in control {held:.0f} of {float(passed.sum()):.0f} s, "
+            f"handed back {back} time{'' if back == 1 else 's'}"
+        )
+    steps = np.diff(run.stamps)
+    if real_time and len(steps):
+        late = steps - np.median(steps)
+        many = int(np.sum(late > LATE_S))
+        if many:
+            said.append(
+                f"this machine was late by up to {1000 * float(late.max()):.0f} ms, {many} "
+                f"time{'' if many == 1 else 's'}: the run was not in real time there"
+            )
+    return said
+
+
+def _read(bag: Path) -> Signals:
+    found: dict[str, list[tuple[float, float]]] = {LEADER: [], ENGAGED: [], CLOCK: []}
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        connections = [c for c in reader.connections if c.topic in found]
+        for connection, _, data in reader.messages(connections):
+            message = reader.deserialize(data, connection.msgtype)
+            time = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+            value = 0.0 if connection.topic == CLOCK else float(message.position[0])
+            found[connection.topic].append((time, value))
+    columns = {topic: np.array(rows, np.float64).reshape(-1, 2).T for topic, rows in found.items()}
+    return Signals(
+        (columns[LEADER][0], columns[LEADER][1]),
+        (columns[ENGAGED][0], columns[ENGAGED][1]),
+        columns[CLOCK][0],
+    )
