@@ -22,18 +22,24 @@ EXAMPLES = """
 Examples:\n
   python -m truck_bridge.emulator --vehicle trucksim --interface loopback --channel demo\n
   python -m truck_bridge.emulator --vehicle volvo --interface socketcan --channel vcan0 --grade road.csv\n
-  python -m truck_bridge.emulator --vehicle trucksim --driver 10:brake_pedal=40,12:brake_pedal=0
+  python -m truck_bridge.emulator --vehicle trucksim --driver 10:brake_pedal=40,12:brake_pedal=0\n
+  python -m truck_bridge.emulator --vehicle trucksim --driver engaged+5:brake_pedal=40
 """
 FASTEST = 50.0  # m/s
+ENGAGED = "engaged+"  # before seconds that count from engagement
 
 
 @dataclass(frozen=True)
 class Action:
-    """What the driver does `at` s: a field of `Driver`, and its new value."""
+    """What the driver does `at` s: a field of `Driver`, and its new value.
+
+    Seconds count from the start, or with `engaged` from the first command that a controller obeys.
+    """
 
     at: float
     key: str
     value: float
+    engaged: bool = False
 
 
 def main_command(
@@ -48,7 +54,9 @@ def main_command(
     ] = None,
     grade: Annotated[str, typer.Option(help="Slope (rise/run), or a CSV with columns distance,grade.")] = "0",
     speed: Annotated[float, typer.Option(help="Speed at the start, m/s.")] = 0.0,
-    driver: Annotated[str, typer.Option(help="What the driver does: SECONDS:KEY=VALUE,...")] = "",
+    driver: Annotated[
+        str, typer.Option(help="What the driver does: SECONDS:KEY=VALUE,... or engaged+SECONDS:KEY=VALUE,...")
+    ] = "",
     duration: Annotated[float, typer.Option(help="Stop after so many seconds.")] = math.inf,
 ) -> None:
     """A truck's controllers around a physics truck, on a CAN bus, until the duration, SIGINT, SIGTERM or
@@ -87,7 +95,8 @@ def actions(text: str) -> list[Action]:
             key, value = action.split("=")
             if key not in known:
                 raise ValueError(f"keys are {', '.join(known)}")
-            found.append(Action(float(when), key, float(value)))
+            seconds = when.removeprefix(ENGAGED)
+            found.append(Action(float(seconds), key, float(value), engaged=seconds != when))
         except ValueError as error:
             raise InputError(f"--driver '{item}' is not SECONDS:KEY=VALUE ({error})") from None
     return sorted(found, key=lambda action: action.at)
@@ -98,12 +107,15 @@ def _drive(emulator: EcuEmulator, coming: list[Action], duration: float) -> None
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda *_: stop.set())
-    start = time.monotonic()
+    start, engaged = time.monotonic(), math.inf
     while not stop.is_set() and (now := time.monotonic()) - start <= duration:
-        while coming and now - start >= coming[0].at:
-            action = coming.pop(0)
-            setattr(emulator.driver, action.key, action.value)
+        for action in list(coming):
+            if now - (engaged if action.engaged else start) >= action.at:
+                coming.remove(action)
+                setattr(emulator.driver, action.key, action.value)
         emulator.step(now)
+        if engaged == math.inf and any(not math.isnan(emulator.demand(axis)) for axis in emulator.receivers):
+            engaged = now
         stop.wait(0.002)
 
 

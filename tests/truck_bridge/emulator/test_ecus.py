@@ -48,7 +48,7 @@ def test_real_processes_drive_and_the_driver_takes_over():
     """Emulator in a process of its own, the bridge's thread here, a third bus as witness; in real time."""
     channel = f"{os.getpid()}-real"
     command = [sys.executable, "-m", "truck_bridge.emulator", "--vehicle", "volvo", "--channel", channel]
-    command += ["--speed", "15", "--driver", "7:brake_pedal=40", "--duration", "60"]
+    command += ["--speed", "15", "--driver", "engaged+1:brake_pedal=40", "--duration", "300"]
     vehicle = vehicles.load("volvo")
     witness, ours = (can.Bus(interface="loopback", channel=channel) for _ in range(2))
     bridge, stop, signals = Bridge(vehicle, ours), threading.Event(), {}
@@ -59,7 +59,7 @@ def test_real_processes_drive_and_the_driver_takes_over():
             bridge.arm(time.monotonic())
             thread.start()
             engaged = driven = False
-            deadline = time.monotonic() + 30
+            deadline = time.monotonic() + 120  # for a failure alone: the driver acts after engagement
             while time.monotonic() < deadline and not driven:
                 now = time.monotonic()
                 bridge.command(40.0, 0.0, now, engaged=bridge.engaged)
