@@ -138,3 +138,11 @@ def test_wrong_and_half_arguments_are_refused(
             line += [*option, *(data.draw(value, p.name) for _ in range(abs(p.nargs)))]
     refused(program, line, capsys)
     assert not list(tmp_path.iterdir())
+
+
+def test_help_shows_values_in_capitals_or_as_choices(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        console.run(cli.whole(), "deeptruck-model", ["train", "--help"])
+    shown = capsys.readouterr().out
+    for option in ("--seed N", "--topic-map FILE", "--mode <default|paper>", "--clock <log|stamp>"):
+        assert option in shown

@@ -177,21 +177,15 @@ def _result(hidden: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
     return f"{found}; the correction changes {change}, which did not pass validation"
 
 
-def _beside(hidden: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
-    """Rows of name, probability, mean force while it acts and share of time: the truth, then each finding."""
-    truth = (
-        _words(hidden["effect"]),
-        "",
-        _kilonewton(hidden["mean_force_n"]),
-        _percent(hidden["share_of_time"]),
-    )
-    rows: list[tuple[str, ...]] = [("hidden", *truth)]
+def _beside(
+    hidden: Mapping[str, Any], findings: Sequence[Mapping[str, Any]]
+) -> list[tuple[str, str, str, str]]:
+    """Rows of name, probability and mean force while it acts: the truth, then each finding."""
+    rows = [("hidden", _words(hidden["effect"]), "", _kilonewton(hidden["mean_force_n"]))]
     for f in findings:
         strength = f.get("strength") or {}
-        newton = strength.get("unit") == "N"
-        force = _kilonewton(strength["value"]) if newton else ""
-        time = _percent(strength["share_of_time"]) if newton else ""
-        rows.append(("found", _words(f["effect"]), _percent(f["probability"]), force, time))
+        force = _kilonewton(strength["value"]) if strength.get("unit") == "N" else ""
+        rows.append(("found", _words(f["effect"]), _percent(f["probability"]), force))
     return rows
 
 

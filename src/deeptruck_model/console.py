@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from enum import Enum
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import typer
 from typer.exceptions import TyperException
@@ -24,6 +25,13 @@ EXTRA_OF = {  # of what a slim installation is without
     **dict.fromkeys(("fmpy", "pythonfmu3"), "fmu"),
     "libsumo": "sumo",
 }
+VALUES = {
+    "out": "DIR",
+    "recordings": "BAG",
+    "held_out": "BAG",
+    "simulator": "SIM",
+    "record": "BAG",
+}  # in help
 EXTRA_OF_PROGRAM = {"deeptruck-cacc": "cacc"}  # it needs what learns too, and its extra holds that
 
 
@@ -86,7 +94,22 @@ def _interrupted(app: typer.Typer, words: Sequence[str]) -> str:
 def _command(app: typer.Typer) -> Callable[..., object]:
     """What parses for `app`, made once a process: reading the signatures of all commands takes long."""
     app.rich_markup_mode = None  # help as plain text: the library that draws boxes takes longer than the help
-    return get_command(app)
+    command = get_command(app)
+    for one in (command, *getattr(command, "commands", {}).values()):
+        for parameter in one.params:
+            _in_capitals(parameter)
+    return command
+
+
+def _in_capitals(parameter: Any) -> None:
+    """What help shows for the value of an option: its choices, N for a count, X for a number, or a name."""
+    annotation = getattr(getattr(parameter, "type_descriptor", None), "annotation", None)
+    kinds = {annotation, *get_args(annotation)}
+    choices = any(get_origin(k) is Literal or (isinstance(k, type) and issubclass(k, Enum)) for k in kinds)
+    if parameter.param_type_name != "option" or parameter.metavar or parameter.is_flag or choices:
+        return
+    name = VALUES.get(parameter.name, parameter.name.upper().replace("_", "-"))
+    parameter.metavar = "N" if int in kinds else "X" if float in kinds else name
 
 
 def _nothing_empty(words: Sequence[str]) -> None:
