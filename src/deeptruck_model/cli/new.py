@@ -112,6 +112,7 @@ def _asked(drives: list[Recording]) -> dict[str, Any]:
     """The data sheet as it is typed; an answer that cannot be used is asked again."""
     from deeptruck_model import overall_ratios
     from deeptruck_model.trucks import own_truck
+    from deeptruck_model.trucks.specification import from_pool
 
     entries = {entry.name: entry for entry in own_truck.NUMBERS}
     answers: dict[str, Any] = {}
@@ -136,7 +137,7 @@ def _asked(drives: list[Recording]) -> dict[str, Any]:
     ask("tyres", "295/80R22.5", own_truck.radius, "Tyres, a size or the rolling radius in m")
     scale = own_truck.radius(answers["tyres"]) / float(answers["axle_ratio"])
     seen = [round(x * scale, 3) for x in overall_ratios.from_gears(drives)]
-    usual = ", ".join(f"{x:g}" for x in seen or own_truck.from_pool(own_truck.CLUTCH).ratios)
+    usual = ", ".join(f"{x:g}" for x in seen or from_pool(own_truck.CLUTCH).ratios)
     ask(
         "gear_ratios",
         usual,

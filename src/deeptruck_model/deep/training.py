@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -203,10 +202,14 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
     curves = board(working / "tensorboard", done)
     score = ""
     with bar("training") as show:
+
+        def step(now: int) -> None:
+            show(now, run.updates, score)
+
         while done < run.updates:
             count = min(per_round, run.updates - done)
-            show(done, run.updates, score)
-            losses = _round(run, done, count, per_round, partial(show, total=run.updates, remark=score))
+            step(done)
+            losses = _round(run, done, count, per_round, step)
             done += count
             horizon = round(arguments.horizon_s / run.data.dt)
             scores = validate(run.network, run.data.held_out, judged, horizon)
@@ -215,7 +218,7 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
             curves.add_scalar("loss/validation", float(np.mean(scores)), done)
             curves.add_scalar("learning_rate", learning_rate(arguments, done - 1, run.updates), done)
             score = f"validation {scores.mean():.4f}, best {run.best.scores.mean():.4f}"
-            show(done, run.updates, score)
+            step(done)
             if observe is not None:
                 observe(done, run.network)
             resume.save(working, run.identity, run.network, run.optimizers, run.best, done)
