@@ -95,7 +95,7 @@ def test_the_job_of_a_killed_worker_is_done_again(jobs, tmp_path, engine):
     assert set(done) == {"seed-0", jobs.VICTIM} and done[jobs.VICTIM] == 2
 
 
-@pytest.mark.long
+@pytest.mark.hours  # four minutes of CPU time; test_the_job_of_a_killed_worker_is_done_again is quick
 def test_a_killed_worker_loses_no_finished_seed(bag, unbroken, jobs, tmp_path):
     """Seed 0 is done and seed 1 half done when the process of seed 1 is killed."""
     out = tmp_path / "sweep"
