@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deeptruck_model import files
-from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.arguments import PAPER_FUEL, Arguments
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.experiments.learning_curves import COLOURS, Unseen
 from deeptruck_model.deep.experiments.output import sample_trials
@@ -89,8 +89,8 @@ def learn(job: Job) -> dict[str, Any]:
     training, test = drives(job.truck)
     curves = Path(job.work) / f"{job.name}.jsonl"
     watched = job.truck == "trucksim" and (job.recipe == "paper" or job.recipe in VARIANTS)
-    observe = _observer(curves) if watched else None
     recipe = (RECIPES | VARIANTS)[job.recipe]
+    observe = _observer(curves, recipe.fuel or PAPER_FUEL) if watched else None
     arguments = replace(recipe, seed=job.seed, updates=job.updates or recipe.updates)
     truck = train([training], job.folder, arguments, resumes=True, observe=observe)
     found = {"name": job.name, "budget": job.updates}
@@ -144,9 +144,9 @@ def _bands(runs: Trials) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _observer(curves: Path) -> Any:
+def _observer(curves: Path, fuel: float) -> Any:
     """Appends losses on drives that no training sees, line by line, so that a killed run keeps them."""
-    unseen = Unseen(drive_of("trucksim", 60, TEST_SEED), drive_of("trucksim", 60, OTHER_SEED))
+    unseen = Unseen(drive_of("trucksim", 60, TEST_SEED), drive_of("trucksim", 60, OTHER_SEED), fuel)
     curves.parent.mkdir(parents=True, exist_ok=True)
     rounds = iter(range(10**9))
 

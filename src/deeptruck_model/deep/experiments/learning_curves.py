@@ -24,16 +24,18 @@ FED = {"nothing": (), "speed": (1,), "acceleration": (0,), "fuel": (2,), "everyt
 
 
 class Unseen:
-    """Two drives that no training sees, one for each form, as the paper has it."""
+    """Two drives that no training sees, one for each form, as the paper has it.
 
-    def __init__(self, forced: Recording, free: Recording) -> None:
-        self.drives = {"training": forced, "deployment": free}
+    `fuel` is the cost of a squared fuel error of 1 (cm^3/s)^2.
+    """
+
+    def __init__(self, forced: Recording, free: Recording, fuel: float = PAPER_FUEL) -> None:
+        self.drives, self.fuel = {"training": forced, "deployment": free}, fuel
 
     def losses(self, network: TruckNetwork) -> dict[str, list[float]]:
-        """Plain squared error by form with fuel in l/s, (members,) each, over windows of K steps from zero
-        state."""
+        """Plain squared error by form, (members,) each, over windows of K steps from zero state."""
         weight = np.zeros(network.shape.responses + network.shape.taught, np.float32)
-        weight[: network.shape.responses] = [1.0, 1.0, PAPER_FUEL][: network.shape.responses]
+        weight[: network.shape.responses] = [1.0, 1.0, self.fuel][: network.shape.responses]
         return {
             form: loss.loss(network, *_windows(network, drive), weight, form).tolist()
             for form, drive in self.drives.items()

@@ -14,7 +14,7 @@ from deeptruck_model import files, simulators, sweeps
 from deeptruck_model.deep.arguments import PAPER_PASSES
 from deeptruck_model.deep.experiments import learning_curves, probes
 from deeptruck_model.deep.experiments.beside_paper import RECIPES, VARIANTS, Job, drives, learn, runs_of
-from deeptruck_model.deep.experiments.learning_curves import FED
+from deeptruck_model.deep.experiments.loss_forms import Found, cause
 from deeptruck_model.deep.experiments.output import sample_run
 from deeptruck_model.deep.experiments.paper_page import Figures, Row, at, picture, table, write
 from deeptruck_model.deep.experiments.paper_rules import FIELD_SEEDS, PROBE_FIT_MIN, SEEDS, SHARE_WITHIN
@@ -130,7 +130,7 @@ def page(out: Path) -> None:
         "",
     ]
     lines += [*table(SIMULATED, _columns(found, "trucksim")), *_remarks(found), *_fuel_unit(found)]
-    lines += [*_cause(found), *_probed(out)]
+    lines += [*cause(found), *_probed(out)]
     for name, says in CAPTIONS.items():
         lines += picture(out, name, says)
     for truck, rows in FIELD_ROWS.items():
@@ -156,26 +156,9 @@ The paper gives the fuel rate in cm³/s and says that its error stays below 0.00
 {fuel:.0f} cm³/s, as a diesel of 400 hp does; 0.001 cm³/s would be a precision that nothing else in the paper
 has. In litres a second 0.001 is 1 cm³/s, the bound of its field experiments. So the loss of 'its recipe' has
 fuel in l/s, where fuel hardly counts. **This unit was chosen after the recipe had been run in cm³/s and its
-errors on the test drive had been seen**; it is an assumption in the paper's favour. One seed of each; both
-losses are given with fuel in l/s:
+errors on the test drive had been seen**; it is an assumption in the paper's favour. One seed of each, its
+losses in the unit that it was trained with:
 """.strip()
-CAUSE = """### Why the deployment form stays above the training form
-
-Mean squared errors over 10 s on an unseen hour, by which recorded responses are fed to the network in
-place of its own. With 'nothing' it is the deployment form, with 'everything' the training form."""
-CAUSE_HEAD = "| passes | recorded and fed back | acceleration (m/s²)² | speed (m/s)² | fuel rate (cm³/s)² |"
-VARIED = {
-    "short": "as it is",
-    "slower": "a quarter of the step",
-    "clipped": "gradients clipped to a norm of 1",
-    "free": "trained in deployment form",
-    "cubic": "fuel in cm³/s",
-}
-VARIED_SAYS = """
-The recipe with one setting changed at a time, one seed each: medians of the losses over thirds of the
-passes, and what the kept weights reach on the test drive.
-""".strip()
-Found = Mapping[tuple[str, str], list[dict[str, Any]]]
 CAPTIONS = {
     "dataset.png": "ten minutes of the training data: inputs, and responses",
     "learning_curves.png": "losses by the paper's recipe",
@@ -271,64 +254,6 @@ def _fuel_unit(found: Found) -> list[str]:
     columns = {"fuel in l/s": "short", "fuel in cm³/s, as printed": "cubic"}
     both = {heading: found.get(("trucksim", variant), []) for heading, variant in columns.items()}
     return [FUEL_UNIT.format(fuel=fuel), "", *table(SIMULATED, both)]
-
-
-def _cause(found: Found) -> list[str]:
-    """What is fed back in the deployment form, and what that costs, early and late; and the variants."""
-    curves = [f["curves"] for f in found.get(("trucksim", "paper"), [])]
-    looks = [[line for line in curve if "by_feedback" in line] for curve in curves]
-    if not looks:
-        return []
-    lines = [CAUSE, "", CAUSE_HEAD, "|---|---|---|---|---|"]
-    errors: dict[str, Any] = {}
-    for k in sorted({0, len(looks[0]) // 2, len(looks[0]) - 1}):
-        for fed in FED:
-            errors[fed] = np.median([look[k]["by_feedback"][fed] for look in looks if k < len(look)], axis=0)
-            cells = " | ".join(f"{x:.3g}" for x in errors[fed])
-            lines.append(f"| {looks[0][k]['passes']:.0f} | {fed} | {cells} |")
-    left = {fed: errors[fed][0] / errors["nothing"][0] for fed in ("speed", "acceleration", "fuel")}
-    says = ", ".join(f"{fed} {100 * share:.0f} %" for fed, share in left.items())
-    lines += [
-        "",
-        f"What is left of the acceleration's squared error at the end where one is recorded: {says}.",
-        "",
-    ]
-    return [*lines, *_variants(found)]
-
-
-def _variants(found: Found) -> list[str]:
-    """Losses of the variants by thirds of their passes, and in which of them the deployment form rises."""
-    seeds = {says: found[key][0] for name, says in VARIED.items() if found.get(key := ("trucksim", name))}
-    if len(seeds) < 2:
-        return []
-    passes = [line["passes"] for line in next(iter(seeds.values()))["curves"]]
-    thirds = np.array_split(np.arange(len(passes)), min(3, len(passes)))
-    heads = [f"passes {passes[third[0]]:.0f} to {passes[third[-1]]:.0f}" for third in thirds]
-    ends = "speed error, sd after 40 s (m/s) | runs within 1.5 m/s"
-    lines = [
-        VARIED_SAYS,
-        "",
-        f"| training form, deployment form | {' | '.join(heads)} | {ends} |",
-        "|---" * (len(heads) + 3) + "|",
-    ]
-    rising = {}
-    for says, seed in seeds.items():
-        training, deployment = (
-            [float(np.median([seed["curves"][k][form] for k in third])) for third in thirds]
-            for form in learning_curves.COLOURS
-        )
-        cells = " | ".join(f"{t:.4f}, {d:.2f}" for t, d in zip(training, deployment, strict=True))
-        within = f"{100 * seed['speed']['trials_within_1.5']:.0f} %"
-        lines.append(f"| {says} | {cells} | {seed['speed']['sd_at_end']:.2f} | {within} |")
-        rising[says] = deployment[-1] > deployment[-2:][0]
-    rises, falls = ([says for says in rising if rising[says] is which] for which in (True, False))
-    return [
-        *lines,
-        "",
-        f"From the second third to the last the deployment form rises in: {'; '.join(rises) or 'none'}. "
-        f"It does not in: {'; '.join(falls) or 'none'}.",
-        "",
-    ]
 
 
 def _probed(out: Path) -> list[str]:

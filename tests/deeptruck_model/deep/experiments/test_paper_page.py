@@ -54,8 +54,8 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     out = tmp_path / "paper"
     page = (out / "paper.md").read_text()
     assert page.count("| seeds | | 1 | 1 | 1 |") == 2
-    assert "### Why the deployment form stays above" in page and "\n| fuel in cm³/s | " in page
-    assert "the deployment form rises in: " in page
+    assert "### Why the deployment form stays above" in page and "\n| fuel in cm³/s, losses too | " in page
+    assert "the deployment form rises in: " in page and "Not run: a quarter of the step, " in page
     assert "| | paper | fuel in l/s | fuel in cm³/s, as printed |" in page
     assert "is trained on engine_speed, engine_torque, gear besides" in page
     assert "| our default, not trained on gear and engine | brake pressure | " in page
