@@ -63,11 +63,11 @@ def _variants(found: Found) -> list[str]:
     passes = [line["passes"] for line in next(iter(seeds.values()))["curves"]]
     thirds = np.array_split(np.arange(len(passes)), min(3, len(passes)))
     heads = [f"passes {passes[third[0]]:.0f} to {passes[third[-1]]:.0f}" for third in thirds]
-    ends = "speed error, sd after 40 s (m/s) | runs within 1.5 m/s"
+    measured = "speed error, sd after 40 s (m/s) | runs within 1.5 m/s"
     lines = [
         VARIED_SAYS,
         "",
-        f"| training form, deployment form | {' | '.join(heads)} | {ends} |",
+        f"| training form, deployment form | {' | '.join(heads)} | {measured} |",
         "|---" * (len(heads) + 3) + "|",
     ]
     rising = {}
