@@ -39,6 +39,12 @@ def test_an_axle_ratio_that_is_off_is_a_factor(drive: Recording) -> None:
     assert "check axle ratio and tyres" in str(off)
 
 
+def test_a_speed_sensor_that_is_off_is_no_other_truck(drive: Recording) -> None:
+    scaled = replace(drive, channels=drive.channels | {"speed": 1.08 * drive.channels["speed"]})
+    overall_ratios.check(trucks.load("trucksim"), [scaled])
+    assert "check axle ratio and tyres" in overall_ratios.other_truck(trucks.load("trucksim"), [scaled])
+
+
 def test_without_an_engine_speed_nothing_is_said(drive: Recording) -> None:
     bare = replace(drive, channels={k: v for k, v in drive.channels.items() if k != "engine_speed"})
     overall_ratios.check(trucks.load("volvo"), [bare])

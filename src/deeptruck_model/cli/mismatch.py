@@ -64,8 +64,8 @@ def mismatch(
         lambda: _check_excluded(exclude or []),
     )
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
-        from deeptruck_model import overall_ratios, simulators
         from deeptruck_model import recordings as rec
+        from deeptruck_model import simulators
 
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
@@ -73,7 +73,6 @@ def mismatch(
             rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others, clock=clock, msg=msg or ())
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
-        overall_ratios.check(truck, [*fit, *held])
         show_accounts([*fit, *held])
         # the libraries take seconds to import: a bag that cannot be read is refused before
         from deeptruck_model.mismatch import find_mismatch

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from deeptruck_model import overall_ratios
 from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import decide, unrecorded
@@ -60,6 +61,7 @@ def find_mismatch(
     _check_mass(simulator, mass_kg)
     with threadpool_limits(1):
         say("checking the data")
+        overall_ratios.check(simulator, [*recordings, *held_out])
         drives = prepared(simulator, recordings, held_out, rules)
         stated = mass_kg is not None or "mass" in simulator.parameters()
         missing = unrecorded.inputs([*recordings, *held_out], mass_known=stated)

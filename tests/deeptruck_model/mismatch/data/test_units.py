@@ -27,17 +27,14 @@ class OneGear:
 
     interface, dt = TRUCK.interface, TRUCK.dt
 
-    def __init__(self, *, tells: bool = True, gear: float | None = None) -> None:
-        self.tells, self.gear = tells, gear
+    def __init__(self, *, tells: bool = True) -> None:
+        self.tells = tells
 
     def parameters(self) -> dict[str, float]:
         return {}
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array) -> Run:
-        inside = {"engine_speed": RATIO * recorded[:, :, SPEED]} if self.tells else {}
-        if self.gear is not None:
-            inside["gear"] = np.full(recorded.shape[:2], self.gear)
-        return Run(recorded, inside)
+        return Run(recorded, {"engine_speed": RATIO * recorded[:, :, SPEED]} if self.tells else {})
 
 
 def drive(scale: float, *, tyres: float = 1.0, positions: bool = False) -> Prepared:
@@ -61,19 +58,6 @@ def test_a_speed_in_another_unit_is_refused_by_name() -> None:
 @pytest.mark.parametrize("scale", [1.0, 1.04, 1 / 1.6093, 3.0, 9.80665])
 def test_tyres_another_gear_and_what_is_no_unit_are_not(scale: float) -> None:
     speed_unit.check(OneGear(), [drive(scale)])  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("tyres", [0.7, 1.3])
-def test_other_gear_ratios_end_the_comparison(tyres: float) -> None:
-    """Engine and wheels of another axle: in each gear the ratio is another."""
-    given = drive(1.0, tyres=tyres)
-    channels = given.recording.channels | {"gear": np.ones(len(given.recording))}
-    geared = [replace(given, recording=replace(given.recording, channels=channels))]
-    truck: Any = OneGear(gear=1.0)
-    with pytest.raises(InputError, match=r"gear ratios, axle ratio or tyres are not this truck's"):
-        speed_unit.check(truck, geared)
-    truck.gear = None  # in which gear it drives is not known
-    speed_unit.check(truck, geared)
 
 
 @pytest.mark.parametrize("scale", [0.95, 1.05])
