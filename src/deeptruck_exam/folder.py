@@ -44,7 +44,7 @@ REAL = Result(
 )  # fmt: skip
 CLASSIFIER = Result(
     "a trained effect classifier",
-    ("recogniser.npz", "recogniser.json", "acceptance.md", "base-*-*.npz"),
+    ("effect_classifier.npz", "effect_classifier.json", "acceptance.md", "base-*-*.npz"),
 )
 LIMIT = Result("limits of cases", ("limit.json", "*-*.json"))
 

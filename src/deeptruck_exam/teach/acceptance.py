@@ -12,7 +12,7 @@ from deeptruck_exam.laws.catalogue import UNKNOWN
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.teach.learning import NOWHERE, answered, weights, with_evidence
 from deeptruck_exam.teach.samples import Samples
-from deeptruck_model.mismatch import NOTHING, Fingerprint, Recogniser
+from deeptruck_model.mismatch import NOTHING, EffectClassifier, KernelFeatures
 
 CREDIBLE = 0.8
 WORSE = {"first": 0.03, "in_set": 0.03, "log_score": 0.1}  # at most, than the shipped one; nats
@@ -33,17 +33,17 @@ class Score:
     calibration: float
 
 
-Probabilities = Callable[[Fingerprint], tuple[Array, tuple[str, ...]]]
+Probabilities = Callable[[KernelFeatures], tuple[Array, tuple[str, ...]]]
 
 
-def of_classifier(by: Recogniser) -> Probabilities:
+def of_classifier(by: EffectClassifier) -> Probabilities:
     return lambda f: (by.probabilities(f), by.names)
 
 
 def of_evidence(names: tuple[str, ...]) -> Probabilities:
     """The evidence alone, over the same names."""
 
-    def probabilities(f: Fingerprint) -> tuple[Array, tuple[str, ...]]:
+    def probabilities(f: KernelFeatures) -> tuple[Array, tuple[str, ...]]:
         evidence = np.where(f.possible(names), f.by_evidence(names), NOWHERE)
         p = np.exp(evidence - evidence.max(axis=1, keepdims=True))
         return p / p.sum(axis=1, keepdims=True), names
@@ -56,13 +56,13 @@ def judged(parts: Sequence[Samples], ways: Mapping[str, Probabilities]) -> dict[
     parts = [with_evidence(part) for part in parts]
     out: dict[str, dict[str, Score]] = {}
     for way, by in ways.items():
-        found = [by(part.fingerprint) for part in parts]
+        found = [by(part.kernels) for part in parts]
         names = found[0][1]
         p = np.concatenate([x for x, _ in found])
         answers = [a for part in parts for a in answered(part)]
         answer = np.array([names.index(a) if a in names else names.index(UNKNOWN) for a in answers])
         laws = np.array([f"{a} {law}" for a, law in zip(answers, _laws(parts), strict=True)])
-        possible = np.concatenate([part.fingerprint.possible(names) for part in parts])
+        possible = np.concatenate([part.kernels.possible(names) for part in parts])
         named = answer != names.index(UNKNOWN)
         alone = ~possible[:, names.index(NOTHING)] if NOTHING in names else np.ones(len(p), bool)
         for title, rows in (("all", alone), ("with a name", alone & named), ("unknown", alone & ~named)):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from deeptruck_exam.laws.catalogue import UNKNOWN
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.teach.samples import Samples
-from deeptruck_model.mismatch import NOTHING, Fingerprint, Layer, Recogniser
+from deeptruck_model.mismatch import NOTHING, EffectClassifier, KernelFeatures, Layer
 
 if TYPE_CHECKING:
     import torch
@@ -54,7 +54,7 @@ def training_set(
             if again.any() and part.laws[again][0].split(" ")[0] not in ("fault", "parameter"):
                 made.append(_of(_without(part.of(again), {name}), keys, names))
         share = rng.uniform(*LOST)
-        lost = {n for n in sorted(part.fingerprint.names - {UNKNOWN}) if rng.random() < share}
+        lost = {n for n in sorted(part.kernels.names - {UNKNOWN}) if rng.random() < share}
         some = rng.random(len(part.names)) < FEWER_SHARE
         made.append(_of(_without(part.of(some), lost), keys, names))
     fields = TrainingSet.__dataclass_fields__
@@ -63,20 +63,20 @@ def training_set(
 
 def with_evidence(part: Samples) -> Samples:
     """Those that leave any."""
-    return part.of(part.fingerprint.held.nats.max(axis=0) > LEAST_NATS)
+    return part.of(part.kernels.held.nats.max(axis=0) > LEAST_NATS)
 
 
 def _without(part: Samples, lost: set[str]) -> Samples:
     """As where names are in no library: their kernels are gone."""
-    f = part.fingerprint
+    f = part.kernels
     kept = np.array([key.partition(",")[0] not in lost for key in f.keys])
     keys = tuple(key for key, k in zip(f.keys, kept, strict=True) if k)
     held, free = (seen.of(slice(None), kept) for seen in (f.held, f.free))
-    return replace(part, fingerprint=Fingerprint(keys, f.chance[kept], held, free, f.given))
+    return replace(part, kernels=KernelFeatures(keys, f.chance[kept], held, free, f.given))
 
 
 def _of(part: Samples, keys: tuple[str, ...], names: tuple[str, ...]) -> TrainingSet:
-    f = part.fingerprint
+    f = part.kernels
     answers = answered(part)
     return TrainingSet(
         f.features(keys).astype(np.float32),
@@ -89,7 +89,7 @@ def _of(part: Samples, keys: tuple[str, ...], names: tuple[str, ...]) -> Trainin
 
 def answered(part: Samples) -> list[str]:
     """The right answers: a name for which there is no kernel is unknown."""
-    there = part.fingerprint.names | {NOTHING}
+    there = part.kernels.names | {NOTHING}
     return [name if name in there else UNKNOWN for name in part.names.tolist()]
 
 
@@ -115,7 +115,7 @@ def weights(answer: NDArray[np.intp], laws: NDArray[np.str_], possible: NDArray[
 
 def trained(
     some: TrainingSet, keys: tuple[str, ...], names: tuple[str, ...], members: int = MEMBERS
-) -> Recogniser:
+) -> EffectClassifier:
     """An ensemble trained on all of this."""
     mean, sd = some.features.mean(axis=0), some.features.std(axis=0) + 0.05
     weight = weights(some.answer, some.laws, some.possible, names)
@@ -124,7 +124,7 @@ def trained(
         Layer(np.stack([m[k][0] for m in each]), np.stack([m[k][1] for m in each])) for k in range(3)
     )
     trust = np.array([m[3][0] for m in each])
-    return Recogniser(keys, names, mean.astype(float), sd.astype(float), trust, layers)
+    return EffectClassifier(keys, names, mean.astype(float), sd.astype(float), trust, layers)
 
 
 def _member(
@@ -149,7 +149,9 @@ def _member(
         last,
     )
     trust = nn.Parameter(torch.tensor(FIRST_TRUST))
-    x = torch.tensor(Recogniser.scaled(some.features.astype(float), mean, sd, kernels), dtype=torch.float32)
+    x = torch.tensor(
+        EffectClassifier.scaled(some.features.astype(float), mean, sd, kernels), dtype=torch.float32
+    )
     evidence, answer = torch.tensor(some.evidence), torch.tensor(some.answer)
     shut = torch.tensor(np.where(some.possible, 0.0, NOWHERE), dtype=torch.float32)
     _descend(net, trust, x, evidence, shut, answer, torch.tensor(weight, dtype=torch.float32))
@@ -186,7 +188,7 @@ def _descend(
     net.eval()
 
 
-def packed(by: Recogniser) -> bytes:
+def packed(by: EffectClassifier) -> bytes:
     """The file of weights, in half precision: it is small, and shipped."""
     half = {n: getattr(by, n).astype(np.float32) for n in ("mean", "sd", "trust")}
     for k, layer in enumerate(by.layers):

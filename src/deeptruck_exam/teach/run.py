@@ -13,9 +13,9 @@ from deeptruck_exam.jobs import in_parallel
 from deeptruck_exam.teach import acceptance, learning
 from deeptruck_exam.teach.samples import Samples, Source, samples
 from deeptruck_model import files
-from deeptruck_model.mismatch import Recogniser
+from deeptruck_model.mismatch import EffectClassifier
 
-WEIGHTS, CARD, ACCEPTANCE = "recogniser.npz", "recogniser.json", "acceptance.md"
+WEIGHTS, CARD, ACCEPTANCE = "effect_classifier.npz", "effect_classifier.json", "acceptance.md"
 JUDGED_SEED = 2000  # above the training's: other trucks, roads and drivers
 
 
@@ -48,10 +48,10 @@ def _kept(place: Path, source: Source, seed: int) -> None:
 def _trained(
     out: Path, training: Sequence[Samples], scored: Sequence[Samples], command: str
 ) -> dict[str, Any]:
-    keys = tuple(sorted({key for p in training for key in p.fingerprint.keys}))
+    keys = tuple(sorted({key for p in training for key in p.kernels.keys}))
     names = tuple(sorted({name for p in training for name in p.names.tolist()}))
     whole = learning.training_set(training, keys, names)
-    new, shipped = learning.trained(whole, keys, names), Recogniser.load()
+    new, shipped = learning.trained(whole, keys, names), EffectClassifier.load()
     files.rewrite(out / WEIGHTS, learning.packed(new))
     ways = {
         "new": acceptance.of_classifier(new),

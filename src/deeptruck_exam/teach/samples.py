@@ -20,7 +20,7 @@ from deeptruck_exam.laws.law import Array
 from deeptruck_exam.teach.injected import Injected, Injection
 from deeptruck_exam.worlds import trucks
 from deeptruck_model import files
-from deeptruck_model.mismatch import LIBRARY, NOTHING, CleanDrives, Fingerprint, Given, Seen
+from deeptruck_model.mismatch import LIBRARY, NOTHING, CleanDrives, Given, KernelFeatures, Seen
 from deeptruck_model.recordings import Recording
 
 Source = Literal["grammar", "laws"]
@@ -41,12 +41,12 @@ class Samples:
     """Kernel evidence along one base; `names` (N,) are the answers, `laws` (N,) their keys, `base` (N,) its
     seed."""
 
-    fingerprint: Fingerprint
+    kernels: KernelFeatures
     names: NDArray[np.str_]
     laws: NDArray[np.str_]
 
     def save(self, path: Path) -> None:
-        f, packed = self.fingerprint, io.BytesIO()
+        f, packed = self.kernels, io.BytesIO()
         arrays: dict[str, Any] = {"keys": np.array(f.keys), "chance": f.chance}
         arrays |= {"names": self.names, "laws": self.laws}
         arrays |= {f"given_{n}": x for n, x in vars(f.given).items()}
@@ -60,12 +60,12 @@ class Samples:
         with np.load(path) as a:
             held, free = (_seen({n: a[f"{part}_{n}"] for n in SEEN}) for part in ("held", "free"))
             given = Given(*(a[f"given_{n}"] for n in ("there", "explained", "overlap")))
-            f = Fingerprint(tuple(a["keys"].tolist()), a["chance"], held, free, given)
+            f = KernelFeatures(tuple(a["keys"].tolist()), a["chance"], held, free, given)
             return Samples(f, a["names"], a["laws"])
 
     def of(self, rows: NDArray[np.bool_]) -> Samples:
         """Some of them."""
-        return Samples(self.fingerprint.of(rows), self.names[rows], self.laws[rows])
+        return Samples(self.kernels.of(rows), self.names[rows], self.laws[rows])
 
 
 def _seen(arrays: Mapping[str, Array]) -> Seen:
@@ -83,7 +83,7 @@ class _Labelled:
     beside: tuple[str, ...] = ()
 
 
-_Weighed = tuple[_Labelled, Fingerprint]
+_Weighed = tuple[_Labelled, KernelFeatures]
 
 
 def samples(source: Source, seed: int) -> Samples:
@@ -175,7 +175,7 @@ def _weighed(drives: CleanDrives, some: Sequence[_Labelled]) -> list[_Weighed]:
     out = []
     for beside in sorted({m.beside for m in some}):
         group = [m for m in some if m.beside == beside]
-        together = drives.fingerprints(np.stack([m.residual for m in group], axis=1), beside)
+        together = drives.kernel_features(np.stack([m.residual for m in group], axis=1), beside)
         possible = together.names | {UNKNOWN, NOTHING}
         labelled = [m if m.name in possible else replace(m, name=UNKNOWN) for m in group]
         out += [(m, together.of([k])) for k, m in enumerate(labelled)]
@@ -187,7 +187,7 @@ def _joined(some: Sequence[_Weighed]) -> Samples:
     return Samples(side_by_side([f for _, f in some]), names, laws)
 
 
-def side_by_side(each: Sequence[Fingerprint]) -> Fingerprint:
+def side_by_side(each: Sequence[KernelFeatures]) -> KernelFeatures:
     """Evidence by the same kernels as one of many residuals."""
     held, free = (_end_to_end([getattr(f, part) for f in each]) for part in ("held", "free"))
     names = ("there", "explained", "overlap")

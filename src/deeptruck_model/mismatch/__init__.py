@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.mechanisms import LIBRARY
     from deeptruck_model.mismatch.output import apply, read, summary, write
     from deeptruck_model.mismatch.posterior.clean_drives import CleanDrives
-    from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint, Given, Seen
+    from deeptruck_model.mismatch.posterior.effect_classifier import EffectClassifier, Layer
+    from deeptruck_model.mismatch.posterior.kernel_features import Given, KernelFeatures, Seen
     from deeptruck_model.mismatch.posterior.kernels import NOTHING
-    from deeptruck_model.mismatch.posterior.recogniser import Layer, Recogniser
     from deeptruck_model.mismatch.result import Mismatch, Verdict
 
 __all__ = [
@@ -24,11 +24,11 @@ __all__ = [
     "NOTHING",
     "CleanDrives",
     "CorrectedTruck",
-    "Fingerprint",
+    "EffectClassifier",
     "Given",
+    "KernelFeatures",
     "Layer",
     "Mismatch",
-    "Recogniser",
     "Seen",
     "Verdict",
     "adapt",
@@ -49,9 +49,9 @@ __getattr__ = names(
         "mechanisms": ("LIBRARY",),
         "output": ("apply", "read", "summary", "write"),
         "posterior.clean_drives": ("CleanDrives",),
-        "posterior.fingerprint": ("Fingerprint", "Given", "Seen"),
+        "posterior.kernel_features": ("KernelFeatures", "Given", "Seen"),
         "posterior.kernels": ("NOTHING",),
-        "posterior.recogniser": ("Layer", "Recogniser"),
+        "posterior.effect_classifier": ("Layer", "EffectClassifier"),
         "result": ("Mismatch", "Verdict"),
     },
 )

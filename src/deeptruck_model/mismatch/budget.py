@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.posterior.kernels import kernels
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.noise import Prior, fit, whiten
 from deeptruck_model.mismatch.tree import FAMILY, NAMES
 
@@ -101,7 +101,7 @@ class Budget:
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
 
 
-def budget(search: Search, hidden: Mask) -> Budget:
+def budget(search: Regression, hidden: Mask) -> Budget:
     """Split what the rows that are fitted are off by. `hidden` (n,) are rows in which an input acts that was
     not recorded, and which the search does not compare."""
     blocks = _blocks(search)
@@ -180,7 +180,7 @@ def _shares(b: Array, groups: Sequence[NDArray[np.intp]], products: Array) -> Ar
 
 
 def _by_drive(
-    search: Search,
+    search: Regression,
     added: Array,
     starts: Sequence[int],
     steps: int,
@@ -196,7 +196,7 @@ def _by_drive(
     return out
 
 
-def _blocks(search: Search) -> dict[str, Array]:
+def _blocks(search: Regression) -> dict[str, Array]:
     """Features (n, k) of every part, of unit mean square over the rows that are fitted."""
     e, rows = search.e, search.rows
     out: dict[str, Array] = {"sensors": _thin(search.lateness, rows)}
@@ -230,7 +230,7 @@ def _thin(features: Array, rows: NDArray[np.intp]) -> Array:
     return out
 
 
-def _knots(search: Search) -> Array:
+def _knots(search: Regression) -> Array:
     """A linear spline in time for every drive that is fitted, (n, k)."""
     e = search.e
     fitted = [s for s in e.stretches if not s.held_out]
@@ -245,7 +245,7 @@ def _knots(search: Search) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def _places(search: Search) -> Array | None:
+def _places(search: Regression) -> Array | None:
     """A linear spline over road positions that more than one drive passes, (n, k); None where hardly any of
     the road is driven again."""
     e = search.e
@@ -265,7 +265,7 @@ def _places(search: Search) -> Array | None:
     return out
 
 
-def _posterior(search: Search, F: Array, at: Sequence[NDArray[np.intp]]) -> tuple[Array, Array]:
+def _posterior(search: Regression, F: Array, at: Sequence[NDArray[np.intp]]) -> tuple[Array, Array]:
     """Posterior mean (k,) and covariance (k, k) of the coefficients, at the variances of the parts that
     maximise the marginal likelihood, beside the noise of the recordings."""
     beside = _as_recorded(search)
@@ -288,16 +288,16 @@ def _posterior(search: Search, F: Array, at: Sequence[NDArray[np.intp]]) -> tupl
     return mean, C
 
 
-def _as_recorded(search: Search) -> Search:
+def _as_recorded(search: Regression) -> Regression:
     """The search whose noise is that of recordings. A learned simulator may be off by more, and slowly; but
     what it is off by is what the budget splits."""
     e = search.e
     if e.model_discrepancy == 0.0:
         return search
-    return Search(replace(e, model_discrepancy=0.0, slow_noise=e.rules.slow_noise, itself=None))
+    return Regression(replace(e, model_discrepancy=0.0, slow_noise=e.rules.slow_noise, itself=None))
 
 
-def _starts(search: Search, counted: Mask, steps: int) -> list[int]:
+def _starts(search: Regression, counted: Mask, steps: int) -> list[int]:
     """First rows of windows, each half over the one before, that are compared throughout."""
     return [
         k

@@ -19,7 +19,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.improvement import free_windows, horizon, improvement
 from deeptruck_model.mismatch.fit_result import Interval, Rmse
 from deeptruck_model.mismatch.nuisance import refitted
-from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
+from deeptruck_model.mismatch.posterior.regression import FREE, Model, Regression
 from deeptruck_model.mismatch.prepare import Drives, prepared
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
@@ -98,7 +98,7 @@ def calibrate(
 
 
 def _driven(
-    truck: PhysicsTruck, drives: Drives, search: Search, model: Model, told: frozenset[str]
+    truck: PhysicsTruck, drives: Drives, search: Regression, model: Model, told: frozenset[str]
 ) -> Calibration:
     change = {p: search.e.total_change(p, model.moved(p)) for p in told}
     own = truck.parameters()
@@ -128,7 +128,7 @@ def _parameter(
     name: str,
     truck: PhysicsTruck,
     fitted: PhysicsTruck,
-    search: Search,
+    search: Regression,
     model: Model,
     told: frozenset[str],
     spread: Mapping[str, float],
@@ -140,7 +140,7 @@ def _parameter(
     return Fitted(name, PARAMETERS[name].unit, given, value, interval)
 
 
-def _jackknife(search: Search, told: frozenset[str]) -> dict[str, float]:
+def _jackknife(search: Regression, told: frozenset[str]) -> dict[str, float]:
     """Sd of the relative changes as far as parts of the driving disagree, which no noise within them tells.
 
     One of PARTS after the other is left out (delete-a-group jackknife: Kott, Journal of Official Statistics
@@ -149,7 +149,7 @@ def _jackknife(search: Search, told: frozenset[str]) -> dict[str, float]:
     rows = np.flatnonzero(search.e.valid)
     part = np.full(len(search.e), -1)
     part[rows] = np.arange(len(rows)) * PARTS // max(len(rows), 1)
-    fits = [Search(search.e, only=part != k).model((), told) for k in range(PARTS)]
+    fits = [Regression(search.e, only=part != k).model((), told) for k in range(PARTS)]
     changes = {p: np.array([fit.moved(p) for fit in fits]) for p in told}
     wider = float(student_t.ppf(0.975, PARTS - 1)) / Z95
     return {p: wider * float(np.sqrt((PARTS - 1) * np.var(x))) for p, x in changes.items()}

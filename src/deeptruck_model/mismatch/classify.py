@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.posterior.effect_classifier import effect_classifier
 from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
 from deeptruck_model.mismatch.posterior.kernels import NOTHING
-from deeptruck_model.mismatch.posterior.recogniser import recogniser
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import ROOT, UNKNOWN, Tree
 
@@ -47,7 +47,7 @@ class Names:
         return self.gain_free > self.threshold
 
 
-def classify(search: Search, behind: frozenset[str], rules: Rules) -> Names:
+def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
     """Names one after the other, each beside the kernels of those before it, until nothing more is more
     probable than any name. Names `behind` a missing input are `unknown`."""
     evidence = KernelEvidence(search, search.background(()))
@@ -62,7 +62,7 @@ def classify(search: Search, behind: frozenset[str], rules: Rules) -> Names:
         first = first if found else (held, free)
         if max(held, free) <= threshold:
             break
-        by = recogniser()
+        by = effect_classifier()
         p = by.told(seen)[0]
         if found and p[by.names.index(NOTHING)] > rules.nothing_more:
             break
@@ -80,7 +80,7 @@ def classify(search: Search, behind: frozenset[str], rules: Rules) -> Names:
     return Names(tuple(found), *first, threshold)
 
 
-def _threshold(search: Search, rules: Rules) -> float:
+def _threshold(search: Regression, rules: Rules) -> float:
     """The gain below which nothing is detected: also what the best kernel gains, in as much driving, on the
     recordings that a learned simulator keeps."""
     if search.own is None:

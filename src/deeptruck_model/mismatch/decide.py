@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.detectable import smallest_visible
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.model import Made
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -56,7 +56,7 @@ def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
 def decide(
     simulator_parameters: dict[str, float],
     drives: Drives,
-    search: Search,
+    search: Regression,
     missing: tuple[NotRecorded, ...],
     names: Names,
     again: Road | None,
@@ -122,7 +122,9 @@ def _of_road(e: Evidence, again: Road | None, rules: Rules) -> list[Finding]:
     ]
 
 
-def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], rules: Rules) -> list[Finding]:
+def _accepted(
+    search: Regression, names: Names, made: Made, own: dict[str, float], rules: Rules
+) -> list[Finding]:
     """The findings of what was named."""
     out = []
     for named in names.found:
@@ -139,7 +141,7 @@ def _accepted(search: Search, names: Names, made: Made, own: dict[str, float], r
     return out
 
 
-def _or_parameters(search: Search, f: Finding, rules: Rules) -> Finding | None:
+def _or_parameters(search: Regression, f: Finding, rules: Rules) -> Finding | None:
     """A finding that parameters explain as well, with these in its credible set; None where none of them
     would change by more than that of any simulator may be off."""
     others = tuple(p for p in search.parameters if _change(search, p, rules) is not None and p != f.effect)
@@ -148,7 +150,7 @@ def _or_parameters(search: Search, f: Finding, rules: Rules) -> Finding | None:
     return replace(f, cannot_be_told_from=tuple(dict.fromkeys((*f.cannot_be_told_from, *others))))
 
 
-def _change(search: Search, parameter: str, rules: Rules) -> tuple[float, float] | None:
+def _change(search: Regression, parameter: str, rules: Rules) -> tuple[float, float] | None:
     """Relative change of a parameter from the simulator as given, and its standard deviation; None where it
     gains too little, or may be that of any simulator."""
     free = search.background(())
@@ -181,7 +183,7 @@ def _with_shares(e: Evidence, findings: Sequence[Finding]) -> list[Finding]:
     ]
 
 
-def _of_parameter(search: Search, named: Named, own: dict[str, float], rules: Rules) -> Finding | None:
+def _of_parameter(search: Regression, named: Named, own: dict[str, float], rules: Rules) -> Finding | None:
     """An error of a parameter; None where it is no larger than that of any simulator may be."""
     name = named.name
     changed = _change(search, name, rules)
@@ -213,7 +215,7 @@ def _of_parameter(search: Search, named: Named, own: dict[str, float], rules: Ru
     )
 
 
-def _of_name(search: Search, made: Made, named: Named, rules: Rules) -> Finding:
+def _of_name(search: Regression, made: Made, named: Named, rules: Rules) -> Finding:
     """A force of a mechanism, or one that has no name."""
     first = named.name
     if first == UNKNOWN:
@@ -246,7 +248,7 @@ def _of_name(search: Search, made: Made, named: Named, rules: Rules) -> Finding:
     )
 
 
-def _sizes(term: CandidateTerm | None, made: Made, search: Search) -> dict[str, Size]:
+def _sizes(term: CandidateTerm | None, made: Made, search: Regression) -> dict[str, Size]:
     return {} if term is None else sizes_of(term, made.fit, search.e)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.noise import Z95, whiten
 from deeptruck_model.mismatch.result import SmallestVisible
 from deeptruck_model.mismatch.rules import Rules
@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 
 
-def smallest_visible(search: Search, threshold: float, rules: Rules) -> SmallestVisible:
+def smallest_visible(search: Regression, threshold: float, rules: Rules) -> SmallestVisible:
     """Relative errors of parameters that gain what a parameter must, and a steady force per mass (m/s^2) that
     gains `threshold` nats beside free parameters, under the noise of these recordings."""
     free = search.model((), frozenset(search.parameters))

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm
 from deeptruck_model.mismatch.mechanisms.regimes import Products
-from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.regression import Model, Regression
 from deeptruck_model.mismatch.residual.noise import whiten
 
 Array = NDArray[np.float64]
 
 
 def screened(
-    search: Search, base: Model, noise: Model, options: Sequence[CandidateTerm]
+    search: Regression, base: Model, noise: Model, options: Sequence[CandidateTerm]
 ) -> list[CandidateTerm]:
     """The terms by what each gains on top of `base` to first order, most first, under other noise."""
     yw, Xw, H0, weight = search.whitened(base, noise)

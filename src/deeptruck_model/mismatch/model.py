@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, 
 from deeptruck_model.mismatch.gains import gain_of, screened
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, is_time_varying, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
-from deeptruck_model.mismatch.posterior.search import PINNED, Model, Search
+from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import ridge, whiten
@@ -60,7 +60,7 @@ class Made:
     gain: float
 
 
-def correct(simulator: Simulator, search: Search, names: Names, rules: Rules) -> Made:
+def correct(simulator: Simulator, search: Regression, names: Names, rules: Rules) -> Made:
     """The correction by what was named."""
     terms = _terms(search, names, rules)
     parameters = frozenset(search.parameters)
@@ -76,7 +76,7 @@ def correct(simulator: Simulator, search: Search, names: Names, rules: Rules) ->
     folds = _folds(search.e)
     errors = [_left_out(folds, recipe) for recipe in options]
     best = options[int(np.argmin([e if k else rules.better**2 * e for k, e in enumerate(errors)]))]
-    whole = Search(search.e.everywhere(), only=~search.e.held_out & search.e.valid, held=PINNED)
+    whole = Regression(search.e.everywhere(), only=~search.e.held_out & search.e.valid, held=PINNED)
     fit = _fitted(whole, best)
     return Made(
         _truck(simulator, whole, best, fit),
@@ -87,7 +87,7 @@ def correct(simulator: Simulator, search: Search, names: Names, rules: Rules) ->
     )
 
 
-def _terms(search: Search, names: Names, rules: Rules) -> tuple[CandidateTerm, ...]:
+def _terms(search: Regression, names: Names, rules: Rules) -> tuple[CandidateTerm, ...]:
     """A term for every name that is a force: the form that explains most among the names of its credible set
     that are of its family."""
     out: tuple[CandidateTerm, ...] = ()
@@ -110,7 +110,7 @@ def _terms(search: Search, names: Names, rules: Rules) -> tuple[CandidateTerm, .
 
 
 def _best_of(
-    search: Search, others: tuple[CandidateTerm, ...], options: Sequence[CandidateTerm]
+    search: Regression, others: tuple[CandidateTerm, ...], options: Sequence[CandidateTerm]
 ) -> CandidateTerm:
     """The term with the most evidence beside others, perhaps in one regime alone or of several forms."""
     free = frozenset(search.parameters)
@@ -145,7 +145,7 @@ def _best_of(
     return best.named[-1]
 
 
-def _gated(search: Search, base: Model, model: Model) -> list[CandidateTerm]:
+def _gated(search: Regression, base: Model, model: Model) -> list[CandidateTerm]:
     """The last term of a model confined to one side of a border, the best two."""
     term = model.named[-1]
     if (
@@ -172,7 +172,7 @@ def _gated(search: Search, base: Model, model: Model) -> list[CandidateTerm]:
 class _Fold:
     """A search on some of the fitted drives, and the rows (n,) of the others."""
 
-    search: Search
+    search: Regression
     left_out: Mask
 
 
@@ -181,11 +181,11 @@ def _folds(e: Evidence) -> list[_Fold]:
     fitted = np.flatnonzero([not s.held_out for s in e.stretches])
     parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= 2 * FOLDS else []
     if not parts:
-        return [_Fold(Search(e, held=PINNED), e.valid & ~e.held_out)]
+        return [_Fold(Regression(e, held=PINNED), e.valid & ~e.held_out)]
     out = []
     for away in parts:
         there = np.isin(e.record, away)
-        out.append(_Fold(Search(e, only=e.valid & ~e.held_out & ~there, held=PINNED), e.valid & there))
+        out.append(_Fold(Regression(e, only=e.valid & ~e.held_out & ~there, held=PINNED), e.valid & there))
     return out
 
 
@@ -201,7 +201,7 @@ def _left_out(folds: Sequence[_Fold], recipe: Recipe) -> float:
     return total / max(count, 1)
 
 
-def _acts(search: Search, model: Model) -> Array:
+def _acts(search: Regression, model: Model) -> Array:
     """What a correction adds (n,): its terms and the parameters that are free, without sensors' lateness."""
     X, _, layout = search.design(model)
     out = np.zeros(len(search.e))
@@ -211,7 +211,7 @@ def _acts(search: Search, model: Model) -> Array:
     return out
 
 
-def _fitted(search: Search, recipe: Recipe) -> Model:
+def _fitted(search: Regression, recipe: Recipe) -> Model:
     model = search.model(recipe.terms, recipe.free)
     if not recipe.output_error:
         return model
@@ -219,7 +219,7 @@ def _fitted(search: Search, recipe: Recipe) -> Model:
     return sizes if all(search.possible(p, sizes) for p in model.free) else model
 
 
-def _by_output_error(search: Search, model: Model) -> Model:
+def _by_output_error(search: Regression, model: Model) -> Model:
     """The model with the sizes of least squared speed error in free runs, to first order, under the same
     priors and signs (Wahlberg and Ljung, IEEE Transactions on Automatic Control 31, 1986)."""
     counted = search.series.valid
@@ -236,7 +236,7 @@ def _by_output_error(search: Search, model: Model) -> Model:
     return replace(model, fit=replace(model.fit, b=b))
 
 
-def _added_up(search: Search, x: Array, counted: Mask) -> Array:
+def _added_up(search: Regression, x: Array, counted: Mask) -> Array:
     """Sums of x (n, k) over time, m/s, that begin anew every HORIZON_S; other rows add nothing."""
     length = max(1, round(HORIZON_S / search.e.dt))
     x, out = np.where(counted[:, None], np.nan_to_num(x), 0.0), np.empty_like(x)
@@ -247,7 +247,7 @@ def _added_up(search: Search, x: Array, counted: Mask) -> Array:
     return out
 
 
-def _truck(simulator: Simulator, search: Search, recipe: Recipe, model: Model) -> CorrectedTruck:
+def _truck(simulator: Simulator, search: Regression, recipe: Recipe, model: Model) -> CorrectedTruck:
     e = search.e
     change = {
         p: float(np.clip(e.total_change(p, model.moved(p)), *e.vehicle.possible(p))) for p in model.free

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.regression import Model, Regression
 from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
@@ -32,17 +32,17 @@ def about_fitting_parameters(
     seed: int,
     exclude: Sequence[str],
     say: Callable[[str], None],
-) -> Search:
+) -> Regression:
     """The regression about the parameters that fit best without a name, of the drives that are fitted; as
     given where moving them explains no more. `hidden` (n,) are rows that are not compared."""
     about = _About(simulator, drives, e, hidden, seed, tuple(exclude), say)
-    first = search = Search(e.to_fit(), exclude=exclude)
+    first = search = Regression(e.to_fit(), exclude=exclude)
     here = search.background(())
     for step in range(STEPS):
         anew = about.parameters_of(search, here, SETTLED if step else FAR)
         if anew is None:
             break
-        further = Search(anew.to_fit(), exclude=exclude)
+        further = Regression(anew.to_fit(), exclude=exclude)
         there = further.background(())
         if not step and not _better(search, here, further, there):
             return first
@@ -57,16 +57,16 @@ def refitted(
     seed: int,
     free: frozenset[str],
     say: Callable[[str], None],
-) -> tuple[Search, Model]:
+) -> tuple[Regression, Model]:
     """The regression about the parameters that fit best with no name, of which only `free` ones move, and
     that fit. Where mass and gains move together many steps are needed."""
     about = _About(simulator, drives, e, np.zeros(len(e), dtype=bool), seed, (), say)
-    search = Search(e.to_fit())
+    search = Regression(e.to_fit())
     for _ in range(CLOSER_STEPS):
         anew = about.parameters_of(search, search.model((), free), CLOSE)
         if anew is None:
             break
-        search = Search(anew.to_fit())
+        search = Regression(anew.to_fit())
     return search, search.model((), free)
 
 
@@ -82,7 +82,7 @@ class _About:
     exclude: tuple[str, ...]
     say: Callable[[str], None]
 
-    def parameters_of(self, search: Search, model: Model, least: float) -> Evidence | None:
+    def parameters_of(self, search: Regression, model: Model, least: float) -> Evidence | None:
         """The evidence about the parameters of a model; None where none changes by more than `least`."""
         own = self.simulator.parameters()
         change = {p: model.moved(p) for p in search.parameters if p in own}
@@ -108,14 +108,14 @@ class _About:
         )
 
 
-def _better(given: Search, here: Model, moved: Search, there: Model) -> bool:
+def _better(given: Regression, here: Model, moved: Regression, there: Model) -> bool:
     """Whether moved parameters explain more of the rows that both may use. Parameters can compensate a force
     they have nothing to do with, if they are moved far enough."""
     both = given.e.valid & moved.e.valid
     doubt = np.maximum(given.e.disagreement, moved.e.disagreement)  # rows weigh alike in both
     sigma = max(given.sigma, moved.sigma)
     scores = [
-        Search(replace(s.e, disagreement=doubt), only=both, sigma=sigma).model((), m.free).score
+        Regression(replace(s.e, disagreement=doubt), only=both, sigma=sigma).model((), m.free).score
         for s, m in ((given, here), (moved, there))
     ]
     return bool(scores[1] > scores[0] + given.rules.parameter_gain)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, carriers
-from deeptruck_model.mismatch.posterior.search import Model
+from deeptruck_model.mismatch.posterior.regression import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Size

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.budget import EACH_DRIVE, SLOW, SLOW_S, Budget
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.grid import Grid
 from deeptruck_model.mismatch.rules import Rules
 
@@ -39,7 +39,7 @@ class Witness:
 
 
 def witnesses(
-    search: Search, prepared: Sequence[Prepared], found: Budget, rules: Rules
+    search: Regression, prepared: Sequence[Prepared], found: Budget, rules: Rules
 ) -> tuple[Witness, ...]:
     """The channels that predict a part that has no carrier, the best first."""
     e = search.e
@@ -64,7 +64,7 @@ def witnesses(
     return tuple(sorted(out, key=lambda w: -w.share))
 
 
-def _predicted(search: Search, force: Array, x: Array, part: str) -> float:
+def _predicted(search: Regression, force: Array, x: Array, part: str) -> float:
     """Share of the variance of means of a force (n,) that a line in a channel (n,) predicts, each drive by a
     fit to the others; zero where too few drives have it."""
     e, used = search.e, np.zeros(len(search.e), dtype=bool)

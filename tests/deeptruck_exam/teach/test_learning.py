@@ -13,7 +13,7 @@ pytest.importorskip("torch")
 from deeptruck_exam.laws.catalogue import UNKNOWN
 from deeptruck_exam.teach import acceptance, learning
 from deeptruck_exam.teach.samples import Samples
-from deeptruck_model.mismatch import NOTHING, Fingerprint, Given, Recogniser, Seen
+from deeptruck_model.mismatch import NOTHING, EffectClassifier, Given, KernelFeatures, Seen
 
 KEYS = ("brake_lag, law", "headwind, law", "unknown, law")
 NAMES = ("brake_lag", "headwind", UNKNOWN)
@@ -34,7 +34,7 @@ def made(letter: str, seed: int, count: int = 120) -> Samples:
     names = np.array(NAMES)[which]
     laws = np.array([f"{letter}{name}-{k % 2}" for k, name in enumerate(names)])
     alone = Given(np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count))
-    found = Fingerprint(KEYS, np.ones(3), seen, seen, alone)
+    found = KernelFeatures(KEYS, np.ones(3), seen, seen, alone)
     return Samples(found, names, laws)
 
 
@@ -43,8 +43,8 @@ def left_over(letter: str, seed: int) -> Samples:
     part = made(letter, seed)
     nothing = np.arange(len(part.names)) % 2 == 0
     given = Given(np.full(len(nothing), True), np.full(len(nothing), 900.0), np.where(nothing, 0.9, 0.2))
-    beside = replace(part.fingerprint, given=given)
-    return replace(part, fingerprint=beside, names=np.where(nothing, NOTHING, part.names))
+    beside = replace(part.kernels, given=given)
+    return replace(part, kernels=beside, names=np.where(nothing, NOTHING, part.names))
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +84,9 @@ def test_what_leaves_no_evidence_is_not_learned() -> None:
     part = made("a", 2)
     weak = Seen(
         np.full((3, 120), 5.0),
-        *(getattr(part.fingerprint.held, n) for n in ("sign", "size", "told", "noise")),
+        *(getattr(part.kernels.held, n) for n in ("sign", "size", "told", "noise")),
     )
-    silent = Samples(replace(part.fingerprint, held=weak, free=weak), part.names, part.laws)
+    silent = Samples(replace(part.kernels, held=weak, free=weak), part.names, part.laws)
     assert len(learning.training_set([part, silent], KEYS, NAMES).answer) == len(
         learning.training_set([part], KEYS, NAMES).answer
     )
@@ -113,8 +113,8 @@ def test_beside_names_nothing_more_can_be_missing() -> None:
     weight = learning.weights(whole.answer, whole.laws, whole.possible, names)
     assert weight[nothing].sum() == pytest.approx(weight[beside & ~nothing].sum())
     by = learning.trained(whole, KEYS, names, members=1)
-    alone = by.probabilities(made("a", 7).fingerprint)[:, names.index(NOTHING)]
-    given, said = left_over("a", 7), by.probabilities(left_over("a", 7).fingerprint)
+    alone = by.probabilities(made("a", 7).kernels)[:, names.index(NOTHING)]
+    given, said = left_over("a", 7), by.probabilities(left_over("a", 7).kernels)
     right = (said[:, names.index(NOTHING)] > 0.5) == (given.names == NOTHING)
     assert alone.max() < 1e-6 and right.mean() > 0.9
 
@@ -122,9 +122,9 @@ def test_beside_names_nothing_more_can_be_missing() -> None:
 def test_what_is_packed_is_what_was_learned(whole: learning.TrainingSet, tmp_path: Path) -> None:
     by = learning.trained(whole, KEYS, NAMES, members=2)
     (tmp_path / "weights.npz").write_bytes(learning.packed(by))
-    again = Recogniser.load(tmp_path / "weights.npz")
+    again = EffectClassifier.load(tmp_path / "weights.npz")
     assert (again.keys, again.names) == (KEYS, NAMES)
-    f = made("a", 3, 20).fingerprint
+    f = made("a", 3, 20).kernels
     np.testing.assert_allclose(again.probabilities(f), by.probabilities(f), atol=0.02)
 
 
@@ -132,9 +132,9 @@ def test_a_kept_base_is_the_same_again(tmp_path: Path) -> None:
     part = made("b", 4, 10)
     part.save(tmp_path / "base.npz")
     again = Samples.load(tmp_path / "base.npz")
-    np.testing.assert_allclose(again.fingerprint.held.nats, part.fingerprint.held.nats, rtol=1e-6)
+    np.testing.assert_allclose(again.kernels.held.nats, part.kernels.held.nats, rtol=1e-6)
     np.testing.assert_array_equal(again.names, part.names)
-    assert again.fingerprint.keys == part.fingerprint.keys
+    assert again.kernels.keys == part.kernels.keys
 
 
 def test_scores_are_of_probabilities() -> None:

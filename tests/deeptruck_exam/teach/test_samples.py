@@ -25,19 +25,19 @@ def test_answers_are_names_parameters_and_nothing_more(base: Samples) -> None:
     named = set(base.names.tolist())
     assert named <= set(LIBRARY) | PARAMETERS | {UNKNOWN, NOTHING, "grade_bias"}
     assert {UNKNOWN, NOTHING, "mass"} <= named and len(named & set(grammar.names())) > 20
-    assert np.isfinite(base.fingerprint.held.nats).all()
-    assert named <= base.fingerprint.names | {UNKNOWN, NOTHING}
+    assert np.isfinite(base.kernels.held.nats).all()
+    assert named <= base.kernels.names | {UNKNOWN, NOTHING}
 
 
 def test_nothing_more_is_missing_beside_names_alone(base: Samples) -> None:
-    given, nothing = base.fingerprint.given.there, base.names == NOTHING
+    given, nothing = base.kernels.given.there, base.names == NOTHING
     assert nothing.sum() > 20 and given[nothing].all()
     assert (given & ~nothing).sum() > 40 and (~given).sum() > 150
 
 
 def test_a_known_name_explains_what_is_its_own(base: Samples) -> None:
     """Beside its own name less is left of a law than beside a name it is taken for."""
-    f = base.fingerprint
+    f = base.kernels
     large = f.given.explained > 100.0
     left = f.held.nats.max(axis=0)[large] / f.given.explained[large]
     own = base.names[large] == NOTHING

@@ -7,7 +7,7 @@ import pytest
 from small_drives import N, evidence
 
 from deeptruck_model.mismatch.budget import EACH_DRIVE, LEFT_OVER, SLOW, Budget, _shares, budget
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 
 NOWHERE = np.zeros(N, dtype=bool)
 SIDES = np.repeat([0.08, -0.06, -0.02], N // 3)
@@ -15,7 +15,7 @@ SWELL = 0.06 * np.sin(2 * np.pi * np.arange(N) * 0.2 / 150.0)
 
 
 def of(force: np.ndarray | float) -> Budget:
-    return budget(Search(evidence(force)), NOWHERE)
+    return budget(Regression(evidence(force)), NOWHERE)
 
 
 @pytest.mark.parametrize("force", [0.0, SIDES, SWELL])

@@ -11,7 +11,7 @@ import pytest
 
 from deeptruck_model.mismatch.classify import classify
 from deeptruck_model.mismatch.discrepancy import USUAL, _slow_noise, allowed_for, kept
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
 
@@ -31,8 +31,8 @@ def test_an_error_on_its_own_recordings_too_is_not_detected(nothing_missing: Evi
     warm = 1.0 - np.exp(-nothing_missing["elapsed"] / 200.0)
     fades = 0.4 * nothing_missing["brake"] * warm
     flawed = replace(nothing_missing, residual=nothing_missing.residual + fades)
-    same = classify(Search(with_own(flawed, flawed)), frozenset(), Rules())
-    new = classify(Search(with_own(flawed, nothing_missing)), frozenset(), Rules())
+    same = classify(Regression(with_own(flawed, flawed)), frozenset(), Rules())
+    new = classify(Regression(with_own(flawed, nothing_missing)), frozenset(), Rules())
     assert not same.detected
     assert new.threshold < same.threshold
 

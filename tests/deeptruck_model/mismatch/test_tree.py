@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior.recogniser import recogniser
+from deeptruck_model.mismatch.posterior.effect_classifier import effect_classifier
 from deeptruck_model.mismatch.tree import FAMILY, ROOT, UNKNOWN, Tree
 
 AIR = Tree({"headwind": 0.6, "drag_area": 0.37, "brake_lag": 0.02, UNKNOWN: 0.01})
@@ -45,4 +45,4 @@ def test_names_behind_a_missing_input_are_unknown() -> None:
 
 def test_every_name_that_can_be_found_has_a_family() -> None:
     assert set(LIBRARY) <= set(FAMILY)
-    assert set(recogniser().names) - {"nothing"} <= set(FAMILY)
+    assert set(effect_classifier().names) - {"nothing"} <= set(FAMILY)

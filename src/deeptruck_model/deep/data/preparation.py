@@ -52,7 +52,7 @@ class Prepared:
     driven: Driven | None
     """what that learned from"""
     trained_on: tuple[str, ...]
-    """fingerprints of the recordings, and of those that trained `start`"""
+    """kernel_features of the recordings, and of those that trained `start`"""
     unexplained: float
     """share of the rows left out because the truck braked by something that is not recorded"""
     untaught: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Drives with nothing missing, along which forces of known names are added: what a recogniser learns from."""
+"""Drives with nothing missing, along which forces of known names are added, to train the classifier on."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint
 from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.kernel_features import KernelFeatures
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
@@ -30,7 +30,7 @@ class CleanDrives:
         held_out = [k >= fit for k in range(len(recordings))]
         drives = [prepare(r, True, simulator.interface.y) for r in recordings]
         e = gather(simulator, drives, held_out, rules=rules).to_fit()
-        self._search = Search(e)
+        self._search = Regression(e)
         self._kernels = KernelEvidence(self._search, self._search.background(()))
         self._valid = e.valid
         self.residual: Array = np.where(e.valid, e.residual, 0.0)
@@ -50,6 +50,6 @@ class CleanDrives:
         out: Array = np.nan_to_num(term.columns) @ size
         return out
 
-    def fingerprints(self, residuals: Array, beside: Sequence[str] = ()) -> Fingerprint:
+    def kernel_features(self, residuals: Array, beside: Sequence[str] = ()) -> KernelFeatures:
         """Of residuals (n, N), beside names that are known."""
         return self._kernels.of(np.where(self._valid[:, None], residuals, 0.0), beside, self._quiet)

@@ -1,4 +1,4 @@
-"""Residuals asked of every kernel at once: what fingerprints are made of.
+"""Residuals asked of every kernel at once: what kernel_features are made of.
 
 All of it needs inner products of whitened features alone, so that thousands of residuals along the same
 drives cost seconds.
@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
-from deeptruck_model.mismatch.posterior.fingerprint import SIZES, Fingerprint, Given, Seen
+from deeptruck_model.mismatch.posterior.kernel_features import SIZES, Given, KernelFeatures, Seen
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
-from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.regression import Model, Regression
 from deeptruck_model.mismatch.residual.noise import TAIL, whiten
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class _Directions:
 class KernelEvidence:
     """Kernels along the drives of a search, whitened by the noise of a model once for all residuals."""
 
-    def __init__(self, search: Search, model: Model) -> None:
+    def __init__(self, search: Regression, model: Model) -> None:
         self.kernels: tuple[Kernel, ...] = kernels(search)
         X, prior, _ = search.design(search.model((), frozenset()))
         blocks = [X * prior.sd, *(k.features for k in self.kernels)]
@@ -58,9 +58,9 @@ class KernelEvidence:
         self._signed = [_where_signed(k, self._rows) for k in self.kernels]
         self._mean = X @ prior.mean
 
-    def of(self, residuals: Array, beside: Sequence[str] = (), quiet: float | None = None) -> Fingerprint:
-        """The fingerprints of residuals (n, N), m/s^2, beside kernels of names that are given. `quiet` is the
-        sum of squares that noise alone leaves; else that of the number of rows."""
+    def of(self, residuals: Array, beside: Sequence[str] = (), quiet: float | None = None) -> KernelFeatures:
+        """What every kernel gives for residuals (n, N), m/s^2, with kernels of names that are given. `quiet`
+        is the sum of squares that noise alone leaves; else that of the number of rows."""
         left = self._whitened(residuals - self._mean[:, None])
         onto, squares = self._features.T @ left, np.einsum("ij,ij->j", left, left)
         quiet = float(len(self._rows)) if quiet is None else quiet
@@ -72,7 +72,7 @@ class KernelEvidence:
         held, loose = _seen(*turned, quiet), _seen(*freely, quiet)
         chance = np.array([k.chance for k in self.kernels])
         known = self._known(onto, given, held, turned) if beside else _nothing_given(residuals.shape[1])
-        return Fingerprint(tuple(k.key for k in self.kernels), chance, held, loose, known)
+        return KernelFeatures(tuple(k.key for k in self.kernels), chance, held, loose, known)
 
     def _known(
         self,

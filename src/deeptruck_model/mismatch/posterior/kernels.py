@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying
 from deeptruck_model.mismatch.mechanisms.variants import Spline, Variant
-from deeptruck_model.mismatch.posterior.search import FREE, Search
+from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 
 Array = NDArray[np.float64]
 
@@ -51,17 +51,17 @@ class Kernel:
         return f"{self.name}, {self.part}"
 
 
-_made: WeakKeyDictionary[Search, tuple[Kernel, ...]] = WeakKeyDictionary()  # no longer than the search
+_made: WeakKeyDictionary[Regression, tuple[Kernel, ...]] = WeakKeyDictionary()  # no longer than the search
 
 
-def kernels(search: Search) -> tuple[Kernel, ...]:
+def kernels(search: Regression) -> tuple[Kernel, ...]:
     """Of every name in the search's library, of what has none, and of every parameter; made once."""
     if search not in _made:
         _made[search] = _kernels(search)
     return _made[search]
 
 
-def _kernels(search: Search) -> tuple[Kernel, ...]:
+def _kernels(search: Regression) -> tuple[Kernel, ...]:
     found = [k for m in search.library for k in _of_terms(search, search.candidate_terms(m))]
     parameters = [
         Kernel(
@@ -74,7 +74,7 @@ def _kernels(search: Search) -> tuple[Kernel, ...]:
     return (*found, Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED)), *parameters)
 
 
-def _of_terms(search: Search, terms: Sequence[CandidateTerm]) -> list[Kernel]:
+def _of_terms(search: Regression, terms: Sequence[CandidateTerm]) -> list[Kernel]:
     """One kernel of the laws among a name's terms, and one of those that vary in time."""
     laws = [t for t in terms if not is_time_varying(t)]
     varying = [t for t in terms if is_time_varying(t)]
@@ -82,7 +82,7 @@ def _of_terms(search: Search, terms: Sequence[CandidateTerm]) -> list[Kernel]:
     return [_kernel(search, part, most, odds) for part, most, odds in parts if part]
 
 
-def _kernel(search: Search, terms: Sequence[CandidateTerm], most: int, odds: float) -> Kernel:
+def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int, odds: float) -> Kernel:
     power: dict[Variant, Array] = {}  # of the same columns, which several terms have at other sizes
     columns: dict[Variant, Array] = {}
     typical = np.zeros(len(search.e))
@@ -104,7 +104,7 @@ def _kernel(search: Search, terms: Sequence[CandidateTerm], most: int, odds: flo
     )
 
 
-def _thin(features: Array, search: Search, most: int) -> Array:
+def _thin(features: Array, search: Regression, most: int) -> Array:
     """The leading directions of a kernel over the rows that count, (n, at most `most`)."""
     part = features[search.rows]
     power, directions = np.linalg.eigh(part.T @ part)
@@ -114,7 +114,7 @@ def _thin(features: Array, search: Search, most: int) -> Array:
     return out
 
 
-def _anything(search: Search) -> Array:
+def _anything(search: Regression) -> Array:
     """Shares of the known forces that are smooth functions of common signals: no name's own."""
     e = search.e
     known = [np.nan_to_num(e[n]) * share for n, share in CARRIERS.items() if n in e.signals]

@@ -11,13 +11,13 @@ from deeptruck_model.mismatch.expression import Stream
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, build
 from deeptruck_model.mismatch.mechanisms.base import GATES
 from deeptruck_model.mismatch.mechanisms.variants import Gate
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: Evidence) -> None:
     use = np.arange(len(nothing_missing)) % 3 > 0
-    regimes = Search(nothing_missing).regimes.of(nothing_missing, use)
+    regimes = Regression(nothing_missing).regimes.of(nothing_missing, use)
     C, y, X = (np.random.default_rng(k).normal(size=(use.sum(), n)) for k, n in ((0, 2), (1, 1), (2, 3)))
     gates, p = regimes.products(C, y[:, 0], X)
     for i, gate in enumerate(gates):
@@ -31,7 +31,7 @@ def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: E
 
 
 def confined(e: Evidence, gate: Gate) -> CandidateTerm:
-    search = Search(e)
+    search = Regression(e)
     return search.regimes.gated(search.candidate_terms(LIBRARY["driveline_loss"])[0], gate, e)
 
 
@@ -70,4 +70,4 @@ def test_no_border_runs_through_a_gear(
     driven = np.array(gears)[np.arange(len(e)) // 40 % len(gears)]
     ratio = driven * (1.0 + 1e-4 * rng.normal(size=len(e)))
     e = replace(e, signals=e.signals | {"ratio": ratio, "lever": ratio})
-    assert Search(e).regimes.borders["lever"] == pytest.approx(expected, rel=1e-3)
+    assert Regression(e).regimes.borders["lever"] == pytest.approx(expected, rel=1e-3)

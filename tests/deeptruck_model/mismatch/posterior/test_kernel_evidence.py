@@ -10,21 +10,21 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, is_time_varying
-from deeptruck_model.mismatch.posterior.fingerprint import SIZES, Fingerprint
 from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
+from deeptruck_model.mismatch.posterior.kernel_features import SIZES, KernelFeatures
 from deeptruck_model.mismatch.posterior.kernels import kernels
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import TAIL, whiten
 
 
 def by_kernels(e: Evidence) -> KernelEvidence:
-    search = Search(e)
+    search = Regression(e)
     return KernelEvidence(search, search.model((), frozenset()))
 
 
 def law(e: Evidence, effect: str, which: int) -> CandidateTerm:
-    terms = Search(e).candidate_terms(LIBRARY[effect])
+    terms = Regression(e).candidate_terms(LIBRARY[effect])
     return [t for t in terms if not is_time_varying(t)][which]
 
 
@@ -33,17 +33,17 @@ def force(term: CandidateTerm, rms: float) -> np.ndarray:
     return shape * rms / np.sqrt(np.mean(shape**2))
 
 
-def of(e: Evidence, extra: np.ndarray, *beside: str) -> Fingerprint:
+def of(e: Evidence, extra: np.ndarray, *beside: str) -> KernelFeatures:
     return by_kernels(e).of((e.residual + extra)[:, None], beside)
 
 
-def nats(f: Fingerprint, name: str) -> float:
+def nats(f: KernelFeatures, name: str) -> float:
     return float(max(x[0] for x, key in zip(f.held.nats, f.keys, strict=True) if key.startswith(f"{name},")))
 
 
 def test_the_evidence_is_the_density_of_a_gaussian_process(nothing_missing: Evidence) -> None:
     few = np.arange(len(nothing_missing)) % 3000 < 150
-    search = Search(nothing_missing, only=few)
+    search = Regression(nothing_missing, only=few)
     model = search.model((), frozenset())
     by = KernelEvidence(search, model)
     place = next(i for i, k in enumerate(by.kernels) if k.name == "headwind")
@@ -107,7 +107,7 @@ def test_many_residuals_at_once_are_each_as_alone(nothing_missing: Evidence) -> 
 
 
 def test_every_name_of_the_library_has_a_kernel_of_a_key_of_its_own(nothing_missing: Evidence) -> None:
-    search = Search(nothing_missing)
+    search = Regression(nothing_missing)
     made = kernels(search)
     with_terms = {m.effect for m in search.library if search.candidate_terms(m)}
     assert {k.name for k in made} == with_terms | {"unknown"} | set(search.parameters)

@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.expression import Signal, Stream
 from deeptruck_model.mismatch.expression.nodes import Constant
 from deeptruck_model.mismatch.mechanisms.variants import Static
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual import effective_mass, gather
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
@@ -95,7 +95,7 @@ def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
     believed = trucks.load(name)
     prepared = [prepare(d, True) for d in drives(believed.with_forces([Pull(2000.0)]))]
     e = gather.gather(believed, prepared, [False] * len(prepared))
-    search = Search(e)
+    search = Regression(e)
     mechanism = next(m for m in search.library if m.effect == "dragging_brake")
     steady = next(s for s in search.candidate_terms(mechanism) if s.variant == Static())
     found = search.model((steady,), frozenset())

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -29,9 +29,9 @@ def smoothed(nothing_missing: Evidence) -> Evidence:
 
 def test_nothing_makes_up_for_it(smoothed: Evidence, monkeypatch: pytest.MonkeyPatch) -> None:
     """Loads that slosh and engines that rub had been found in trucks in which nothing was missing."""
-    beside = Search(smoothed)
+    beside = Regression(smoothed)
     monkeypatch.setattr(sensor_filter, "REACH_S", 0.0)
-    without = Search(smoothed, sigma=beside.sigma)  # rows weigh alike in both
+    without = Regression(smoothed, sigma=beside.sigma)  # rows weigh alike in both
     assert beside.background(()).score > without.background(()).score + 100.0
     assert _most(without) > 20.0 > _most(beside)
 
@@ -61,16 +61,16 @@ def test_a_slope_that_is_recorded_late_or_early_is_no_finding(
     road = 0.05 * np.tanh(3.0 * np.sin(2.0 * np.pi * seconds / 60.0))
     recorded = 0.05 * np.tanh(3.0 * np.sin(2.0 * np.pi * (seconds - late_s) / 60.0))
     hidden = e.residual - GRAVITY * (road - recorded)
-    search = Search(replace(e, signals=e.signals | {"grade": recorded}, residual=hidden))
+    search = Regression(replace(e, signals=e.signals | {"grade": recorded}, residual=hidden))
     model = search.background(())
     lateness = model.coefficients("sensor lag")[2]
     assert lateness == pytest.approx(late_s, abs=0.1)
-    level = Search(replace(search.e, signals=search.e.signals | {"grade": np.zeros(len(e))}))
+    level = Regression(replace(search.e, signals=search.e.signals | {"grade": np.zeros(len(e))}))
     assert model.score > level.background(()).score + 100.0  # it had to be made up for
     assert _most(search) < 20.0
 
 
-def _most(search: Search) -> float:
+def _most(search: Regression) -> float:
     """Nats that the best kernel gains."""
     evidence = KernelEvidence(search, search.background(()))
     return float(evidence.of(search.series.y[:, None]).held.nats.max())
@@ -90,8 +90,8 @@ def test_shifts_a_little_sooner_are_known_beside_all_else(nothing_missing: Evide
     pull = np.where(np.arange(len(nothing_missing)) % 60 < 5, 0.0, 1.0)  # a shift every 12 s
     sooner = np.roll(pull, -1) - pull
     e = replace(nothing_missing, residual=nothing_missing.residual + 0.7 * sooner)
-    beside = Search(replace(e, sooner=sooner))
-    without = Search(e, sigma=beside.sigma)  # rows weigh alike in both
+    beside = Regression(replace(e, sooner=sooner))
+    without = Regression(e, sigma=beside.sigma)  # rows weigh alike in both
     model = beside.model((), frozenset())
     assert model.score > without.background(()).score + 100.0
     assert model.coefficients("sensor lag")[-1] == pytest.approx(0.7, abs=0.05)

@@ -81,7 +81,7 @@ def changed_by(parameter: str, slope: float) -> float:
     return 1.0 / (1.0 - min(slope, LARGEST_SLOPE)) - 1.0 if parameter == "mass" else slope
 
 
-class Search:
+class Regression:
     """Fits models on one body of evidence and remembers them."""
 
     def __init__(
@@ -109,7 +109,7 @@ class Search:
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
         self.regimes = Regimes.of(evidence, self.series.usable())
-        self.own = Search(evidence.itself) if evidence.itself is not None else None
+        self.own = Regression(evidence.itself) if evidence.itself is not None else None
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._models: dict[tuple[object, ...], Model] = {}
 

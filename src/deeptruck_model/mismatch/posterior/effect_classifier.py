@@ -1,8 +1,8 @@
-"""Names by the fingerprint of a force: a small network that has seen how laws stray from the library's forms.
+"""Probabilities of names from the evidence of every kernel: a small ensemble of networks.
 
-It learned from several hundred laws of other authors, each added to drives with nothing missing (the training
-is a command of the exam, its card stands beside the weights). Evidence alone asks which form is nearest; a
-law that has no form here is near several, and which ones is what the network knows.
+It was trained on several hundred laws of several authors, each added to drives with nothing missing (the
+training is a command of the exam; its card stands beside the weights). Evidence alone favours the nearest
+form; a law that has no form in the library is near several, and the network has learned which.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf, softmax
 
-from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint
+from deeptruck_model.mismatch.posterior.kernel_features import KernelFeatures
 from deeptruck_model.mismatch.posterior.kernels import NOTHING
 
 Array = NDArray[np.float64]
 
-WEIGHTS = Path(__file__).with_name("recogniser.npz")
-PER_KERNEL, WHOLE = 5, 2  # features of each kernel, and of all together, in either part of a fingerprint
+WEIGHTS = Path(__file__).with_name("effect_classifier.npz")
+PER_KERNEL, WHOLE = 5, 2  # features of each kernel, and of all together, in either part of its input
 GIVEN = 2  # features of names that are given
 FARTHEST = 3.0  # sds of a feature from its mean in the lessons: beyond, it says no more
 SURE = 0.7  # exponent of probabilities on whole trucks; fitted to development cases of families left out
@@ -37,7 +37,7 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Recogniser:
+class EffectClassifier:
     """An ensemble of networks beside the evidence itself. `keys` are the kernels it looks at, `names` its
     answers; `mean` and `sd` (d,) scale its features; `trust` (members,) weighs the evidence."""
 
@@ -49,7 +49,7 @@ class Recogniser:
     layers: tuple[Layer, ...]
 
     @staticmethod
-    def load(path: Path = WEIGHTS) -> Recogniser:
+    def load(path: Path = WEIGHTS) -> EffectClassifier:
         with np.load(path) as a:
             layers = tuple(
                 Layer(a[f"weight{k}"].astype(float), a[f"bias{k}"].astype(float))
@@ -57,22 +57,22 @@ class Recogniser:
             )
             keys, names = (tuple(a[n].tolist()) for n in ("keys", "names"))
             mean, sd, trust = (a[n].astype(float) for n in ("mean", "sd", "trust"))
-        return Recogniser(keys, names, mean, sd, trust, layers)
+        return EffectClassifier(keys, names, mean, sd, trust, layers)
 
-    def probabilities(self, f: Fingerprint) -> Array:
+    def probabilities(self, f: KernelFeatures) -> Array:
         """Of each name (N, names), given that it is one of those that kernels stand for, or nothing more
         where names are given."""
         return self.of(f.features(self.keys), f.by_evidence(self.names), f.possible(self.names))
 
     def of(self, seen: Array, evidence: Array, known: NDArray[np.bool_]) -> Array:
-        """The same from a fingerprint's `features`, `by_evidence` and `possible`."""
+        """The same from `features`, `by_evidence` and `possible`."""
         x = self.scaled(seen, self.mean, self.sd, len(self.keys))
         each = [trust * evidence + self._through(x, k) for k, trust in enumerate(self.trust)]
         members = [softmax(np.where(known, logits, NOWHERE), axis=1) for logits in each]
         out: Array = np.mean(members, axis=0)
         return out
 
-    def told(self, f: Fingerprint) -> Array:
+    def told(self, f: KernelFeatures) -> Array:
         """The same of trucks that were driven with what is missing, which are less like the lessons: which
         name it is is less sure there; whether anything more is missing is not."""
         p = self.probabilities(f)
@@ -101,6 +101,6 @@ class Recogniser:
 
 
 @cache
-def recogniser() -> Recogniser:
+def effect_classifier() -> EffectClassifier:
     """The one that is shipped."""
-    return Recogniser.load()
+    return EffectClassifier.load()

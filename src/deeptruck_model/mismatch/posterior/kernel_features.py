@@ -1,7 +1,7 @@
-"""What every kernel says of one residual: its fingerprint, by which laws of no library's form are recognised.
+"""What every kernel gives for one residual: evidence, sign, size, and how many directions are identified.
 
-A force that follows one name's physics, in whatever form, is explained in part by other names too, and by
-how much each of them explains it one law is like another of its name. `kernel_evidence` makes them.
+A force that follows one name's physics, in whatever form, is explained in part by other names too; how much
+each of them explains is what the effect classifier is trained on. `kernel_evidence` computes it.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Given:
 
 
 @dataclass(frozen=True)
-class Fingerprint:
+class KernelFeatures:
     """What kernels say of residuals, by their `keys`: beside parameters that are `held` near what they are,
     and that are `free`. `chance` (k,): prior odds of the kernels."""
 
@@ -109,10 +109,10 @@ class Fingerprint:
         """What its kernels stand for."""
         return frozenset(key.partition(",")[0] for key in self.keys)
 
-    def of(self, rows: Rows) -> Fingerprint:
+    def of(self, rows: Rows) -> KernelFeatures:
         """Of some of the residuals."""
         parts = (self.held.of(rows), self.free.of(rows), self.given.of(rows))
-        return Fingerprint(self.keys, self.chance, *parts)
+        return KernelFeatures(self.keys, self.chance, *parts)
 
     def possible(self, names: Sequence[str]) -> NDArray[np.bool_]:
         """Which names can be the answer, (N, names)."""
