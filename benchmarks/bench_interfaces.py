@@ -78,7 +78,7 @@ class Box:
         return replace(state, speed=np.where(np.isnan(y[:, 1]), state.speed, y[:, 1]))
 
     def inside(self, state: State) -> dict[str, Array]:
-        """It tells nothing of itself."""
+        """It states nothing of itself."""
         return {}
 
     def parameters(self) -> dict[str, float]:

@@ -286,7 +286,7 @@ def _inside(s: Simulator) -> str:
     state = _idle(s, start(s, *SPEEDS), batch)[0]
     seen = s.inside(state)
     if not seen:
-        raise NotedError("tells nothing", "gear, engine_speed and forces in inside() help the mismatch tool")
+        raise NotedError("states nothing", "gear, engine_speed and forces in inside() help the mismatch tool")
     for name, x in seen.items():
         if np.shape(x) != (batch,):
             raise MissingError(f"inside has {name} of {np.shape(x)}", f"give one value a row: ({batch},)")

@@ -133,7 +133,7 @@ def test_a_silent_bus_is_no_recording(monkeypatch, capsys, tmp_path, suffix):
     out, channel = tmp_path / f"silent{suffix}", f"{os.getpid()}-silent"
     options = ("--interface", "loopback", "--channel", channel, "--duration", "0.3")
     assert run(monkeypatch, "record", out, *options) == 2
-    assert f"nothing was heard on loopback {channel}" in capsys.readouterr().err
+    assert f"nothing was received on loopback {channel}" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -178,7 +178,7 @@ def _calibrated(found: Calibration) -> Iterator[str]:
         unit = "" if p.unit == "1" else f" {p.unit}"
         yield f"{p.name:<20} {p.given:.4g}{unit} -> {told}"
     for one, other in found.alike:
-        yield f"note: {one} and {other} are told together only; vary what one of them depends on"
+        yield f"note: {one} and {other} are identifiable together only; vary what one of them depends on"
     load = CoastDown.of(found.truck.parameters())
     for unit in UNITS:
         a, b, c = load.printed(unit)

@@ -123,7 +123,7 @@ def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
 
 
 def _limits(truck: DeepTruck) -> list[str]:
-    limits = ["It knows nothing outside the spans above; `DeepTruck.covers` tells where that is."]
+    limits = ["It knows nothing outside the spans above; `DeepTruck.covers` says where that is."]
     limits.append(
         "The internal state (gear, boost) is unknown at the start of a run and settles within seconds."
     )

@@ -82,6 +82,6 @@ def _other(truck: DeepTruck, recordings: Sequence[Recording], metrics: dict[str,
     named = f" (recorded on {', '.join(others)}, trained on {truck.interface.name})" if others else ""
     return (
         f"the 90 % intervals hold only {100 * min(held):.0f} % of the points of one channel: this is another "
-        f"truck or load than in training{named}, which 'mismatch' tells, or too few drives set them, which "
+        f"truck or load than in training{named}, which 'mismatch' finds, or too few drives set them, which "
         "'calibrate' mends"
     )

@@ -53,7 +53,7 @@ def _refitted(s: Simulator) -> Row:
     moves = [name for name in named if _moves(s, name, own[name])]
     idle = ", ".join(name for name in named if name not in moves)
     rest = ", ".join(name for name in PARAMETERS if name not in named) or "none"
-    says = f"{', '.join(moves) or 'none'}; as a force beside it: {rest}"
+    says = f"{', '.join(moves) or 'none'}; as an added force: {rest}"
     if idle:
         mend = "make with_parameters act on what drives, or leave them out of parameters()"
         return Row("refitted", State.NO, f"{idle} changes nothing of a drive", mend)
@@ -73,7 +73,7 @@ def _components(s: Simulator, seen: set[str]) -> Row:
     lacking = [name for name in FORCES if name not in seen]
     if "traction_force" in seen and lacking:
         mend = "tell all of these, or no traction_force"
-        return Row("forces", State.NO, f"inside tells traction_force and not {', '.join(lacking)}", mend)
+        return Row("forces", State.NO, f"inside() has traction_force and not {', '.join(lacking)}", mend)
     if not lacking:
         return _balance(s)
     says = "split from its acceleration by recorded engine_torque and engine_speed, else fuel_rate"
@@ -103,7 +103,7 @@ def _newtons(seen: set[str], own: dict[str, float], stated_kg: float | None) -> 
     if "mass" in own or "traction_force" in seen or stated_kg is not None:
         return Row("forces in N", State.YES, "by its own mass")
     mend = "tell mass (kg) in parameters(), or state it: mass_kg in COLUMNS.yaml, or --mass-kg"
-    return Row("forces in N", State.NOTE, "told in m/s^2, as nothing tells its mass", mend)
+    return Row("forces in N", State.NOTE, "given in m/s^2, as no mass is stated", mend)
 
 
 def _gears(seen: set[str]) -> Row:

@@ -68,9 +68,9 @@ class BagSource:
             self._stack.close()
             cure = "a table or CAN log needs 'deeptruck-model import'"
             if self.path.suffix == ".mcap" or (self.path.is_dir() and any(self.path.glob("*.mcap"))):
-                cure = f"one whose end is missing is mended by 'deeptruck-model repair {self.path}'"
+                cure = f"one whose end is missing is repaired by 'deeptruck-model repair {self.path}'"
             elif self.ros1:
-                cure = f"one whose end is missing is mended by 'rosbag reindex {self.path.name}' of ROS 1"
+                cure = f"one whose end is missing is repaired by 'rosbag reindex {self.path.name}' of ROS 1"
             raise InputError(f"{self.path} cannot be read as a bag ({_one_line(error)}); {cure}") from None
         if not any(c.count for c in self.connections):
             self._stack.close()

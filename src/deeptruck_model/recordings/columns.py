@@ -39,7 +39,7 @@ KEYS = {
     "conceal": "channels that go into BAG.sealed.csv only, never into the bag",
     "grade_window_m": "smoothing of a grade derived from elevation, m",
     "vehicle": "what drove: truck, bus, van or car",
-    "mass_kg": "what it weighed on these drives, kg; forces are then told in newtons",
+    "mass_kg": "what it weighed on these drives, kg; forces are then given in newtons",
 }
 ENTRY_KEYS = {
     "column": "its name in the header",

@@ -54,11 +54,11 @@ def repair(path: str | Path) -> str | None:
 
 
 def _refuse_links(path: Path, file: Path) -> None:
-    """Raises InputError for a link, whose place a mended file would take."""
+    """Raises InputError for a link, whose place a repaired file would take."""
     for one in (file, path / METADATA) if path.is_dir() else (file,):
         if one.is_symlink():
             raise InputError(
-                f"{one} is a symbolic link, whose place a mended file would take; repair what it points to, "
+                f"{one} is a symbolic link, which a repaired file would replace; repair what it points to, "
                 f"{one.resolve()}, or a copy"
             )
 

@@ -154,11 +154,11 @@ def lines(found: Checked) -> Iterator[str]:
     yield f"{found.frames} frames in {found.seconds:.1f} s"
     yield from found.account.lines()
     yield from found.notes
-    yield f"heard for {found.vehicle}: {_listed(found.heard)}"
+    yield f"received for {found.vehicle}: {_listed(found.heard)}"
     yield f"could have been engaged for {found.engaged_s:.1f} s"
     yield f"refused: {_timed(found.refusals, found.refused_s)}"
     yield f"control would have been lost: {_timed(found.losses, found.lost_s)}"
-    yield f"faults told: {_timed(found.faults, found.faults_s)}"
+    yield f"faults reported: {_timed(found.faults, found.faults_s)}"
     if found.engaged_s == 0:
         yield f"never engaged because: {', '.join(name for name, _ in found.obstacles.most_common())}"
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in found.driver_s.items())

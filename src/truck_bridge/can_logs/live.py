@@ -64,7 +64,7 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
     if _identity(path) != mine:
         raise InputError(f"{path} was moved or replaced meanwhile; the {count} frames are where it went")
     if count == 0:
-        silent = f"nothing was heard on {interface} {channel}; is it the right channel, does anyone speak?"
+        silent = f"nothing was received on {interface} {channel}; is it the right channel, does anyone speak?"
         if _outline(path) != _outline_of_silence(path):
             raise InputError(f"{silent} {path} stays, as somebody else wrote into it")
         path.unlink()

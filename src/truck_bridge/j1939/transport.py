@@ -86,7 +86,7 @@ class Transport:
         elif kind == CTS:
             self._ask((there, here), pgn, data, now)
         elif kind == END_OF_MESSAGE:
-            self._close((there, here), pgn, "a packet was not heard", now)
+            self._close((there, here), pgn, "a packet was not received", now)
         elif kind == ABORT:  # by the sender or by the receiver
             self._close((here, there), pgn, "aborted", now)
             self._close((there, here), pgn, "aborted", now)
@@ -113,7 +113,7 @@ class Transport:
         count, first = data[1], data[2]
         session.heard, session.patience = now, T2_S if count else T4_S
         if count and not 1 <= first <= len(session.parts) + 1:
-            self._break(key, "a packet was not heard")
+            self._break(key, "a packet was not received")
         elif count:
             del session.parts[first - 1 :]
             session.asked, session.missed = first - 1 + count, False

@@ -23,7 +23,7 @@ def rows(simulator: Any) -> dict[str, Any]:
 def test_of_a_physics_truck_everything_is_told() -> None:
     found = rows(trucks.load("trucksim"))
     assert {row.state for row in found.values()} == {State.YES}
-    assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as a force beside it: none"
+    assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as an added force: none"
 
 
 def test_of_a_truck_that_tells_nothing_the_rest_is_guessed(shuttle: Path) -> None:

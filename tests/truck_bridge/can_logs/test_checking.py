@@ -148,7 +148,7 @@ def test_a_fault_that_forbids_control_is_a_loss_and_its_times_are_said(tmp_path)
     said = list(lines(found))
     assert "control would have been lost: fault: red_stop_lamp (engine) (at 2.50 s)" in said
     assert (
-        "faults told: SPN 110 FMI 16 (engine) (2 times, 2.50 to 3.00 s), "
+        "faults reported: SPN 110 FMI 16 (engine) (2 times, 2.50 to 3.00 s), "
         "red_stop_lamp (engine) (2 times, 2.50 to 3.00 s)"
     ) in said
 

@@ -155,9 +155,9 @@ def test_a_packet_that_is_asked_for_again_replaces_what_came():
 def test_a_receiver_that_is_further_than_we_are_shows_that_we_missed_a_packet(first):
     frames = whole(bytes(30), destination=TOOL)
     found, broken = hear([*frames[:3], asked(2, first), *frames[4:]])
-    assert (found, broken) == ([], {(0xFEE3, ENGINE, "a packet was not heard"): 1})
+    assert (found, broken) == ([], {(0xFEE3, ENGINE, "a packet was not received"): 1})
     end = control(TOOL, ENGINE, 19, 30, 0, 5, 0xFF)
-    assert hear([*frames[:3], end])[1] == {(0xFEE3, ENGINE, "a packet was not heard"): 1}
+    assert hear([*frames[:3], end])[1] == {(0xFEE3, ENGINE, "a packet was not received"): 1}
 
 
 @pytest.mark.parametrize("who", [(ENGINE, TOOL), (TOOL, ENGINE)], ids=["sender", "receiver"])

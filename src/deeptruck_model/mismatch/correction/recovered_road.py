@@ -97,5 +97,5 @@ def with_road(roads: Roads, recordings: Sequence[Recording]) -> tuple[list[Recor
         if s is not None
     ]
     if not out:
-        raise InputError("of none of these recordings a slope was told; give those that mismatch was run on")
+        raise InputError("no slope was found for these recordings; give those that mismatch was run on")
     return out, [r.name for r, s in zip(recordings, slopes, strict=True) if s is None]

@@ -112,7 +112,7 @@ def with_road_of_another(
         raise InputError(f"recording '{graded[0]}' has a grade of its own; give recordings without one")
     told = [(r, slope) for r in recordings if (slope := roads.along(r)) is not None]
     if not told:
-        raise InputError("of none of these recordings a slope was told; give those that mismatch was run on")
+        raise InputError("no slope was found for these recordings; give those that mismatch was run on")
     along = [_distance(r) for r, _ in told]
     own = Windows.of([(d, slope) for d, (_, slope) in zip(along, told, strict=True)])
     found = shared(own, Windows.of([(t.distance, t.slope) for t in other.slopes.values()]))

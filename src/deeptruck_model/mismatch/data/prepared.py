@@ -18,8 +18,8 @@ from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.vehicle_kinds import LEAST_SPEED, NO_COASTING
 
-LEAST_DRIVING_S = 60.0  # s of usable driving: less tells nothing
-LEAST_SPEED_SD = 0.3  # m/s: a speed that varies less tells nothing
+LEAST_DRIVING_S = 60.0  # s of usable driving: less is too little
+LEAST_SPEED_SD = 0.3  # m/s: a speed that varies less is too little
 HELD_OUT_SHARE = 0.3  # of the driving, which is held out where no drive was given for it
 SAME_DRIVES = (
     "few recordings and no other held out: the last 30 % of each was set aside, "

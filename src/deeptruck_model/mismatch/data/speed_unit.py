@@ -24,9 +24,9 @@ NEAR, MOSTLY = 0.01, 0.6  # so near its median, relative, so often: a converter 
 SAME = 0.5  # gears are whole
 FEWEST = 5  # pieces of road that tell a scale: one alone may be all bends
 BETWEEN, BY_PLACE = ("speed", "engine_speed"), ("speed", "latitude")
-PLACED = "speed is {scale:.3f} times what positions tell: it is scaled"
+PLACED = "speed is {scale:.3f} times what positions give: it is scaled"
 SCALED = (
-    "speed is {scale:.3f} times what engine speed tells in the simulator's gears: it is scaled, or tyres and "
+    "speed is {scale:.3f} times what engine speed gives in the simulator's gears: it is scaled, or tyres and "
     "axles are not the simulator's"
 )
 
@@ -40,7 +40,7 @@ def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
         return
     if unit := units.likely(scale, units.SPEEDS):
         raise InputError(
-            f"speed of '{told.recording.name}' is {scale:.3g} times what its engine speed tells by the "
+            f"speed of '{told.recording.name}' is {scale:.3g} times what its engine speed gives by the "
             f"simulator's gear; {unit}"
         )
 
