@@ -97,5 +97,5 @@ def test_a_recording_with_a_grade_or_without_a_told_slope_is_refused() -> None:
     )
     with pytest.raises(InputError, match="grade of its own"):
         with_road_of_another(Roads({"own": told}), Roads({"own": told}), [graded])
-    with pytest.raises(InputError, match="of none of these recordings"):
+    with pytest.raises(InputError, match="no slope was found for these recordings"):
         with_road_of_another(Roads({}), Roads({"own": told}), [recording])
