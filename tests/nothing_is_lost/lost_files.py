@@ -21,7 +21,7 @@ from deeptruck_exam.folder import CASE, CLASSIFIER, LIMIT, PROOF, REAL
 from deeptruck_model import results
 from deeptruck_model.files import LEDGER, Result, unfinished
 from deeptruck_model.mismatch import folders
-from examples.demo import drives, fading, real
+from examples.demo import drives, real
 
 RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP, BENEFIT)
 AT_ONCE = (
@@ -29,7 +29,6 @@ AT_ONCE = (
     results.COVERAGE, results.BAG, results.WRITTEN_BAG,
     results.BAG_WITH_ROAD, results.CALIBRATED, results.EXPERIMENT,
     results.BESIDE_PAPER, results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
-    fading.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG
 KINDS = (*RESUMABLE, *AT_ONCE, PROOF, LIMIT, CLASSIFIER, REAL, CASE, RECORDED)

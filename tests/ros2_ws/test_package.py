@@ -17,7 +17,7 @@ PACKAGE = ROOT / "ros2_ws" / "src" / "deeptruck_nodes"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 XML = ElementTree.parse(PACKAGE / "package.xml").getroot()
 OURS = {"deeptruck_model", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes"}
-OF_PIP = {"numpy", "yaml", "typer", "can", "libsumo"}  # come with the project, which pip installs
+OF_PIP = {"numpy", "yaml", "typer", "can", "libsumo", "rosbags"}  # come with the project, which pip installs
 
 
 def imported() -> set[str]:

@@ -91,7 +91,7 @@ def find_mismatch(
 
         say("comparing every mechanism with what the simulator is off by")
         search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
-        names = classify(search, unrecorded.names_behind(e, missing), rules)
+        names = classify(search, unrecorded.names_behind([*recordings, *held_out], missing), rules)
         again = road(search.e.everywhere())
         found = budget(search, hidden & ~e.held_out)
         seen = witnesses(search, drives.prepared, found, rules)

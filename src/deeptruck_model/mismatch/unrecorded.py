@@ -29,7 +29,7 @@ BEHIND = {
         "rotating_inertia", "engine_friction",
     ),
 }  # fmt: skip
-ENGINE_SPEED = "engine_speed"  # with the speed it gives the gear
+ENGINE_SPEED = "engine_speed"
 BRAKING, BRAKING_SD = -0.8, 0.6  # m/s^2 that service brakes add, and its spread
 TAIL = 4.0  # degrees of freedom of the residual without braking
 OFF_S, ON_S = 90.0, 6.0  # mean time between applications, and of one
@@ -67,9 +67,9 @@ def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tupl
     )
 
 
-def names_behind(e: Evidence, missing: Sequence[NotRecorded]) -> frozenset[str]:
-    """The names that a missing input explains as well as they do."""
-    known = {"gear"} if e.has(ENGINE_SPEED) or e.has("gear") else set()
+def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> frozenset[str]:
+    """The names that a missing input explains as well as they do. A recorded engine speed gives the gear."""
+    known = {"gear"} if all(ENGINE_SPEED in r.channels for r in recordings) else set()
     return frozenset(n for m in missing if m.input not in known for n in BEHIND.get(m.input, ()))
 
 

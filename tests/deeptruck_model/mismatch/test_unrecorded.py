@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from small_drives import BRAKE_COMMAND, evidence
+from small_drives import BRAKE_COMMAND, TRUCK, drives, evidence
 
 from deeptruck_model.mismatch import unrecorded
 from deeptruck_model.mismatch.rules import Rules
@@ -25,7 +25,7 @@ def braked(e, times=12, seconds=6.0):
 def test_unrecorded_braking_is_found_where_it_acts() -> None:
     e, on = braked(evidence())
     found, gain = unrecorded.braking(e, Rules())
-    assert gain > Rules().hidden_gain
+    assert gain > Rules().parameter_gain
     assert found[on].mean() > 0.8
     assert found[~on].mean() < 0.02
 
@@ -47,13 +47,14 @@ def test_where_the_brake_was_recorded_none_is_hidden() -> None:
 
 def test_no_brake_is_named_where_the_brake_was_not_recorded() -> None:
     missing = [unrecorded.NotRecorded("brake", "hides", "signal")]
-    assert "dragging_brake" in unrecorded.names_behind(evidence(), missing)
-    assert not unrecorded.names_behind(evidence(), [])
+    recorded = drives(TRUCK, 1, 30.0)
+    assert "dragging_brake" in unrecorded.names_behind(recorded, missing)
+    assert not unrecorded.names_behind(recorded, [])
 
 
-def test_engine_speed_stands_for_the_gear() -> None:
+def test_a_recorded_engine_speed_gives_the_gear() -> None:
     missing = [unrecorded.NotRecorded("gear", "hides", "signal")]
-    e = evidence()
-    assert "driveline_loss" in unrecorded.names_behind(e, missing)
-    e = replace(e, signals=e.signals | {"engine_speed": np.full(len(e), 100.0)})
-    assert not unrecorded.names_behind(e, missing)
+    (drive,) = drives(TRUCK, 1, 30.0)
+    bare = replace(drive, channels={n: x for n, x in drive.channels.items() if n != "engine_speed"})
+    assert "driveline_loss" in unrecorded.names_behind([bare], missing)
+    assert not unrecorded.names_behind([drive], missing)

@@ -48,7 +48,7 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
             ("late_s", float("nan"), "late_s of 'speed' must be at most 10 s either way, not nan"),
             ("late_s", float("-inf"), "late_s of 'speed' must be at most 10 s either way, not -inf"),
             ("late_s", 10.5, "late_s of 'speed' must be at most 10 s either way, not 10.5"),
-            ("late", 1.0, "channel 'speed' has unknown keys: late; known: column, density, late_s"),
+            ("late", 1.0, "channel 'speed' has unknown keys: late; did you mean late_s?"),
         )
     ),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "seperator": ";"}, "unknown keys: seperator"),

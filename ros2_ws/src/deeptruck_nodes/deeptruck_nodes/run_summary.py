@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 LEADER, ENGAGED, CLOCK = "/leader/state", "/truck/engaged", "/truck/twist"
 LATE_S = 0.05  # beyond the usual period: half a step of the controller
@@ -60,6 +58,10 @@ def sentences(run: Signals, *, real_time: bool) -> list[str]:
 
 def _read(bag: Path) -> Signals:
     found: dict[str, list[tuple[float, float]]] = {LEADER: [], ENGAGED: [], CLOCK: []}
+    # loaded here, as a start script refuses what does not fit within a moment
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         connections = [c for c in reader.connections if c.topic in found]
         for connection, _, data in reader.messages(connections):
