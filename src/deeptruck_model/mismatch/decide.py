@@ -91,7 +91,7 @@ def decide(
         tuple(where.regimes(e, error)),
         replace(fit, validated=driven.fit.validated),
         drives.rejected,
-        smallest_visible(search, names.threshold, rules) if kind is Conclusion.NOTHING else None,
+        smallest_visible(search, names.threshold, rules) if not findings else None,
         (*drives.caveats, *_caveats(e, findings)),
         missing,
         found,
