@@ -75,7 +75,7 @@ def _seen(arrays: Mapping[str, Array]) -> Seen:
 
 @dataclass(frozen=True)
 class _Labelled:
-    """One residual (n,), what is missing in it, and the names that are known beside it."""
+    """One residual (n,), what is missing in it, and the names that are known."""
 
     residual: Array
     name: str

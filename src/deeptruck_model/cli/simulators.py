@@ -83,9 +83,9 @@ def _driven(simulator: str, changed: Path | None) -> list[Row]:
     table = protocol_check.examine(truck)
     if protocol_check.missing(table):
         return table
-    from deeptruck_model.mismatch import told
+    from deeptruck_model.mismatch import identifiable
 
-    return [*table, *told.rows(truck)]
+    return [*table, *identifiable.rows(truck)]
 
 
 def _tell(table: list[Row]) -> None:

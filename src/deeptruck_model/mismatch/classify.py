@@ -34,11 +34,10 @@ class Named:
 
 @dataclass(frozen=True)
 class Names:
-    """All that was named, the most evident first; `threshold` is the gain beside free parameters below which
-    nothing is detected, nats."""
+    """All that was named, the most evident first; `gain_free` is what the best kernel gains with parameters
+    free, nats, and `threshold` the gain below which nothing is detected."""
 
     found: tuple[Named, ...]
-    gain_held: float
     gain_free: float
     threshold: float
 
@@ -55,11 +54,11 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
     threshold = _threshold(search, rules)
     found: list[Named] = []
     given: list[str] = []
-    first = (0.0, 0.0)
+    gain_free = 0.0
     while len(found) < rules.most_findings:
         seen = evidence.of(y[:, None], given)
         held, free = float(seen.held.nats.max()), float(seen.free.nats.max())
-        first = first if found else (held, free)
+        gain_free = gain_free if found else free
         if max(held, free) <= threshold:
             break
         by = effect_classifier()
@@ -77,7 +76,7 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
         if best == UNKNOWN:
             break
         given.append(best)
-    return Names(tuple(found), *first, threshold)
+    return Names(tuple(found), gain_free, threshold)
 
 
 def _threshold(search: Regression, rules: Rules) -> float:

@@ -33,6 +33,7 @@ from deeptruck_model.mismatch.witnesses import Witness
 Array = NDArray[np.float64]
 
 LATE = ("command_delay", "clock_offset")
+FAULT = 0.99  # a fault is `sensor_sd` deviations off: no more is claimed, as the deviation is an estimate
 
 
 def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
@@ -79,9 +80,9 @@ def decide(
     kind = _kind(findings, detected, found, driven, rules)
     forces = {i: f.force for i, f in enumerate(findings) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
-    fit = replace(driven.fit, next_pass=again.ahead if again is not None else None)
-    if kind is Conclusion.NOTHING:  # what is right is not corrected
-        driven = replace(driven, fit=replace(fit, validated=False))
+    validated = driven.fit.validated and kind is not Conclusion.NOTHING  # what is right is not corrected
+    ahead = again.ahead if again is not None else None
+    driven = replace(driven, fit=replace(driven.fit, validated=validated, next_pass=ahead))
     first = names.found[0].tree if names.found else None
     first = again.tree if again is not None and of_road else first
     return Verdict(
@@ -89,7 +90,7 @@ def decide(
         tuple(findings),
         tuple(where.segments(e, forces)),
         tuple(where.regimes(e, error)),
-        replace(fit, validated=driven.fit.validated),
+        driven.fit,
         drives.rejected,
         smallest_visible(search, names.threshold, rules) if not findings else None,
         (*drives.caveats, *_caveats(e, findings)),
@@ -102,7 +103,7 @@ def decide(
 
 
 def _of_road(e: Evidence, again: Road | None, rules: Rules) -> list[Finding]:
-    """The road, where what is slow comes again with it and its name is stated."""
+    """The road, where what is slow depends on its position and its name is stated."""
     if again is None or again.tree.stated(rules.stated) == ROOT:
         return []
     m = LIBRARY[again.tree.first]
@@ -300,7 +301,7 @@ def _of_fault(f: SensorFault) -> Finding:
     ci = (f.value - Z95 * f.se, f.value + Z95 * f.se)
     return Finding(
         Kind.SENSOR, f.effect, FAMILY[f.effect], f.effect, f.says, f.equation,
-        {"value": Size(f.value, f.unit, ci)}, 0.99, 0.99, wording.SENSOR_MANOEUVRE, f.between,
+        {"value": Size(f.value, f.unit, ci)}, FAULT, FAULT, wording.SENSOR_MANOEUVRE, f.between,
         share_of_explainable_error=0.0,
     )  # fmt: skip
 

@@ -49,15 +49,13 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Made:
-    """The corrected simulator and the one with all parameters refitted alone; the recipe, its fit, and the
-    search about parameters as given that it was fitted on. `gain`: share of the squared speed error that the
-    recipe removes along fitted drives that it was not fitted to."""
+    """The corrected simulator and the one with parameters refitted alone; the recipe, and its most probable
+    sizes, which findings state whatever sizes drive best."""
 
     corrected: CorrectedTruck
     tuned: CorrectedTruck
     recipe: Recipe
     fit: Model
-    gain: float
 
 
 def correct(simulator: Simulator, search: Regression, names: Names, rules: Rules) -> Made:
@@ -77,13 +75,11 @@ def correct(simulator: Simulator, search: Regression, names: Names, rules: Rules
     errors = [_left_out(folds, recipe) for recipe in options]
     best = options[int(np.argmin([e if k else rules.better**2 * e for k, e in enumerate(errors)]))]
     whole = Regression(search.e.everywhere(), only=~search.e.held_out & search.e.valid, held=PINNED)
-    fit = _fitted(whole, best)
     return Made(
-        _truck(simulator, whole, best, fit),
+        _truck(simulator, whole, best, _fitted(whole, best)),
         _truck(simulator, whole, tuning, _fitted(whole, tuning)),
         best,
-        fit,
-        1.0 - min(errors) / max(errors[0], 1e-12),
+        whole.model(best.terms, best.free),
     )
 
 

@@ -1,4 +1,4 @@
-"""A road that was not recorded: what is slow, and comes again where the same road is driven again.
+"""A road that was not recorded: a slow force that depends on the road position.
 
 A learned truck that is fed its own speed follows a slope as it follows everything slow, so that little of it
 is left in its residual. A line through the recordings does not (`slow_force.plain_truck`). What is slow of

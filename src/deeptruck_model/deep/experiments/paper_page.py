@@ -20,7 +20,7 @@ Value = float | tuple[float, ...] | None
 Figures = Mapping[str, Any]
 TITLE = """# Beside the paper
 
-Every figure and number of the paper with ours beside it, on our reference trucks: `trucksim` for TruckSIM,
+Every figure and number of the paper with ours next to it, on our reference trucks: `trucksim` for TruckSIM,
 `freightliner` and `volvo` for the two real ones, whose recordings are not public. A cell is the median of the
 seeds, in brackets the least and the largest of them; it is in bold where any seed misses the paper's bound.
 The row 'seeds' says how many ran. Two commands measure the whole page, and continue where they were stopped:

@@ -1,7 +1,7 @@
 """Where drives are along the roads that they share: by their positions, else by how far they have come.
 
-A force that belongs to a place comes again wherever a drive comes by. Places are metres along all roads, one
-after the other; whoever comes by once more, the same way, is at the places of whoever came first.
+A force that depends on the road position acts on every drive that passes. Places are metres along all
+roads, one after the other; whoever comes by once more, the same way, is at the places of whoever came first.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ COARSER = 3.0
 SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that is time-varying
 MOST_KNOTS = 80
 BIN_M = 10.0  # in which a road is counted
-TWICE = 1.5  # times that a road was driven, of which fewer show nothing that comes again
+TWICE = 1.5  # times that a road was driven, below which nothing position-dependent is visible
 
 
 def moments(e: Evidence, most: int = 32) -> Iterator[FromMoment]:

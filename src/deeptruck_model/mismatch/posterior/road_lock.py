@@ -1,4 +1,4 @@
-"""Whether a slow force belongs to the road: it comes again where the same stretch is driven again."""
+"""Whether a slow force belongs to the road: another pass over the same road repeats it."""
 
 from __future__ import annotations
 

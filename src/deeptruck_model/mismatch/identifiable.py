@@ -1,4 +1,4 @@
-"""What the mismatch tool will be able to tell of a simulator, from what it says of itself."""
+"""What the mismatch tool can identify of a simulator, from what the simulator states of itself."""
 
 from __future__ import annotations
 

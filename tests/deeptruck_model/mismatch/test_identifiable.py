@@ -10,17 +10,17 @@ import pytest
 
 from deeptruck_model import mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import told
+from deeptruck_model.mismatch import identifiable
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.protocol_check import State
 from deeptruck_model.recordings import Recording
 
 
 def rows(simulator: Any) -> dict[str, Any]:
-    return {row.about: row for row in told.rows(simulator)}
+    return {row.about: row for row in identifiable.rows(simulator)}
 
 
-def test_of_a_physics_truck_everything_is_told() -> None:
+def test_of_a_physics_truck_everything_is_identifiable() -> None:
     found = rows(trucks.load("trucksim"))
     assert {row.state for row in found.values()} == {State.YES}
     assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as an added force: none"
