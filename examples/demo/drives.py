@@ -101,12 +101,13 @@ def other_truck(out: Path, seconds: float, seed: int = 20) -> None:
         out / "hidden.csv", np.stack(list(hidden.values()), axis=1), "%.2f", ",",
         header=",".join(hidden), comments="",
     )  # fmt: skip
-    (out / "hidden.yaml").write_text(yaml.safe_dump(_description(np.concatenate([hidden[d] for d in "abc"]))))
+    (out / "hidden.yaml").write_text(yaml.safe_dump(_description(hidden)))
 
 
-def _description(force: np.ndarray) -> dict[str, Any]:
+def _description(hidden: dict[str, np.ndarray]) -> dict[str, Any]:
     """What was hidden, by the effect's name, in words, and as its mean while it acts on the drives a to c."""
-    acting = acts(force)
+    force = np.concatenate([hidden[drive] for drive in "abc"])
+    acting = acts(force, np.ones(len(force), dtype=bool), float(hidden["time"][1] - hidden["time"][0]))
     return {
         "effect": StickingBrake.effect,
         "says": StickingBrake.says,

@@ -24,7 +24,7 @@ from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Finding,
 from deeptruck_model.mismatch.road import Road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.sizes import sizes_of
-from deeptruck_model.mismatch.strength import Strength, acts
+from deeptruck_model.mismatch.strength import Strength, acts, visible
 from deeptruck_model.mismatch.tree import FAMILY, ROOT, UNKNOWN, Node
 from deeptruck_model.mismatch.unrecorded import NotRecorded
 from deeptruck_model.mismatch.validate import Validated
@@ -289,7 +289,7 @@ def _finding(
 
 def _strength(e: Evidence, force: Array) -> Strength:
     """How strong a force (n,), m/s^2, is while it acts."""
-    on = acts(force) & e.valid
+    on = acts(force, visible(e), e.dt)
     part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
     one_way = bool(abs(part.mean()) > 0.5 * np.abs(part).mean())
     value = float(part.mean() if one_way else np.sqrt(np.mean(part**2)))

@@ -8,14 +8,30 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
-MOSTLY = 0.6  # of the time, beyond which a force is no event
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+SMOOTH_S = 1.0
+NOTABLE = 0.02  # m/s^2: the noise of ordinary sensors over a second
+STANDING_M_S = 0.1  # slower, a truck may stand: a force has no visible effect there
 
 
-def acts(force: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Where a force (n,) acts: a third of nearly its largest, or more."""
-    large = np.abs(force)
-    return large > 0.3 * float(np.quantile(large, 0.995)) + 1e-9
+def visible(e: Evidence) -> NDArray[np.bool_]:
+    """Rows (n,) that are compared while the truck moves."""
+    out: NDArray[np.bool_] = e.valid & (np.abs(e["speed"]) > STANDING_M_S)
+    return out
+
+
+def acts(force: NDArray[np.float64], seen: NDArray[np.bool_], dt: float) -> NDArray[np.bool_]:
+    """Where a force (n,), m/s^2, acts among the rows that are `seen`, a period of `dt` s apart: where it is,
+    over a second, a third of nearly its largest, or more."""
+    smooth = np.abs(uniform_filter1d(force, max(1, round(SMOOTH_S / dt))))
+    if not seen.any() or smooth[seen].max() < 1e-6:
+        return np.zeros(len(force), dtype=bool)
+    level = 0.35 * float(np.quantile(smooth[seen], 0.99))
+    out: NDArray[np.bool_] = seen & (smooth > max(level, min(NOTABLE, 0.5 * float(smooth[seen].max()))))
+    return out
 
 
 @dataclass(frozen=True)
@@ -26,11 +42,6 @@ class Strength:
     unit: str
     one_way: bool
     share_of_time: float
-
-    @property
-    def mostly(self) -> bool:
-        """Whether it acts so much of the time that it is no event."""
-        return self.share_of_time > MOSTLY
 
     def to_json(self) -> dict[str, Any]:
         """`strength` of an entry of `findings`."""

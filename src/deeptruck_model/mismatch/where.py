@@ -7,19 +7,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 from sklearn.tree import DecisionTreeRegressor
 
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch, unit
 from deeptruck_model.mismatch.result import Bound, Regime, Segment
+from deeptruck_model.mismatch.strength import acts, visible
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-NOTABLE = 0.02  # m/s^2
 MOST_SEGMENTS = 60
 SMALL = 1e-3  # of the range of a signal: a border so near zero is at zero to whoever reads it
-STANDING_M_S = 0.1  # slower, a truck may stand: a force has no visible effect there
 RATIO_STEP = 0.05  # relative; gears are farther apart
 
 
@@ -28,17 +26,10 @@ def segments(e: Evidence, forces: Mapping[int, Array]) -> list[Segment]:
     truck moves and is compared; most important first."""
     out: list[Segment] = []
     for i, force in forces.items():
-        smooth = uniform_filter1d(force, max(1, round(1.0 / e.dt)))
-        seen = e.valid & (np.abs(e["speed"]) > STANDING_M_S)
-        size = np.abs(smooth[seen])
-        if not len(size) or size.max() < 1e-6:
-            continue
-        level = max(0.35 * float(np.quantile(size, 0.99)), min(NOTABLE, 0.5 * float(size.max())))
+        seen = visible(e)
+        on = acts(force, seen, e.dt)
         for s in e.stretches:
-            out += [
-                _segment(e, force, i, s, a, b, seen)
-                for a, b in _runs((np.abs(smooth[s.rows]) > level) & seen[s.rows], e.dt)
-            ]
+            out += [_segment(e, force, i, s, a, b, seen) for a, b in _runs(on[s.rows], e.dt)]
     out.sort(key=lambda s: -s.energy)
     return out[:MOST_SEGMENTS]
 
