@@ -154,12 +154,12 @@ def test_a_silent_log_in_which_the_user_wrote_stays(tmp_path, suffix):
 
     thread = threading.Thread(target=append)
     thread.start()
-    with pytest.raises(InputError, match=f"nothing was heard.*drive{suffix} stays"):
+    with pytest.raises(InputError, match=f"nothing was received.*drive{suffix} stays"):
         can_logs.record(path, "loopback", silent, 0.6)
     thread.join()
     assert "mine\n" in path.read_text()
     path.unlink()
-    with pytest.raises(InputError, match="nothing was heard"):
+    with pytest.raises(InputError, match="nothing was received"):
         can_logs.record(path, "loopback", silent, 0.1)
     assert not path.exists()
 
