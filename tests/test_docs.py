@@ -35,7 +35,7 @@ PAGES = [
 TYPER = r"(deeptruck-[a-z]+|truck-bridge|python (ros2_ws|examples|demo)\S*) \S"
 SCRIPT = r"python (-m \S+|(benchmarks|tests)/\S+\.py)"  # with argparse, or with options written out
 OTHERS = r"make \w+|\. \S+/activate$|#|$"
-RUN_HERE = [DOCS / "tutorial.md", DOCS / "cacc.md"]
+RUN_HERE = [DOCS / "tutorial.md", DOCS / "cacc.md", DOCS / "cacc_shield.md"]
 RUN_BY = {  # the snippets of other pages need what their own tests have at hand
     "docs/trucks.md": "tests/deeptruck_model/trucks/test_docs.py",
     "docs/recordings.md": "tests/deeptruck_model/recordings/test_documentation.py",

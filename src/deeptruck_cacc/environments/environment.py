@@ -57,6 +57,7 @@ class CaccEnv:
             np.array(x, float) for x in (self.scene.leader_speed, self.scene.speed, self.scene.gap)
         )
         self.acceleration = np.zeros(self.batch)
+        self.applied = np.zeros((self.batch, 2))  # commands that reached the trucks in the last step
         self._sent: list[Array] = []
         y0 = np.zeros((self.batch, len(self.simulator.interface.y)))
         y0[:, SPEED] = self.speed
@@ -121,6 +122,7 @@ class CaccEnv:
             commands = self.scale.within(commands * scene.command_gain)
         if scene.command_delay is not None:
             commands = self._arrived(commands, scene.command_delay)
+        self.applied = commands
         self._state, y = self.simulator.step(self._state, commands[:, : self._n_u], w)
         self.gap = self.gap + (self.leader_speed - self.speed) * self.dt
         self.leader_speed = np.maximum(self.leader_speed + scene.leader_acceleration[:, k] * self.dt, 0.0)

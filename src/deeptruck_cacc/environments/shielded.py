@@ -1,0 +1,69 @@
+"""The shield as a Gymnasium wrapper, in the form that users of control barrier functions know."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.environments.adapters import CaccGymEnv
+from deeptruck_cacc.safety.shield import Promise, Shield
+from deeptruck_cacc.safety.truck_limits import known
+from deeptruck_model.errors import InputError
+
+Floats = NDArray[np.float32]
+
+
+class ShieldedEnv(gymnasium.Wrapper[Floats, NDArray[Any], Floats, NDArray[Any]]):
+    """`deeptruck/Cacc-v0` behind the shield of docs/cacc_shield.md: what is unsafe is filtered, not punished.
+
+    `info` of each step has three commands, each (2,) [engine, brake] in the interface's units:
+
+    - `u_nom`: nominal, what the action asks for,
+    - `u_safe`: filtered, what the shield lets through; reward and next observation are of this one,
+    - `u_applied`: what reached the truck, after the gain and delay of commands of the scene;
+
+    and `shield_acted` (u_safe is not u_nom) and `shield_braking` (full braking is all that is safe).
+
+    The promise is the one given, else the one measured for a truck of this name, else the cautious default.
+    Raises InputError for an environment that is not CaccGymEnv, and for a truck without a brake command.
+    """
+
+    def __init__(self, env: gymnasium.Env[Floats, NDArray[Any]], promise: Promise | None = None) -> None:
+        super().__init__(env)
+        inner = env.unwrapped
+        if not isinstance(inner, CaccGymEnv):
+            raise InputError(f"{type(inner).__name__} is not deeptruck/Cacc-v0, which ShieldedEnv wraps")
+        self._cacc = inner.cacc
+        interface = self._cacc.simulator.interface
+        if interface.brake_unit is None:
+            raise InputError(f"{interface.name} has no brake command, and a shield brakes")
+        promise = replace(promise or known(interface) or Promise(), dt=self._cacc.dt)
+        self._shield = Shield(promise, self._cacc.scale.engine_low, self._cacc.scale.brake_high)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Start a path; the brakes count as cold."""
+        self._shield.reset()
+        return self.env.reset(seed=seed, options=options)
+
+    def step(self, action: NDArray[Any]) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        """One dt under what the shield makes of the action."""
+        scale, seen = self._cacc.scale, self._cacc.observe()
+        nominal = scale.commands(np.asarray(action, float)[None])
+        safe = np.column_stack(
+            self._shield.filter(seen["gap"], seen["leader_speed"], seen["speed"], *nominal.T)
+        )
+        observation, reward, terminated, truncated, info = self.env.step(scale.actions(safe)[0])
+        info |= {
+            "u_nom": nominal[0],
+            "u_safe": safe[0],
+            "u_applied": self._cacc.applied[0],
+            "shield_acted": bool(self._shield.acted[0]),
+            "shield_braking": bool(self._shield.braking[0]),
+        }
+        return observation, float(reward), terminated, truncated, info
