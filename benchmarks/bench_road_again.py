@@ -229,7 +229,7 @@ def drive_free(
     `ahead` is the slope from the seam on, of a truck that has it as an input."""
     parts = [drives[s.drive].recording for s in found]
     cuts = [slice(s.sample - SETTLE_S, s.sample + SEAM_S + FREE_S + 1) for s in found]
-    ready = [prepare(r, False, truck.interface.y) for r in parts]
+    ready = [prepare(r, False, truck.interface) for r in parts]
     u, y = (np.stack([getattr(p, f)[c] for p, c in zip(ready, cuts, strict=True)]) for f in ("u", "y"))
     past, grid = np.stack([s.past for s in found]), STEP_M * np.arange(NEXT)
     state, way, out = truck.reset(y[:, 0]), np.zeros(len(found)), []

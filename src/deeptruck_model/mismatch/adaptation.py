@@ -83,4 +83,4 @@ def begin(simulator: Simulator, recordings: Sequence[Recording], first_s: float)
         left -= n * r.dt
     drives, _ = checks.clean(pieces)
     measured = checks.acceleration_is_measured(drives)
-    return [learned(simulator, prepare(r, measured, simulator.interface.y)) for r in drives]
+    return [learned(simulator, prepare(r, measured, simulator.interface)) for r in drives]

@@ -48,7 +48,8 @@ class Names:
 
 def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
     """Names one after the other, each beside the kernels of those before it, until nothing more is more
-    probable than any name. Names `behind` a missing input are `unknown`."""
+    probable than any name. Names `behind` a missing input are `unknown`, which is accepted only where that
+    input does not explain it: where these names are less probable than `rules.named`."""
     evidence = KernelEvidence(search, search.background(()))
     y = search.series.y
     threshold = _threshold(search, rules)
@@ -71,7 +72,8 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
         probable = next(iter(tree.families.values())) >= rules.named
         best = tree.first if probable else UNKNOWN
         sure = tree.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
-        accepted = sure or search.e.known_physics
+        explained = best == UNKNOWN and sum(names.get(n, 0.0) for n in behind) >= rules.named * total
+        accepted = (sure or search.e.known_physics) and not explained
         found.append(Named(best, tree, held, free, evidence.force(y, best, given), accepted))
         if best == UNKNOWN:
             break

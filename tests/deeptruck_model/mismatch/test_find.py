@@ -154,11 +154,11 @@ def test_too_little_driving_is_undetermined() -> None:
 
 def test_what_does_not_belong_together_is_refused_in_one_line() -> None:
     (r,) = drives(TRUCK, 1, 60.0)
-    without = replace(r, channels={k: v for k, v in r.channels.items() if k != "brake_command"})
+    without = replace(r, channels={k: v for k, v in r.channels.items() if k != "engine_command"})
     other = replace(r, interface=TruckInterface("volvo", "N m", "m/s^2"))
     slow = replace(r, dt=1.0)
     for bad, says in (
-        (without, "has no valid brake_command"),
+        (without, "has no valid engine_command"),
         (other, "brake_command in m/s"),
         (slow, "1 Hz"),
     ):

@@ -14,10 +14,11 @@ from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import SPEED
+from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.vehicle_kinds import LEAST_SPEED, NO_COASTING
 
+BRAKE = "brake_command"
 LEAST_DRIVING_S = 60.0  # s of usable driving: less is too little
 LEAST_SPEED_SD = 0.3  # m/s: a speed that varies less is too little
 HELD_OUT_SHARE = 0.3  # of the driving, which is held out where no drive was given for it
@@ -31,15 +32,17 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
     if not recordings:
         raise InputError("there is no recording to compare with; give at least one bag with data in it")
     need = {*simulator.interface.u, *simulator.interface.w}
+    if not any(_valid(r, BRAKE) for r in recordings):
+        need -= {BRAKE}  # not recorded at all: driven without braking, which is found where it acts
     for r in recordings:
-        unknown = {n for n in need if n not in r.channels or not np.isfinite(r.channels[n]).any()}
+        unknown = {n for n in need if not _valid(r, n)}
         missing = sorted(unknown | ({"speed", "acceleration"} - r.channels.keys()))
         if missing:
             raise InputError(
                 f"recording '{r.name}' has no valid {', '.join(missing)}, which the simulator needs; "
                 "record it or use another simulator"
             )
-        for name in ("engine_command", "brake_command"):
+        for name in ("engine_command", BRAKE):
             here, there = r.interface.unit(name), simulator.interface.unit(name)
             if name in need and here != there:
                 raise InputError(
@@ -48,6 +51,10 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
                 )
         if abs(r.dt - simulator.dt) > 1e-6:
             raise InputError(_other_rate(r, 1 / simulator.dt))
+
+
+def _valid(r: Recording, channel: str) -> bool:
+    return channel in r.channels and bool(np.isfinite(r.channels[channel]).any())
 
 
 def _other_rate(r: Recording, rate_hz: float) -> str:
@@ -193,13 +200,16 @@ class Prepared:
 def prepare(
     recording: Recording,
     measured_acceleration: bool,
-    response: Sequence[str] | None = None,
+    interface: TruckInterface | None = None,
 ) -> Prepared:
     """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration.
 
-    `response` are the columns of y that the simulator has, else those that were recorded; what it has and the
-    recording lacks, such as fuel, is NaN.
+    `interface` is the simulator's, else the recording's; a response that it has and the recording lacks, such
+    as fuel, is NaN, and a brake that was not recorded is zero.
     """
+    if recording.interface.brake_unit is not None and not _valid(recording, BRAKE):
+        recording = replace(recording, interface=replace(recording.interface, brake_unit=None))
+    interface = interface or recording.interface
     dt = recording.dt
     needed = (*recording.interface.u, *recording.interface.w, "speed")
     bad = ~np.isfinite(recording.columns(needed).sum(axis=1))
@@ -220,8 +230,11 @@ def prepare(
     dead[len(dead) - round(1.0 / dt) :] = True
     whole = replace(recording, channels=filled)
     unknown = np.full(len(recording), np.nan)
-    y = np.stack([filled.get(n, unknown) for n in response or recording.interface.y], axis=1)
-    return Prepared(recording, whole.u, whole.w, y, observed, ~dead, noise, measured_acceleration)
+    y = np.stack([filled.get(n, unknown) for n in interface.y], axis=1)
+    u = whole.u
+    if BRAKE in interface.u and recording.interface.brake_unit is None:
+        u = np.column_stack([u, np.zeros(len(recording))])
+    return Prepared(recording, u, whole.w, y, observed, ~dead, noise, measured_acceleration)
 
 
 def learned(simulator: Simulator, p: Prepared) -> Prepared:

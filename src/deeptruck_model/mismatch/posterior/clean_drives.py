@@ -28,7 +28,7 @@ class CleanDrives:
         """The first `fit` recordings are fitted, the others held out."""
         rules = Rules()
         held_out = [k >= fit for k in range(len(recordings))]
-        drives = [prepare(r, True, simulator.interface.y) for r in recordings]
+        drives = [prepare(r, True, simulator.interface) for r in recordings]
         e = gather(simulator, drives, held_out, rules=rules).to_fit()
         self._search = Regression(e)
         self._kernels = KernelEvidence(self._search, self._search.background(()))

@@ -133,7 +133,7 @@ def _compared(
 def _with_parameters(d: _Driven, e: Evidence) -> Evidence:
     """The evidence with what each parameter changes, and what a force gives. Brakes that hold a deceleration
     answer more rolling resistance as they answer any force, so that their gain is told anew in the end."""
-    holds, turning = effective_mass.holds(d.simulator), d.turning()
+    holds, turning = e.has("brake_command") and effective_mass.holds(d.simulator), d.turning()
     e.signals["effective_mass_gain"] = effective_mass.rows(d.simulator, e, turning, holds)
     left = effective_mass.held(holds).rows(e)
     e.signals.update(effective_mass.holding(holds, e.signals, left))

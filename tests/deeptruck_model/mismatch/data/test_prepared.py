@@ -80,5 +80,5 @@ def test_a_response_that_was_never_recorded_is_unknown(drives: list[Recording], 
     del bare.channels["fuel_rate"]
     if not lacking:
         bare.channels["fuel_rate"] = np.full(len(bare), np.nan)
-    p = prepared.prepare(bare, False, TRUCK.interface.y)
+    p = prepared.prepare(bare, False, TRUCK.interface)
     assert np.isnan(p.y[:, FUEL]).all() and np.isfinite(p.y[:, :FUEL]).all() and p.valid.mean() > 0.5
