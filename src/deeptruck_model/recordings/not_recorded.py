@@ -51,6 +51,12 @@ INPUTS = (
         lambda r: r.interface.mass_kg is not None,
     ),
     Input(
+        "gap",
+        "The wake of a vehicle ahead lowers the air drag, which counts as tail wind or a smaller drag area.",
+        "distance to the vehicle ahead, SPN 1587 in ACC1 (PGN 65135); `gap` on `/radar/range`",
+        _measured("gap"),
+    ),
+    Input(
         "commands obeyed",
         "Commands that drove nothing, as control was not engaged, are learned as if they had.",
         "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`",

@@ -19,6 +19,7 @@ CHANNELS_OF = {
     "brake": ("brake_command",),
     "gear": ("gear",),
     "slope": ("grade", "elevation"),
+    "gap": ("gap",),
     "commands obeyed": ("engine_torque",),
 }
 
