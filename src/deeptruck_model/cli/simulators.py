@@ -153,18 +153,11 @@ def calibrate_truck(
 
 def _stated_mass(found: Calibration, recordings: Sequence[Recording]) -> Iterator[str]:
     """Where the mass that recordings state is outside the interval that their drives give."""
-    fitted = next((p for p in found.parameters if p.name == "mass" and p.ci95 is not None), None)
-    if fitted is None or fitted.ci95 is None:
-        return
-    low, high = (x / 1000.0 for x in fitted.ci95)
-    for r in recordings:
-        stated = None if r.interface.mass_kg is None else r.interface.mass_kg / 1000.0
-        if stated is not None and not low <= stated <= high:
-            yield (
-                f"note: {r.name} states a mass of {stated:.1f} t, and the drives show "
-                f"{fitted.value / 1000.0:.1f} t ({low:.1f} to {high:.1f}, 95 %)"
-            )
-            return
+    from deeptruck_model.mismatch.unrecorded import contradicted_mass
+
+    for p in found.parameters:
+        if p.name == "mass" and p.ci95 is not None:
+            yield from (f"note: {line}" for line in contradicted_mass(recordings, p.value, p.ci95))
 
 
 def _calibrated(found: Calibration) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.detectable import smallest_visible
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.model import Made
-from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -26,7 +26,7 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.sizes import sizes_of
 from deeptruck_model.mismatch.strength import Strength, acts, visible
 from deeptruck_model.mismatch.tree import FAMILY, ROOT, UNKNOWN, Node
-from deeptruck_model.mismatch.unrecorded import NotRecorded
+from deeptruck_model.mismatch.unrecorded import NotRecorded, contradicted_mass
 from deeptruck_model.mismatch.validate import Validated
 from deeptruck_model.mismatch.witnesses import Witness
 
@@ -93,7 +93,7 @@ def decide(
         driven.fit,
         drives.rejected,
         smallest_visible(search, names.threshold, rules) if not findings else None,
-        (*drives.caveats, *_caveats(e, findings)),
+        (*drives.caveats, *_caveats(e, findings), *_mass(simulator_parameters, drives, search, made)),
         missing,
         found,
         seen,
@@ -340,6 +340,17 @@ def _caveats(e: Evidence, findings: Sequence[Finding]) -> list[str]:
     if not e.mass_known:
         out.append(wording.WITHOUT_MASS)
     return out
+
+
+def _mass(own: dict[str, float], drives: Drives, search: Regression, made: Made) -> Iterator[str]:
+    """A stated mass that the drives contradict, with all parameters free beside what was found."""
+    model = search.model(made.recipe.terms, frozenset(search.parameters))
+    if "mass" not in own or "mass" not in model.free or model.moved_sd("mass") >= 0.5 * FREE["mass"]:
+        return
+    about = own["mass"] * (1.0 + search.e.moved.get("mass", 0.0))
+    value, wide = about * (1.0 + model.moved("mass")), Z95 * about * model.moved_sd("mass")
+    recordings = [p.recording for p in drives.part(held_out=False)]
+    yield from contradicted_mass(recordings, value, (value - wide, value + wide))
 
 
 def _advice(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
+from deeptruck_model.mismatch.fit_result import Interval
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import NAMES
@@ -65,6 +66,18 @@ def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tupl
         for m in lacking(recordings)
         if not (mass_known and m.input.name == "mass")
     )
+
+
+def contradicted_mass(recordings: Sequence[Recording], mass_kg: float, ci95_kg: Interval) -> Iterator[str]:
+    """That the mass which a recording states is outside the interval `ci95_kg` that the drives show, kg."""
+    low, high = ci95_kg
+    for r in recordings:
+        if r.interface.mass_kg is not None and not low <= r.interface.mass_kg <= high:
+            yield (
+                f"{r.name} states a mass of {r.interface.mass_kg / 1000:.1f} t, and the drives show "
+                f"{mass_kg / 1000:.1f} t ({low / 1000:.1f} to {high / 1000:.1f}, 95 %)"
+            )
+            return
 
 
 def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> frozenset[str]:
