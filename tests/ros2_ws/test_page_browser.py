@@ -151,6 +151,31 @@ def test_the_safety_core_and_the_shield_are_shown(
     assert again.finish()[0] == 0
 
 
+def test_a_replay_is_paused_and_moved_by_button_and_slider(
+    start: Callable[..., Any], open_page: Callable[..., Page], tmp_path: Path
+) -> None:
+    options = ("--lockstep", "--duration", 60, "--record", tmp_path / "bag")
+    run = start("start_simulation.py", *TRUCK, *options, runs="made")
+    assert run.finish()[0] == 0
+    run = start("replay_recording.py", tmp_path / "bag", "--page")
+    page = open_page(address(run), 390, 844)
+    page.wait("!document.getElementById('replay').hidden && newest > 500")
+    assert page.get("document.documentElement.scrollWidth") == 390
+    page.get("document.getElementById('pause').click()")
+    page.wait("replay.paused === 1 && document.getElementById('recorded').textContent.endsWith('paused')")
+    move = "seek.value = {0}; seek.dispatchEvent(new Event('input')); seek.dispatchEvent(new Event('change'))"
+    page.get(f"(() => {{ const seek = document.getElementById('seek'); {move.format(40)} }})()")
+    page.wait("replay.position === 40")
+    page.get("document.getElementById('pause').click()")
+    page.wait("replay.position > 41 && data('speed').last() !== null")
+    page.get(f"(() => {{ const seek = document.getElementById('seek'); {move.format(10)} }})()")
+    page.wait("replay.position < 30 && data('speed').t.length > 0 && newest < 30000")  # nothing of the future
+    assert "of 6" in page.text("recorded") and page.errors == []
+    run.process.send_signal(signal.SIGINT)
+    page.wait("document.getElementById('pause').disabled && document.getElementById('seek').disabled")
+    assert run.finish()[0] == 0
+
+
 def test_a_page_that_hangs_does_not_keep_the_run_from_ending(
     start: Callable[..., Any], all_gone: Callable[..., bool]
 ) -> None:

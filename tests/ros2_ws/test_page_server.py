@@ -16,6 +16,7 @@ from deeptruck_nodes.page.server import CONNECTIONS, ROOM, Server, Stream, Viewe
 
 from deeptruck_model.errors import InputError
 
+PATIENCE = 60.0  # s; on a busy machine
 Reply = tuple[int, dict[str, str], bytes]
 
 
@@ -31,10 +32,12 @@ def port(server: Server) -> int:
     return int(server.place.listener.getsockname()[1])
 
 
-def ask(server: Server, path: str, method: str = "GET", host: str | None = None) -> Reply:
-    connection = http.client.HTTPConnection("127.0.0.1", port(server), timeout=5)
+def ask(
+    server: Server, path: str, method: str = "GET", host: str | None = None, body: str | None = None
+) -> Reply:
+    connection = http.client.HTTPConnection("127.0.0.1", port(server), timeout=PATIENCE)
     try:
-        connection.request(method, path, headers={} if host is None else {"Host": host})
+        connection.request(method, path, body, {} if host is None else {"Host": host})
         got = connection.getresponse()
         return got.status, {name.lower(): text for name, text in got.getheaders()}, got.read()
     finally:
@@ -44,7 +47,7 @@ def ask(server: Server, path: str, method: str = "GET", host: str | None = None)
 @contextmanager
 def watching(server: Server) -> Iterator[http.client.HTTPResponse]:
     """A viewer's open stream."""
-    connection = http.client.HTTPConnection("127.0.0.1", port(server), timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", port(server), timeout=PATIENCE)
     connection.request("GET", f"/{server.place.token}/events")
     got = connection.getresponse()
     try:
@@ -99,7 +102,7 @@ def test_two_places_have_two_tokens_of_many_characters() -> None:
 def test_a_wrong_or_missing_token_is_refused(server: Server, path: str) -> None:
     token = server.place.token
     path = path.format(token=token, part=token[:-1]).encode().decode("latin-1")
-    with socket.create_connection(("127.0.0.1", port(server)), timeout=5) as raw:
+    with socket.create_connection(("127.0.0.1", port(server)), timeout=PATIENCE) as raw:
         raw.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode("latin-1"))
         said = raw.recv(65536)
     assert said.startswith(b"HTTP/1.1 403") and token.encode() not in said
@@ -120,7 +123,7 @@ def test_this_machine_by_any_port_is_let_in(server: Server, host: str) -> None:
 
 @pytest.mark.parametrize("hosts", ["", "Host: 127.0.0.1\r\nHost: evil.example\r\n"])
 def test_no_host_or_two_are_refused(server: Server, hosts: str) -> None:
-    with socket.create_connection(("127.0.0.1", port(server)), timeout=5) as raw:
+    with socket.create_connection(("127.0.0.1", port(server)), timeout=PATIENCE) as raw:
         raw.sendall(f"GET /{server.place.token}/ HTTP/1.1\r\n{hosts}\r\n".encode())
         assert raw.recv(65536).startswith(b"HTTP/1.1 403")
 
@@ -129,6 +132,57 @@ def test_no_host_or_two_are_refused(server: Server, hosts: str) -> None:
 def test_it_can_only_be_read(server: Server, method: str) -> None:
     status, headers, body = ask(server, f"/{server.place.token}/", method)
     assert (status, headers["allow"]) == (405, "GET") and b"doctype" not in body
+
+
+@pytest.fixture
+def replayed() -> Iterator[tuple[Server, list[dict[str, float]]]]:
+    """The page of a replay, and what was asked of it."""
+    asked: list[dict[str, float]] = []
+    made = Server(place.made(), *assets.page(), Stream(lambda: "{}"), asked.append)
+    made.start()
+    yield made, asked
+    made.close("")
+
+
+def test_a_replay_is_asked_to_pause_and_to_move(replayed: tuple[Server, list[dict[str, float]]]) -> None:
+    server, asked = replayed
+    path = f"/{server.place.token}/replay"
+    assert ask(server, path, "POST", body='{"paused": 1}')[0] == 204
+    assert ask(server, path, "POST", body='{"seek": 12.5}')[0] == 204
+    assert asked == [{"paused": 1.0}, {"seek": 12.5}]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "",
+        "[]",
+        "{",
+        '{"speed": 2}',
+        '{"seek": "12"}',
+        '{"seek": NaN}',
+        "[" * 150,
+        f'{{"seek": 1{" " * 200}}}',
+    ],
+)
+def test_what_a_replay_cannot_do_is_refused(
+    replayed: tuple[Server, list[dict[str, float]]], body: str
+) -> None:
+    server, asked = replayed
+    assert ask(server, f"/{server.place.token}/replay", "POST", body=body)[0] == 400 and not asked
+
+
+def test_a_replay_obeys_who_knows_the_token_alone(replayed: tuple[Server, list[dict[str, float]]]) -> None:
+    server, asked = replayed
+    path = f"/{server.place.token}/replay"
+    assert ask(server, "/x/replay", "POST", body='{"paused": 1}')[0] == 403
+    assert ask(server, path, "POST", "evil.example", '{"paused": 1}')[0] == 403
+    assert ask(server, f"/{server.place.token}/", "POST", body='{"paused": 1}')[0] == 405
+    assert ask(server, path, "PUT", body='{"paused": 1}')[0] == 405 and not asked
+
+
+def test_without_a_replay_nothing_is_asked_of_the_run(server: Server) -> None:
+    assert ask(server, f"/{server.place.token}/replay", "POST", body='{"paused": 1}')[0] == 405
 
 
 def test_a_viewer_is_greeted_then_gets_each_batch_once(server: Server) -> None:
@@ -144,7 +198,7 @@ def test_a_viewer_is_greeted_then_gets_each_batch_once(server: Server) -> None:
 
 def test_the_bytes_of_a_stream_are_those_of_server_sent_events(server: Server) -> None:
     server.stream.send("{}")
-    with socket.create_connection(("127.0.0.1", port(server)), timeout=5) as raw:
+    with socket.create_connection(("127.0.0.1", port(server)), timeout=PATIENCE) as raw:
         raw.sendall(f"GET /{server.place.token}/events HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
         said = b""
         while not said.endswith(b"{}\n\n"):
@@ -208,14 +262,16 @@ def test_what_is_kept_is_bounded() -> None:
 
 def test_a_viewer_that_stalls_midway_is_cut_off(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("deeptruck_nodes.page.server._Handler.timeout", 0.2)
-    with socket.create_connection(("127.0.0.1", port(server)), timeout=5) as raw:
+    with socket.create_connection(("127.0.0.1", port(server)), timeout=PATIENCE) as raw:
         raw.sendall(b"GET /half a req")
         assert raw.recv(100) == b""
 
 
 def test_too_many_connections_are_turned_away_and_places_become_free_again(server: Server) -> None:
-    idle = [socket.create_connection(("127.0.0.1", port(server)), timeout=5) for _ in range(CONNECTIONS)]
-    with socket.create_connection(("127.0.0.1", port(server)), timeout=5) as one_more:
+    idle = [
+        socket.create_connection(("127.0.0.1", port(server)), timeout=PATIENCE) for _ in range(CONNECTIONS)
+    ]
+    with socket.create_connection(("127.0.0.1", port(server)), timeout=PATIENCE) as one_more:
         assert one_more.recv(10) == b""  # connections are taken in the order they came
     for connection in idle:
         connection.close()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+import re
+import urllib.request
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -53,3 +56,76 @@ def test_the_recorded_copy_has_the_same_samples_and_names_the_truck(
     of_source, of_copy = read(source), read(copy)
     assert [r.interface for r in of_copy] == [TRUCK] and of_copy[0].notes == of_source[0].notes == NOTES
     assert data_hash(of_copy) == data_hash(of_source)
+
+
+class Watched:
+    """A replay with a page, watched as a browser does."""
+
+    def __init__(self, run: Any) -> None:
+        self.said = ""
+        for line in run.process.stdout:
+            self.said += line
+            if line.startswith("ready after"):
+                break
+        (self.address,) = re.findall(r"^page: (http://127\.0\.0\.1:\d+/\S+/)$", self.said, re.M)
+        self._states = self._read()
+
+    def _read(self) -> Iterator[dict[str, float]]:
+        with urllib.request.urlopen(f"{self.address}events", timeout=60) as stream:
+            for line in stream:
+                if line.startswith(b"data: {") and (state := json.loads(line[6:]).get("replay")):
+                    yield state
+
+    def until(self, holds: Callable[[dict[str, float]], bool]) -> dict[str, float]:
+        """The first state of which something holds."""
+        return next(state for state in self._states if holds(state))
+
+    def ask(self, **what: float) -> None:
+        """What the page's button and slider do."""
+        request = urllib.request.Request(f"{self.address}replay", json.dumps(what).encode(), method="POST")
+        with urllib.request.urlopen(request, timeout=60) as answer:
+            assert answer.status == 204
+
+
+def test_it_shows_the_recorded_time_pauses_and_moves(
+    start: Callable[..., Any], tmp_path: Path, drive: Recording
+) -> None:
+    write_bag(tmp_path / "bag", [drive], interface=TRUCK)
+    run = start("replay_recording.py", tmp_path / "bag", "--page", "--speed", 0.1)
+    page = Watched(run)
+    begun = page.until(lambda state: state["position"] > 0)
+    assert begun["duration"] == pytest.approx(19.9, abs=0.2) and begun["may_seek"] == 1
+    page.ask(paused=1)
+    paused = page.until(lambda state: state["paused"] == 1)
+    assert [page.until(lambda _: True) for _ in range(10)] == 10 * [paused]
+    page.ask(seek=18.0)
+    page.until(lambda state: state == {**paused, "position": 18.0})
+    page.ask(seek=2.0)
+    page.until(lambda state: state == {**paused, "position": 2.0})
+    page.ask(paused=0)
+    page.until(lambda state: state["paused"] == 0 and 2.0 < state["position"] < 10.0)
+    page.ask(seek=19.8)
+    code, out, errors = run.finish()
+    assert (code, errors) == (0, "") and "ended: replay is through" in out
+    for line in ("at 0.0 of 19.9 s", "paused at 18.0 of 19.9 s", "paused at 2.0 of 19.9 s"):
+        assert f"replay: {line}" in out
+
+
+def test_while_a_copy_is_recorded_it_pauses_and_does_not_move(
+    start: Callable[..., Any], tmp_path: Path, drive: Recording
+) -> None:
+    source, copy = tmp_path / "bag", tmp_path / "copies" / "bag"
+    copy.parent.mkdir()
+    write_bag(source, [drive], interface=TRUCK)
+    run = start("replay_recording.py", source, "--page", "--speed", 5, "--record", copy)
+    page = Watched(run)
+    page.ask(paused=1)
+    paused = page.until(lambda state: state["paused"] == 1)
+    assert paused["may_seek"] == 0
+    page.ask(seek=1.0)
+    assert [page.until(lambda _: True) for _ in range(10)] == 10 * [paused]
+    page.ask(paused=0)
+    code, out, errors = run.finish()
+    assert (code, errors) == (0, "")
+    assert "replay: not moved to 1.0 s: a copy is recorded, which would not be its source any more" in out
+    assert data_hash(read(copy)) == data_hash(read(source))

@@ -204,8 +204,14 @@ class BagSource:
         except DamagedError as error:
             raise self._damaged(error) from None
 
-    def messages(self, topics: set[str]) -> Iterator[tuple[str, int, bytes]]:
-        """(topic, log time in ns, serialised message) of the topics, in the order of their log times."""
+    @property
+    def last_ns(self) -> int:
+        """Log time of the last message, ns."""
+        return max(storage.last_ns for storage in self._storages)
+
+    def messages(self, topics: set[str], from_ns: int = 0) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, log time in ns, serialised message) of the topics, in the order of their log times, from
+        `from_ns` on."""
         types = self.topics
         try:
             for storage in self._storages:
@@ -215,7 +221,7 @@ class BagSource:
                     if c.topic in topics and c.msgtype == types[c.topic]
                 }
                 unpack = zstandard.ZstdDecompressor().decompressobj
-                for key, log_ns, data in storage.messages(set(wanted)):
+                for key, log_ns, data in storage.messages(set(wanted), from_ns):
                     if not 0 <= log_ns < LATEST_NS:
                         raise DamagedError(f"a message on {wanted[key]} has no possible time")
                     yield wanted[key], log_ns, unpack().decompress(data) if self._packs_messages else data

@@ -51,9 +51,11 @@ class McapStorage:
         self.file = file
         summary = summary_of(file)
         counts: Counter[int] = Counter()
+        self.last_ns = 0
         if summary is not None and summary.statistics is not None and summary.channels:
             schemas, channels = summary.schemas, summary.channels
             counts.update(summary.statistics.channel_message_counts)
+            self.last_ns = summary.statistics.message_end_time
         else:
             schemas, channels = {}, {}
             with file.open("rb") as stream:
@@ -64,16 +66,17 @@ class McapStorage:
                         channels[record.id] = record
                     elif isinstance(record, Message):
                         counts[record.channel_id] += 1
+                        self.last_ns = max(self.last_ns, record.log_time)
         self.connections = [
             _mcap_connection(channel, schemas.get(channel.schema_id), counts[key])
             for key, channel in channels.items()
         ]
 
-    def messages(self, keys: set[int]) -> Iterator[tuple[int, int, bytes]]:
+    def messages(self, keys: set[int], from_ns: int = 0) -> Iterator[tuple[int, int, bytes]]:
         """(key of the connection, log time in ns, message) in the order of log times."""
         topics = [c.topic for c in self.connections if c.key in keys]
         with self.file.open("rb") as stream:
-            for _, channel, message in make_reader(stream).iter_messages(topics=topics):
+            for _, channel, message in make_reader(stream).iter_messages(topics, starting_at=from_ns):
                 if channel.id in keys:
                     yield channel.id, message.log_time, message.data
 
@@ -96,6 +99,8 @@ class RosbagsStorage:
         self._reader: Any = Ros1Reader(file) if file.suffix == ".bag" else Sqlite3Reader(file)
         self._reader.open()
         stack.callback(self._reader.close)
+        counted = self._reader if file.suffix == ".bag" else self._reader.metadata
+        self.last_ns: int = counted.end_time - 1  # rosbags has one beyond the last message
         self.connections = [
             Connection(
                 c.id,
@@ -109,10 +114,10 @@ class RosbagsStorage:
             for c in self._reader.connections
         ]
 
-    def messages(self, keys: set[int]) -> Iterator[tuple[int, int, bytes]]:
+    def messages(self, keys: set[int], from_ns: int = 0) -> Iterator[tuple[int, int, bytes]]:
         """(key of the connection, log time in ns, message) in the order of log times."""
         wanted = [c for c in self._reader.connections if c.id in keys]
-        for connection, log_ns, data in self._reader.messages(wanted) if wanted else ():
+        for connection, log_ns, data in self._reader.messages(wanted, from_ns) if wanted else ():
             yield connection.id, log_ns, bytes(data)
 
 

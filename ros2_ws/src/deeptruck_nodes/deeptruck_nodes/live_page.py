@@ -1,4 +1,6 @@
-"""The live page: hears every topic, says nothing, and shows the run in a browser on this machine.
+"""The live page: receives every topic and shows the run in a browser on this machine.
+
+All that it publishes is /replay/control, where a replay runs and its buttons are used.
 
 It takes what has come ten times a second, instead of waking up for every message, and as best effort: a page
 that is slow or stopped holds up no publisher.
@@ -8,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import queue
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -37,6 +40,8 @@ from deeptruck_nodes.topics import (
     PAGE_QOS,
     RADAR_RANGE,
     RADAR_TWIST,
+    REPLAY_CONTROL,
+    REPLAY_STATE,
     TOPICS,
     TWIST,
     Topic,
@@ -65,7 +70,9 @@ class LivePage(DeeptruckNode):
         self._place = place.inherited() or self._own_place()
         self._live = Live(self._nodes(), self._links(), self._units(), _what_runs())
         self._stream = Stream(self._live.greeting)
-        self._server = Server(self._place, *assets.page(), self._stream)
+        self._asked: queue.SimpleQueue[dict[str, float]] = queue.SimpleQueue()
+        control = self._asked.put if "replay" in self._nodes() else None
+        self._server = Server(self._place, *assets.page(), self._stream, control)
         self._subscriptions_of: dict[str, Subscription] = {}
         self._due = 0.0
         self._readers: dict[str, Callable[[Any], None]] = {
@@ -76,6 +83,7 @@ class LivePage(DeeptruckNode):
             ENGAGED.name: self._on_engaged,
             MISMATCH_RESIDUAL.name: self._on_residual,
             DIAGNOSTICS.name: self._on_diagnostics,
+            REPLAY_STATE.name: self._on_replay_state,
         }
         self._server.start()
 
@@ -110,6 +118,7 @@ class LivePage(DeeptruckNode):
     def begin(self) -> None:
         group = _Unwatched()
         self._subscriptions_of = {name: self._subscribe(topic, group) for name, topic in TOPICS.items()}
+        self._control = self.publish_on(REPLAY_CONTROL)
 
     def _subscribe(self, topic: Topic, group: CallbackGroup) -> Subscription:
         return self.create_subscription(
@@ -127,6 +136,9 @@ class LivePage(DeeptruckNode):
         for name, subscription in self._subscriptions_of.items():
             self._take(name, subscription)
         self._stream.send(self._live.batch(time.monotonic()))
+        while not self._asked.empty():
+            values = self._asked.get_nowait()
+            self._control.publish(messages.scalars(self.now(), REPLAY_CONTROL.fields, values))
 
     def _take(self, name: str, subscription: Subscription) -> None:
         """What waits of a topic; its content is read only where the page shows it."""
@@ -167,6 +179,10 @@ class LivePage(DeeptruckNode):
         self._live.sample(
             nanoseconds(message.header.stamp), {"residual": a.x, "smoothed": a.y, "allowed": a.z}
         )
+
+    def _on_replay_state(self, message: JointState) -> None:
+        values = messages.read_scalars(message)
+        self._live.replay = {name: round(values.get(name, 0.0), 2) for name in REPLAY_STATE.fields}
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         stamp, now = nanoseconds(message.header.stamp), time.monotonic()

@@ -26,7 +26,7 @@ RADARS: dict[str, dict[str, float]] = {
 
 
 PAGE = "live_page"
-SPEAKERS = ("can_bridge", "mismatch_monitor")  # what they print is for whoever sits before the run
+SPEAKERS = ("can_bridge", "mismatch_monitor", "replay")  # what they print is for whoever sits before the run
 
 
 @dataclass(frozen=True)

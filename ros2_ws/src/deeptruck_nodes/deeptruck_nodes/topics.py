@@ -110,13 +110,24 @@ DIAGNOSTICS = Topic(
     ("recorder",),
     "1 Hz a node", "health, refusals, internal states",
 )  # fmt: skip
+REPLAY_STATE = Topic(
+    "/replay/state", JointState, ("replay",), (), "10 Hz",
+    "recorded time, s: where the replay is, and of how much; paused 1; may_seek 0 while a copy is recorded",
+    ("position", "duration", "paused", "may_seek"),
+)  # fmt: skip
+NO_SEEK = "a copy is recorded, which would not be its source any more"
+REPLAY_CONTROL = Topic(
+    "/replay/control", JointState, ("live_page",), ("replay",), "on request",
+    "paused 1 or 0; seek: recorded time to go on from, s; what is left out or NaN stays as it is",
+    ("paused", "seek"),
+)  # fmt: skip
 CLOCK = Topic("/clock", Clock, ("truck_sim", "replay"), (), "every step", "lock-step and replay only")
 
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
         TWIST, ACCEL, STATUS, COMMAND, ENGAGED, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE,
-        MISMATCH_RESIDUAL, DIAGNOSTICS, CLOCK,
+        MISMATCH_RESIDUAL, DIAGNOSTICS, CLOCK, REPLAY_STATE, REPLAY_CONTROL,
     )
 }  # fmt: skip
 

@@ -71,6 +71,7 @@ class Live:
     links: tuple[Link, ...]
     units: Mapping[str, str]
     run: str = ""  # what drives, and where its logs are
+    replay: Mapping[str, float] = field(default_factory=dict)  # the newest /replay/state; empty: none
     _ages: dict[str, Ages] = field(default_factory=dict)
     _samples: dict[str, tuple[list[float], list[float | None]]] = field(default_factory=dict)
     _health: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -111,6 +112,7 @@ class Live:
                 "samples": samples,
                 "health": self._told(changed),
                 "ages": {node: round(now - said["at"], 2) for node, said in self._health.items()},
+                "replay": dict(self.replay),
             }
         )
 

@@ -1,4 +1,4 @@
-// The page: hears the run's events, keeps the last minute, and shows it. It sends nothing.
+// The page: receives the run's events, keeps the last minute, and shows it. It sends what is asked of a replay.
 "use strict";
 
 const $ = id => document.getElementById(id);
@@ -8,6 +8,7 @@ const SHIELD_MS = 3000;  // for so long the shield is said to have acted
 
 let series = {}, health = {}, ages = {}, topics = {}, newest = -Infinity;
 let strips = [], source = null, heardAt = performance.now(), over = false, failed = "", due = false, lost = 0;
+let replay = {}, moving = false;  // the newest state of a replay; whether its slider is held
 const NOT_READY = ["it never began", "not everything got ready"];  // ends that nobody planned, beside a node that failed
 const TOPIC_OF = {speed: "/truck/twist", leader_speed: "/radar/twist", gap: "/radar/range", engine_command: "/truck/command",
   brake_command: "/truck/command", residual: "/mismatch/residual", smoothed: "/mismatch/residual"};
@@ -54,12 +55,14 @@ function makeStrips(units, nodes) {
 
 function take(batch) {
   for (const [name, [t, v]] of Object.entries(batch.samples)) {
-    data(name).add(t, v);
+    const k = data(name).back(t);
+    if (k >= 0) [series, newest] = [{}, -Infinity];  // all that is shown lies in the future of what follows
+    data(name).add(t.slice(Math.max(k, 0)), v.slice(Math.max(k, 0)));
     newest = Math.max(newest, t[t.length - 1]);
   }
   for (const each of Object.values(series)) each.trim(newest - KEPT_MS);
   Object.assign(health, batch.health);
-  [topics, ages] = [batch.topics, batch.ages];
+  [topics, ages, replay] = [batch.topics, batch.ages, batch.replay];
 }
 
 function say(id, text, kind) {
@@ -112,7 +115,7 @@ function showHealth() {
   const where = $("health"), names = Object.keys(health).sort();
   while (where.children.length > names.length) where.lastChild.remove();
   names.forEach((name, k) => {
-    const line = where.children[k] || where.appendChild(document.createElement("li")), old = ages[name] > 3 && !over;
+    const line = where.children[k] || where.appendChild(document.createElement("li")), old = ages[name] > 3 && !over && !replay.paused;
     const [glyph, kind] = name === failed ? LEVELS.error : over ? ["○", "over"] : old ? ["○", "silent"] : LEVELS[health[name].level] || LEVELS.error;
     const then = name === failed ? `failed, and with it the run. It had said: ${health[name].says}` : health[name].says;
     const text = `${glyph} ${name}: ${then}${old ? ` (said ${ages[name].toFixed(0)} s ago)` : ""}`;
@@ -121,10 +124,30 @@ function showHealth() {
   });
 }
 
+// Where a replay is; `position` is where its slider is held.
+function showReplay(position = replay.position) {
+  if (replay.position === undefined) return;
+  const {duration, paused, may_seek: may} = replay, stopped = over || !may;
+  $("replay").hidden = false;
+  $("pause").disabled = over;
+  $("pause").textContent = paused ? "▶ Continue" : "❚❚ Pause";
+  $("seek").disabled = stopped;
+  $("seek").max = duration;
+  if (!moving) $("seek").value = position;
+  say("recorded", `${position.toFixed(1)} of ${duration.toFixed(1)} s recorded${paused ? ", paused" : ""}`);
+  say("no-seek", may ? "" : "Seeking is off: a copy is recorded, which would not be its source any more.");
+}
+
+function ask(what) {
+  fetch("replay", {method: "POST", body: JSON.stringify(what)}).catch(() => {});  // the link says that it is lost
+}
+
 function draw() {
   due = false;
   const seconds = Number($("window").value);
-  for (const strip of strips) strip.draw(data, Number.isFinite(newest) ? newest : 0, seconds, over ? () => 0 : ageOf);
+  const still = over || replay.paused;
+  for (const strip of strips) strip.draw(data, Number.isFinite(newest) ? newest : 0, seconds, still ? () => 0 : ageOf);
+  if (!moving) showReplay();
   graph.show(topics, over, failed);
   showSafety();
   showShield();
@@ -182,4 +205,7 @@ setInterval(() => {
 addEventListener("resize", drawSoon);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawSoon);
 $("window").addEventListener("change", drawSoon);
+$("pause").addEventListener("click", () => ask({paused: replay.paused ? 0 : 1}));
+$("seek").addEventListener("input", () => { moving = true; showReplay(Number($("seek").value)); });
+$("seek").addEventListener("change", () => { moving = false; ask({seek: Number($("seek").value)}); });
 connect();

@@ -1,4 +1,5 @@
-"""One page and its stream of events, for browsers on this machine. GET only; nothing can be told to the run.
+"""One page and its stream of events, for browsers on this machine. A replay can be paused and moved by POST;
+everything else is read only.
 
 Whoever does not know the token is refused. So is a request whose Host is not this machine: a web page whose
 name was pointed at 127.0.0.1 would otherwise be read by whoever serves it (DNS rebinding).
@@ -7,6 +8,8 @@ name was pointed at 127.0.0.1 would otherwise be read by whoever serves it (DNS 
 from __future__ import annotations
 
 import hmac
+import json
+import math
 import socket
 import sys
 import threading
@@ -20,10 +23,13 @@ from types import MappingProxyType
 from deeptruck_nodes.page.place import LOCAL, Place
 
 HOSTS = (LOCAL, "localhost")
+CONTROLS = {"paused", "seek"}  # what a viewer may ask of a replay: the fields of /replay/control
+FORBIDDEN = b"Open the address that the start script printed.\n"
 ROOM = 50  # batches that may wait for a viewer: 5 s of them
 KEPT_BYTES = 4_000_000  # of newest batches, for a viewer that comes or comes back
 CONNECTIONS = 32  # at once
 PATIENCE = 10.0  # s that a viewer may take for a request, or leave a batch unread, before it is cut off
+CONTROL_BYTES = 200  # of a request to the replay, at most
 RETRY_MS = 1000  # until a browser that lost the page asks again
 
 
@@ -129,11 +135,20 @@ class Server(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
 
-    def __init__(self, place: Place, page: bytes, policy: str, stream: Stream) -> None:
+    def __init__(
+        self,
+        place: Place,
+        page: bytes,
+        policy: str,
+        stream: Stream,
+        control: Callable[[dict[str, float]], None] | None = None,
+    ) -> None:
+        """`control` takes what a viewer asks of the replay; None where there is none."""
         super().__init__(place.listener.getsockname(), _Handler, bind_and_activate=False)
         self.socket.close()
         self.socket = place.listener
         self.place, self.page, self.policy, self.stream = place, page, policy, stream
+        self.control = control
         self._free = threading.Semaphore(CONNECTIONS)
         self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
 
@@ -179,8 +194,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         token, slash, rest = self.path.removeprefix("/").partition("/")
-        if not self._is_ours() or not hmac.compare_digest(token.encode(), self.server.place.token.encode()):
-            self._answer(HTTPStatus.FORBIDDEN, b"Open the address that the start script printed.\n")
+        if not self._is_allowed():
+            self._answer(HTTPStatus.FORBIDDEN, FORBIDDEN)
         elif not slash:  # what the page asks for lies beside it
             self._answer(HTTPStatus.PERMANENT_REDIRECT, b"", more={"Location": f"/{token}/"})
         elif rest == "":
@@ -190,17 +205,47 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._answer(HTTPStatus.NOT_FOUND, b"There is one page here.\n")
 
-    def parse_request(self) -> bool:
-        """Nothing but GET is looked at any further."""
-        understood = super().parse_request()
-        if understood and self.command != "GET":
-            self._answer(HTTPStatus.METHOD_NOT_ALLOWED, b"This page is read only: GET.\n")
-        return understood and self.command == "GET"
+    def do_POST(self) -> None:
+        if not self._is_allowed():
+            self._answer(HTTPStatus.FORBIDDEN, FORBIDDEN)
+        elif (asked := self._asked()) is None or self.server.control is None:
+            self._answer(HTTPStatus.BAD_REQUEST, b'Send {"paused": 0 or 1} or {"seek": seconds}.\n')
+        else:
+            self.server.control(asked)
+            self._answer(HTTPStatus.NO_CONTENT, b"")
 
-    def _is_ours(self) -> bool:
-        """Whether the browser believes to talk to this machine, by whatever port a tunnel has."""
+    def _asked(self) -> dict[str, float] | None:
+        """Numbers by name out of a request's body; None where it is anything else."""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > CONTROL_BYTES:
+            return None
+        try:
+            values = json.loads(self.rfile.read(int(length)))
+        except (ValueError, RecursionError):
+            return None
+        known = isinstance(values, dict) and values.keys() <= CONTROLS
+        if not known or not all(isinstance(x, int | float) and math.isfinite(x) for x in values.values()):
+            return None
+        return {name: float(x) for name, x in values.items()}
+
+    def parse_request(self) -> bool:
+        """Nothing but GET, and POST to a replay, is looked at any further."""
+        understood = super().parse_request()
+        allowed = ("GET", "POST") if understood and self._is_replay() else ("GET",)
+        if understood and self.command not in allowed:
+            self._answer(HTTPStatus.METHOD_NOT_ALLOWED, b"This page is read only: GET.\n")
+        return understood and self.command in allowed
+
+    def _is_replay(self) -> bool:
+        return self.server.control is not None and self.path.endswith("/replay")
+
+    def _is_allowed(self) -> bool:
+        """Whether who asks knows the token, and believes to talk to this machine, by whatever port a tunnel
+        has."""
+        token = self.path.removeprefix("/").partition("/")[0]
         hosts = self.headers.get_all("Host", [])
-        return len(hosts) == 1 and hosts[0].partition(":")[0].lower() in HOSTS
+        ours = len(hosts) == 1 and hosts[0].partition(":")[0].lower() in HOSTS
+        return ours and hmac.compare_digest(token.encode(), self.server.place.token.encode())
 
     def _answer(
         self,

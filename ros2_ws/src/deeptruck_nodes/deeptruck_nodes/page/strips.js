@@ -2,6 +2,8 @@
 "use strict";
 
 const KEPT_MS = 61000;
+const GAP_MS = 5000;  // beyond it two samples are not joined: a replay was moved
+const BACK_MS = 1000;  // by which samples may come late; beyond it a replay was moved back
 
 // Columns of times (ms) and values of a series; what is older than a minute is let go.
 class Series {
@@ -9,6 +11,13 @@ class Series {
 
   add(t, v) {
     for (let k = 0; k < t.length; k++) { this.t.push(t[k]); this.v.push(v[k]); }
+  }
+
+  // Where the last step back begins, of samples that follow those here; -1 where there is none.
+  back(t) {
+    let found = -1, last = this.t.length ? this.t[this.t.length - 1] : -Infinity;
+    t.forEach((time, k) => { if (time < last - BACK_MS) found = k; last = time; });
+    return found;
   }
 
   trim(before) {
@@ -155,7 +164,7 @@ class Strip {
     for (let k = 0; k < t.length; k++) {
       if (t[k] < from - 2000) continue;
       if (v[k] === null) { on = false; continue; }
-      if (on) pen.lineTo(x(t[k]), this.y(v[k]));
+      if (on && t[k] - t[k - 1] < GAP_MS) pen.lineTo(x(t[k]), this.y(v[k]));
       else pen.moveTo(x(t[k]), this.y(v[k]));
       on = true;
     }
@@ -169,7 +178,8 @@ class Strip {
     this.pen.globalAlpha = before ? 0.45 : 0.13;
     for (let k = 0; k < t.length; k++) {
       if (!v[k]) continue;
-      const begin = before ? t[k] - before : t[k], until = before ? t[k] : (k + 1 < t.length ? t[k + 1] : t[k]);
+      const begin = before ? t[k] - before : t[k];
+      const until = before || k + 1 === t.length ? t[k] : Math.min(t[k + 1], t[k] + GAP_MS);
       const top = before ? this.bottom - 8 : this.top;
       this.pen.fillRect(x(begin), top, Math.max(x(until) - x(begin), 1), this.bottom - top);
     }
