@@ -6,6 +6,7 @@ torque cannot be turned into N m.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -53,6 +54,11 @@ CHANNELS: dict[str, Channel] = {
         Channel("malfunction_lamp", "1", 0.0, 1.0, "1: a controller wants the malfunction lamp on"),
     )
 }
+
+
+def channel_of(name: str) -> Channel:
+    """What is known of a channel: one of CHANNELS, else one that a log has under a name of its own."""
+    return CHANNELS.get(name) or Channel(name, "", -math.inf, math.inf, "carried under its own name")
 
 
 FAULTS = (
@@ -132,14 +138,12 @@ class TruckInterface:
         return f"{self.name} ({', '.join((*commands, *also))})"
 
     def unit(self, channel: str) -> str:
-        """Unit of a channel on this truck. Raises InputError for a name that is not in CHANNELS."""
-        if channel not in CHANNELS:
-            raise InputError(f"unknown channel '{channel}'; known: {', '.join(CHANNELS)}")
+        """Unit of a channel on this truck; empty for one that is not in CHANNELS."""
         if channel == "engine_command":
             return self.engine_unit
         if channel == "brake_command":
             return self.brake_unit or "none"
-        return CHANNELS[channel].unit
+        return channel_of(channel).unit
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON and bag metadata; from_dict is its inverse."""

@@ -14,6 +14,7 @@ from typing import Any
 
 from deeptruck_model import compatibility
 from deeptruck_model.checks.bags import (
+    EXTRA_KEY,
     INTERFACE_KEY,
     MAGIC,
     METADATA,
@@ -41,6 +42,7 @@ from deeptruck_model.compatibility import Given, Taken
 from deeptruck_model.errors import InputError, MisfitsError
 
 __all__ = [
+    "EXTRA_KEY",
     "INTERFACE_KEY",
     "KINDS",
     "MAGIC",

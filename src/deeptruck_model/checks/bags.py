@@ -16,6 +16,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
 METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished
+EXTRA_KEY = "deeptruck.extra"  # names of the channels on /extra
 INTERFACE_KEY, NOTES_KEY = "deeptruck.interface", "deeptruck.notes"  # stored with a bag, as JSON
 Clock = Literal["log", "stamp"]  # of a message's two times: when it was recorded, and its header's
 TOPICS = {  # of the channels that a simulator cannot do without, as docs/architecture.md names them

@@ -19,7 +19,7 @@ from mcap.exceptions import McapError
 from mcap.records import Metadata
 
 from deeptruck_model import reading
-from deeptruck_model.checks import INTERFACE_KEY, MANIFEST, METADATA, NOTES_KEY, RECORD_AGAIN
+from deeptruck_model.checks import EXTRA_KEY, INTERFACE_KEY, MANIFEST, METADATA, NOTES_KEY, RECORD_AGAIN
 from deeptruck_model.checks.bags import data_file, information_of
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import bag_file
@@ -28,7 +28,7 @@ from deeptruck_model.recordings.bag_storage import open_storages
 from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chunks, read_chunks
 from deeptruck_model.recordings.message_definitions import Definitions
 
-__all__ = ["INTERFACE_KEY", "NOTES_KEY", "BagSource"]
+__all__ = ["EXTRA_KEY", "INTERFACE_KEY", "NOTES_KEY", "BagSource"]
 
 OURS = "deeptruck."  # begins the keys whose values are JSON
 _LISTED = 8  # topics that one line names

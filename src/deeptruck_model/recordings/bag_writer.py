@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import Result
-from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY
+from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY
 from deeptruck_model.recordings.crash_safe import CrashSafeWriter
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
 from deeptruck_model.recordings.obeyed import COMMAND, ENGAGED
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
+from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC
 from deeptruck_model.results import WRITTEN_BAG
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,7 @@ _TYPES = {
     "/road": "sensor_msgs/msg/JointState",
     "/radar/range": "sensor_msgs/msg/Range",
     "/radar/twist": "geometry_msgs/msg/TwistStamped",
+    EXTRA_TOPIC: "sensor_msgs/msg/JointState",
 }
 _LITTLE_ENDIAN = b"\0\1\0\0"
 
@@ -60,6 +61,9 @@ def write_bag(
     starts = lay_out(recordings)
     custom = {INTERFACE_KEY: json.dumps(interface.to_dict())}
     notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
+    extra = dict.fromkeys(c for recording in recordings for c in recording.channels if c not in CHANNELS)
+    if extra:
+        custom[EXTRA_KEY] = json.dumps(list(extra))
     if notes:
         custom[NOTES_KEY] = json.dumps(notes)
     with kind.replacing(path, overwrite=overwrite) as draft:
@@ -118,6 +122,8 @@ def _rows(recording: Recording, ticks: NDArray[np.int64]) -> Iterator[_Rows]:
         channels = [
             c for c, source in DEFAULT_TOPICS.items() if source.topic == topic and c in recording.channels
         ]
+        if topic == EXTRA_TOPIC:
+            channels = [c for c in recording.channels if c not in CHANNELS]
         if not channels:
             continue
         columns = [recording.channels[channel] for channel in channels]

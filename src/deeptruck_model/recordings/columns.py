@@ -16,7 +16,7 @@ from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.reading import near
 from deeptruck_model.recordings import gated_brake
-from deeptruck_model.recordings.topic_map import load_yaml, number
+from deeptruck_model.recordings.topic_map import EXTRA, extra_of, load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
 from deeptruck_model.signals import CHANNELS
 from deeptruck_model.vehicle_kinds import check_vehicle
@@ -36,6 +36,7 @@ KEYS = {
     "skip_rows": "lines before the header",
     "decimal": "the decimal mark; a point where absent",
     "split_at": "steps in SI units; a larger jump starts a new piece",
+    "extra": "further columns of numbers, carried under names of their own",
     "conceal": "channels that go into BAG.sealed.csv only, never into the bag",
     "grade_window_m": "smoothing of a grade derived from elevation, m",
     "vehicle": "what drove: truck, bus, van or car",
@@ -118,6 +119,7 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     if gated:
         unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
         parsed[gated_brake.COMMAND] = replace(parsed[gated_brake.SWITCH], convert=unit, gates=True)
+    parsed |= {n: _extra(n, e) for n, e in extra_of(data.get(EXTRA, {}), "COLUMNS").items()}
     if "speed" not in parsed:
         raise InputError("COLUMNS needs 'channels' with at least 'speed: {column: ..., unit: m/s}'")
     delimiter = data.get("delimiter")
@@ -152,7 +154,8 @@ def _known(data: Mapping[str, Any], keys: set[str], where: str) -> None:
 
 def _column(channel: str, entry: Any, notes: list[str]) -> Column:
     if channel not in CHANNELS:
-        raise InputError(f"unknown channel '{channel}' in COLUMNS; {near(channel, list(CHANNELS))}")
+        known = near(channel, list(CHANNELS))
+        raise InputError(f"unknown channel '{channel}' in COLUMNS; {known}, or put it under '{EXTRA}'")
     if isinstance(entry, Mapping):
         _known(
             entry, set(ENTRY_KEYS), f"channel '{channel}'"
@@ -165,6 +168,13 @@ def _column(channel: str, entry: Any, notes: list[str]) -> Column:
     convert = conversion(channel, None if unit is None else str(unit), entry.get("density"))
     if channel == "fuel_rate" and "density" not in entry and convert != conversion(channel, str(unit), 1.0):
         notes.append(f"fuel_rate by volume with diesel's {DIESEL_DENSITY} g/cm^3, as no density is given")
+    return _checked(channel, entry, convert)
+
+
+def _checked(channel: str, entry: Mapping[str, Any], convert: Conversion) -> Column:
+    _known(entry, set(ENTRY_KEYS), f"channel '{channel}'")
+    if "column" not in entry:
+        raise InputError(f"channel '{channel}' needs a column, as in {{column: v}}")
     scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
     if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
         raise InputError(
@@ -174,6 +184,14 @@ def _column(channel: str, entry: Any, notes: list[str]) -> Column:
     if not abs(late_s) <= LATEST_S:
         raise InputError(f"late_s of '{channel}' must be at most {LATEST_S:g} s either way, not {late_s:g}")
     return Column(str(entry["column"]), convert, scale, offset, late_s)
+
+
+def _extra(name: str, entry: Any) -> Column:
+    """A column as it is written: by its name alone, or as one of a channel without a unit."""
+    entry = entry if isinstance(entry, Mapping) else {"column": entry}
+    if unit := {"unit", "density"} & set(entry):
+        raise InputError(f"'{name}' of {EXTRA} is carried as it is written; give it no {unit.pop()}")
+    return _checked(name, entry, Conversion("", 1.0))
 
 
 def _time(entry: Any) -> Clock:

@@ -85,7 +85,7 @@ def draw_channels(recordings: Sequence[Recording]) -> bytes:
                 axis.axvline(begin, color="0.8", lw=0.6)
     for axis, name in zip(axes, names, strict=True):
         unit = next(r.interface.unit(name) for r in recordings if name in r.channels)
-        said = "" if unit == "1" else f"\n[{printed(unit)}]"
+        said = "" if unit in ("", "1") else f"\n[{printed(unit)}]"
         axis.set_ylabel(f"{name.replace('_', ' ')}{said}", rotation=0, ha="right", va="center", fontsize=8)
         axis.tick_params(labelsize=7)
         axis.set_xlim(0.0, begin)

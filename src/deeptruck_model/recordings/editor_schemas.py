@@ -22,6 +22,7 @@ _TEXT: Schema = {"type": "string"}
 _NAME: Schema = {"type": ["string", "number"]}
 _NUMBER: Schema = {"type": "number", "minimum": -topic_map.LARGEST, "maximum": topic_map.LARGEST}
 _POSITIVE: Schema = {"type": "number", "exclusiveMinimum": 0, "maximum": topic_map.LARGEST}
+_WITH_UNITS = ("unit", "density")
 _KINDS: dict[str, Schema] = {
     "column": _NAME,
     "topic": _TEXT,
@@ -46,6 +47,7 @@ def of_columns() -> Schema:
         "skip_rows": {"type": "integer", "minimum": 0},
         "decimal": _TEXT,
         "split_at": _mapping(dict.fromkeys(columns.SPLITS, _POSITIVE)),
+        "extra": _extra({k: v for k, v in columns.ENTRY_KEYS.items() if k not in _WITH_UNITS}, ["column"]),
         "conceal": {"anyOf": [{"type": "array", "items": concealed}, concealed]},
         "grade_window_m": _POSITIVE,
         "vehicle": {"enum": list(VEHICLE_KINDS)},
@@ -58,6 +60,8 @@ def of_columns() -> Schema:
 def of_topics() -> Schema:
     """A topic map."""
     channels = _channels(topic_map.ENTRY_KEYS, ["topic", "field"], unit=False)
+    keys = {k: v for k, v in topic_map.ENTRY_KEYS.items() if k not in _WITH_UNITS}
+    channels["properties"][topic_map.EXTRA] = _extra(keys, ["topic", "field"])
     return {"$schema": DRAFT, "title": "topic map of a bag", **channels}
 
 
@@ -85,6 +89,17 @@ def _channels(keys: dict[str, str], required: list[str], *, unit: bool) -> Schem
     derived = {key: {"const": value} for key, value in gated_brake.ENTRY.items()}
     entries[gated_brake.COMMAND] = {"anyOf": [entries[gated_brake.COMMAND], _mapping(derived, [*derived])]}
     return _mapping(entries, ["speed"])
+
+
+def _extra(keys: dict[str, str], required: list[str]) -> Schema:
+    """Entries under names of their own, which have no unit."""
+    entry = _mapping({key: {**_KINDS[key], "description": keys[key]} for key in keys}, required)
+    short = [_NAME] if required == ["column"] else []
+    return {
+        "type": "object",
+        "patternProperties": {topic_map.EXTRA_NAME: {"anyOf": [entry, *short]} if short else entry},
+        "additionalProperties": False,
+    }
 
 
 def _mapping(properties: Schema, required: list[str] | None = None) -> Schema:

@@ -14,14 +14,14 @@ from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
-from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY, BagSource
+from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.clocks import Clocks
 from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.ordering import REORDER_NS, Part, Queue
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Resampler, Series
-from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, NO_SPEED, Source, TopicMap, load
+from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC, NO_SPEED, Source, TopicMap, load
 from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
 Array = NDArray[np.float64]
@@ -78,8 +78,9 @@ def _read(
 ) -> list[Recording]:
     path = source.path
     with source as bag:
-        _check_topics(bag, sources, asked=asked)
         stored = bag.custom_data()
+        sources = sources if asked else {**sources, **_extra(stored)}
+        _check_topics(bag, sources, asked=asked)
         name = path.stem if path.is_file() else path.resolve().name
         account = Account(str(path), "messages")
         resampler = Resampler(name, rate_hz=rate_hz, account=account)
@@ -236,6 +237,13 @@ def _converted(column: Array, source: Source) -> Array:
         column = source.scale * column + source.offset
     column = gated_brake.on(column) if source.gates else column
     return column if source.convert is None else source.convert(column)
+
+
+def _extra(stored: dict[str, object]) -> dict[str, Source]:
+    """Channels that a bag has under names of their own."""
+    names = stored.get(EXTRA_KEY, [])
+    known = names if isinstance(names, list) else []
+    return {str(name): Source(EXTRA_TOPIC, f"position[name={name}]") for name in known}
 
 
 def _stored_notes(stored: dict[str, object]) -> list[str]:

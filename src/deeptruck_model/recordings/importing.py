@@ -29,7 +29,7 @@ from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import Series, uniform
 from deeptruck_model.recordings.row_times import timed
 from deeptruck_model.results import BAG
-from deeptruck_model.signals import CHANNELS, TruckInterface
+from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
 from deeptruck_model.table_file import TextTable, read_table
 
 Array = NDArray[np.float64]
@@ -234,7 +234,7 @@ def _with_grade(recording: Recording, window_m: float) -> Recording:
 def _seal(recordings: list[Recording], concealed: tuple[str, ...]) -> tuple[list[Recording], bytes]:
     """Recordings without the concealed channels, and the CSV that holds those, on the bag's own time."""
     text = io.StringIO()
-    text.write(",".join(["time_s", *(f"{name} [{CHANNELS[name].unit}]" for name in concealed)]) + "\n")
+    text.write(",".join(["time_s", *(f"{name} [{channel_of(name).unit}]" for name in concealed)]) + "\n")
     bare = []
     for recording, start_s in zip(recordings, lay_out(recordings), strict=True):
         nothing = np.full(len(recording), np.nan)

@@ -19,7 +19,6 @@ from deeptruck_model.recordings.interpolate import GAP_S
 from deeptruck_model.recordings.layout import Walker
 from deeptruck_model.recordings.resample import Series
 from deeptruck_model.recordings.topic_map import Source
-from deeptruck_model.signals import CHANNELS
 
 Array = NDArray[np.float64]
 
@@ -31,6 +30,7 @@ _SOURCES = {
     _OF_THE_BRIDGE: Source("/truck/engaged", f"position[name={ENGAGED}]"),
     _OF_THE_COMMAND: Source(COMMAND, f"position[name={ENGAGED}]"),
 }
+HELPERS = (*_SOURCES, *DRIVER.values())  # read with the commands, and no channels of a recording
 _LOOKED_AT = 200  # messages of /diagnostics in which the bridge must have spoken
 _NOTHING = Series(np.zeros(0), np.zeros(0))
 
@@ -75,7 +75,7 @@ class Obedience:
         Commands have the samples given while control was engaged, and those of the driver's demand while it
         was not; a NaN ends a command that nobody took over from.
         """
-        channels = {name: one for name, one in series.items() if name in CHANNELS}
+        channels = {name: one for name, one in series.items() if name not in HELPERS}
         bits = self._engaged(series)
         if self.known:
             for command in self._commands:

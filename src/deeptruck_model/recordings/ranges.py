@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.account import Tally
 from deeptruck_model.errors import InputError
-from deeptruck_model.signals import CHANNELS, TruckInterface
+from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -38,9 +38,10 @@ class Range:
 
     def __init__(self, channel: str, tally: Tally) -> None:
         self.channel, self.tally = channel, tally
-        self.low, self.high = CHANNELS[channel].low, CHANNELS[channel].high
-        self.reason = f"outside {self.low:g}..{self.high:g} {CHANNELS[channel].unit}"
-        if CHANNELS[channel].unit in ("1", "interface"):
+        known = channel_of(channel)
+        self.low, self.high = known.low, known.high
+        self.reason = f"outside {self.low:g}..{self.high:g} {known.unit}"
+        if known.unit in ("1", "interface"):
             self.reason = f"outside {self.low:g}..{self.high:g}"
         self.measured = self.outside = 0  # samples with a value, and those of them out of range
         self._nonzero = self._negative = 0

@@ -189,7 +189,7 @@ class Resampler:
         """The account with spans and channels. What its reader counted as used was added here."""
         account = self._account or Account(self.name, "samples")
         account.spans = [(piece.start, piece.end) for piece in self._pieces]
-        for channel in (channel for channel in CHANNELS if channel in self._tallies):
+        for channel in sorted(self._tallies, key=_usual_order):
             own, tally = self._tallies[channel], account.channels.setdefault(channel, Tally())
             tally.read, tally.used = tally.read or own.read, own.used
             for reason, entry in own.aside.items():
@@ -279,6 +279,12 @@ class _Piece:
             channels["acceleration"] = derive_acceleration(channels["speed"], dt)
             notes = [*notes, "acceleration derived from speed"]
         return Recording(name, dt, channels, interface, self.start, tuple(dict.fromkeys(notes)), account)
+
+
+def _usual_order(channel: str) -> tuple[int, str]:
+    """CHANNELS in their order, then those with names of their own."""
+    order = list(CHANNELS)
+    return (order.index(channel) if channel in CHANNELS else len(order), channel)
 
 
 def derive_acceleration(speed: Array, dt: float) -> Array:

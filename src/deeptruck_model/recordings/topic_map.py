@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -53,6 +54,9 @@ ENTRY_KEYS = {
     "offset": "added after the factor, before the unit is converted",
     "density": "of the fuel, in g/cm3 or kg/m3, where its rate is by mass",
 }
+EXTRA = "extra"  # the key of channels under names of their own, in topic maps and in COLUMNS
+EXTRA_TOPIC = "/extra"
+EXTRA_NAME = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
 LARGEST = 1e12  # of a factor, an offset or a time in a YAML file
 
 
@@ -67,9 +71,16 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
         with reading.of(topic_map):
             return load(data)
     entries, gated = dict(topic_map), gated_brake.is_asked(topic_map)
+    extra = extra_of(entries.pop(EXTRA, {}), "the topic map")
     if gated:
         entries[gated_brake.COMMAND] = entries[gated_brake.SWITCH]
+    if strange := [channel for channel in entries if channel not in CHANNELS]:
+        raise InputError(
+            f"unknown channel '{strange[0]}' in the topic map; {near(strange[0], list(CHANNELS))}, or put it "
+            f"under '{EXTRA}'"
+        )
     sources = {channel: _source(channel, entry) for channel, entry in entries.items()}
+    sources |= {name: _extra(name, entry) for name, entry in extra.items()}
     if gated:
         unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
         sources[gated_brake.COMMAND] = replace(sources[gated_brake.COMMAND], convert=unit, gates=True)
@@ -101,11 +112,27 @@ def load_yaml(path: Path) -> dict[str, Any]:
     return reading.yaml_mapping(path, "see docs/recordings.md for an example")
 
 
+def extra_of(entries: Any, where: str) -> dict[str, Any]:
+    """Channels under names of their own. Raises InputError for a name that is taken, or no name."""
+    if not isinstance(entries, Mapping):
+        raise InputError(f"{EXTRA} of {where} needs names, as in {{oil_temperature: ...}}")
+    for name in entries:
+        if not re.match(EXTRA_NAME, str(name)):
+            raise InputError(f"{EXTRA} of {where}: '{name}' is no name; use letters, digits and _")
+        if name in CHANNELS or name.startswith(("driver_", "engaged")):
+            raise InputError(f"{EXTRA} of {where}: '{name}' is a channel of its own; give it another name")
+    return dict(entries)
+
+
+def _extra(name: str, entry: Any) -> Source:
+    if isinstance(entry, Mapping) and {"unit", "density"} & set(entry):
+        raise InputError(f"topic map: '{name}' is carried as it is written; give it no unit")
+    return _source(name, entry)
+
+
 def _source(channel: str, entry: Any) -> Source:
     if isinstance(entry, Source):
         return entry
-    if channel not in CHANNELS:
-        raise InputError(f"unknown channel '{channel}' in the topic map; {near(channel, list(CHANNELS))}")
     if not isinstance(entry, Mapping) or not {"topic", "field"} <= set(entry):
         raise InputError(f"topic map: '{channel}' needs topic and field, as in {{topic: /odom, field: data}}")
     unknown = set(entry) - set(ENTRY_KEYS)

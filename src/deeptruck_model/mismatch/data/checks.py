@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import CHANNELS
+from deeptruck_model.signals import channel_of
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION, NO_COASTING, SURELY_BRAKING
 
 Array = NDArray[np.float64]
@@ -138,7 +138,7 @@ def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Reject
             counts[CUT] = counts.get(CUT, 0) + lacking
         channels = {name: x.copy() for name, x in r.channels.items()}
         for name, x in channels.items():
-            low, high = CHANNELS[name].low, CHANNELS[name].high
+            low, high = channel_of(name).low, channel_of(name).high
             _reject(
                 x,
                 (x < low) | (x > high),

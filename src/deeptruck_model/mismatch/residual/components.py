@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.expression import Expression, Signal, maximum
 from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence, gears, overall_ratio, turns
 from deeptruck_model.mismatch.residual.grid import Grid
-from deeptruck_model.signals import ACCELERATION, SPEED
+from deeptruck_model.signals import ACCELERATION, CHANNELS, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
 if TYPE_CHECKING:
@@ -161,6 +161,11 @@ def signals(
             out[name] = take(
                 [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
             )
+    for name in dict.fromkeys(n for p in prepared for n in p.recording.channels if n not in CHANNELS):
+        unknown = [np.full(len(p.recording), np.nan) for p in prepared]
+        out[f"extra: {name}"] = grid.stack(
+            [p.recording.channels.get(name, nan) for p, nan in zip(prepared, unknown, strict=True)]
+        )
     if tells_forces(runs[0]):
         mass, is_known = _from_inside(out, simulator, runs, grid), True
     else:

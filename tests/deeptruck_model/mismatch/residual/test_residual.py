@@ -54,6 +54,13 @@ def test_on_its_own_truck_nothing_is_left(own: Evidence) -> None:
     assert own.mass == pytest.approx(MASS)
 
 
+def test_a_channel_under_a_name_of_its_own_is_shown_beside_the_residual(drives: list[Recording]) -> None:
+    heights = {"roof_height": np.full(len(drives[0]), 3.5)}
+    high = replace(drives[0], channels=drives[0].channels | heights)
+    e = gather.gather(TRUCK, [prepare(high, False)], [False])
+    assert np.nanmedian(e["extra: roof_height"]) == 3.5
+
+
 def test_sensitivities_are_the_answers_of_other_trucks(drives: list[Recording], own: Evidence) -> None:
     heavy = TRUCK.with_parameters({"mass": 1.02 * MASS})
     other = gather.gather(heavy, [prepare(r, False) for r in drives], [False, True])

@@ -1,0 +1,75 @@
+"""Channels under names of their own: from a table or a bag into recordings, and into no simulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import yaml
+from foreign_bags import Message, S, bag_of, number, twist
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import import_table, read
+from deeptruck_model.recordings.columns import load_columns
+from deeptruck_model.recordings.editor_schemas import of_columns
+from deeptruck_model.recordings.topic_map import load
+
+COLUMNS = """\
+time: {column: t, unit: s}
+channels:
+  speed: {column: v, unit: m/s}
+extra:
+  oil_temperature: T_oil
+  roof_fan: {column: fan, scale: 0.01, late_s: 0.5}
+"""
+
+
+def test_columns_of_a_table_are_carried_as_they_are_written(tmp_path: Path) -> None:
+    rows = [f"{k / 10},{10 + k % 5},{-90 - k},{k}" for k in range(100)]
+    (tmp_path / "drive.csv").write_text("\n".join(["t,v,T_oil,fan", *rows]) + "\n")
+    import_table(tmp_path / "drive.csv", yaml.safe_load(COLUMNS), tmp_path / "bag")
+    (again,) = read(tmp_path / "bag")
+    assert again.channels["oil_temperature"][:3].tolist() == [-90.0, -91.0, -92.0]
+    assert again.channels["roof_fan"][:3] == pytest.approx([0.05, 0.06, 0.07])
+    assert again.interface.unit("oil_temperature") == ""
+    assert again.account is not None and again.account.channels["roof_fan"].used > 90
+
+
+def test_topics_of_a_bag_are_carried_too(tmp_path: Path) -> None:
+    messages: list[Message] = []
+    for k in range(100):
+        at = k * S // 10 + S
+        messages += [("/speed", twist(10.0, at), at), ("/oil", number(90.0 + k), at)]
+    extra = {"oil_temperature": {"topic": "/oil", "field": "data"}}
+    topics = {"speed": {"topic": "/speed", "field": "twist.linear.x"}, "extra": extra}
+    (found,) = read(bag_of(tmp_path / "bag", messages), topic_map=topics)
+    assert np.nanmax(found.channels["oil_temperature"]) == 189.0
+
+
+@pytest.mark.parametrize(
+    ("extra", "says"),
+    [
+        ({"gear": "g"}, "'gear' is a channel of its own"),
+        ({"oil temperature": "T"}, "'oil temperature' is no name"),
+        ({"oil": {"column": "T", "unit": "degC"}}, "give it no unit"),
+        (["oil"], "needs names"),
+    ],
+)
+def test_what_is_no_name_of_its_own_is_refused(extra: object, says: str) -> None:
+    columns = {**yaml.safe_load(COLUMNS), "extra": extra}
+    with pytest.raises(InputError, match=says):
+        load_columns(columns)
+
+
+def test_an_unknown_channel_is_referred_to_extra() -> None:
+    with pytest.raises(InputError, match="'oil' .* put it under 'extra'"):
+        load({"speed": {"topic": "/s", "field": "data"}, "oil": {"topic": "/o", "field": "data"}})
+
+
+def test_the_schema_knows_them() -> None:
+    jsonschema.validate(yaml.safe_load(COLUMNS), of_columns())
+    wrong = {**yaml.safe_load(COLUMNS), "extra": {"oil temperature": "T"}}
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(wrong, of_columns())
