@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.noise import Prior, fit, whiten
+from deeptruck_model.mismatch.strength import NOTABLE
 from deeptruck_model.mismatch.tree import FAMILY, NAMES
 
 Array = NDArray[np.float64]
@@ -34,7 +35,6 @@ DIRECTIONS = 40  # leading directions of a family's kernel
 TURNS, STEPS = 3, 25  # of fitting the noise beside the parts, and of EM in each
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 KNOWN = 0.9  # of a window that must be compared
-ACTS = 0.02  # m/s^2: smaller forces are within the noise of ordinary sensors
 DRAWS = 200  # of the posterior, for the intervals
 FIRST_VARIANCE, LEAST_VARIANCE = 0.02**2, 1e-9
 
@@ -146,7 +146,7 @@ def budget(search: Regression, hidden: Mask) -> Budget:
             float(central[i]),
             float(min(low[i], central[i])),
             float(max(high[i], central[i])),
-            float(np.mean(np.abs(forces[i][counted]) > ACTS)) if name != LEFT_OVER else 1.0,
+            float(np.mean(np.abs(forces[i][counted]) > NOTABLE)) if name != LEFT_OVER else 1.0,
             forces[i],
             tuple((drive, float(s[i])) for drive, s in by_drive.items()),
         )

@@ -42,16 +42,18 @@ BRAKE_COMMAND = "brake_command"
 N, DT = 6000, 0.2
 
 
-def evidence(force: np.ndarray | float = 0.0, noise: float = 0.03) -> Evidence:
-    """Three drives of 400 s along which `force` (N,), m/s^2, is missing."""
+def evidence(
+    force: np.ndarray | float = 0.0, noise: float = 0.03, parts: int = 3, held_out: int = 0
+) -> Evidence:
+    """Drives of 1200 s in all along which `force` (N,), m/s^2, is missing; the last ones are held out."""
     rng = np.random.default_rng(5)
     time = np.arange(N) * DT
     speed = 18.0 + 4.0 * np.sin(time / 40.0)
     engine = 0.25 + 0.25 * np.sin(time / 11.0) * np.sin(time / 3.1)
     brake = 0.8 * (np.sin(time / 23.0) > 0.9)
-    third = N // 3
-    elapsed = np.tile(time[:third], 3)
-    distance = np.concatenate([np.cumsum(part) for part in speed.reshape(3, third)]) * DT
+    rows = N // parts
+    elapsed = np.tile(time[:rows], parts)
+    distance = np.concatenate([np.cumsum(part) for part in speed.reshape(parts, rows)]) * DT
     signals = {
         "speed": speed,
         "engine": engine,
@@ -67,7 +69,10 @@ def evidence(force: np.ndarray | float = 0.0, noise: float = 0.03) -> Evidence:
     }
     return Evidence(
         dt=DT,
-        stretches=tuple(Stretch(n, k * third, (k + 1) * third, 0.0, False) for k, n in enumerate("abc")),
+        stretches=tuple(
+            Stretch(name, k * rows, (k + 1) * rows, 0.0, k >= parts - held_out)
+            for k, name in enumerate("abc"[:parts])
+        ),
         residual=rng.normal(0.0, noise, N) + force,
         simulated=engine - brake - 0.1,
         disagreement=np.zeros(N),

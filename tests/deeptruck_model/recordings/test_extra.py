@@ -64,7 +64,7 @@ def test_what_is_no_name_of_its_own_is_refused(extra: object, says: str) -> None
 
 
 def test_an_unknown_channel_is_referred_to_extra() -> None:
-    with pytest.raises(InputError, match="'oil' .* put it under 'extra'"):
+    with pytest.raises(InputError, match=r"'oil' .* put it under 'extra'"):
         load({"speed": {"topic": "/s", "field": "data"}, "oil": {"topic": "/o", "field": "data"}})
 
 
