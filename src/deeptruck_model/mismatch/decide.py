@@ -33,11 +33,12 @@ from deeptruck_model.mismatch.witnesses import Witness
 Array = NDArray[np.float64]
 
 LATE = ("command_delay", "clock_offset")
+FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its deviation is an estimate
 
 
-def useless(drives: Drives, missing: tuple[NotRecorded, ...], rules: Rules) -> Verdict:
+def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
     """Where nothing can be compared: a fault of the sensors if there is one, else undetermined, and why."""
-    findings = tuple(_of_fault(f, rules) for f in drives.faults)
+    findings = tuple(_of_fault(f) for f in drives.faults)
     why = drives.useless or ""
     return Verdict(
         Conclusion.SENSOR if findings else Conclusion.UNDETERMINED,
@@ -68,7 +69,7 @@ def decide(
 ) -> Verdict:
     """The verdict from all that was measured."""
     e = search.e
-    findings = [_of_fault(f, rules) for f in drives.faults]
+    findings = [_of_fault(f) for f in drives.faults]
     of_road = _of_road(e, again, rules)
     named = _accepted(search, names, made, simulator_parameters, rules)
     matter = [f for f in named if _longer_than_sensors(f, e)]
@@ -295,12 +296,12 @@ def _strength(e: Evidence, force: Array) -> Strength:
     return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)))
 
 
-def _of_fault(f: SensorFault, rules: Rules) -> Finding:
+def _of_fault(f: SensorFault) -> Finding:
     """A fault that shows between sensors alone."""
     ci = (f.value - Z95 * f.se, f.value + Z95 * f.se)
     return Finding(
         Kind.SENSOR, f.effect, FAMILY[f.effect], f.effect, f.says, f.equation,
-        {"value": Size(f.value, f.unit, ci)}, rules.fault, rules.fault, wording.SENSOR_MANOEUVRE, f.between,
+        {"value": Size(f.value, f.unit, ci)}, FAULT, FAULT, wording.SENSOR_MANOEUVRE, f.between,
         share_of_explainable_error=0.0,
     )  # fmt: skip
 

@@ -66,7 +66,7 @@ def find_mismatch(
         stated = mass_kg is not None or "mass" in simulator.parameters()
         missing = unrecorded.inputs([*recordings, *held_out], mass_known=stated)
         if drives.useless:
-            return Mismatch(decide.useless(drives, missing, rules), None, {}, None, drives.prepared)
+            return Mismatch(decide.useless(drives, missing), None, {}, None, drives.prepared)
 
         say("driving the simulator along the recordings")
         e = gather(
@@ -82,7 +82,7 @@ def find_mismatch(
         drives = with_rejection(drives, OTHER_GEAR, e.other_gear)
         if little := too_little(e):
             return Mismatch(
-                decide.useless(replace(drives, useless=little), missing, rules),
+                decide.useless(replace(drives, useless=little), missing),
                 None,
                 {},
                 None,

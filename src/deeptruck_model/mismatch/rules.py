@@ -39,12 +39,6 @@ class Rules:
     sensor_sd: float = _rule(
         6.5, "standard deviations", "by which a fault of a sensor must differ from none", STATISTICS
     )
-    fault: float = _rule(
-        0.99,
-        "1",
-        "probability that is stated of a fault of a sensor: its deviation is an estimate",
-        STATISTICS,
-    )
     least_delay_s: float = _rule(
         0.15, "s", "a shorter delay of commands is that of message periods and filters", SENSORS
     )

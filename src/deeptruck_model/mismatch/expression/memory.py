@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.signal import lfilter
 
 from deeptruck_model.mismatch.expression.nodes import Expression
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.trucks.compiled import entry
 
 Array = NDArray[np.float64]
 
@@ -38,6 +40,14 @@ class Lag(Expression):
         return out, out
 
 
+@entry
+def _rising(x: Array, keep: float) -> Array:
+    out = x.copy()
+    for k in range(1, len(x)):
+        out[k] = min(x[k], keep * out[k - 1] + (1 - keep) * x[k])
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class RisingLag(Expression):
     """A follower that falls at once and rises with tau: boost, for one."""
@@ -49,12 +59,7 @@ class RisingLag(Expression):
         x, keep = values[0], float(np.exp(-e.dt / self.tau_s))
         out = np.empty_like(x)
         for s in e.stretches:
-            part = x[s.rows].tolist()
-            held = part[0]
-            for k, value in enumerate(part):
-                held = min(value, keep * held + (1 - keep) * value)
-                part[k] = held
-            out[s.rows] = part
+            out[s.rows] = _rising(x[s.rows], keep)
         return out
 
     def advance(
@@ -102,6 +107,19 @@ class Change(Expression):
         return (values[0] - previous) / dt, values[0]
 
 
+@cache
+def _spring(frequency_hz: float, damping: float, dt: float) -> tuple[Array, Array]:
+    """Position and speed of a mass on a spring after a step: A (2, 2) times them, and b (2,) times the
+    acceleration that is held over it."""
+    from scipy.linalg import expm
+
+    w = 2 * np.pi * frequency_hz
+    full = np.zeros((3, 3))
+    full[:2] = [[0.0, 1.0, 0.0], [-(w**2), -2 * damping * w, -1.0]]
+    step = expm(full * dt)
+    return step[:2, :2], step[:2, 2]
+
+
 @dataclass(frozen=True, eq=False)
 class Slosh(Expression):
     """Specific force on the truck of a unit mass share on a spring, excited by the input acceleration.
@@ -114,21 +132,12 @@ class Slosh(Expression):
     frequency_hz: float
     damping: float
 
-    def _matrix(self, dt: float) -> tuple[Array, Array]:
-        from scipy.linalg import expm
-
-        w = 2 * np.pi * self.frequency_hz
-        full = np.zeros((3, 3))
-        full[:2] = [[0.0, 1.0, 0.0], [-(w**2), -2 * self.damping * w, -1.0]]
-        step = expm(full * dt)
-        return step[:2, :2], step[:2, 2]
-
     def _force(self, x: Array, a: Array) -> Array:
         w = 2 * np.pi * self.frequency_hz
         return w**2 * x[0] + 2 * self.damping * w * x[1] + a
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
-        A, b = self._matrix(e.dt)
+        A, b = _spring(self.frequency_hz, self.damping, e.dt)
         w = 2 * np.pi * self.frequency_hz
         # position and speed as two filters with the denominator of A
         den = np.array([1.0, -np.trace(A), np.linalg.det(A)])
@@ -148,6 +157,6 @@ class Slosh(Expression):
     def advance(
         self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
     ) -> tuple[Array, Any]:
-        A, b = self._matrix(dt)
+        A, b = _spring(self.frequency_hz, self.damping, dt)
         a = np.broadcast_to(values[0], memory.shape[1:])
         return self._force(memory, a), A @ memory + b[:, None] * a

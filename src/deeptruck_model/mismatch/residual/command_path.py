@@ -44,13 +44,15 @@ def changed(p: Prepared, name: str, amount: float) -> Array:
     return out
 
 
+@entry
 def _one_sided_lag(x: Array, end: float, mean: float, rising: bool) -> Array:
     """A lag in one direction only: shoes that come late, or that let go late."""
-    out, held, side = x.tolist(), float(x[0]), min if rising else max
-    for k, value in enumerate(out):
-        out[k] = side(value, value + mean * (held - value))
-        held = side(value, value + end * (held - value))
-    return np.array(out)
+    out, held = x.copy(), x[0]
+    for k in range(len(x)):
+        mean_of_step, at_end = x[k] + mean * (held - x[k]), x[k] + end * (held - x[k])
+        out[k] = min(x[k], mean_of_step) if rising else max(x[k], mean_of_step)
+        held = min(x[k], at_end) if rising else max(x[k], at_end)
+    return out
 
 
 def _lag(x: Array, end: float, mean: float) -> Array:
