@@ -40,7 +40,7 @@ EXPERIMENT = Result(
     "an experiment",
     (
         "README.md",
-        *("sample_run.png", "learning_curves.png", "minutes.png"),
+        *("sample_run.png", "minutes.png"),
         *(f"{folder}{name}" for folder in ("", "freightliner/", "volvo/") for name in _JUDGED),
     ),
 )

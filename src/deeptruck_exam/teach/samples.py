@@ -38,8 +38,7 @@ FAULT_DRAWS = 3
 
 @dataclass(frozen=True)
 class Samples:
-    """Kernel evidence along one base; `names` (N,) are the answers, `laws` (N,) their keys, `base` (N,) its
-    seed."""
+    """Kernel evidence along one base; `names` (N,) are the answers, `laws` (N,) their keys."""
 
     kernels: KernelFeatures
     names: NDArray[np.str_]

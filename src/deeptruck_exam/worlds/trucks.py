@@ -15,7 +15,6 @@ from deeptruck_model import trucks
 from deeptruck_model.trucks import PhysicsTruck
 
 TUNABLE = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
-SHIFT_SPEEDS = ("upshift_low", "upshift_high", "downshift_low", "downshift_high")
 
 
 def draw(name: str, values: Mapping[str, Any], rng: np.random.Generator) -> dict[str, float]:

@@ -235,7 +235,6 @@ class Experiment(StrEnum):
     """The experiments of `deeptruck_model.deep.experiments.paper`."""
 
     error_statistics = "error-statistics"
-    learning_curves = "learning-curves"
     field = "field"
     paper = "paper"
     classics = "classics"

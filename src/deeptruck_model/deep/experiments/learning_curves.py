@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.recordings import Recording
 
 COLOURS = {"training": "tab:blue", "deployment": "tab:red"}
-ROWS = 8  # of the table, evenly spread on a logarithmic scale
 STEPS = 100  # K
 FED = {"nothing": (), "speed": (1,), "acceleration": (0,), "fuel": (2,), "everything": (0, 1, 2)}
 
@@ -66,14 +64,6 @@ def _windows(network: TruckNetwork, drive: Recording) -> tuple[Any, Any]:
     return Sequences.of([drive], scales).gather(np.repeat(starts[None], network.shape.members, axis=0), STEPS)
 
 
-def learning_curves_page(out: Path, curves: dict[str, Any]) -> None:
-    """Write learning_curves.png and README.md under `out`. `curves` holds `passes` over the data (n,) and the
-    losses `training` and `deployment` (n, seeds) on unseen drives."""
-    out.mkdir(parents=True, exist_ok=True)
-    figure(curves).savefig(out / "learning_curves.png", dpi=120)
-    (out / "README.md").write_text(_table(curves))
-
-
 def figure(curves: Mapping[str, Any]) -> Figure:
     """Both losses over the passes: mean, and the range of the seeds."""
     figure = Figure(figsize=(7, 4), layout="constrained")
@@ -83,34 +73,8 @@ def figure(curves: Mapping[str, Any]) -> Figure:
         axis.fill_between(at, losses.min(1), losses.max(1), color=colour, alpha=0.25)
         axis.plot(at, losses.mean(1), color=colour, label=f"{form} form")
     axis.set(xlabel="passes over the training data", ylabel="squared error on an unseen drive", yscale="log")
-    axis.set_title(_seeds(losses.shape[1]), fontsize="small", loc="right")
+    seeds = losses.shape[1]
+    spread = "one seed" if seeds == 1 else f"mean, min and max of {seeds} seeds"
+    axis.set_title(spread, fontsize="small", loc="right")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize="small", frameon=False)
     return figure
-
-
-def _seeds(count: int) -> str:
-    return "one seed" if count == 1 else f"mean, min and max of {count} seeds"
-
-
-def _table(curves: dict[str, Any]) -> str:
-    """Mean over the seeds, in brackets the least and the largest."""
-    at, training, deployment = (np.array(curves[key]) for key in ("passes", *COLOURS))
-    rows = np.unique(np.geomspace(1, len(at), ROWS).round().astype(int)) - 1
-    lines = [
-        "# Learning curves in paper mode",
-        "",
-        f"`deeptruck-model experiment learning-curves --seeds {training.shape[1]}`: 4 h of `trucksim`, plain",
-        f"squared error on an unseen hour for each form, {_seeds(training.shape[1])}.",
-        "",
-        "| passes | training form | deployment form |",
-        "| ---: | ---: | ---: |",
-        *(f"| {at[k]:.0f} | {_cell(training[k], 3)} | {_cell(deployment[k], 2)} |" for k in rows),
-        "",
-        "![learning curves](learning_curves.png)",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _cell(losses: np.ndarray[Any, Any], digits: int) -> str:
-    mean, low, high = (f"{x:.{digits}f}" for x in (losses.mean(), losses.min(), losses.max()))
-    return mean if len(losses) == 1 else f"{mean} ({low} to {high})"

@@ -7,7 +7,6 @@ settings were chosen on validation drives (seed 2), the test drives below are on
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from deeptruck_model.deep import report
 from deeptruck_model.deep.evaluation import statistics, trials
 from deeptruck_model.deep.experiments import classics
 from deeptruck_model.deep.experiments.fitted_physics import physics
-from deeptruck_model.deep.experiments.learning_curves import COLOURS, Unseen, learning_curves_page
 from deeptruck_model.deep.experiments.look_alikes import LookAlikes
 from deeptruck_model.deep.experiments.minutes import minutes_of_data
 from deeptruck_model.deep.experiments.output import (
@@ -33,15 +31,12 @@ from deeptruck_model.deep.experiments.paper_rules import FIELD_RUNS, FIELD_S
 from deeptruck_model.deep.experiments.setup import (
     FIELD,
     LOOK_ALIKE_SEED,
-    OTHER_SEED,
-    PAPER,
     TEST_SEED,
     TRAIN_SEED,
     VALIDATION_SEED,
     chosen,
     drive_of,
     field_drives,
-    passes,
     trained,
 )
 from deeptruck_model.deep.truck import DeepTruck
@@ -90,21 +85,6 @@ def _intervals(truck: DeepTruck, test: Recording) -> dict[str, dict[str, float]]
     }
 
 
-def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, Any]:
-    """Paper mode: loss in training and deployment form against passes, each on a drive of its own."""
-    observed: list[tuple[int, dict[str, list[float]]]] = []
-    unseen = Unseen(drive_of("trucksim", 60, TEST_SEED), drive_of("trucksim", 60, OTHER_SEED))
-    truck = trained(
-        [drive_of("trucksim", 240, TRAIN_SEED)],
-        replace(PAPER, members=seeds, updates=updates),
-        lambda done, network: observed.append((done, unseen.losses(network))),
-    )
-    curves: dict[str, Any] = {form: [losses[form] for _, losses in observed] for form in COLOURS}
-    curves["passes"] = [passes(truck, done) for done, _ in observed]
-    learning_curves_page(out, curves)
-    return write(out, curves)
-
-
 def field(out: Path, seeds: int = 5, updates: int = 0, mode: str = "default") -> dict[str, Any]:
     """The two field configurations with the paper's budgets: 85/15 by time, ten simulations of 15 s."""
     metrics: dict[str, Any] = {}
@@ -140,7 +120,6 @@ def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
 
 EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
     "error-statistics": error_statistics,
-    "learning-curves": learning_curves,
     "field": field,
     "classics": beside_classics,
     "minutes": minutes_of_data,

@@ -34,25 +34,6 @@ def test_an_experiment_without_modes_refuses_one(tmp_path):
     )
 
 
-def short(monkeypatch, module, share=40):
-    """The drives of an experiment, but shorter."""
-    monkeypatch.setattr(module, "drive_of", lambda name, minutes, seed: drive_of(name, minutes / share, seed))
-
-
-def test_learning_curves_hold_every_seed_against_passes(tmp_path, monkeypatch):
-    short(monkeypatch, paper)
-    curves = paper.learning_curves(tmp_path, seeds=2, updates=6)
-    assert np.shape(curves["training"]) == np.shape(curves["deployment"]) == (6, 2)
-    assert np.isfinite(curves["deployment"]).all()
-    seen = 6 * 16 * 10.0 / (0.85 * 240 / 40 * 60)  # updates, sequences of 10 s; s of training
-    assert curves["passes"][-1] == pytest.approx(seen)
-    assert (tmp_path / "learning_curves.png").exists()
-    table = (tmp_path / "README.md").read_text()
-    assert "mean, min and max of 2 seeds" in table and "learning-curves --seeds 2`" in table
-    last = f"{np.mean(curves['training'][-1]):.3f} ({np.min(curves['training'][-1]):.3f} to "
-    assert f"| {seen:.0f} | {last}" in table
-
-
 def test_what_is_fed_back_is_all_that_parts_the_two_forms(drive, truck):
     unseen = learning_curves.Unseen(drive(60, seed=3), drive(60, seed=4))
     found = {fed: np.array(e) for fed, e in unseen.by_feedback(truck.network.member(0)).items()}
@@ -63,12 +44,6 @@ def test_what_is_fed_back_is_all_that_parts_the_two_forms(drive, truck):
     forced = unseen.losses(truck.network.member(0))["training"][0]
     assert found["everything"] @ plain == pytest.approx(forced, rel=1e-3)
     assert found["speed"][1] < found["nothing"][1]
-
-
-def test_one_seed_has_no_spread():
-    curves = {"passes": [5, 10], "training": [[0.2], [0.1]], "deployment": [[0.5], [0.4]]}
-    table = learning_curves._table(curves)
-    assert "one seed" in table and "| 10 | 0.100 | 0.40 |" in table
 
 
 def test_rows_of_seeds_take_each_figure_on_its_own():
