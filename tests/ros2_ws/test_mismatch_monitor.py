@@ -12,7 +12,9 @@ from deeptruck_nodes import run_checks
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import adapt
 from deeptruck_model.recordings import read
 from deeptruck_model.signals import TruckInterface
 
@@ -83,3 +85,77 @@ def test_no_force_is_named_of_commands_that_drive_nothing(
 def test_a_simulator_of_another_kind_is_refused(truck: TruckInterface, says: str) -> None:
     with pytest.raises(InputError, match=says):
         run_checks.monitor_fits("truck:trucksim", truck)
+
+
+DRIVE = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--lockstep")
+VARIED = (
+    "--leader",
+    "random:low=8,high=22,acceleration=1,seed=3",
+    "--road",
+    "random:grade=0.02,length=800,seed=2",
+)
+
+
+def named(messages: list[Any]) -> list[dict[str, float]]:
+    """The scalars of each message."""
+    return [dict(zip(m.name, m.position, strict=True)) for m in messages]
+
+
+@pytest.mark.long
+def test_what_is_missing_is_named_while_driving(start: Callable[..., Any], tmp_path: Path) -> None:
+    """In lock-step, in which every answer is waited for: equal runs give equal bags."""
+    (tmp_path / "other.yaml").write_text("mass: 14000.0\n")
+    monitor = ("--monitor", f"truck:trucksim:{tmp_path / 'other.yaml'}", "--record", tmp_path / "bag")
+    run = start("start_simulation.py", *DRIVE, *VARIED, "--duration", 155, *monitor)
+    code, _, errors = run.finish(timeout=300)
+    assert (code, errors) == (0, "")
+    stamps = [m.header.stamp.sec for m in heard(tmp_path / "bag", "/mismatch/names")]
+    assert stamps == [91, 121, 151]  # the first stamp of a lock-step run is 1 s
+    last = named(heard(tmp_path / "bag", "/mismatch/names"))[-1]
+    families = (
+        "sensors",
+        "timing",
+        "brakes",
+        "engine_driveline",
+        "air_tyres_road",
+        "load",
+        "unknown",
+        "nothing",
+    )
+    assert sum(last[f] for f in families) == pytest.approx(1.0)
+    assert last["mass"] + last["payload_change"] > 0.5 and last["mass"] <= last["load"]
+    shares = named(heard(tmp_path / "bag", "/mismatch/budget"))[-1]
+    error, horizon = shares.pop("speed_rmse"), shares.pop("horizon_s")
+    assert error > 0.3 and horizon >= 10.0 and sum(shares.values()) == pytest.approx(1.0)
+    statuses = [s for m in heard(tmp_path / "bag", "/diagnostics") for s in m.status if "mismatch" in s.name]
+    values = {v.key: v.value for v in statuses[-1].values}
+    assert values["names"] and values["budget"] and float(values["names_at_s"]) == pytest.approx(151.0)
+
+
+@pytest.mark.long
+def test_the_simulator_is_adapted_to_this_drive(start: Callable[..., Any], tmp_path: Path) -> None:
+    """More rolling resistance by 0.5 % of the weight: the constant is that of `adapt` on the recorded bag."""
+    (tmp_path / "rough.yaml").write_text("rolling_resistance: 0.011\n")
+    (tmp_path / "nodes.yaml").write_text(
+        "mismatch_monitor: {ros__parameters: {adapt_s: 100.0, names_s: 0.0}}\n"
+    )
+    truck = (
+        "--simulator",
+        f"truck:trucksim:{tmp_path / 'rough.yaml'}",
+        "--policy",
+        "baseline:acc",
+        "--lockstep",
+    )
+    options = ("--monitor", "truck:trucksim", "--parameters", tmp_path / "nodes.yaml", "--duration", 160)
+    run = start("start_simulation.py", *truck, *VARIED, *options, "--record", tmp_path / "bag")
+    code, said, errors = run.finish(timeout=300)
+    assert (code, errors) == (0, "") and "the simulator is adapted to this drive: -0.0" in said
+    trucksim = simulators.load("truck:trucksim")
+    offline = adapt(trucksim, read(tmp_path / "bag", interface=trucksim.interface), 100.0)
+    statuses = [s for m in heard(tmp_path / "bag", "/diagnostics") for s in m.status if "mismatch" in s.name]
+    live = {v.key: v.value for v in statuses[-1].values}["adapted_m_s2"]
+    assert float(live) == pytest.approx(offline.constant, abs=1e-4)
+    assert not heard(tmp_path / "bag", "/mismatch/names")
+    smoothed = np.array([m.accel.linear.y for m in heard(tmp_path / "bag", "/mismatch/residual")])
+    before, after = (float(np.nanmean(part)) for part in (smoothed[100:1000], smoothed[1200:]))
+    assert before < -0.03 and abs(after) < 0.5 * abs(before)

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import page_browser
 import pytest
-from deeptruck_nodes.page import assets, place
+from deeptruck_nodes.page import assets
 from deeptruck_nodes.page.live import Link, Live
 from deeptruck_nodes.page.server import Server, Stream
 from page_browser import Page
+
+from deeptruck_model.pages import local
 
 pytestmark = pytest.mark.skipif(
     page_browser.CHROMIUM is None, reason="no chromium here; install it (apt-get install chromium) to look"
@@ -33,7 +35,7 @@ def ended(tmp_path: Path) -> Iterator[Ended]:
         def after(why: str) -> Page:
             run = Live(("truck_sim", "leader", "controller"), LINKS, {}, WHAT)
             stream = Stream(run.greeting)
-            server = Server(found := place.made(), *assets.page(), stream)
+            server = Server(found := local.made(), *assets.page(), stream)
             server.start()
             page = open_page(found.address)
             for k in range(50):

@@ -105,3 +105,26 @@ def test_the_shield_is_a_sample_whenever_its_count_has_grown() -> None:
         run.health(second * SECOND, "controller", "ok", "following", {"shield_acted": count}, second)
     run.health(9 * SECOND, "leader", "ok", "driving ahead", {"shield_acted": "no number"}, 9.0)
     assert batch(run, 6.0)["samples"] == {"shield": [[0, 2000], [4.0, 5.0]]}
+
+
+def test_a_topic_that_seldom_comes_is_fresh_for_its_own_pause() -> None:
+    seldom = Link("/mismatch/names", ("mismatch_monitor",), ("recorder",), False, 30.0)
+    run = Live(("mismatch_monitor",), (seldom,), {})
+    run.heard("/mismatch/names", 1, 100.0)
+    run.heard("/mismatch/names", 1, 130.0)
+    states = [batch(run, 130.0 + age)["topics"]["/mismatch/names"][0] for age in (31.0, 70.0, 200.0)]
+    assert states == ["fresh", "late", "silent"]
+
+
+def test_names_and_parts_that_hold_a_share_come_once_and_to_whoever_joins() -> None:
+    run = live()
+    run.names({"brakes": 0.97, "brake_lag": 0.9, "brake_fade": 0.07, "unknown": 0.01, "timing": 0.02})
+    run.budget({"speed_rmse": 0.5, "horizon_s": 40.0, "brakes": 0.6, "slow": 0.37, "left_over": 0.03})
+    said = batch(run, 0.0)["missing"]
+    assert said["names"] == [["brakes", 0.97, [["brake lag", 0.9], ["brake fade", 0.07]]]]
+    assert said["budget"] == [["brakes", 0.6], ["slow, without a carrier", 0.37]]
+    assert said["off"] == [0.5, 40.0]
+    assert "missing" not in batch(run, 0.1) and json.loads(run.greeting())["missing"] == said
+    run.names(dict.fromkeys(("brakes", "brake_lag"), math.nan))
+    run.budget({"speed_rmse": math.nan})
+    assert batch(run, 0.2)["missing"] == {"names": [], "budget": [], "off": [None, None]}

@@ -12,9 +12,11 @@ from contextlib import contextmanager
 
 import pytest
 from deeptruck_nodes.page import assets, place
-from deeptruck_nodes.page.server import CONNECTIONS, ROOM, Server, Stream, Viewer
+from deeptruck_nodes.page.server import ROOM, Server, Stream, Viewer
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.pages import local
+from deeptruck_model.pages.local import CONNECTIONS
 
 PATIENCE = 60.0  # s; on a busy machine
 Reply = tuple[int, dict[str, str], bytes]
@@ -22,7 +24,7 @@ Reply = tuple[int, dict[str, str], bytes]
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    made = Server(place.made(), *assets.page(), Stream(lambda: json.dumps({"nodes": ["leader"]})))
+    made = Server(local.made(), *assets.page(), Stream(lambda: json.dumps({"nodes": ["leader"]})))
     made.start()
     yield made
     made.close("the test is over")
@@ -93,8 +95,8 @@ def test_it_listens_on_this_machine_alone(server: Server) -> None:
 
 
 def test_two_places_have_two_tokens_of_many_characters() -> None:
-    with place.made().listener, place.made().listener:
-        tokens = {place.made().token for _ in range(5)}
+    with local.made().listener, local.made().listener:
+        tokens = {local.made().token for _ in range(5)}
     assert len(tokens) == 5 and min(map(len, tokens)) >= 32
 
 
@@ -280,7 +282,7 @@ def test_too_many_connections_are_turned_away_and_places_become_free_again(serve
 
 
 def test_the_end_is_said_and_waits_for_nobody() -> None:
-    server = Server(place.made(), b"", "", Stream(lambda: "{}"))
+    server = Server(local.made(), b"", "", Stream(lambda: "{}"))
     server.start()
     with watching(server) as stream, socket.create_connection(("127.0.0.1", port(server))) as silent:
         event(stream)
@@ -294,17 +296,17 @@ def test_the_end_is_said_and_waits_for_nobody() -> None:
 
 
 def test_a_port_that_is_taken_is_refused_in_one_line() -> None:
-    with place.made().listener as held:
+    with local.made().listener as held:
         number = held.getsockname()[1]
         with pytest.raises(InputError, match=f"cannot have port {number}.*choose another"):
-            place.made(number)
+            local.made(number)
 
 
 def test_a_process_inherits_its_place_by_the_environment_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     assert place.inherited() is None
-    with place.made().listener as listener:
-        given = place.Place(listener.dup(), "a token")
-        for name, text in given.environment.items():
+    with local.made().listener as listener:
+        given = local.Place(listener.dup(), "a token")
+        for name, text in place.environment(given).items():
             monkeypatch.setenv(name, text)
         got = place.inherited()
         assert got is not None and got.address == given.address

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 from deeptruck_nodes import bag_place, leaders, runs, start_simulation
-from deeptruck_nodes.page import place
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.pages import local
 from deeptruck_model.recordings import CrashSafeWriter
 
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
@@ -188,7 +188,7 @@ def test_misfits_are_said_before_anything_heavy_is_imported(name: str) -> None:
 def test_a_port_of_the_page_that_is_taken(refused: Callable[..., str], tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
     truck = {"simulator": "truck:trucksim", "policy": "baseline:acc", "parameters": own}
-    with place.made().listener as held:
+    with local.made().listener as held:
         number = held.getsockname()[1]
         own.write_text(f"live_page: {{ros__parameters: {{port: {number}}}}}")
         assert f"cannot have port {number}" in refused("start_simulation", **truck, page=True)

@@ -19,13 +19,11 @@ from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.noise import Prior, fit, whiten
 from deeptruck_model.mismatch.strength import NOTABLE
-from deeptruck_model.mismatch.tree import FAMILY, NAMES
+from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, HIDDEN, LEFT_OVER, NAMES, PLACE, SLOW
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
-HIDDEN = "unrecorded:brake"
 HORIZONS_S = (40.0, 20.0, 10.0)
 LEAST_WINDOWS = 3
 SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where there would be more

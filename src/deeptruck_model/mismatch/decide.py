@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch import where
-from deeptruck_model.mismatch.budget import LEFT_OVER, Budget
+from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.classify import Named, Names
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.detectable import smallest_visible
-from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.model import Made
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 from deeptruck_model.mismatch.prepare import Drives
@@ -25,7 +25,7 @@ from deeptruck_model.mismatch.road import Road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.sizes import sizes_of
 from deeptruck_model.mismatch.strength import Strength, acts, visible
-from deeptruck_model.mismatch.tree import FAMILY, ROOT, UNKNOWN, Node
+from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, ROOT, UNKNOWN, Node
 from deeptruck_model.mismatch.unrecorded import NotRecorded, contradicted_mass
 from deeptruck_model.mismatch.validate import Validated
 from deeptruck_model.mismatch.witnesses import Witness
@@ -38,7 +38,7 @@ FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its de
 
 def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
     """Where nothing can be compared: a fault of the sensors if there is one, else undetermined, and why."""
-    findings = tuple(_of_fault(f) for f in drives.faults)
+    findings = tuple(of_fault(f) for f in drives.faults)
     why = drives.useless or ""
     return Verdict(
         Conclusion.SENSOR if findings else Conclusion.UNDETERMINED,
@@ -69,12 +69,9 @@ def decide(
 ) -> Verdict:
     """The verdict from all that was measured."""
     e = search.e
-    findings = [_of_fault(f) for f in drives.faults]
+    findings = [of_fault(f) for f in drives.faults]
     of_road = _of_road(e, again, rules)
-    named = _accepted(search, names, made, simulator_parameters, rules)
-    matter = [f for f in named if _longer_than_sensors(f, e)]
-    if _right(found, driven, rules):
-        matter = [f for f in matter if f.effect != UNKNOWN]
+    named, matter = accepted(search, names, found, made, driven, simulator_parameters, rules)
     findings += _with_shares(e, of_road + matter)
     detected = names.detected and not (named and not matter)
     kind = _kind(findings, detected, found, driven, rules)
@@ -123,8 +120,26 @@ def _of_road(e: Evidence, again: Road | None, rules: Rules) -> list[Finding]:
     ]
 
 
-def _accepted(
-    search: Regression, names: Names, made: Made, own: dict[str, float], rules: Rules
+def accepted(
+    search: Regression,
+    names: Names,
+    found: Budget,
+    made: Made | None,
+    driven: Validated | None,
+    own: dict[str, float],
+    rules: Rules,
+) -> tuple[list[Finding], list[Finding]]:
+    """The findings of what was named, and those of them that matter; without sizes where nothing was made.
+    `own` are the simulator's parameters."""
+    named = _findings(search, names, made, own, rules)
+    right = _right(found, driven, rules)
+    return named, [
+        f for f in named if _longer_than_sensors(f, search.e) and not (right and f.effect == UNKNOWN)
+    ]
+
+
+def _findings(
+    search: Regression, names: Names, made: Made | None, own: dict[str, float], rules: Rules
 ) -> list[Finding]:
     """The findings of what was named."""
     out = []
@@ -216,7 +231,7 @@ def _of_parameter(search: Regression, named: Named, own: dict[str, float], rules
     )
 
 
-def _of_name(search: Regression, made: Made, named: Named, rules: Rules) -> Finding:
+def _of_name(search: Regression, made: Made | None, named: Named, rules: Rules) -> Finding:
     """A force of a mechanism, or one that has no name."""
     first = named.name
     if first == UNKNOWN:
@@ -233,15 +248,13 @@ def _of_name(search: Regression, made: Made, named: Named, rules: Rules) -> Find
             rules,
         )
     m = LIBRARY[first]
-    term = next((t for t in made.recipe.terms if t.mechanism.effect == first), None)
-    sizes = _sizes(term, made, search)
     return _finding(
         search.e,
         named,
         Kind(m.kind),
         m.says,
         m.equation,
-        sizes,
+        _sizes(first, made, search),
         m.depends_on,
         m.separated_by,
         named.force,
@@ -249,7 +262,11 @@ def _of_name(search: Regression, made: Made, named: Named, rules: Rules) -> Find
     )
 
 
-def _sizes(term: CandidateTerm | None, made: Made, search: Regression) -> dict[str, Size]:
+def _sizes(name: str, made: Made | None, search: Regression) -> dict[str, Size]:
+    """Those of the term that was made of a name; none where there is none."""
+    if made is None:
+        return {}
+    term = next((t for t in made.recipe.terms if t.mechanism.effect == name), None)
     return {} if term is None else sizes_of(term, made.fit, search.e)
 
 
@@ -296,7 +313,7 @@ def _strength(e: Evidence, force: Array) -> Strength:
     return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)))
 
 
-def _of_fault(f: SensorFault) -> Finding:
+def of_fault(f: SensorFault) -> Finding:
     """A fault that shows between sensors alone."""
     ci = (f.value - Z95 * f.se, f.value + Z95 * f.se)
     return Finding(
@@ -319,14 +336,14 @@ def _kind(
     return Conclusion.NOTHING
 
 
-def _right(found: Budget, driven: Validated, rules: Rules) -> bool:
+def _right(found: Budget, driven: Validated | None, rules: Rules) -> bool:
     """Whether nothing that matters is left: free runs are off by little, or as a learned simulator is on its
     own recordings, or by nothing that the budget knows of."""
-    told = driven.fit.errors
+    told = driven.fit.errors if driven is not None else None
     error = told.before.speed if told is not None else found.speed_rmse
     if not np.isfinite(error):
         return False
-    if driven.own_error is not None:
+    if driven is not None and driven.own_error is not None:
         return error <= min(rules.differs * driven.own_error, rules.largest)
     if error <= rules.visible:
         return True

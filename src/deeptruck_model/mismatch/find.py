@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -12,19 +12,21 @@ from deeptruck_model import overall_ratios
 from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import decide, unrecorded
-from deeptruck_model.mismatch.budget import budget
-from deeptruck_model.mismatch.classify import classify
+from deeptruck_model.mismatch.budget import Budget, budget
+from deeptruck_model.mismatch.classify import Names, classify
 from deeptruck_model.mismatch.data.prepared import too_little
 from deeptruck_model.mismatch.discrepancy import allowed_for
 from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.model import correct
 from deeptruck_model.mismatch.nuisance import about_fitting_parameters
-from deeptruck_model.mismatch.prepare import prepared, with_rejection
+from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.prepare import Drives, Span, prepared, with_rejection
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.mismatch.road import road
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.unrecorded import NotRecorded
 from deeptruck_model.mismatch.validate import validate
 from deeptruck_model.mismatch.witnesses import witnesses
 from deeptruck_model.recordings import Recording
@@ -46,67 +48,108 @@ def find_mismatch(
     *,
     seed: int = 0,
     exclude: Sequence[str] = (),
+    without: Sequence[Span] = (),
     say: Callable[[str], None] = lambda step: None,
     rules: Rules = Rules(),
     mass_kg: float | None = None,
 ) -> Mismatch:
     """Compare a simulator with recordings. On data that are merely poor the verdict is `undetermined`.
 
-    `exclude` leaves effects out of the library. `mass_kg` is the mass of a simulator that does not state its
-    own: without it forces are per kilogram. Raises InputError where simulator and recordings do not belong
-    together, for an effect that does not exist, and for a mass that is impossible or not the simulator's.
+    `exclude` leaves effects out of the library, `without` rows of the recordings. `mass_kg` is the mass of
+    a simulator that does not state its own: without it forces are per kilogram. Raises InputError where
+    simulator and recordings do not belong together, for an effect that does not exist, and for a mass that is
+    impossible or not the simulator's.
     """
     simulator = completed(simulator)
     check_excluded(exclude)
     _check_mass(simulator, mass_kg)
     with threadpool_limits(1):
-        say("checking the data")
-        overall_ratios.check(simulator, [*recordings, *held_out])
-        drives = prepared(simulator, recordings, held_out, rules)
-        stated = mass_kg is not None or "mass" in simulator.parameters()
-        missing = unrecorded.inputs([*recordings, *held_out], mass_known=stated)
-        if drives.useless:
-            return Mismatch(decide.useless(drives, missing), None, {}, None, drives.prepared)
-
-        say("driving the simulator along the recordings")
-        e = gather(
-            simulator,
-            drives.prepared,
-            drives.held_out,
-            seed=seed,
-            rules=rules,
-            mass_kg=mass_kg,
-            reruns_held_out=False,
-        )
-        _check_possible(e)
-        drives = with_rejection(drives, OTHER_GEAR, e.other_gear)
-        if little := too_little(e):
-            return Mismatch(
-                decide.useless(replace(drives, useless=little), missing),
-                None,
-                {},
-                None,
-                drives.prepared,
-            )
-        hidden, gain = unrecorded.braking(e, rules)
-        e = replace(e, valid=e.valid & ~hidden)
-        missing = unrecorded.with_braking(missing, e, hidden, gain)
-        e = allowed_for(simulator, e, drives.prepared[0].measured_acceleration, seed)
-
-        say("comparing every mechanism with what the simulator is off by")
-        search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
-        names = classify(search, unrecorded.names_behind([*recordings, *held_out], missing), rules)
-        again = road(search.e.everywhere())
-        found = budget(search, hidden & ~e.held_out)
-        seen = witnesses(search, drives.prepared, found, rules)
+        c = compared(
+            simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say,
+            rules=rules, mass_kg=mass_kg,
+        )  # fmt: skip
+        if isinstance(c, Uncompared):
+            return Mismatch(decide.useless(c.drives, c.missing), None, {}, None, c.drives.prepared)
+        again = road(c.search.e.everywhere())
+        seen = witnesses(c.search, c.drives.prepared, c.budget, rules)
 
         say("correcting the simulator and driving it free")
-        made = correct(simulator, search, names, rules)
-        driven = validate(simulator, made, drives.part(held_out=True), drives.part(held_out=False))
+        made = correct(simulator, c.search, c.names, rules)
+        driven = validate(simulator, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
         verdict = decide.decide(
-            simulator.parameters(), drives, search, missing, names, again, found, seen, made, driven, rules
-        )
-    return Mismatch(verdict, search.e.everywhere(), driven.errors, driven.corrected, drives.prepared)
+            simulator.parameters(), c.drives, c.search, c.missing, c.names, again, c.budget, seen, made,
+            driven, rules,
+        )  # fmt: skip
+    return Mismatch(verdict, c.search.e.everywhere(), driven.errors, driven.corrected, c.drives.prepared)
+
+
+@dataclass(frozen=True)
+class Uncompared:
+    """Drives with which nothing can be compared, as `drives.useless` says, and what was not recorded."""
+
+    drives: Drives
+    missing: tuple[NotRecorded, ...]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A simulator compared with drives: what was not recorded, the regression, the names and the budget."""
+
+    drives: Drives
+    missing: tuple[NotRecorded, ...]
+    search: Regression
+    names: Names
+    budget: Budget
+
+
+def compared(
+    simulator: Simulator,
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording] = (),
+    *,
+    sets_aside: bool = True,
+    seed: int = 0,
+    exclude: Sequence[str] = (),
+    without: Sequence[Span] = (),
+    say: Callable[[str], None] = lambda step: None,
+    rules: Rules = Rules(),
+    mass_kg: float | None = None,
+) -> Compared | Uncompared:
+    """The first half of `find_mismatch`: names and budget, without a correction. Raises InputError alike.
+
+    Without `sets_aside` all recordings are fitted where none is held out.
+    """
+    say("checking the data")
+    overall_ratios.check(simulator, [*recordings, *held_out])
+    drives = prepared(simulator, recordings, held_out, rules, sets_aside=sets_aside, without=without)
+    stated = mass_kg is not None or "mass" in simulator.parameters()
+    missing = unrecorded.inputs([*recordings, *held_out], mass_known=stated)
+    if drives.useless:
+        return Uncompared(drives, missing)
+
+    say("driving the simulator along the recordings")
+    e = gather(
+        simulator,
+        drives.prepared,
+        drives.held_out,
+        seed=seed,
+        rules=rules,
+        mass_kg=mass_kg,
+        reruns_held_out=False,
+    )
+    _check_possible(e)
+    drives = with_rejection(drives, OTHER_GEAR, e.other_gear)
+    if little := too_little(e):
+        return Uncompared(replace(drives, useless=little), missing)
+    hidden, gain = unrecorded.braking(e, rules)
+    e = replace(e, valid=e.valid & ~hidden)
+    missing = unrecorded.with_braking(missing, e, hidden, gain)
+    e = allowed_for(simulator, e, drives.prepared[0].measured_acceleration, seed)
+
+    say("comparing every mechanism with what the simulator is off by")
+    search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
+    names = classify(search, unrecorded.names_behind([*recordings, *held_out], missing), rules)
+    return Compared(drives, missing, search, names, budget(search, hidden & ~e.held_out))
 
 
 def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:

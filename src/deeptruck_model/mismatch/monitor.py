@@ -88,6 +88,11 @@ class Monitor:
         self._settled = -math.inf
         self._standing_out: list[tuple[float, float]] = []
 
+    def goes_on_with(self, simulator: Simulator) -> None:
+        """Compare with another simulator of the same truck from now on; its state is unknown for SETTLE_S."""
+        self._simulator = simulator
+        self._forget()
+
     @property
     def alarm(self) -> Located | None:
         """The stretch that stands out now and has done so for long enough."""

@@ -22,7 +22,17 @@ from deeptruck_model.simulators import Simulator
 
 OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"
 NO_PLACE = "positions of {} are missing or do not fit the speed: their place on the road is not known"
+LEFT_OUT = "left out by whoever marked them"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
+
+
+@dataclass(frozen=True)
+class Span:
+    """Seconds `from_s` to `to_s` of a recording, from the start of its bag, that are not to be compared."""
+
+    recording: str
+    from_s: float
+    to_s: float
 
 
 @dataclass(frozen=True)
@@ -43,12 +53,23 @@ class Drives:
 
 
 def prepared(
-    simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording], rules: Rules
+    simulator: Simulator,
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording],
+    rules: Rules,
+    *,
+    sets_aside: bool = True,
+    without: Sequence[Span] = (),
 ) -> Drives:
-    """Check and align the recordings. Raises InputError where they do not belong to the simulator."""
+    """Check and align the recordings; where none is held out some are set aside, unless all are to be fitted.
+    Rows of `without` do not count. Raises InputError where they do not belong to the simulator."""
     same_signals(simulator, [*recordings, *held_out])
     fit, held, twice = each_once(recordings, held_out)
-    drives, flags, caveats = with_held_out(fit, held, simulator.dt)
+    drives, flags, caveats = (
+        with_held_out(fit, held, simulator.dt)
+        if held or sets_aside
+        else (fit, [False] * len(fit), list[str]())
+    )
     drives, rejected = checks.clean(drives)
     measured = checks.acceleration_is_measured(drives)
     faults = checks.sensor_faults(drives, rules) if measured else []
@@ -63,10 +84,23 @@ def prepared(
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, aligned, strict=True))
     if strange:
         rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
+    kept = tuple(_without(p, without) for p in aligned)
+    if marked := sum(int((p.valid & ~q.valid).sum()) for p, q in zip(aligned, kept, strict=True)):
+        rejected = sorted([*rejected, checks.Rejection(LEFT_OUT, marked)], key=lambda r: -r.samples)
+    aligned = kept
     useless = unusable([p for p, out in zip(aligned, flags, strict=True) if not out], rejected)
     lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(aligned)) else []
     lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(aligned)) else []
     return Drives(aligned, tuple(flags), tuple(faults), tuple(rejected), (*twice, *caveats, *lost), useless)
+
+
+def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
+    """The drive, whose rows in the spans do not count. What they did to the truck is still driven through."""
+    time, valid = p.recording.time, p.valid
+    for s in spans:
+        if s.recording == p.recording.name:
+            valid = valid & ~((time >= s.from_s) & (time <= s.to_s))
+    return replace(p, valid=valid)
 
 
 def _corrected(

@@ -1,4 +1,5 @@
-"""Names as a tree: families of mechanisms, their names, and `unknown`; what is stated of it."""
+"""Names as a tree: families of mechanisms, their names, and `unknown`; what is stated of it. And the parts of
+the budget, which are the families and what has no name."""
 
 from __future__ import annotations
 
@@ -22,6 +23,9 @@ NAMES = {
     ),
     "load": ("load_slosh", "mass", "payload_change"),
 }  # fmt: skip
+LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
+HIDDEN = "unrecorded:brake"
+PARTS = (*NAMES, PLACE, EACH_DRIVE, SLOW, HIDDEN, LEFT_OVER)  # of the budget
 FAMILY = {name: family for family, names in NAMES.items() for name in names} | {UNKNOWN: UNKNOWN}
 
 

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.budget import EACH_DRIVE, SLOW, SLOW_S, Budget
+from deeptruck_model.mismatch.budget import SLOW_S, Budget
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.grid import Grid
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 
 Array = NDArray[np.float64]
 

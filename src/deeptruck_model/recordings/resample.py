@@ -6,7 +6,7 @@ bag of any length needs the memory of minutes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -38,6 +38,14 @@ class Series:
         """The samples strictly between two times."""
         inside = slice(np.searchsorted(self.time, after, side="right"), np.searchsorted(self.time, before))
         return Series(self.time[inside], self.values[inside])
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Messages of one topic as they came: stamps (n,), ns, and the column (n,) of each field."""
+
+    stamps: NDArray[np.int64]
+    columns: Mapping[str, Array]
 
 
 def uniform(

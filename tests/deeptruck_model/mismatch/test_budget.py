@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from small_drives import N, evidence
 
-from deeptruck_model.mismatch.budget import EACH_DRIVE, LEFT_OVER, SLOW, Budget, _shares, budget
+from deeptruck_model.mismatch.budget import Budget, _shares, budget
 from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.tree import EACH_DRIVE, LEFT_OVER, SLOW
 
 NOWHERE = np.zeros(N, dtype=bool)
 SIDES = np.repeat([0.08, -0.06, -0.02], N // 3)

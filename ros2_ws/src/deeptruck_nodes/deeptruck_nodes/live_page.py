@@ -23,6 +23,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState, Range
 
+from deeptruck_model.pages import local
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import messages
 from deeptruck_nodes.environment import ENDED
@@ -36,6 +37,8 @@ from deeptruck_nodes.topics import (
     COMMAND,
     DIAGNOSTICS,
     ENGAGED,
+    MISMATCH_BUDGET,
+    MISMATCH_NAMES,
     MISMATCH_RESIDUAL,
     PAGE_QOS,
     RADAR_RANGE,
@@ -82,14 +85,16 @@ class LivePage(DeeptruckNode):
             COMMAND.name: self._on_command,
             ENGAGED.name: self._on_engaged,
             MISMATCH_RESIDUAL.name: self._on_residual,
+            MISMATCH_NAMES.name: self._on_names,
+            MISMATCH_BUDGET.name: self._on_budget,
             DIAGNOSTICS.name: self._on_diagnostics,
             REPLAY_STATE.name: self._on_replay_state,
         }
         self._server.start()
 
-    def _own_place(self) -> place.Place:
+    def _own_place(self) -> local.Place:
         """Started by hand: say where."""
-        made = place.made(self.p["port"])
+        made = local.made(self.p["port"])
         print(f"page: {made.address}", flush=True)
         return made
 
@@ -103,9 +108,10 @@ class LivePage(DeeptruckNode):
         for topic in TOPICS.values():
             publishers = tuple(name for name in topic.publishers if name in nodes)
             listeners = tuple(name for name in topic.subscribers if name in nodes)
-            expected = set(publishers) - {"replay"} and (topic is not CLOCK or self.lockstep)
+            seldom = topic.pause_s > 0.0 or (topic is CLOCK and not self.lockstep)
+            expected = bool(set(publishers) - {"replay"}) and not (seldom or by_hand)
             if publishers:
-                links.append(Link(topic.name, publishers, listeners, bool(expected) and not by_hand))
+                links.append(Link(topic.name, publishers, listeners, expected, topic.pause_s))
         return tuple(links)
 
     def _units(self) -> dict[str, str]:
@@ -183,6 +189,12 @@ class LivePage(DeeptruckNode):
     def _on_replay_state(self, message: JointState) -> None:
         values = messages.read_scalars(message)
         self._live.replay = {name: round(values.get(name, 0.0), 2) for name in REPLAY_STATE.fields}
+
+    def _on_names(self, message: JointState) -> None:
+        self._live.names(messages.read_scalars(message))
+
+    def _on_budget(self, message: JointState) -> None:
+        self._live.budget(messages.read_scalars(message))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         stamp, now = nanoseconds(message.header.stamp), time.monotonic()

@@ -67,6 +67,17 @@ def read_scalars(message: JointState) -> dict[str, float]:
     return dict(zip(message.name, message.position, strict=False))
 
 
+def numbers(message: TwistStamped | AccelStamped | JointState | Range) -> dict[str, float]:
+    """What a message holds along x, by its field as in a topic map."""
+    if isinstance(message, JointState):
+        return {f"position[name={name}]": value for name, value in read_scalars(message).items()}
+    if isinstance(message, Range):
+        return {"range": message.range}
+    if isinstance(message, AccelStamped):
+        return {"accel.linear.x": message.accel.linear.x}
+    return {"twist.linear.x": message.twist.linear.x}
+
+
 def radar_range(stamp: int, gap: float, reach: float) -> Range:
     """A radar's distance, m; +inf is 'nothing detected' (REP 117)."""
     message = Range(radiation_type=Range.INFRARED, field_of_view=0.3, min_range=0.5, max_range=float(reach))

@@ -1,42 +1,88 @@
-"""The monitor: a simulator runs along with the truck and says when and by how much the two part."""
+"""The monitor: a simulator runs along with the truck and says when, by how much and by what the two part."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
-from geometry_msgs.msg import TwistStamped
-from sensor_msgs.msg import JointState
+from geometry_msgs.msg import AccelStamped, TwistStamped
+from sensor_msgs.msg import JointState, Range
 
 from deeptruck_model import simulators
+from deeptruck_model.mismatch.companion import Companion
 from deeptruck_model.mismatch.monitor import Located, Monitor, Sample
+from deeptruck_model.mismatch.questions import Answer, Names, Own, Question
+from deeptruck_model.mismatch.report.wording import percent, spoken
+from deeptruck_model.mismatch.tree import ROOT
+from deeptruck_model.mismatch.window import Window
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND, nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run
-from deeptruck_nodes.topics import COMMAND, MISMATCH_RESIDUAL, ROAD, TWIST
+from deeptruck_nodes.topics import (
+    ACCEL,
+    COMMAND,
+    ENGAGED,
+    MISMATCH_BUDGET,
+    MISMATCH_NAMES,
+    MISMATCH_RESIDUAL,
+    RADAR_RANGE,
+    ROAD,
+    STATUS,
+    TWIST,
+)
+
+FIRST_S, EVERY_S = 90.0, 30.0  # of stamps: when mechanisms are named first, and how often
+MOST_A_STEP = 10  # messages of a topic that are kept for each step of the simulator
+MARGIN_S = 30.0  # more than adapt_s is kept, while another question is being answered
+LARGEST = 3  # parts of the budget that are said
 
 
 class MismatchMonitor(DeeptruckNode):
-    """One residual for every step of the simulator, stamped with the truck's speed that ended it."""
+    """One residual for every step of the simulator, stamped with the truck's speed that ended it; and every
+    EVERY_S the names and the budget of the last minutes, which a companion process finds.
+    """
 
     lingers_on = True
 
     def __init__(self) -> None:
         super().__init__("mismatch_monitor")
         limits = {name: self.p[name] for name in ("window_s", "threshold", "hold_s")}
-        self._monitor = Monitor(simulators.load(self.p["simulator"]), **limits)
+        self._simulator = simulators.load(self.p["simulator"])
+        self._monitor = Monitor(self._simulator, **limits)
         self._engaged = True  # whether the newest command drives the truck
         self._first: int | None = None
         self._spoken: Located | None = None
+        self._companion = Companion()
+        most_hz = MOST_A_STEP / self._simulator.dt
+        self._newest = Window(self.p["names_s"], most_hz) if self.p["names_s"] else None
+        self._begin: Window | None = None
+        if self.p["adapt_s"]:
+            self._begin = Window(self.p["adapt_s"] + MARGIN_S, most_hz)
+            import deeptruck_model.mismatch.adaptation  # noqa: F401 - which takes long, and not while driving
+        self._due = FIRST_S
+        self._asked_at = 0  # stamp of the last question
+        self._constant = 0.0
+        self._stated = ROOT
+        self._refused: set[str] = set()
+        self._said: dict[str, object] = {}
         self._residual = self.publish_on(MISMATCH_RESIDUAL)
+        self._names, self._budget = self.publish_on(MISMATCH_NAMES), self.publish_on(MISMATCH_BUDGET)
         self.listen_to(TWIST, self._on_twist)
         self.listen_to(COMMAND, self._on_command)
         self.listen_to(ROAD, self._on_road)
+        for topic in (ACCEL, STATUS, ENGAGED, RADAR_RANGE):
+            self.listen_to(topic, partial(self._keep, topic.name))
 
     def _on_twist(self, message: TwistStamped) -> None:
         self.heard += 1
-        self._tell(self._monitor.hear_speed(self._seconds(message), message.twist.linear.x))
+        self._keep(TWIST.name, message)
+        seconds = self._seconds(message)
+        self._tell(self._monitor.hear_speed(seconds, message.twist.linear.x))
+        self._take(waits=False)
+        self._ask(seconds, nanoseconds(message.header.stamp))
 
     def _on_command(self, message: JointState) -> None:
+        self._keep(COMMAND.name, message)
         values = messages.read_scalars(message)
         self._engaged = not self.p["no_load"] and values.get("engaged") != 0.0
         if not self._engaged:  # the driver does, whose demand the simulator is not given
@@ -44,13 +90,101 @@ class MismatchMonitor(DeeptruckNode):
         self._tell(self._monitor.hear_command(self._seconds(message), values))
 
     def _on_road(self, message: JointState) -> None:
+        self._keep(ROAD.name, message)
         self._monitor.hear_road(self._seconds(message), messages.read_scalars(message))
+
+    def _keep(self, topic: str, message: TwistStamped | AccelStamped | JointState | Range) -> None:
+        """For the questions of the last minutes, and of the first ones."""
+        for window in (self._newest, self._begin):
+            if window is not None:
+                window.hear(topic, nanoseconds(message.header.stamp), messages.numbers(message))
 
     def _seconds(self, message: TwistStamped | JointState) -> float:
         """Seconds since the first stamp: since the epoch they would lose their digits."""
         stamp = nanoseconds(message.header.stamp)
         self._first = stamp if self._first is None else self._first
         return (stamp - self._first) / SECOND
+
+    # -- names, and what this drive has of its own ----------------------------------------------
+
+    def _ask(self, seconds: float, stamp: int) -> None:
+        """What is due, unless another question is being answered. In lock-step, which has no clock that would
+        pass meanwhile, the answer is waited for, so that equal runs give equal bags."""
+        if self._companion.busy:
+            return
+        if self._begin is not None and seconds > self.p["adapt_s"] + 1.0:
+            begin, self._begin = self._begin, None
+            self._put(begin, stamp, adapts=self.p["adapt_s"])
+        elif self._newest is not None and seconds >= self._due:
+            self._due = seconds - seconds % EVERY_S + EVERY_S
+            self._put(self._newest.copy(), stamp)
+
+    def _put(self, window: Window, stamp: int, adapts: float = 0.0) -> None:
+        of, constant, no_load = self.p["simulator"], self._constant, self.p["no_load"]
+        self._asked_at = stamp
+        self._companion.ask(lambda: Question(of, window.heard(), constant, adapts, no_load))
+        self._take(waits=self.lockstep)
+
+    def _take(self, *, waits: bool) -> None:
+        try:
+            answer = self._companion.taken(waits=waits)
+        except RuntimeError as error:
+            self._newest = self._begin = None  # nobody answers any more
+            self._refuse(str(error))
+            return
+        if answer is None:
+            return
+        if isinstance(answer.found, Own):
+            self._adapt(answer.found)
+        elif isinstance(answer.found, Names):
+            self._name(answer.found, answer)
+        else:
+            self._refuse(answer.refused)
+
+    def _refuse(self, why: str) -> None:
+        """Said once, however often it happens."""
+        self._said["names"] = why
+        if why not in self._refused:
+            print(f"no answer from the last minutes: {why}", flush=True)
+        self._refused.add(why)
+
+    def _adapt(self, own: Own) -> None:
+        from deeptruck_model.mismatch.adaptation import with_constant
+
+        self._constant = own.constant
+        self._monitor.goes_on_with(with_constant(self._simulator, own.constant))
+        self._said["adapted_m_s2"] = own.constant
+        print(
+            f"the simulator is adapted to this drive: {own.constant:+.3f} m/s^2 (+-{1.96 * own.sd:.3f}) from "
+            f"{own.windows} free runs in {own.seconds:.0f} s",
+            flush=True,
+        )
+
+    def _name(self, found: Names, answer: Answer) -> None:
+        stamp = self._asked_at
+        probabilities = {n.node: n.probability for n in found.nodes}
+        if found.nodes:  # of a name that is not among them nothing speaks
+            probabilities = dict.fromkeys(MISMATCH_NAMES.fields, 0.0) | probabilities
+        self._names.publish(messages.scalars(stamp, MISMATCH_NAMES.fields, probabilities))
+        shares = dict(found.shares or {})
+        if shares:
+            shares = dict.fromkeys(MISMATCH_BUDGET.fields, 0.0) | shares
+        sizes = {"speed_rmse": found.speed_rmse, "horizon_s": found.horizon_s}
+        self._budget.publish(messages.scalars(stamp, MISMATCH_BUDGET.fields, shares | sizes))
+        largest = sorted((found.shares or {}).items(), key=lambda x: -x[1])[:LARGEST]
+        self._said |= {
+            "names": found.says,
+            "names_at_s": f"{stamp / SECOND:.2f}",
+            "budget": ", ".join(f"{spoken(part)} {percent(share)}" for part, share in largest),
+        }
+        if not self.lockstep:  # whose bags are equal
+            self._said["names_cpu_s"] = answer.cpu_s
+        if found.stated != self._stated:
+            at = (stamp - (self._first or 0)) / SECOND
+            print(f"at {at:.0f} s, of the last {self.p['names_s']:.0f} s: {found.says}", flush=True)
+        self._stated = found.stated
+
+    # -- the residual -----------------------------------------------------------------------------
 
     def _tell(self, samples: Iterable[Sample]) -> None:
         for s in samples:
@@ -96,7 +230,10 @@ class MismatchMonitor(DeeptruckNode):
             values |= {"start_s": f"{start:.2f}", "end_s": f"{end:.2f}", "mean_m_s2": last.mean_m_s2}
             if self._monitor.mass_kg is not None:
                 values["mean_force_n"] = last.mean_m_s2 * self._monitor.mass_kg
-        return values
+        return values | self._said
+
+    def close(self) -> None:
+        self._companion.close()
 
     def _stamp(self, seconds: float) -> int:
         return (self._first or 0) + round(seconds * SECOND)

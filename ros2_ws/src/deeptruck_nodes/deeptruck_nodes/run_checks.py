@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 from deeptruck_model import checks, console
 from deeptruck_model.compatibility import Given, Taken, misfits
 from deeptruck_model.errors import InputError
+from deeptruck_model.pages import local
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import parameters
-from deeptruck_nodes.page import place
 
 T = TypeVar("T")
 Sections = dict[str, dict[str, Any]]
@@ -93,7 +93,7 @@ def rate_fits(rate: float, dt: float) -> None:
 
 def port_is_free(port: int) -> None:
     """Raises InputError where the page cannot have its port."""
-    place.made(port).listener.close()
+    local.made(port).listener.close()
 
 
 def bus_opens(interface: str, channel: str) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 from deeptruck_model import checks
 from deeptruck_model.errors import InputError
+from deeptruck_model.pages import local
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import bag_place, environment, parameters, run_checks, run_summary
 from deeptruck_nodes.page import place
@@ -298,11 +299,11 @@ def _watched(sections: Sections, file: Path) -> Iterator[tuple[Program, ...]]:
     if PAGE not in sections:
         yield ()
         return
-    made = place.made(parameters.checked(PAGE, sections[PAGE])["port"])
+    made = local.made(parameters.checked(PAGE, sections[PAGE])["port"])
     with made.listener:
         print(f"page: {made.address}", flush=True)
         descriptors = (made.listener.fileno(),)
-        program = replace(node(PAGE, file), environment=made.environment, descriptors=descriptors)
+        program = replace(node(PAGE, file), environment=place.environment(made), descriptors=descriptors)
         yield (replace(program, spectator=True),)
 
 

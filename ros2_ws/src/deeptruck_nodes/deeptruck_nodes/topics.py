@@ -13,6 +13,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Range
 
+from deeptruck_model.mismatch.tree import NAMES, PARTS
+
 
 def _reliable(depth: int) -> QoSProfile:
     return QoSProfile(
@@ -40,7 +42,8 @@ SOURCES = ("truck_sim", "can_bridge", "replay")
 
 @dataclass(frozen=True)
 class Topic:
-    """`fields` are the names a JointState carries, always in this order; `rate` says how often it comes."""
+    """`fields` are the names a JointState carries, always in this order; `rate` says how often it comes, and
+    `pause_s` is the usual time between two messages where that is longer than 2 s."""
 
     name: str
     message: type
@@ -49,6 +52,7 @@ class Topic:
     rate: str
     content: str
     fields: tuple[str, ...] = ()
+    pause_s: float = 0.0
 
     @property
     def type_name(self) -> str:
@@ -61,11 +65,11 @@ TWIST = Topic(
     "rate_hz", "twist.linear.x = speed, m/s",
 )  # fmt: skip
 ACCEL = Topic(
-    "/truck/accel", AccelStamped, SOURCES, ("recorder",),
+    "/truck/accel", AccelStamped, SOURCES, ("mismatch_monitor", "recorder"),
     "rate_hz", "accel.linear.x = acceleration, m/s^2",
 )  # fmt: skip
 STATUS = Topic(
-    "/truck/status", JointState, SOURCES, ("recorder",),
+    "/truck/status", JointState, SOURCES, ("mismatch_monitor", "recorder"),
     "simulator step", "what can be seen inside the truck",
     ("fuel_rate", "gear", "engine_speed", "engine_torque"),
 )  # fmt: skip
@@ -77,7 +81,7 @@ COMMAND = Topic(
     ("engine_command", "brake_command", "engaged"),
 )  # fmt: skip
 ENGAGED = Topic(
-    "/truck/engaged", JointState, ("can_bridge", "replay"), ("controller", "recorder"),
+    "/truck/engaged", JointState, ("can_bridge", "replay"), ("controller", "mismatch_monitor", "recorder"),
     "every 50 ms and on change", "1: the bridge passes commands on",
     ("engaged",),
 )  # fmt: skip
@@ -87,7 +91,8 @@ ROAD = Topic(
     ("grade", "elevation"),
 )  # fmt: skip
 RADAR_RANGE = Topic(
-    "/radar/range", Range, ("leader", "replay"), ("controller", "can_bridge", "recorder"),
+    "/radar/range", Range, ("leader", "replay"),
+    ("controller", "can_bridge", "mismatch_monitor", "recorder"),
     "every /truck/twist", "range = gap, m; +inf: nothing detected",
 )  # fmt: skip
 RADAR_TWIST = Topic(
@@ -103,6 +108,18 @@ MISMATCH_RESIDUAL = Topic(
     "/mismatch/residual", AccelStamped, ("mismatch_monitor", "replay"), ("truck_sim", "recorder"),
     "simulator step",
     "truck minus simulator, m/s^2: accel.linear.x now, .y over 5 s, .z what the simulator is unsure of",
+)  # fmt: skip
+MISMATCH_NAMES = Topic(
+    "/mismatch/names", JointState, ("mismatch_monitor", "replay"), ("recorder",),
+    "every 30 s", "probability of each family and of each name in it, of the last minutes",
+    (*NAMES, *(name for names in NAMES.values() for name in names), "unknown", "nothing"),
+    30.0,
+)  # fmt: skip
+MISMATCH_BUDGET = Topic(
+    "/mismatch/budget", JointState, ("mismatch_monitor", "replay"), ("recorder",),
+    "every 30 s", "speed error after horizon_s, m/s, and the shares of its square by part",
+    ("speed_rmse", "horizon_s", *PARTS),
+    30.0,
 )  # fmt: skip
 DIAGNOSTICS = Topic(
     "/diagnostics", DiagnosticArray,
@@ -127,7 +144,7 @@ TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
         TWIST, ACCEL, STATUS, COMMAND, ENGAGED, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE,
-        MISMATCH_RESIDUAL, DIAGNOSTICS, CLOCK, REPLAY_STATE, REPLAY_CONTROL,
+        MISMATCH_RESIDUAL, MISMATCH_NAMES, MISMATCH_BUDGET, DIAGNOSTICS, CLOCK, REPLAY_STATE, REPLAY_CONTROL,
     )
 }  # fmt: skip
 

@@ -80,10 +80,10 @@ class Graph {
   _state(topic, heard, over) {
     const [state, age, rate] = heard || ["unheard", 0, 0], part = this.parts[topic];
     part.setAttribute("class", over ? "over" : state);
-    const often = rate >= 10 ? rate.toFixed(0) : rate.toFixed(1);
-    const says = state === "unheard" ? "not heard yet" : state === "fresh" ? `${often} Hz, ${age.toFixed(1)} s`
+    const often = rate > 0 && rate <= 0.1 ? `every ${(1 / rate).toFixed(0)} s` : `${rate.toFixed(rate >= 10 ? 0 : 1)} Hz`;
+    const says = state === "unheard" ? "not heard yet" : state === "fresh" ? `${often}, ${age.toFixed(1)} s`
       : `${state} for ${age.toFixed(1)} s`;
-    part.lastChild.textContent = over ? `until the end, ${often} Hz` : `${GLYPH[state]} ${says}`;
+    part.lastChild.textContent = over ? `until the end, ${often}` : `${GLYPH[state]} ${says}`;
     if (over && !heard) part.lastChild.textContent = "not heard";
   }
 }

@@ -12,6 +12,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from deeptruck_model.mismatch.report.wording import spoken
+from deeptruck_model.mismatch.tree import NAMES, PARTS
+
 SERIES = (
     "speed", "leader_speed", "gap", "engine_command", "brake_command", "engaged",
     "residual", "smoothed", "allowed", "shield",
@@ -20,6 +23,7 @@ FRESH = (0.5, 2.0)  # s, usual pauses: the greater of the two is how old a fresh
 LATE = (2.0, 6.0)  # and one that is late; beyond, a topic is silent
 LONGEST_PAUSE = 2.0  # s; a longer one is not usual
 FORGETS = 0.95  # share of a usual pause that is left of it when the next message comes sooner
+LEAST_SHARE = 0.05  # of the names and parts that are shown
 LEARNS = 0.1  # share of the newest interval in what is known of the period
 
 
@@ -31,11 +35,12 @@ class Ages:
     at: float = -math.inf
     period: float = 0.1
     pause: float = 0.1  # the longest usual one: several nodes may publish in the same moment
+    longest: float = LONGEST_PAUSE
 
     def hear(self, count: int, at: float) -> None:
         """`count` messages, the newest at `at`."""
         if self.count:
-            pause = min(at - self.at, LONGEST_PAUSE)
+            pause = min(at - self.at, self.longest)
             self.pause = max(pause, FORGETS * self.pause)
             self.period += (1 - (1 - LEARNS) ** count) * (pause / count - self.period)
         self.count, self.at = self.count + count, max(at, self.at)
@@ -54,18 +59,20 @@ class Ages:
 class Link:
     """A topic of the graph: who publishes it and who listens, of the nodes in this run.
 
-    One that is not `expected` is shown once it was heard.
+    One that is not `expected` is shown once it was heard. `pause_s` is that of one that seldom comes.
     """
 
     topic: str
     publishers: tuple[str, ...]
     listeners: tuple[str, ...]
     expected: bool = True
+    pause_s: float = 0.0
 
 
 @dataclass
 class Live:
-    """Feed it by `heard`, `sample` and `health`; `batch` takes what came since the last one."""
+    """Feed it by `heard`, `sample`, `names`, `budget` and `health`; `batch` takes what came since the last
+    one."""
 
     nodes: tuple[str, ...]
     links: tuple[Link, ...]
@@ -76,12 +83,17 @@ class Live:
     _samples: dict[str, tuple[list[float], list[float | None]]] = field(default_factory=dict)
     _health: dict[str, dict[str, Any]] = field(default_factory=dict)
     _changed: set[str] = field(default_factory=set)
+    _missing: dict[str, Any] = field(default_factory=dict)
+    _missing_changed: bool = False
     _first: int | None = None
     _acted: float = math.nan
 
     def heard(self, topic: str, count: int, at: float) -> None:
         """`count` messages of a topic, the newest at `at`, monotonic s."""
-        self._ages.setdefault(topic, Ages()).hear(count, at)
+        if topic not in self._ages:
+            pause = max((link.pause_s for link in self.links if link.topic == topic), default=0.0)
+            self._ages[topic] = Ages(period=pause, pause=pause, longest=pause) if pause else Ages()
+        self._ages[topic].hear(count, at)
 
     def sample(self, stamp: int, values: Mapping[str, float]) -> None:
         """Values of series by name, stamped in ns."""
@@ -90,6 +102,23 @@ class Live:
             times, numbers = self._samples.setdefault(name, ([], []))
             times.append((stamp - self._first) // 1_000_000)
             numbers.append(round(value, 4) if math.isfinite(value) else None)
+
+    def names(self, probabilities: Mapping[str, float]) -> None:
+        """Of families and of the names in them; not a number where nothing could be compared."""
+        families = {f: probabilities.get(f, 0.0) for f in (*NAMES, "unknown", "nothing")}
+        self._missing["names"] = [
+            [spoken(family), p, _shown(probabilities, NAMES.get(family, ()))]
+            for family, p in sorted(families.items(), key=lambda item: -item[1])
+            if p >= LEAST_SHARE
+        ]
+        self._missing_changed = True
+
+    def budget(self, values: Mapping[str, float]) -> None:
+        """The speed error, and the shares of its square by part."""
+        known = {name: x for name, x in values.items() if math.isfinite(x)}
+        self._missing["budget"] = _shown(known, PARTS)
+        self._missing["off"] = [known.get("speed_rmse"), known.get("horizon_s")]
+        self._missing_changed = True
 
     def health(
         self, stamp: int, node: str, level: str, says: str, values: Mapping[str, str], at: float
@@ -106,8 +135,11 @@ class Live:
         """What came since the last batch, as JSON."""
         samples, self._samples = self._samples, {}
         changed, self._changed = self._changed, set()
+        missing = {"missing": self._missing} if self._missing_changed else {}
+        self._missing_changed = False
         return _text(
-            {
+            missing
+            | {
                 "topics": {topic: _age(ages, now) for topic, ages in self._ages.items()},
                 "samples": samples,
                 "health": self._told(changed),
@@ -128,6 +160,7 @@ class Live:
                 "links": links,
                 "units": dict(self.units),
                 "run": self.run,
+                "missing": self._missing,
                 "health": self._told(self._health),
             }
         )
@@ -139,9 +172,16 @@ class Live:
         }
 
 
+def _shown(values: Mapping[str, float], names: Iterable[str]) -> list[list[object]]:
+    """Those of the names with a share that is worth a row, largest first."""
+    own = [(name, values[name]) for name in names if values.get(name, 0.0) >= LEAST_SHARE]
+    return [[spoken(name), round(x, 4)] for name, x in sorted(own, key=lambda item: -item[1])]
+
+
 def _age(ages: Ages, now: float) -> list[object]:
     """State, age in s, messages a second."""
-    return [ages.state(now), round(now - ages.at, 2), round(1 / max(ages.period, 1e-4), 1)]
+    rate = 1 / max(ages.period, 1e-4)
+    return [ages.state(now), round(now - ages.at, 2), round(rate, 1 if rate > 0.1 else 4)]
 
 
 def _number(text: str) -> float:

@@ -6,7 +6,7 @@ const LEVELS = {ok: ["✓", "good"], warn: ["▲", "waiting"], error: ["✖", "b
 const SILENT_MS = 2000;  // without a batch, which come ten times a second
 const SHIELD_MS = 3000;  // for so long the shield is said to have acted
 
-let series = {}, health = {}, ages = {}, topics = {}, newest = -Infinity;
+let series = {}, health = {}, ages = {}, topics = {}, newest = -Infinity, missing = {};
 let strips = [], source = null, heardAt = performance.now(), over = false, failed = "", due = false, lost = 0;
 let replay = {}, moving = false;  // the newest state of a replay; whether its slider is held
 const NOT_READY = ["it never began", "not everything got ready"];  // ends that nobody planned, beside a node that failed
@@ -23,10 +23,10 @@ function ageOf(name) {
   return state === "fresh" ? 0 : age;
 }
 
-function begin({nodes, links, units, health: said, run}) {
+function begin({nodes, links, units, health: said, run, missing: compared}) {
   if (run) document.title = document.querySelector("h1").textContent = `A run, live: ${run}`;
   [series, topics, ages, newest] = [{}, {}, {}, -Infinity];
-  health = said;
+  [health, missing] = [said, compared];
   graph.begin(links);
   makeStrips(units, nodes);
 }
@@ -62,6 +62,7 @@ function take(batch) {
   }
   for (const each of Object.values(series)) each.trim(newest - KEPT_MS);
   Object.assign(health, batch.health);
+  if (batch.missing) missing = batch.missing;
   [topics, ages, replay] = [batch.topics, batch.ages, batch.replay];
 }
 
@@ -111,6 +112,30 @@ function showShield() {
   say("baseline", Number(drove) ? `Outside of what the policy learned, the baseline drove ${drove} steps.` : "");
 }
 
+function shares(where, rows) {
+  const key = JSON.stringify(rows);
+  if (where.dataset.key === key) return;
+  where.dataset.key = key;
+  where.replaceChildren(...rows.map(([name, share, leaf]) => {
+    const line = document.createElement("li"), bar = document.createElement("i"), value = document.createElement("b");
+    line.className = leaf ? "leaf" : "";
+    bar.style.width = `${100 * Math.min(Math.max(share, 0), 1)}%`;
+    value.textContent = `${(100 * share).toFixed(0)} %`;
+    line.append(bar, name, value);
+    return line;
+  }));
+}
+
+function showMissing() {
+  const says = value("mismatch_monitor", "names"), [off, horizon] = missing.off || [], {names, budget} = missing;
+  $("missing-part").hidden = !says && !names;
+  if (says) say("missing", says[0].toUpperCase() + says.slice(1) + ".", "big");
+  say("missing-say", off == null ? "" : `Free runs are off by ${off.toFixed(2)} m/s after ${horizon} s.`);
+  document.querySelector(".shares").hidden = !(names && names.length);
+  shares($("names"), (names || []).flatMap(([name, p, own]) => [[name, p], ...own.map(row => [...row, true])]));
+  shares($("budget"), budget || []);
+}
+
 function showHealth() {
   const where = $("health"), names = Object.keys(health).sort();
   while (where.children.length > names.length) where.lastChild.remove();
@@ -151,6 +176,7 @@ function draw() {
   graph.show(topics, over, failed);
   showSafety();
   showShield();
+  showMissing();
   showHealth();
 }
 

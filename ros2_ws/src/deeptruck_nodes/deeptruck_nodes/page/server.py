@@ -1,34 +1,22 @@
-"""One page and its stream of events, for browsers on this machine. A replay can be paused and moved by POST;
-everything else is read only.
-
-Whoever does not know the token is refused. So is a request whose Host is not this machine: a web page whose
-name was pointed at 127.0.0.1 would otherwise be read by whoever serves it (DNS rebinding).
+"""The live page and its stream of events, for browsers on this machine. A replay can be paused and moved by
+POST; everything else is read only.
 """
 
 from __future__ import annotations
 
-import hmac
 import json
 import math
-import socket
-import sys
 import threading
-import traceback
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from types import MappingProxyType
 
-from deeptruck_nodes.page.place import LOCAL, Place
+from deeptruck_model.pages import local
+from deeptruck_model.pages.local import PATIENCE, Place
 
-HOSTS = (LOCAL, "localhost")
 CONTROLS = {"paused", "seek"}  # what a viewer may ask of a replay: the fields of /replay/control
-FORBIDDEN = b"Open the address that the start script printed.\n"
 ROOM = 50  # batches that may wait for a viewer: 5 s of them
 KEPT_BYTES = 4_000_000  # of newest batches, for a viewer that comes or comes back
-CONNECTIONS = 32  # at once
-PATIENCE = 10.0  # s that a viewer may take for a request, or leave a batch unread, before it is cut off
 CONTROL_BYTES = 200  # of a request to the replay, at most
 RETRY_MS = 1000  # until a browser that lost the page asks again
 
@@ -129,11 +117,8 @@ class Stream:
             return [viewer.waiting for viewer in self._viewers]
 
 
-class Server(ThreadingHTTPServer):
-    """The page and its stream at a place. A thread a connection, so that one viewer never delays another."""
-
-    daemon_threads = True
-    block_on_close = False
+class Server(local.Server):
+    """The page and its stream at a place."""
 
     def __init__(
         self,
@@ -144,17 +129,8 @@ class Server(ThreadingHTTPServer):
         control: Callable[[dict[str, float]], None] | None = None,
     ) -> None:
         """`control` takes what a viewer asks of the replay; None where there is none."""
-        super().__init__(place.listener.getsockname(), _Handler, bind_and_activate=False)
-        self.socket.close()
-        self.socket = place.listener
-        self.place, self.page, self.policy, self.stream = place, page, policy, stream
-        self.control = control
-        self._free = threading.Semaphore(CONNECTIONS)
-        self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
-
-    def start(self) -> None:
-        """Serve in a thread of its own."""
-        self._thread.start()
+        super().__init__(place, _Handler, policy)
+        self.page, self.stream, self.control = page, stream, control
 
     def close(self, why: str) -> None:
         """Tell the viewers, then stop; one that does not listen is not waited for."""
@@ -167,124 +143,44 @@ class Server(ThreadingHTTPServer):
         self.shutdown()
         self.server_close()
 
-    def process_request(self, request: socket.socket | tuple[bytes, socket.socket], client: object) -> None:
-        if not self._free.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
-        super().process_request(request, client)
 
-    def process_request_thread(
-        self, request: socket.socket | tuple[bytes, socket.socket], client: object
-    ) -> None:
-        try:
-            super().process_request_thread(request, client)
-        finally:
-            self._free.release()
-
-    def handle_error(self, request: object, client: object) -> None:
-        """A viewer that left, or was too slow, is no news; anything else is a fault of ours."""
-        if not isinstance(sys.exc_info()[1], OSError):
-            traceback.print_exc()
-
-
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(local.Handler):
     server: Server
-    protocol_version = "HTTP/1.1"
-    timeout = PATIENCE
 
-    def do_GET(self) -> None:
-        token, slash, rest = self.path.removeprefix("/").partition("/")
-        if not self._is_allowed():
-            self._answer(HTTPStatus.FORBIDDEN, FORBIDDEN)
-        elif not slash:  # what the page asks for lies beside it
-            self._answer(HTTPStatus.PERMANENT_REDIRECT, b"", more={"Location": f"/{token}/"})
-        elif rest == "":
-            self._answer(HTTPStatus.OK, self.server.page, "text/html; charset=utf-8")
+    @property
+    def methods(self) -> tuple[str, ...]:
+        replays = self.server.control is not None and self.path.endswith("/replay")
+        return ("GET", "POST") if replays else ("GET",)
+
+    def get(self, rest: str) -> None:
+        if rest == "":
+            self.answer(HTTPStatus.OK, self.server.page, "text/html; charset=utf-8")
         elif rest == "events":
             self._stream()
         else:
-            self._answer(HTTPStatus.NOT_FOUND, b"There is one page here.\n")
+            super().get(rest)
 
-    def do_POST(self) -> None:
-        if not self._is_allowed():
-            self._answer(HTTPStatus.FORBIDDEN, FORBIDDEN)
-        elif (asked := self._asked()) is None or self.server.control is None:
-            self._answer(HTTPStatus.BAD_REQUEST, b'Send {"paused": 0 or 1} or {"seek": seconds}.\n')
+    def post(self, rest: str) -> None:
+        if (asked := self._asked()) is None or self.server.control is None:
+            self.answer(HTTPStatus.BAD_REQUEST, b'Send {"paused": 0 or 1} or {"seek": seconds}.\n')
         else:
             self.server.control(asked)
-            self._answer(HTTPStatus.NO_CONTENT, b"")
+            self.answer(HTTPStatus.NO_CONTENT, b"")
 
     def _asked(self) -> dict[str, float] | None:
         """Numbers by name out of a request's body; None where it is anything else."""
-        length = self.headers.get("Content-Length", "")
-        if not length.isdecimal() or int(length) > CONTROL_BYTES:
-            return None
-        try:
-            values = json.loads(self.rfile.read(int(length)))
-        except (ValueError, RecursionError):
-            return None
+        values = self.json(CONTROL_BYTES)
         known = isinstance(values, dict) and values.keys() <= CONTROLS
         if not known or not all(isinstance(x, int | float) and math.isfinite(x) for x in values.values()):
             return None
         return {name: float(x) for name, x in values.items()}
 
-    def parse_request(self) -> bool:
-        """Nothing but GET, and POST to a replay, is looked at any further."""
-        understood = super().parse_request()
-        allowed = ("GET", "POST") if understood and self._is_replay() else ("GET",)
-        if understood and self.command not in allowed:
-            self._answer(HTTPStatus.METHOD_NOT_ALLOWED, b"This page is read only: GET.\n")
-        return understood and self.command in allowed
-
-    def _is_replay(self) -> bool:
-        return self.server.control is not None and self.path.endswith("/replay")
-
-    def _is_allowed(self) -> bool:
-        """Whether who asks knows the token, and believes to talk to this machine, by whatever port a tunnel
-        has."""
-        token = self.path.removeprefix("/").partition("/")[0]
-        hosts = self.headers.get_all("Host", [])
-        ours = len(hosts) == 1 and hosts[0].partition(":")[0].lower() in HOSTS
-        return ours and hmac.compare_digest(token.encode(), self.server.place.token.encode())
-
-    def _answer(
-        self,
-        status: HTTPStatus,
-        body: bytes,
-        kind: str = "text/plain; charset=utf-8",
-        more: Mapping[str, str] = MappingProxyType({}),
-    ) -> None:
-        self._begin(status, kind, {"Content-Length": str(len(body)), **more})
-        if self.command != "HEAD":
-            self.wfile.write(body)
-
-    def _begin(self, status: HTTPStatus, kind: str, more: dict[str, str]) -> None:
-        self.close_connection = True
-        self.send_response_only(status)
-        headers = {
-            "Content-Type": kind,
-            "Connection": "close",
-            "Allow": "GET",
-            "Cache-Control": "no-store",
-            "Content-Security-Policy": self.server.policy,
-            "Cross-Origin-Resource-Policy": "same-origin",
-            "Referrer-Policy": "no-referrer",
-            "X-Content-Type-Options": "nosniff",
-            "X-Frame-Options": "DENY",
-        }
-        for name, value in {**headers, **more}.items():
-            self.send_header(name, value)
-        self.end_headers()
-
     def _stream(self) -> None:
         viewer, first = self.server.stream.join()
         try:
-            self._begin(HTTPStatus.OK, "text/event-stream; charset=utf-8", {})
+            self.begin(HTTPStatus.OK, "text/event-stream; charset=utf-8", {})
             self.wfile.write(first)
             while (batches := viewer.take()) is not None:
                 self.wfile.write(batches or b": still here\n\n")
         finally:
             self.server.stream.leave(viewer)
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Nothing: the path holds the token."""

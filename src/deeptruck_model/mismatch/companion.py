@@ -1,0 +1,97 @@
+"""A process that answers `live` questions beside a node: who asks never waits, and one answer is kept.
+
+Questions and answers go through its standard input and output. It ends with that input, however the node
+ended. Standard library only, so that a node loads no more than it needs.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from threading import Thread
+from typing import IO, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.questions import Answer, Question
+
+NICE = 10  # whatever drives goes first
+
+
+class Companion:
+    """Ask one question at a time; the answer is there when `taken` returns it."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread: Thread | None = None
+        self._answer: Answer | None = None
+        self._failed = ""
+
+    @property
+    def busy(self) -> bool:
+        """Whether a question is not answered yet, or its answer not taken."""
+        return self._thread is not None
+
+    def ask(self, question: Callable[[], Question]) -> None:
+        """Begin to answer what `question` returns, which is called in a thread; the process is started by the
+        first one."""
+        if self._process is None:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "deeptruck_model.mismatch.companion"],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                start_new_session=True,  # Ctrl-C is for the node, which ends it
+            )  # fmt: skip
+        self._thread = Thread(target=self._talk, args=(self._process, question), daemon=True)
+        self._thread.start()
+
+    def _talk(self, process: subprocess.Popen[bytes], question: Callable[[], Question]) -> None:
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            pickle.dump(question(), process.stdin)
+            process.stdin.flush()
+            self._answer = pickle.load(process.stdout)
+        except (OSError, EOFError, pickle.UnpicklingError):
+            self._failed = f"the process that names has ended with {process.wait()}"
+
+    def taken(self, *, waits: bool = False) -> Answer | None:
+        """The answer, once; None while there is none, unless it is waited for. Raises RuntimeError where the
+        process has ended."""
+        if self._thread is None or (self._thread.is_alive() and not waits):
+            return None
+        self._thread.join()
+        self._thread, answer, self._answer = None, self._answer, None
+        if answer is None:
+            raise RuntimeError(self._failed)
+        return answer
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+
+def main() -> None:
+    """Answer until nobody asks."""
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints is no answer
+    os.nice(NICE)
+    _serve(sys.stdin.buffer, out)
+
+
+def _serve(questions: IO[bytes], answers: IO[bytes]) -> None:
+    from deeptruck_model.mismatch.live import answer
+
+    while True:
+        try:
+            question = pickle.load(questions)
+        except EOFError:
+            return
+        pickle.dump(answer(question), answers)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""While driving: which mechanism the last minutes speak for, and what this drive has of its own.
+
+`answer` makes recordings of messages at hand, as of a bag, and compares them with the simulator as
+`find_mismatch` does, without the correction; or it adapts the simulator, as `adapt` does. `companion.py` runs
+it in a process of its own.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+
+from threadpoolctl import threadpool_limits
+
+from deeptruck_model import simulators
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import decide
+from deeptruck_model.mismatch.adaptation import adapt, with_constant
+from deeptruck_model.mismatch.find import Uncompared, compared
+from deeptruck_model.mismatch.questions import Answer, Names, Own, Question
+from deeptruck_model.mismatch.report import lines
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import ROOT, Node
+from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.extract import of_messages
+from deeptruck_model.simulators import Simulator, completed
+
+NOTHING = Node("nothing", ROOT, 1.0)
+NOT_DETECTED = "nothing that matters is detected"
+
+
+def answer(question: Question) -> Answer:
+    """What a question is answered; never raises for what was heard."""
+    begun = time.process_time()
+    try:
+        found, refused = _found(question), ""
+    except InputError as error:
+        found, refused = None, str(error)
+    return Answer(found, refused, time.process_time() - begun)
+
+
+def _found(question: Question) -> Names | Own:
+    simulator = _loaded(question.simulator, question.constant)
+    recordings = of_messages(
+        "this drive",
+        question.heard,
+        simulator.interface,
+        rate_hz=1.0 / simulator.dt,
+        no_load=question.no_load,
+    )
+    with threadpool_limits(1):
+        if not question.adapts:
+            return name(simulator, recordings)
+        own = adapt(simulator, recordings, question.adapts)
+        return Own(own.constant, own.sd, own.windows, own.seconds)
+
+
+@lru_cache(maxsize=2)
+def _loaded(path: str, constant: float) -> Simulator:
+    simulator = completed(simulators.load(path))
+    return with_constant(simulator, constant) if constant else simulator
+
+
+def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules()) -> Names:
+    """Names and budget of recordings, all of which are fitted. Raises InputError as `find_mismatch`."""
+    c = compared(simulator, recordings, sets_aside=False, rules=rules)
+    if isinstance(c, Uncompared):
+        return Names(c.drives.useless or "")
+    named, matter = decide.accepted(c.search, c.names, c.budget, None, None, simulator.parameters(), rules)
+    findings = [*(decide.of_fault(f) for f in c.drives.faults), *matter]
+    stated = [f for f in findings if f.stated != ROOT]
+    nodes = c.names.found[0].tree.nodes() if c.names.found else (NOTHING,)
+    if stated:
+        says = " ".join(lines.sure(f) for f in stated)
+    elif matter or (c.names.detected and not named):
+        says = lines.unsure(nodes)
+    else:
+        says, nodes = NOT_DETECTED, (NOTHING,)
+    return Names(
+        says.removesuffix("."),
+        stated[0].stated if stated else ROOT,
+        nodes,
+        {p.part: p.share for p in c.budget.parts},
+        c.budget.speed_rmse,
+        c.budget.horizon_s,
+    )

@@ -1,0 +1,57 @@
+"""What a node asks of the newest messages of a truck, and what it is answered (`live.answer`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from deeptruck_model.mismatch.tree import ROOT, Node
+from deeptruck_model.recordings.resample import Heard
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of the last minutes of a truck, or (`adapts`) of the first minutes of its drive.
+
+    `constant`, m/s^2, was added to the simulator before. With `no_load` no command drives the truck.
+    """
+
+    simulator: str
+    heard: Mapping[str, Heard]
+    constant: float = 0.0
+    adapts: float = 0.0  # s from the begin of what was heard; 0: names are asked for
+    no_load: bool = False
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the last minutes speak for: the `nodes` of the tree with their probabilities, the sentence `says`,
+    the node that is `stated` (ROOT: none), and the budget's shares by part, with the speed error (m/s) over
+    the horizon (s) that they split. No nodes where nothing could be compared, as `says` says."""
+
+    says: str
+    stated: str = ROOT
+    nodes: tuple[Node, ...] = ()
+    shares: Mapping[str, float] | None = None
+    speed_rmse: float = float("nan")
+    horizon_s: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Own:
+    """A constant acceleration that the drive has of its own, m/s^2, its standard deviation, and the free runs
+    and seconds that it was estimated from."""
+
+    constant: float
+    sd: float
+    windows: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was found, or why the question is `refused`, and the processor time that it took, s."""
+
+    found: Names | Own | None
+    refused: str = ""
+    cpu_s: float = 0.0

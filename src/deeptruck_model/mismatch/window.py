@@ -1,0 +1,52 @@
+"""The newest messages of a truck, as many as the last minutes hold."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from copy import copy
+
+import numpy as np
+
+from deeptruck_model.recordings.resample import Heard
+
+
+class Window:
+    """The newest messages of each topic, of up to `seconds` of stamps and no more than `most_hz` a second."""
+
+    def __init__(self, seconds: float, most_hz: float) -> None:
+        self._span, self._least = round(seconds * 1e9), round(1e9 / most_hz)
+        self._topics: dict[str, deque[tuple[int, Mapping[str, float]]]] = {}
+        self._newest = 0
+
+    def hear(self, topic: str, stamp: int, values: Mapping[str, float]) -> None:
+        """A message stamped at `stamp`, ns, with its numbers by field. A clock that is set back by more than
+        the span begins the window anew; the last of equal stamps counts."""
+        if stamp < self._newest - self._span:
+            self._topics.clear()
+            self._newest = stamp
+        self._newest = max(self._newest, stamp)
+        kept = self._topics.setdefault(topic, deque())
+        if kept and kept[-1][0] == stamp:
+            kept.pop()
+        elif kept and abs(stamp - kept[-1][0]) < self._least:
+            return
+        kept.append((stamp, values))
+        while kept[0][0] < self._newest - self._span:
+            kept.popleft()
+
+    def copy(self) -> Window:
+        """As it is now: its columns take long, and may be made while more is heard."""
+        other = copy(self)
+        other._topics = {topic: kept.copy() for topic, kept in self._topics.items()}
+        return other
+
+    def heard(self) -> dict[str, Heard]:
+        """All of it by topic, in columns."""
+        out = {}
+        for topic, kept in self._topics.items():
+            stamps = np.array([stamp for stamp, _ in kept], np.int64)
+            fields = dict.fromkeys(field for _, values in kept for field in values)
+            columns = {f: np.array([values.get(f, np.nan) for _, values in kept], float) for f in fields}
+            out[topic] = Heard(stamps, columns)
+        return out

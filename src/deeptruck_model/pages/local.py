@@ -1,0 +1,195 @@
+"""A page for browsers on this machine: a socket on 127.0.0.1, a word that opens it, and who is refused.
+
+Whoever does not know the word is refused. So is a request whose Host is not this machine: a web page whose
+name was pointed at 127.0.0.1 would otherwise be read by whoever serves it (DNS rebinding). Standard library
+only.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import secrets
+import socket
+import sys
+import threading
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import MappingProxyType
+from typing import Any
+
+from deeptruck_model.errors import InputError
+
+LOCAL = "127.0.0.1"
+HOSTS = (LOCAL, "localhost")
+BACKLOG = 16
+CONNECTIONS = 32  # at once
+PATIENCE = 10.0  # s that a viewer may take for a request, or leave an answer unread, before it is cut off
+
+
+@dataclass(frozen=True)
+class Place:
+    """A listening socket and the token that its address holds."""
+
+    listener: socket.socket
+    token: str
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser."""
+        return f"http://{LOCAL}:{self.listener.getsockname()[1]}/{self.token}/"
+
+
+def made(port: int = 0) -> Place:
+    """A new place on a port, 0: a free one. Raises InputError where the port is taken."""
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((LOCAL, port))
+    except OSError as error:
+        listener.close()
+        raise InputError(
+            f"the page cannot have port {port}: {error.strerror}; choose another, or 0 for a free one"
+        ) from None
+    listener.listen(BACKLOG)
+    return Place(listener, secrets.token_urlsafe(24))
+
+
+class Server(ThreadingHTTPServer):
+    """Answers at a place by a `Handler`, under a content security `policy`. A thread a connection, so that
+    one viewer never delays another."""
+
+    daemon_threads = True
+    block_on_close = False
+
+    def __init__(self, place: Place, handler: type[Handler], policy: str) -> None:
+        super().__init__(place.listener.getsockname(), handler, bind_and_activate=False)
+        self.socket.close()
+        self.socket = place.listener
+        self.place, self.policy = place, policy
+        self._free = threading.Semaphore(CONNECTIONS)
+        self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
+
+    def start(self) -> None:
+        """Serve in a thread of its own."""
+        self._thread.start()
+
+    def process_request(self, request: socket.socket | tuple[bytes, socket.socket], client: object) -> None:
+        if not self._free.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client)
+
+    def process_request_thread(
+        self, request: socket.socket | tuple[bytes, socket.socket], client: object
+    ) -> None:
+        try:
+            super().process_request_thread(request, client)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: object, client: object) -> None:
+        """A viewer that left, or was too slow, is no news; anything else is a fault of ours."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            traceback.print_exc()
+
+
+class Handler(BaseHTTPRequestHandler):
+    """A request. A subclass answers `get`, and `post` where its `methods` have it, with what stands behind the
+    token in the address."""
+
+    server: Server
+    protocol_version = "HTTP/1.1"
+    timeout = PATIENCE
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """What is answered at this path; all else is not looked at any further."""
+        return ("GET",)
+
+    def get(self, rest: str) -> None:
+        """Answer a GET."""
+        self.answer(HTTPStatus.NOT_FOUND, b"There is one page here.\n")
+
+    def post(self, rest: str) -> None:
+        """Answer a POST."""
+
+    def do_GET(self) -> None:
+        if (rest := self._opened()) is not None:
+            self.get(rest)
+
+    def do_POST(self) -> None:
+        if (rest := self._opened()) is not None:
+            self.post(rest)
+
+    def _opened(self) -> str | None:
+        """What stands behind the token; None for a request that is refused or sent on, which is answered."""
+        token, slash, rest = self.path.removeprefix("/").partition("/")
+        if not self._is_ours() or not hmac.compare_digest(token.encode(), self.server.place.token.encode()):
+            self.answer(HTTPStatus.FORBIDDEN, b"Open the address that was printed.\n")
+            return None
+        if not slash:  # what the page asks for lies beside it
+            self.answer(HTTPStatus.PERMANENT_REDIRECT, b"", more={"Location": f"/{token}/"})
+            return None
+        return rest
+
+    def parse_request(self) -> bool:
+        """Refuse other methods."""
+        understood, allowed = super().parse_request(), False
+        if understood:
+            allowed = self.command in self.methods
+            if not allowed:
+                self.answer(HTTPStatus.METHOD_NOT_ALLOWED, f"Only {', '.join(self.methods)}.\n".encode())
+        return understood and allowed
+
+    def _is_ours(self) -> bool:
+        """Whether the browser believes to talk to this machine, by whatever port a tunnel has."""
+        hosts = self.headers.get_all("Host", [])
+        return len(hosts) == 1 and hosts[0].partition(":")[0].lower() in HOSTS
+
+    def answer(
+        self,
+        status: HTTPStatus,
+        body: bytes,
+        kind: str = "text/plain; charset=utf-8",
+        more: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        """A whole answer."""
+        self.begin(status, kind, {"Content-Length": str(len(body)), **more})
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    def begin(self, status: HTTPStatus, kind: str, more: Mapping[str, str]) -> None:
+        """The head of an answer."""
+        self.close_connection = True
+        self.send_response_only(status)
+        headers = {
+            "Content-Type": kind,
+            "Connection": "close",
+            "Allow": ", ".join(self.methods),
+            "Cache-Control": "no-store",
+            "Content-Security-Policy": self.server.policy,
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+            "X-Frame-Options": "DENY",
+        }
+        for name, value in {**headers, **more}.items():
+            self.send_header(name, value)
+        self.end_headers()
+
+    def json(self, most: int) -> Any:
+        """The body of a request of up to `most` bytes, from JSON; None where it is anything else."""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > most:
+            return None
+        try:
+            return json.loads(self.rfile.read(int(length)))
+        except (ValueError, RecursionError):
+            return None
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Nothing: the path holds the token."""
