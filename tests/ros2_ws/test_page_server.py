@@ -140,7 +140,7 @@ def test_it_can_only_be_read(server: Server, method: str) -> None:
 def replayed() -> Iterator[tuple[Server, list[dict[str, float]]]]:
     """The page of a replay, and what was asked of it."""
     asked: list[dict[str, float]] = []
-    made = Server(place.made(), *assets.page(), Stream(lambda: "{}"), asked.append)
+    made = Server(local.made(), *assets.page(), Stream(lambda: "{}"), asked.append)
     made.start()
     yield made, asked
     made.close("")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -25,6 +26,7 @@ from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
+    from deeptruck_model.mismatch.serving import Again
 
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
@@ -49,6 +51,13 @@ def mismatch(
         typer.Option(metavar="EFFECT", help="Leave this effect out of the library; repeat for more."),
     ] = None,
     overwrite: Overwrite = False,
+    serve: Annotated[
+        bool,
+        typer.Option(
+            "--serve",
+            help="Then serve the report, in which rows can be left out; Ctrl-C ends it.",
+        ),
+    ] = False,
 ) -> None:
     """Find what a simulator leaves out when recordings differ from it.
 
@@ -78,10 +87,13 @@ def mismatch(
         from deeptruck_model.mismatch import find_mismatch
         from deeptruck_model.mismatch.output import fill
 
-        found = find_mismatch(truck, fit, held, seed=seed, exclude=exclude or (), say=say, mass_kg=mass_kg)
+        compare = partial(find_mismatch, truck, fit, held, seed=seed, exclude=exclude or (), mass_kg=mass_kg)
+        found = compare(say=say)
         say("writing the report")
-        fill(draft, found, out)
+        fill(draft, found, folders.apply_command(out))
     _show(found, out)
+    if serve:
+        _serve(found, out, lambda without, say: compare(without=without, say=say))
 
 
 def _show(found: Mismatch, out: Path) -> None:
@@ -93,6 +105,15 @@ def _show(found: Mismatch, out: Path) -> None:
         print(f"    {folders.apply_command(out)}")
     for caveat in found.result.caveats:
         print(f"note: {caveat}")
+
+
+def _serve(found: Mismatch, out: Path, again: Again) -> None:
+    """Until somebody ends the program."""
+    from deeptruck_model.mismatch.serving import served
+
+    with served(found, out, again) as address:
+        print(f"page: {address}", flush=True)
+        Event().wait()
 
 
 def _check_excluded(names: list[str]) -> None:

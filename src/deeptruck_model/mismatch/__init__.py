@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.posterior.effect_classifier import EffectClassifier, Layer
     from deeptruck_model.mismatch.posterior.kernel_features import Given, KernelFeatures, Seen
     from deeptruck_model.mismatch.posterior.kernels import NOTHING
+    from deeptruck_model.mismatch.prepare import Span
     from deeptruck_model.mismatch.result import Mismatch, Verdict
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "Layer",
     "Mismatch",
     "Seen",
+    "Span",
     "Verdict",
     "adapt",
     "apply",
@@ -52,6 +54,7 @@ __getattr__ = names(
         "posterior.kernel_features": ("KernelFeatures", "Given", "Seen"),
         "posterior.kernels": ("NOTHING",),
         "posterior.effect_classifier": ("Layer", "EffectClassifier"),
+        "prepare": ("Span",),
         "result": ("Mismatch", "Verdict"),
     },
 )

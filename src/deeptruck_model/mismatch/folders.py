@@ -15,9 +15,9 @@ PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
 FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"
 
 
-def apply_command(found: Path) -> str:
+def apply_command(found: Path, out: Path | None = None) -> str:
     """What takes over the corrected simulator of a run."""
-    return f"deeptruck-model apply {found} --out {found}_corrected"
+    return f"deeptruck-model apply {found} --out {out or f'{found}_corrected'}"
 
 
 def check_applicable(directory: Path) -> None:

@@ -43,16 +43,17 @@ def write(mismatch: Mismatch, out: str | Path, *, overwrite: bool = False) -> No
         raise InputError(f"write takes what find_mismatch returns, and then a folder; not {mismatch!r:.60}")
     out = Path(out)
     with FOUND.replacing(out, overwrite=overwrite) as draft:
-        fill(draft, mismatch, out)
+        fill(draft, mismatch, apply_command(out))
 
 
-def fill(draft: Path, mismatch: Mismatch, out: Path) -> None:
-    """Write the files of a result into the folder `draft`, which becomes `out`. Raises OSError."""
+def fill(draft: Path, mismatch: Mismatch, command: str) -> None:
+    """Write the files of a result into the folder `draft`; `command` applies the correction. Raises
+    OSError."""
     (draft / "verdict.json").write_text(json.dumps(mismatch.verdict, indent=1))
     _write_profiles(mismatch, draft / "profiles.csv")
     if mismatch.corrected is not None:
         mismatch.corrected.save(draft / "simulator")
-    page.write(mismatch, draft / "report.html", apply_command(out))
+    page.write(mismatch, draft / "report.html", command)
 
 
 def _write_profiles(mismatch: Mismatch, path: Path) -> None:

@@ -8,6 +8,7 @@ from copy import copy
 
 import numpy as np
 
+from deeptruck_model.recordings.ordering import REORDER_NS
 from deeptruck_model.recordings.resample import Heard
 
 
@@ -20,9 +21,10 @@ class Window:
         self._newest = 0
 
     def hear(self, topic: str, stamp: int, values: Mapping[str, float]) -> None:
-        """A message stamped at `stamp`, ns, with its numbers by field. A clock that is set back by more than
-        the span begins the window anew; the last of equal stamps counts."""
-        if stamp < self._newest - self._span:
+        """A message stamped at `stamp`, ns, with its numbers by field. A clock that is set back, as that of a
+        replay that is moved, begins the window anew; the last of equal stamps counts."""
+        before = self._topics.get(topic)
+        if before and stamp < before[-1][0] - REORDER_NS:
             self._topics.clear()
             self._newest = stamp
         self._newest = max(self._newest, stamp)
@@ -32,7 +34,7 @@ class Window:
         elif kept and abs(stamp - kept[-1][0]) < self._least:
             return
         kept.append((stamp, values))
-        while kept[0][0] < self._newest - self._span:
+        while kept and kept[0][0] < self._newest - self._span:
             kept.popleft()
 
     def copy(self) -> Window:

@@ -98,8 +98,8 @@ class Server(ThreadingHTTPServer):
 
 
 class Handler(BaseHTTPRequestHandler):
-    """A request. A subclass answers `get`, and `post` where its `methods` have it, with what stands behind the
-    token in the address."""
+    """A request. A subclass answers `get`, and `post` where its `methods` have it, of what stands behind
+    the token in the address."""
 
     server: Server
     protocol_version = "HTTP/1.1"
@@ -181,7 +181,7 @@ class Handler(BaseHTTPRequestHandler):
             self.send_header(name, value)
         self.end_headers()
 
-    def json(self, most: int) -> Any:
+    def posted(self, most: int) -> Any:
         """The body of a request of up to `most` bytes, from JSON; None where it is anything else."""
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or int(length) > most:

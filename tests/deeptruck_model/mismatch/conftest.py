@@ -11,6 +11,7 @@ from deeptruck_model.mismatch import Mismatch, find_mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 sys.path.append(str(Path(__file__).parent))  # small_drives.py stands beside the tests
+sys.path.append(str(Path(__file__).parents[2] / "ros2_ws"))  # page_browser.py
 
 from small_drives import TRUCK, LazyBrake, drives, evidence
 

@@ -112,6 +112,7 @@ class MismatchMonitor(DeeptruckNode):
         pass meanwhile, the answer is waited for, so that equal runs give equal bags."""
         if self._companion.busy:
             return
+        self._due = min(self._due, seconds + FIRST_S)  # of a replay that was moved back
         if self._begin is not None and seconds > self.p["adapt_s"] + 1.0:
             begin, self._begin = self._begin, None
             self._put(begin, stamp, adapts=self.p["adapt_s"])

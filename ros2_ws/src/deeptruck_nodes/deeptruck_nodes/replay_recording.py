@@ -38,13 +38,14 @@ def main(
     page: Annotated[
         bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
     ] = False,
+    parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
     run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
         "runs"
     ),
 ) -> None:
     """Play a bag back onto its topics, with /clock, in recorded time or faster."""
     given = {"replay": {"bag": str(bag.absolute()), "speed": speed, "start_s": start, "topics": topic or []}}
-    common = runs.Common(record, overwrite, runs=run_folders, monitor=monitor, page=page)
+    common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
     raise typer.Exit(runs.replay(common, given))
 
 

@@ -7,6 +7,7 @@ const canvas = document.getElementById("strip"), plot = new Plot(canvas, 460);
 const names = Object.keys(data.drives[0].channels);
 data.drives.forEach((d, k) => drives.add(new Option(d.name, k)));
 names.forEach(n => channels.add(new Option(data.labels[n] || n, n)));
+const marks = [];  // rows that are to be left out; those of a page that is served alone
 let view = null;
 
 function within(d) {
@@ -22,6 +23,7 @@ function strip(d, a, b, from, to, columns, colours, label, last) {
   plot.panel(from, to);
   plot.scale([t[0], t[t.length - 1]], reach(parts));
   data.segments.filter(s => s.drive === d.name).forEach(s => plot.span(s.from, s.to, "#e69f00", 0.18));
+  marks.filter(m => m.drive === d.name).forEach(m => plot.span(m.from, m.to, "#555555", 0.25));
   plot.axes(last ? "time, s" : "", label);
   parts.forEach((part, k) => plot.line(t, part, colours[k]));
 }

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.tree import Node
 
 HEADLINES = {
     Conclusion.NOTHING: "Nothing that matters is missing",
@@ -46,9 +47,14 @@ def how_sure(v: Verdict) -> Iterator[str]:
     for f in v.findings:
         yield sure(f)
     if not v.findings and v.tree and v.kind is Conclusion.UNDETERMINED:
-        top = [n for n in v.tree if n.parent == ROOT][:3]
-        split = ", ".join(f"{spoken(n.node)} {percent(n.probability)}" for n in top)
-        yield f"No part of the truck is at 90 %: {split}."
+        yield unsure(v.tree)
+
+
+def unsure(tree: Sequence[Node]) -> str:
+    """The most probable families, none of which is stated."""
+    top = [n for n in tree if n.parent == ROOT][:3]
+    split = ", ".join(f"{spoken(n.node)} {percent(n.probability)}" for n in top)
+    return f"No part of the truck is at 90 %: {split}."
 
 
 def sure(f: Finding) -> str:

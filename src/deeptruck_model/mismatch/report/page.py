@@ -12,29 +12,64 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 
 from deeptruck_model import pages
-from deeptruck_model.mismatch.budget import LEFT_OVER, Part
+from deeptruck_model.mismatch.budget import Part
+from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Finding, Mismatch, Segment, Verdict
+from deeptruck_model.mismatch.tree import LEFT_OVER
 
 Array = NDArray[np.float64]
 
 MOST_BLOCKS = 20000  # of all drives together: five hours and a half at one second
 AROUND_S = 20.0  # of a segment that is shown on either side
 LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
+LEAST = 0.02  # of the budget before or after: the same beside another
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
 ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}
 
 
 def write(found: Mismatch, path: Path, command: str = "") -> None:
     """Write the page; `command` applies the correction. Raises OSError where that is not possible."""
+    path.write_text(html(found, command), encoding="utf-8")
+
+
+def html(found: Mismatch, command: str = "", *, served: bool = False) -> str:
+    """The page; one that is `served` can leave rows out and compare again."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    path.write_text(
-        environment.from_string(_file("report.html.jinja")).render(_content(found, command)), encoding="utf-8"
-    )
+    content = {**_content(found, command), "served": served}
+    content["script"] += _file("again.js") if served else ""
+    return environment.from_string(_file("report.html.jinja")).render(content)
+
+
+def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
+    """What became of a result, beside that of `before`, as plain data: sentences, shares of the budget and
+    speed errors."""
+    v = found.result
+    budgets = [m.result.budget for m in (before, found)]
+    shares = [{} if b is None else {p.part: p.share for p in b.parts} for b in budgets]
+    named = dict.fromkeys([*shares[1], *shares[0]])
+    parts = [p for p in named if max(s.get(p, 0.0) for s in shares) >= LEAST]
+    return {
+        "headline": lines.headline(v),
+        "lines": [*lines.what(v), *lines.how_sure(v), *lines.what_to_do(v), errors_say(v)],
+        "budget": [[spoken(p), *(percent(s.get(p, 0.0)) for s in shares)] for p in parts],
+        "errors": [
+            [name, *(_error(m, key) for m in (before, found))]
+            for key, name in ROWS.items()
+            if _error(found, key)
+        ],
+        "left_out": next((r.samples for r in v.rejected if r.rule == LEFT_OUT), 0),
+    }
+
+
+def _error(found: Mismatch, key: str) -> str:
+    """Speed error of one of the simulators along the held-out drives, m/s; empty where none was driven."""
+    e = found.errors.get(key)
+    return f"{e.rmse().speed:.3f}" if e is not None and len(e.speed) else ""
 
 
 def _file(name: str) -> str:

@@ -4,7 +4,6 @@ POST; everything else is read only.
 
 from __future__ import annotations
 
-import json
 import math
 import threading
 from collections import deque
@@ -169,7 +168,7 @@ class _Handler(local.Handler):
 
     def _asked(self) -> dict[str, float] | None:
         """Numbers by name out of a request's body; None where it is anything else."""
-        values = self.json(CONTROL_BYTES)
+        values = self.posted(CONTROL_BYTES)
         known = isinstance(values, dict) and values.keys() <= CONTROLS
         if not known or not all(isinstance(x, int | float) and math.isfinite(x) for x in values.values()):
             return None
