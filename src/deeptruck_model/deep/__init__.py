@@ -6,12 +6,11 @@ from deeptruck_model import lazy
 
 if TYPE_CHECKING:
     from deeptruck_model.deep.arguments import Arguments
-    from deeptruck_model.deep.checkpoint import load_directory
     from deeptruck_model.deep.evaluation import Trials, statistics, trials
     from deeptruck_model.deep.network import Shape, TruckNetwork
     from deeptruck_model.deep.report import evaluate
     from deeptruck_model.deep.training import finished, train
-    from deeptruck_model.deep.truck import DeepState, DeepTruck, Prediction, TorchTruck
+    from deeptruck_model.deep.truck import DeepState, DeepTruck, Prediction, TorchTruck, load_directory
 
 __all__ = [
     "Arguments",
@@ -34,11 +33,10 @@ __getattr__ = lazy.names(
     __name__,
     {
         "arguments": ("Arguments",),
-        "checkpoint": ("load_directory",),
         "evaluation": ("Trials", "statistics", "trials"),
         "network": ("Shape", "TruckNetwork"),
         "report": ("evaluate",),
         "training": ("finished", "train"),
-        "truck": ("DeepState", "DeepTruck", "Prediction", "TorchTruck"),
+        "truck": ("DeepState", "DeepTruck", "Prediction", "TorchTruck", "load_directory"),
     },
 )

@@ -3,30 +3,42 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from safetensors.torch import load_file
 
 from deeptruck_model import reading
-from deeptruck_model.deep.data import driven, reference
+from deeptruck_model.deep.data import reference
 from deeptruck_model.deep.data.coverage import Coverage
+from deeptruck_model.deep.data.driven import Driven
 from deeptruck_model.deep.data.scales import Scales
 from deeptruck_model.deep.data.weights_file import tensors
 from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
 from deeptruck_model.deep.saving import COVERAGE_FILE, KEPT, SCHEMA, WEIGHTS_FILE, promised
-from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import MANIFEST
 
 MOST_UNITS = 4096  # of a layer, and models of an ensemble
 
 
-def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
-    """The deep truck under `path`. Raises InputError with one line where a file is missing, damaged or does
-    not fit."""
+class Stored(NamedTuple):
+    """What a simulator directory holds, in the order in which `DeepTruck` takes it."""
+
+    network: TruckNetwork
+    interface: TruckInterface
+    coverage: Coverage | None
+    details: dict[str, Any]
+    reference: tuple[Recording, ...]
+    driven: Driven | None
+
+
+def read(path: Path, manifest: dict[str, Any]) -> Stored:
+    """The files of the deep truck under `path`. Raises InputError with one line where one is missing,
+    damaged or does not fit."""
     if manifest.get("schema") != SCHEMA:
         raise InputError(
             f"{path / MANIFEST} has schema {manifest.get('schema')!r}; this version reads {SCHEMA}"
@@ -57,16 +69,16 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
     known = ("kind", "schema", "files", "sha256", "interface", "units", "dt", "shape", "scales")
     details = {key: value for key, value in manifest.items() if key not in known}
     columns = 1 + len(interface.u) + len(interface.w)
-    truck = DeepTruck(
+    found = Stored(
         network,
         interface,
         _coverage(path / COVERAGE_FILE),
         details,
         reference.load(path),
-        driven.load(path, columns),
+        reference.load_driven(path, columns),
     )
     reading.check_saved(path, MANIFEST, manifest.get("sha256"), reading.SAVE_AGAIN)
-    return truck
+    return found
 
 
 def _shape(stored: dict[str, Any]) -> Shape:

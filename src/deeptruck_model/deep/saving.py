@@ -10,8 +10,9 @@ from typing import Any, Protocol
 from safetensors.torch import save as to_bytes
 
 from deeptruck_model import checks, reading
-from deeptruck_model.deep.data import driven, reference
+from deeptruck_model.deep.data import reference
 from deeptruck_model.deep.data.coverage import Coverage
+from deeptruck_model.deep.data.driven import Driven
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import DEEP_TRUCK
@@ -22,7 +23,7 @@ WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = checks.WEIGHTS, "coverage.json", "me
 SCHEMA = 1
 KEPT = {  # what each file beside the weights is for; a truck that was saved without one promises less
     COVERAGE_FILE: "which says what it was trained on",
-    driven.FILE: "which says what it learned from",
+    reference.DRIVEN_FILE: "which says what it learned from",
     reference.FILE: "by which its own error is known",
 }
 
@@ -33,7 +34,7 @@ class Trained(Protocol):
     network: TruckNetwork
     coverage: Coverage | None
     reference: tuple[Recording, ...]
-    driven: driven.Driven | None
+    driven: Driven | None
 
     @property
     def interface(self) -> TruckInterface: ...
@@ -61,8 +62,8 @@ def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
         reference.save(truck.reference, folder)
         files.append(reference.FILE)
     if truck.driven is not None:
-        driven.save(truck.driven, folder)
-        files.append(driven.FILE)
+        reference.save_driven(truck.driven, folder)
+        files.append(reference.DRIVEN_FILE)
     if truck.coverage is not None:
         (folder / COVERAGE_FILE).write_text(json.dumps(truck.coverage.to_dict()))
         files.append(COVERAGE_FILE)

@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from deeptruck_model.deep.data.scales import FloatArray
 from deeptruck_model.deep.data.windows import Sequences
 from deeptruck_model.deep.kernels import loss
-from deeptruck_model.deep.kernels.compiled import FloatArray
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 
 VALIDATION_RUNS = 64

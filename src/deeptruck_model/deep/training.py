@@ -14,20 +14,19 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from deeptruck_model import files, simulators
-from deeptruck_model.deep import card, checkpoint, resume
+from deeptruck_model.deep import card, resume
 from deeptruck_model.deep.arguments import FUEL, PAPER_FUEL, Arguments
 from deeptruck_model.deep.board import board
 from deeptruck_model.deep.data import coverage, driven, duplicates
 from deeptruck_model.deep.data.preparation import Prepared, prepare
-from deeptruck_model.deep.data.scales import Scales
+from deeptruck_model.deep.data.scales import FloatArray, Scales
 from deeptruck_model.deep.data.windows import Sequences, loss_weights
 from deeptruck_model.deep.identity import differences, identity_in, identity_of
 from deeptruck_model.deep.kernels import loss
-from deeptruck_model.deep.kernels.compiled import FloatArray
 from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
 from deeptruck_model.deep.optimizer import guard, largest_gradient, learning_rate, optimizers, peak_rate
 from deeptruck_model.deep.selection import Best, finite, validate
-from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
 from deeptruck_model.progress_bar import bar
 from deeptruck_model.recordings import Recording
@@ -66,7 +65,7 @@ def train(
     data = prepare(recordings, arguments)
     identity = identity_of(data, arguments)
     if resumes and identity_in(out) == identity:
-        return checkpoint.load_directory(out, read_manifest(out))
+        return load_directory(out, read_manifest(out))
     if resumes and not overwrite:
         _refuse_another(out, identity)
     with DEEP_TRUCK.going_on(out, overwrite=overwrite) as working:

@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_model.deep import saving
+from deeptruck_model.deep import checkpoint, saving
 from deeptruck_model.deep.data.coverage import Coverage
 from deeptruck_model.deep.data.driven import Driven
 from deeptruck_model.deep.kernels import inference
@@ -204,6 +204,12 @@ class TorchTruck(torch.nn.Module):
         """One step of dt."""
         state = self.network.step(state, u, w)
         return state, state.y.mean(dim=0)
+
+
+def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
+    """The deep truck under `path`. Raises InputError with one line where a file is missing, damaged or does
+    not fit."""
+    return DeepTruck(*checkpoint.read(path, manifest))
 
 
 def half_width(calibration: dict[str, Any], spread: Array, dt: float) -> Array:

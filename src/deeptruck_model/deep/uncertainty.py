@@ -8,16 +8,17 @@ interval where the members disagree; floor and growth are the error they share.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student_t
+from scipy.special import ndtri, stdtrit
 
 from deeptruck_model.deep.evaluation import HORIZON_S, Trials, trials
-from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Array
+
+if TYPE_CHECKING:
+    from deeptruck_model.deep.truck import DeepTruck
 
 LEVEL = 0.9
 RUNS = 600  # overlapping ones: fewer would throw data away
@@ -34,7 +35,7 @@ def calibrate(truck: DeepTruck, held_out: Sequence[Recording]) -> dict[str, Any]
     entries = [_channel(error[..., j], spread[..., j], time) for j in range(error.shape[2])]
     floor, growth, factor = (list(values) for values in zip(*entries, strict=True))
     independent = max(1.0, sum(len(r) * r.dt for r in held_out) / float(time[-1]))
-    caution = float(student_t.ppf(0.5 + LEVEL / 2, independent) / norm.ppf(0.5 + LEVEL / 2))
+    caution = float(stdtrit(independent, 0.5 + LEVEL / 2) / ndtri(0.5 + LEVEL / 2))
     factor = [f * caution for f in factor]
     return {"level": LEVEL, "horizon_s": float(time[-1]), "floor": floor, "growth": growth, "factor": factor}
 

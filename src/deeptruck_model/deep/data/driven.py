@@ -8,23 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import load_file
-from safetensors.numpy import save as to_bytes
 from scipy.spatial import cKDTree
 
-from deeptruck_model.deep.data.weights_file import tensors
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED
 
 Array = NDArray[Any]
 
-FILE = "driven.safetensors"
 PER_S, MOST = 1.0, 50_000  # samples a second that are kept, and of all
 SPEED_NEAR, GRADE_NEAR, COMMAND_NEAR = 2.0, 0.01, 0.1  # m/s, ratio, and of the command's range: alike
 LEAST_S = 2.0  # of driving alike that teach
@@ -32,7 +26,11 @@ LEAST_S = 2.0  # of driving alike that teach
 
 @dataclass(frozen=True)
 class Driven:
-    """`samples` (n, k) float32 of speed, u and w, each divided by what counts as near; `near` (k,)."""
+    """Which speeds, commands and slopes a deep truck was trained on; beyond them its response is a guess.
+
+    `samples` (n, k) float32 of speed, u and w, each divided by what counts as near; `near` (k,). The response
+    is left out on purpose: a truck that answers the same commands otherwise is what is looked for.
+    """
 
     samples: Array
     near: Array
@@ -63,27 +61,3 @@ def measure(recordings: Sequence[Recording], before: Driven | None = None) -> Dr
 def _samples(recording: Recording) -> Array:
     every = max(1, round(1.0 / (PER_S * recording.dt)))
     return np.column_stack([recording.y[:, SPEED], recording.u, recording.w])[::every]
-
-
-def save(driven: Driven, folder: Path) -> None:
-    """Write FILE into `folder`."""
-    (folder / FILE).write_bytes(to_bytes({"samples": driven.samples, "near": driven.near}))
-
-
-def _load(path: Path) -> Driven:
-    stored = load_file(path)
-    return Driven(stored["samples"], stored["near"])
-
-
-def load(folder: Path, columns: int) -> Driven | None:
-    """What is kept in `folder`, of `columns` signals; None where it has no such file. Raises InputError for a
-    damaged one."""
-    path = folder / FILE
-    if not path.exists():
-        return None
-    driven = tensors(path, _load)
-    if not (np.isfinite(driven.samples).all() and np.isfinite(driven.near).all() and (driven.near > 0).all()):
-        raise InputError(f"{path} holds values that are not possible; train the simulator again")
-    if driven.samples.ndim != 2 or driven.samples.shape[1] != columns or driven.near.shape != (columns,):
-        raise InputError(f"{path} is of other signals than the truck beside it; files were edited or mixed")
-    return driven

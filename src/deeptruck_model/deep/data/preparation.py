@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from deeptruck_model.deep import checkpoint
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.data import duplicates
 from deeptruck_model.deep.data.driven import Driven
@@ -28,7 +27,7 @@ from deeptruck_model.deep.data.windows import (
     unexplained,
 )
 from deeptruck_model.deep.network import TruckNetwork
-from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, data_hash
 from deeptruck_model.signals import CHANNELS, TruckInterface
@@ -131,7 +130,7 @@ def _start(path: Path, interface: TruckInterface, dt: float) -> DeepTruck:
     manifest = read_manifest(path)
     if manifest.get("kind") != "deep":
         raise InputError(f"{path} is no deep truck; only one of those can be adapted")
-    truck = checkpoint.load_directory(path, manifest)
+    truck = load_directory(path, manifest)
     differ = _differences(truck.interface, interface)
     if abs(truck.dt - dt) > 1e-6:
         differ.append(f"steps of {truck.dt:g} s, given {dt:g} s")

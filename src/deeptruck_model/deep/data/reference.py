@@ -16,20 +16,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import safe_open
-from safetensors.numpy import save as to_bytes
+from safetensors.numpy import load_file as load_arrays
+from safetensors.numpy import save as arrays_to_bytes
 
+from deeptruck_model.deep.data.driven import Driven
 from deeptruck_model.deep.data.weights_file import tensors
+from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[Any]
 
 FILE = "reference.safetensors"
+DRIVEN_FILE = "driven.safetensors"
 MOST_S = 3600.0  # of driving: enough to know an error by, small enough to carry along
 
 
 def save(recordings: Sequence[Recording], folder: Path) -> None:
-    """Write at most MOST_S of the recordings, float32, into `folder`."""
+    """Write at most MOST_S of the recordings, float32, into `folder`.
+
+    They were not trained on: whoever compares the truck with new recordings must know its own error.
+    """
     tensors: dict[str, Array] = {}
     heads: list[dict[str, object]] = []
     seconds = 0.0
@@ -41,7 +48,7 @@ def save(recordings: Sequence[Recording], folder: Path) -> None:
         heads.append({"name": r.name, "dt": r.dt, "start_s": r.start_s, "interface": r.interface.to_dict()})
         tensors |= {f"{i}/{name}": x.astype(np.float32) for name, x in r.channels.items()}
     # not by save_file: that leaves files which nobody else may read
-    (folder / FILE).write_bytes(to_bytes(tensors, metadata={"recordings": json.dumps(heads)}))
+    (folder / FILE).write_bytes(arrays_to_bytes(tensors, metadata={"recordings": json.dumps(heads)}))
 
 
 def load(folder: Path) -> tuple[Recording, ...]:
@@ -77,3 +84,27 @@ def _recording(head: dict[str, Any], channels: dict[str, Array]) -> Recording:
     if len({x.shape for x in channels.values()}) != 1 or channels["speed"].ndim != 1:
         raise ValueError("channels differ in length")
     return Recording(str(head["name"]), dt, channels, interface, start_s)
+
+
+def save_driven(driven: Driven, folder: Path) -> None:
+    """Write DRIVEN_FILE into `folder`."""
+    (folder / DRIVEN_FILE).write_bytes(arrays_to_bytes({"samples": driven.samples, "near": driven.near}))
+
+
+def _read_driven(path: Path) -> Driven:
+    stored = load_arrays(path)
+    return Driven(stored["samples"], stored["near"])
+
+
+def load_driven(folder: Path, columns: int) -> Driven | None:
+    """What is kept in `folder`, of `columns` signals; None where it has no such file. Raises InputError for a
+    damaged one."""
+    path = folder / DRIVEN_FILE
+    if not path.exists():
+        return None
+    driven = tensors(path, _read_driven)
+    if not (np.isfinite(driven.samples).all() and np.isfinite(driven.near).all() and (driven.near > 0).all()):
+        raise InputError(f"{path} holds values that are not possible; train the simulator again")
+    if driven.samples.ndim != 2 or driven.samples.shape[1] != columns or driven.near.shape != (columns,):
+        raise InputError(f"{path} is of other signals than the truck beside it; files were edited or mixed")
+    return driven

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+FloatArray = NDArray[np.float32]
+
 
 @dataclass(frozen=True)
 class Scales:
@@ -16,6 +18,6 @@ class Scales:
     `top_speed` m/s is where the speed code ends.
     """
 
-    mean: NDArray[np.float32]
-    scale: NDArray[np.float32]
+    mean: FloatArray
+    scale: FloatArray
     top_speed: float = 30.0

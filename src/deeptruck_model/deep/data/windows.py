@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.deep.data.scales import Scales
-from deeptruck_model.deep.kernels.compiled import FloatArray
+from deeptruck_model.deep.data.scales import FloatArray, Scales
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface

@@ -34,7 +34,11 @@ class History(NamedTuple):
 
 
 class Regression:
-    """A fitted one-step regression as a truck: `predict` maps (n, LAGS * columns) to (n, n_y - 1)."""
+    """A fitted one-step regression as a truck: `predict` maps (n, LAGS * columns) to (n, n_y - 1).
+
+    It gives the next acceleration and fuel rate from the last LAGS inputs, conditions and responses; the
+    speed follows from the same kinematic constraint as in the deep truck.
+    """
 
     def __init__(self, interface: TruckInterface, dt: float, predict: Callable[[Array], Array]) -> None:
         self._interface, self._dt, self._predict = interface, dt, predict

@@ -45,7 +45,11 @@ SPEED_S = 5.0  # a speed error counts as the acceleration that brings it about i
 
 
 def physics(recordings: Sequence[Recording], evaluations: int = EVALUATIONS) -> PhysicsTruck:
-    """The fitted truck. Raises InputError for interfaces that a physics truck does not have."""
+    """A physics truck fitted to recordings: its structure is right, its numbers begin as another truck's.
+
+    Gear ratios are read off the recorded gear, engine speed and speed; FITTED are fitted on free runs.
+    Raises InputError for interfaces that a physics truck does not have.
+    """
     interface = common_interface(recordings)
     pieces = [piece for r in recordings for piece in cut(r, interface)]
     truck = PhysicsTruck(_dressed(trucks.load(STARTS_FROM).specification, pieces), dt=recordings[0].dt)

@@ -22,7 +22,11 @@ FINENESS = 0.1  # of each signal's standard deviation: what counts as the same
 
 
 class LookAlikes(PhysicsTruck):
-    """The mean of the truck's runs from every state in `drive` that looked like the start."""
+    """The mean of the truck's runs from every state in `drive` that looked like the start.
+
+    Gear, boost and brake temperature are hidden in the sample of u, w and y from which a run starts: no model
+    can do better than weigh all states that look like it.
+    """
 
     def __init__(self, truck: PhysicsTruck, drive: Recording) -> None:
         super().__init__(truck.specification, dt=truck.dt)

@@ -108,11 +108,11 @@ def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
     60 min of training."""
     drives, test = [drive_of("trucksim", 60, TRAIN_SEED)], drive_of("trucksim", 180, TEST_SEED)
     truck = trained(drives, chosen(seeds, updates))
-    models: dict[str, Simulator] = {"deep truck": truck}
-    models |= {
+    compared: dict[str, Simulator] = {"deep truck": truck}
+    compared |= {
         name: fit(drives) for name, fit in {**classics.MODELS, "fitted physics truck": physics}.items()
     }
-    metrics = {name: statistics(trials(model, [test])) for name, model in models.items()}
+    metrics = {name: statistics(trials(model, [test])) for name, model in compared.items()}
     title = "Deep truck beside the classics: 1 h training, 3 h test, 90 x 40 s"
     table(out, title, list(metrics.items()), budget(truck))
     return write(out, metrics)

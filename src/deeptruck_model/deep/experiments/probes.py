@@ -38,8 +38,15 @@ DRAWS, TAILS = 500, (5.0, 95.0)  # of the bootstrap over runs; percent
 
 
 def probe(truck: DeepTruck, fit: Recording, test: Recording, name: str = "trucksim") -> dict[str, Any]:
-    """Scores by target and source, each with its 90 % interval: the share of samples with the right gear, of
-    the others R². The drives are of the physics truck `name`, which gives the targets."""
+    """Linear probes: what of the truck's hidden state a linear map reads off the LSTM's state.
+
+    A deep truck runs freely along a drive that it was not trained on. Ridge regression maps its state to the
+    gear, brake pressure and drag of the physics truck; the same regression from the inputs, and from the
+    state of an untrained network with the same inputs, is what it is compared with.
+
+    Returns scores by target and source, each with its 90 % interval: the share of samples with the right gear,
+    of the others R². The drives are of the physics truck `name`, which gives the targets.
+    """
     sources, truths = zip(*(_samples(truck, drive, name) for drive in (fit, test)), strict=True)
     return {
         target: {

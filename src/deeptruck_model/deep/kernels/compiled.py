@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_model.compiler import numba
-
-FloatArray = NDArray[np.float32]
 
 # No nnan/ninf: a NaN input must come out as NaN.
 compiled = numba.njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.deep.kernels.compiled import FloatArray, cell, compiled
+from deeptruck_model.deep.data.scales import FloatArray
+from deeptruck_model.deep.kernels.compiled import cell, compiled
 from deeptruck_model.deep.kernels.heads import (
     add_gains,
     code_width,

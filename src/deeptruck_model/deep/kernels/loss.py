@@ -12,7 +12,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from deeptruck_model.deep.kernels.compiled import ZERO, FloatArray, compiled
+from deeptruck_model.deep.data.scales import FloatArray
+from deeptruck_model.deep.kernels.compiled import ZERO, compiled
 from deeptruck_model.deep.kernels.heads import code_width
 from deeptruck_model.deep.kernels.unfolding import Units, Weights, backward, buffers, forward
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model.deep.data import driven
+from deeptruck_model.deep.data import driven, reference
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
@@ -59,29 +59,29 @@ def test_samples_without_a_number_teach_nothing() -> None:
 
 def test_it_is_kept_as_it_is(tmp_path: Path) -> None:
     what = driven.measure([cruise(10.0, 1000.0)])
-    driven.save(what, tmp_path)
-    back = driven.load(tmp_path, 4)
+    reference.save_driven(what, tmp_path)
+    back = reference.load_driven(tmp_path, 4)
     assert back is not None
     np.testing.assert_array_equal(back.samples, what.samples)
     np.testing.assert_array_equal(back.near, what.near)
 
 
 def test_none_is_kept_by_older_trucks(tmp_path: Path) -> None:
-    assert driven.load(tmp_path, 4) is None
+    assert reference.load_driven(tmp_path, 4) is None
 
 
 def test_damaged_or_of_other_signals_is_said(tmp_path: Path) -> None:
-    driven.save(driven.measure([cruise(10.0, 1000.0)]), tmp_path)
+    reference.save_driven(driven.measure([cruise(10.0, 1000.0)]), tmp_path)
     with pytest.raises(InputError, match="of other signals"):
-        driven.load(tmp_path, 3)
-    whole = driven.load(tmp_path, 4)
+        reference.load_driven(tmp_path, 3)
+    whole = reference.load_driven(tmp_path, 4)
     assert whole is not None
     for name, value in (("samples", np.nan), ("near", np.nan), ("near", 0.0)):
         damaged = getattr(whole, name).copy()
         damaged.flat[-1] = value
-        driven.save(replace(whole, **{name: damaged}), tmp_path)
+        reference.save_driven(replace(whole, **{name: damaged}), tmp_path)
         with pytest.raises(InputError, match="values that are not possible"):
-            driven.load(tmp_path, 4)
-    (tmp_path / driven.FILE).write_bytes(b"nothing of the kind")
+            reference.load_driven(tmp_path, 4)
+    (tmp_path / reference.DRIVEN_FILE).write_bytes(b"nothing of the kind")
     with pytest.raises(InputError, match="damaged"):
-        driven.load(tmp_path, 4)
+        reference.load_driven(tmp_path, 4)

@@ -10,23 +10,23 @@ from deeptruck_model.signals import TruckInterface
 
 def test_sequences_stay_inside_their_piece(drive):
     pieces = [drive(30, seed=1), drive(12, seed=2)]
-    data = windows.Sequences.of(pieces, windows.measure_scales(pieces))
-    starts = data.draw(200, 100, np.random.default_rng(0))
-    x, target = data.gather(starts[None], 100)
+    sequences = windows.Sequences.of(pieces, windows.measure_scales(pieces))
+    starts = sequences.draw(200, 100, np.random.default_rng(0))
+    x, target = sequences.gather(starts[None], 100)
     assert x.shape == (1, 100, 200, 3) and target.shape == (1, 101, 200, 3)
     ends = np.where(starts < 300, 300, 420)
     for j, (start, end) in enumerate(zip(starts, ends, strict=True)):
         length = min(101, end - start)
         assert length >= 26
-        np.testing.assert_array_equal(target[0, :length, j], data.y[start : start + length])
+        np.testing.assert_array_equal(target[0, :length, j], sequences.y[start : start + length])
         assert np.isnan(target[0, length:, j]).all()
 
 
 def test_all_data_are_drawn(drive):
     piece = drive(60)
-    data = windows.Sequences.of([piece], windows.measure_scales([piece]))
+    sequences = windows.Sequences.of([piece], windows.measure_scales([piece]))
     seen = np.zeros(len(piece), bool)
-    for start in data.draw(300, 100, np.random.default_rng(1)):
+    for start in sequences.draw(300, 100, np.random.default_rng(1)):
         seen[start : start + 101] = True
     assert seen.all()
 
