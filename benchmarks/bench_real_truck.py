@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model.deep import Arguments, DeepTruck, train
-from deeptruck_model.deep.data.windows import common_interface, cut, unexplained
+from deeptruck_model.deep.data import common_interface, cut, unexplained
 from deeptruck_model.recordings import Recording, import_table
 
 ROOT = Path(__file__).parents[1]

@@ -21,10 +21,9 @@ from bench_real_truck import LOG, RESULTS, Deep, LeastSquares, halves, rms, wind
 from matplotlib.figure import Figure
 
 from deeptruck_model.deep import Arguments, train
-from deeptruck_model.deep.data.windows import common_interface, cut
-from deeptruck_model.deep.experiments.fleet import by_fuel, fleet
-from deeptruck_model.deep.experiments.minutes import ADAPTED, FLEET, FLEET_MINUTES, MINUTES, SCRATCH
-from deeptruck_model.deep.experiments.setup import FLEET_SEED
+from deeptruck_model.deep.data import common_interface, cut
+from deeptruck_model.deep.experiments.drives import FLEET_SEED, by_fuel, fleet
+from deeptruck_model.deep.experiments.paper import ADAPTED, FLEET, FLEET_MINUTES, MINUTES, SCRATCH
 from deeptruck_model.driving_cycles import CycleSettings, RoadSettings
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface

@@ -24,8 +24,7 @@ from deeptruck_cacc.evaluation import figures, metrics
 from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig
 from deeptruck_model import files, simulators
 from deeptruck_model.deep.experiments.beside_paper import Job, learn
-from deeptruck_model.deep.experiments.paper_page import Figures, Row, at, picture, table, write
-from deeptruck_model.deep.experiments.paper_rules import (
+from deeptruck_model.deep.experiments.paper_page import (
     CLOSED_SPEED,
     CLOSED_TIME_GAP_S,
     CLOSING_S,
@@ -42,6 +41,12 @@ from deeptruck_model.deep.experiments.paper_rules import (
     SETTLED_S,
     STEADY_S,
     TRUCK_RUNS,
+    Figures,
+    Row,
+    at,
+    picture,
+    table,
+    write,
 )
 from deeptruck_model.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
 from deeptruck_model.simulators import Simulator

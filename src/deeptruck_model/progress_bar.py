@@ -1,14 +1,23 @@
-"""How far a long computation is: a bar with the time left on a terminal, a line a minute elsewhere."""
+"""How far a long computation is: a bar with the time left on a terminal, a line a minute elsewhere, and
+curves for TensorBoard."""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    from torch.utils.tensorboard import SummaryWriter
+
 
 A_MINUTE_S = 60.0
 
@@ -64,3 +73,29 @@ def _lines(label: str, every_s: float) -> Callable[[int, int, str], None]:
 def _left(passed_s: float, done: int, to_do: int) -> str:
     seconds = passed_s / done * to_do
     return f"about {seconds / 60:.0f} min" if seconds >= 90.0 else f"about {seconds:.0f} s"
+
+
+def board(folder: Path, start: int) -> SummaryWriter:
+    """A writer of curves into `folder`, which begins at step `start`.
+
+    It writes in a thread. Where that fails, as on a full disk, its next call raises the same OSError here.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from torch.utils.tensorboard import SummaryWriter
+    _quiet_thread()
+    return SummaryWriter(str(folder), purge_step=start)
+
+
+def _quiet_thread() -> None:
+    """Let the writer's thread print no traceback of what is raised here too; other errors are as before."""
+    before = threading.excepthook
+    if getattr(before, "__module__", "") == __name__:
+        return
+
+    def hook(given: threading.ExceptHookArgs) -> None:
+        is_writer = type(given.thread).__module__.startswith("tensorboard.")
+        if not (is_writer and isinstance(given.exc_value, OSError)):
+            before(given)
+
+    threading.excepthook = hook

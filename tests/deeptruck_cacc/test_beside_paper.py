@@ -12,8 +12,8 @@ from deeptruck_cacc import beside_paper, cli, training
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_model.deep.experiments import beside_paper as modelling
-from deeptruck_model.deep.experiments import paper_rules
-from deeptruck_model.deep.experiments.setup import TRAIN_SEED, drive_of
+from deeptruck_model.deep.experiments import paper_page
+from deeptruck_model.deep.experiments.drives import TRAIN_SEED, drive_of
 
 
 def run(*arguments: object) -> int:
@@ -74,4 +74,4 @@ def test_an_overshoot_is_an_error_on_the_other_side() -> None:
 def test_the_leader_ripples_only_at_the_end() -> None:
     scene = beside_paper.closing_with_ripple(np.random.default_rng(0), 3, 400, 0.1)
     assert not scene.leader_acceleration[:, :170].any()
-    assert set(np.abs(scene.leader_acceleration[:, 170:]).ravel()) == {paper_rules.RIPPLE}
+    assert set(np.abs(scene.leader_acceleration[:, 170:]).ravel()) == {paper_page.RIPPLE}

@@ -14,7 +14,10 @@ VICTIM, HALF = "seed-1", 10  # updates after which the victim waits to be killed
 
 def train(job) -> str:
     """`sweep.train_one` that notes its process; the victim's first stops after half of its updates."""
-    from deeptruck_model.deep import resume, sweep  # seconds that the other jobs need not wait
+    from deeptruck_model.deep import (
+        resume,
+        sweep,  # seconds that the other jobs need not wait
+    )
 
     folder = Path(job.folder)
     processes = noted(folder)

@@ -21,8 +21,8 @@ from deeptruck_model import simulators, trucks
 @cache
 def _deep() -> Any:
     """An untrained deep truck with all that is kept beside the weights."""
-    from deeptruck_model.deep.data import coverage, driven
-    from deeptruck_model.deep.data.scales import Scales
+    from deeptruck_model.deep import coverage
+    from deeptruck_model.deep.data import Scales
     from deeptruck_model.deep.network import Shape, TruckNetwork
     from deeptruck_model.deep.truck import DeepTruck
 
@@ -30,8 +30,8 @@ def _deep() -> Any:
     scales = Scales(np.zeros(6, np.float32), np.ones(6, np.float32))
     recordings = (drive(),)
     return DeepTruck(
-        TruckNetwork(shape, scales, 0.1), TRUCK, coverage.measure(recordings), {"seeds": [0]}, recordings,
-        driven.measure(recordings),
+        TruckNetwork(shape, scales, 0.1), TRUCK, coverage.measure_coverage(recordings), {"seeds": [0]},
+        recordings,        coverage.measure_driven(recordings),
     )  # fmt: skip
 
 

@@ -103,15 +103,14 @@ def calibrate(
         lambda: checks.deep_simulator(simulator),
         lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
     )
-    from deeptruck_model.deep import card, remarks, uncertainty
-    from deeptruck_model.deep.data import duplicates
+    from deeptruck_model.deep import card, evaluation, remarks
 
     truck, recordings = deep_truck(simulator), read(bags, topic_map, clock, msg)
-    duplicates.refuse_twice(recordings)
-    calibrated = uncertainty.calibrated(truck, recordings)
+    remarks.refuse_twice(recordings)
+    calibrated = evaluation.calibrated(truck, recordings)
     card.publish_calibrated(calibrated, recordings, Path(simulator), out, overwrite)
     typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")
-    if line := duplicates.warning(truck, recordings, TOO_NARROW):
+    if line := remarks.warning(truck, recordings, TOO_NARROW):
         typer.echo(f"warning: {line}", err=True)
     for line in (remarks.few_runs(calibrated, recordings), card.lost_metrics(Path(simulator))):
         if line:
@@ -123,10 +122,8 @@ def _remarks(
 ) -> None:
     """Say what makes the figures worth less than they look."""
     from deeptruck_model.deep import remarks
-    from deeptruck_model.deep.data import duplicates
-    from deeptruck_model.deep.learned import is_deep
 
-    if is_deep(simulator) and (line := duplicates.warning(simulator, recordings)):
+    if remarks.is_deep(simulator) and (line := remarks.warning(simulator, recordings)):
         typer.echo(f"warning: {line}", err=True)
     for line in remarks.remarks(simulator, recordings, metrics, horizon):
         typer.echo(f"note: {line}", err=True)

@@ -1,22 +1,63 @@
-"""The last step of training and of calibrating: statistics, card, and the finished directory in place."""
+"""The last step of training and of calibrating: statistics, MODEL_CARD.md, and the finished directory."""
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from deeptruck_model import simulators
-from deeptruck_model.deep import evaluation, model_card, resume, saving
-from deeptruck_model.deep.data import reference
+from deeptruck_model.deep import evaluation, io, resume
+from deeptruck_model.deep.evaluation import calibrate
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.deep.uncertainty import calibrate
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import CALIBRATED
+from deeptruck_model.signals import printed
 
-METRICS_FILE = saving.METRICS_FILE
+METRICS_FILE = io.METRICS_FILE
+FILE = "MODEL_CARD.md"
+CARD = """# Deep truck: {name}
+
+Trained for {updates} updates on {hours:.2f} h, mode {mode}, seeds {seeds}{adapted}.
+
+Recordings, with the later part that was held out: {recordings}.
+
+## Signals
+
+| channel | unit | role | trained from | to |
+| --- | --- | --- | --- | --- |
+{signals}
+
+Step {dt:g} s. Counts over speed x acceleration x grade are in `coverage.json`.
+
+## Held out
+
+{trials} free runs of {horizon:.0f} s on the later part of the recordings. That part selected the checkpoint:
+expect somewhat more on other drives.
+
+| channel | mean abs error | mean | sd at end | rmse at end |
+| --- | --- | --- | --- | --- |
+{errors}
+
+## Intervals
+
+{intervals}
+
+## Limits
+
+{limits}
+"""
+INTERVALS = re.compile(r"(?<=^## Intervals\n\n).*?(?=\n\n## |\Z)", re.M | re.S)
+BY_TRAINING = (
+    "The held-out part above sets the 90 % intervals; `deeptruck-model calibrate` sets them by other drives."
+)
+LISTED = 20  # recordings named in the card
 
 
 def git_hash() -> str | None:
@@ -42,15 +83,15 @@ def complete(
 
     The resume point goes last: until then the work can be gone on with.
     """
-    saving.write(truck, working)
+    io.write(truck, working)
     again = simulators.load(working)
     assert isinstance(again, DeepTruck)
     truck.details["calibration"] = calibrate(again, validation)
     metrics = evaluation.statistics(evaluation.trials(again, validation))
     (working / METRICS_FILE).write_text(json.dumps(metrics, indent=1) + "\n")
-    (working / model_card.FILE).write_text(model_card.written(truck, training, validation, metrics))
-    reference.save(validation, working)
-    saving.write(truck, working, (METRICS_FILE, reference.FILE))
+    (working / FILE).write_text(written(truck, training, validation, metrics))
+    io.save_reference(validation, working)
+    io.write(truck, working, (METRICS_FILE, io.REFERENCE_FILE))
     (working / resume.FILE).unlink(missing_ok=True)
 
 
@@ -58,7 +99,7 @@ def lost_metrics(source: Path) -> str:
     """One line where a simulator has lost its metrics; else none. Trucks that never had any are not meant."""
     if (source / METRICS_FILE).exists():
         return ""
-    promised = METRICS_FILE in saving.promised(simulators.read_manifest(source))
+    promised = METRICS_FILE in io.promised(simulators.read_manifest(source))
     return f"{source} has lost its {METRICS_FILE}, so there is none beside the intervals" if promised else ""
 
 
@@ -73,5 +114,92 @@ def publish_calibrated(
         metrics = [METRICS_FILE] if (source / METRICS_FILE).exists() else []
         for name in metrics:
             shutil.copyfile(source / name, folder / name)
-        saving.write(truck, folder, metrics)
-        (folder / model_card.FILE).write_text(model_card.with_intervals(source, recordings))
+        io.write(truck, folder, metrics)
+        (folder / FILE).write_text(with_intervals(source, recordings))
+
+
+def with_intervals(source: Path, recordings: Sequence[Recording]) -> str:
+    """The card in `source`, which older versions wrote without that chapter, with what set the intervals."""
+    says = f"The 90 % intervals were set by `deeptruck-model calibrate` on {listed(recordings)}."
+    path = source / FILE
+    card = path.read_text() if path.exists() else f"# Deep truck: {source.name}\n"
+    if INTERVALS.search(card):
+        return INTERVALS.sub(lambda _: says, card)
+    return f"{card.rstrip()}\n\n## Intervals\n\n{says}\n"
+
+
+def listed(recordings: Sequence[Recording]) -> str:
+    """Names and lengths of recordings, pieces of one bag together."""
+    hours: dict[str, float] = {}
+    for r in recordings:
+        name = r.name.partition("#")[0]
+        hours[name] = hours.get(name, 0.0) + len(r) * r.dt / 3600
+    named = [f"{name} ({h:.2f} h)" for name, h in hours.items()]
+    more = f" and {len(named) - LISTED} more" if len(named) > LISTED else ""
+    return ", ".join(named[:LISTED]) + more
+
+
+def written(
+    truck: DeepTruck,
+    training: Sequence[Recording],
+    validation: Sequence[Recording],
+    metrics: dict[str, Any],
+) -> str:
+    """What the truck was trained on, how far off it is on held-out data, and where not to trust it."""
+    interface, run, config = truck.interface, truck.details["training"], truck.details["config"]
+    seeds = ", ".join(map(str, truck.details["seeds"]))
+    signals = [
+        f"| {name} | {printed(interface.unit(name))} | {role} | {low:.4g} | {high:.4g} |"
+        for role, names in (("input", interface.u), ("condition", interface.w), ("response", interface.y))
+        for name in names
+        for low, high in [_span(training, name)]
+    ]
+    errors = [
+        f"| {name} ({printed(interface.unit(name))}) | "
+        + " | ".join(_figure(metrics[name][key]) for key in ("mean_abs", "mean", "sd_at_end", "rmse_at_end"))
+        + " |"
+        for name in interface.y
+        if name in metrics
+    ]
+    return CARD.format(
+        name=interface.name,
+        updates=run["updates"],
+        hours=run["hours"],
+        mode=config["mode"],
+        seeds=seeds,
+        adapted=f", adapted from {config['start']}" if config["start"] else "",
+        recordings=listed([*training, *validation]),
+        intervals=BY_TRAINING,
+        signals="\n".join(signals),
+        dt=truck.dt,
+        trials=metrics["trials"],
+        horizon=metrics["horizon_s"],
+        errors="\n".join(errors),
+        limits="\n".join(f"- {limit}" for limit in _limits(truck)),
+    )
+
+
+def _figure(value: float | None) -> str:
+    return "not measured" if value is None else f"{value:.4f}"
+
+
+def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
+    values = np.concatenate([r.channels[name] for r in recordings])
+    return float(np.nanmin(values)), float(np.nanmax(values))
+
+
+def _limits(truck: DeepTruck) -> list[str]:
+    limits = ["It knows nothing outside the spans above; `DeepTruck.covers` says where that is."]
+    limits.append(
+        "The internal state (gear, boost) is unknown at the start of a run and settles within seconds."
+    )
+    untaught = truck.details["training"].get("untaught", ())
+    limits += [f"{line[0].upper()}{line[1:]}." for line in untaught]
+    if truck.interface.brake_unit is None:
+        share = 100 * truck.details["training"]["unexplained"]
+        limits.append(f"Of the rows {share:.1f} %, slowed by unrecorded braking, are left out.")
+    if not truck.interface.grade:
+        limits.append("Grade was not recorded: the road acts as an unexplained force.")
+    if truck.details["training"]["hours"] < 1.0:
+        limits.append("Trained on less than an hour of driving.")
+    return limits

@@ -1,25 +1,38 @@
-"""Open-loop error statistics, as in the paper: free runs from recorded starts, error mean and sd against
-time."""
+"""Open-loop error statistics, as in the paper: free runs from recorded starts, their baselines and intervals.
+
+An interval's half width is factor * sqrt(spread^2 + (floor + growth sqrt(t))^2), per channel. The spread
+widens it where the members of an ensemble disagree; floor and growth are the error they share.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri, stdtrit
 
-from deeptruck_model import compatibility
+from deeptruck_model import compatibility, trucks
 from deeptruck_model.compatibility import Given, Taken
-from deeptruck_model.deep.data.windows import cut, has
+from deeptruck_model.deep.data import cut, has
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import SPEED
+from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.simulators import Array, Simulator, free_run
+from deeptruck_model.trucks import PhysicsTruck
+
+if TYPE_CHECKING:
+    from deeptruck_model.deep.truck import DeepTruck
+
 
 TRIALS, HORIZON_S = 90, 40.0
 WITHIN = 1.5  # m/s, the paper's band for the speed error
+CONSTANT = "constant speed"
+ENGINE, BRAKE = ("N m", "percent"), ("percent", "m/s^2")  # what a physics truck takes
+LEVEL = 0.9
+RUNS = 600  # overlapping ones: fewer would throw data away
 
 
 @dataclass(frozen=True)
@@ -147,3 +160,97 @@ def against_time(runs: Trials) -> tuple[NDArray[np.float64], NDArray[np.float64]
     mean = np.where(count, safe.sum(axis=0) / np.maximum(count, 1), np.nan)
     variance = np.where(known, (error - mean) ** 2, 0.0).sum(axis=0) / np.maximum(count, 1)
     return mean, np.where(count, np.sqrt(variance), np.nan)
+
+
+def baselines(runs: Trials, interface: TruckInterface, simulated: object = None) -> list[dict[str, Any]]:
+    """Statistics of both over the same runs, each with its 'name'.
+
+    The physics truck is the one with the smallest speed error, as published and with the mass of the
+    recordings where it is stated; none where the signals are not those of a physics truck. `simulated` is the
+    simulator itself, which is no baseline of its own.
+    """
+    found = [_named(CONSTANT, statistics(replace(runs, modelled=_held(runs))))]
+    drawn = [_physics(runs, interface, name) for name in trucks.pool() if not _same(simulated, name)]
+    known = [x for x in drawn if x is not None]
+    return [*found, *sorted(known, key=lambda x: float(x["speed"]["rmse"]))[:1]]
+
+
+def _named(name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
+    return {"name": name, **{channel: x for channel, x in figures.items() if isinstance(x, dict)}}
+
+
+def _held(runs: Trials) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """The responses of the start kept; no acceleration."""
+    held = np.repeat(runs.modelled[:, :1], runs.modelled.shape[1], axis=1)
+    held[:, :, ACCELERATION] = 0.0
+    return held
+
+
+def _same(simulated: object, name: str) -> bool:
+    return isinstance(simulated, PhysicsTruck) and simulated.specification.name == name
+
+
+def _physics(runs: Trials, interface: TruckInterface, name: str) -> dict[str, Any] | None:
+    if interface.engine_unit not in ENGINE or interface.brake_unit not in BRAKE:
+        return None
+    specification = replace(trucks.load(name).specification, interface=interface)
+    if interface.mass_kg is not None:
+        specification = specification.with_values({"mass": interface.mass_kg})
+    truck = PhysicsTruck(specification, dt=runs.dt)
+    start = runs.modelled[:, 0].copy()
+    start[:, SPEED] = np.maximum(start[:, SPEED], 0.0)
+    return _named(
+        f"physics truck {name}", statistics(replace(runs, modelled=free_run(truck, runs.u, runs.w, start).y))
+    )
+
+
+def calibrate(truck: DeepTruck, held_out: Sequence[Recording]) -> dict[str, Any]:
+    """Factors from free runs on data that did not train the truck; lists have one entry a response channel.
+
+    Few minutes of held-out data are few independent runs: Student's t widens the intervals accordingly.
+    """
+    runs = trials(truck, held_out, RUNS, HORIZON_S, seed=1)
+    spread = truck.spread(runs.u, runs.w, runs.modelled[:, 0])[:, 1:]
+    error, time = runs.error[:, 1:], runs.time[1:]
+    entries = [_interval(error[..., j], spread[..., j], time) for j in range(error.shape[2])]
+    floor, growth, factor = (list(values) for values in zip(*entries, strict=True))
+    independent = max(1.0, sum(len(r) * r.dt for r in held_out) / float(time[-1]))
+    caution = float(stdtrit(independent, 0.5 + LEVEL / 2) / ndtri(0.5 + LEVEL / 2))
+    factor = [f * caution for f in factor]
+    return {"level": LEVEL, "horizon_s": float(time[-1]), "floor": floor, "growth": growth, "factor": factor}
+
+
+def calibrated(truck: DeepTruck, recordings: Sequence[Recording]) -> DeepTruck:
+    """The same truck with intervals from drives it was not trained on: hours of them set the intervals better
+    than the part that its own training held out."""
+    entry = {**calibrate(truck, recordings), "recordings": [r.name for r in recordings]}
+    return truck.with_details({"calibration": entry})
+
+
+def inside(truck: DeepTruck, runs: Trials) -> dict[str, float]:
+    """Share of the measured points of free runs that lie in the truck's intervals, by channel."""
+    predicted = truck.predict(runs.u, runs.w, runs.modelled[:, 0])
+    measured, low, high = (y[:, 1:] for y in (runs.measured, predicted.low, predicted.high))
+    held = (measured >= low) & (measured <= high)
+    known = np.isfinite(measured)
+    return {
+        name: float(held[..., j][known[..., j]].mean())
+        for j, name in enumerate(runs.channels)
+        if known[..., j].any()
+    }
+
+
+def _interval(error: Array, spread: Array, time: Array) -> tuple[float, float, float]:
+    """Floor, growth and factor of one channel; error and spread (runs, T)."""
+    known = np.isfinite(error)
+    if not known.any():
+        return 0.0, 0.0, 1.0
+    count = known.sum(axis=0)
+    square = np.where(known, error**2 - spread**2, 0.0).sum(axis=0) / np.maximum(count, 1)
+    own = np.sqrt(np.maximum(square, 0.0))
+    growth, floor = np.polyfit(np.sqrt(time), own, 1, w=np.sqrt(count)) if len(time) > 1 else (0.0, own[0])
+    if growth < 0 or floor < 0:
+        growth, floor = max(growth, 0.0), max(floor, 0.0)
+    width = np.sqrt(spread**2 + (floor + growth * np.sqrt(time)) ** 2)
+    ratio = np.abs(error[known]) / np.maximum(width[known], 1e-9)
+    return float(floor), float(growth), float(np.quantile(ratio, LEVEL))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from deeptruck_model.deep.data.scales import Scales
+from deeptruck_model.deep.data import Scales
 from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
 
 # Below both, the truck stands: static friction and the brake hold it, so rounding cannot make it creep.

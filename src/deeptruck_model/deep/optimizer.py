@@ -1,4 +1,4 @@
-"""How the weights move: optimisers, learning rate, and a guard for gradients.
+"""How the weights move, and which are kept: optimisers, learning rate, gradient guard, the best so far.
 
 Paper mode: Adagrad. Default mode: Muon for the matrices, AdamW for the rest.
 """
@@ -13,7 +13,9 @@ import torch
 from torch import Tensor
 
 from deeptruck_model.deep.arguments import Arguments
-from deeptruck_model.deep.network import TruckNetwork
+from deeptruck_model.deep.data import FloatArray, Sequences
+from deeptruck_model.deep.kernels import loss
+from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 
 GATED = ("input", "recurrent")  # four matrices side by side
 MATRICES = (*GATED, "decoder")  # the few columns of `output` are as good as vectors
@@ -22,6 +24,7 @@ ITERATIONS, A, B, C = 5, 3.4445, -4.7750, 2.0315  # Newton-Schulz, as published
 PAPER_RATE, RATE, ADAPTING_RATE = 0.02, 6e-3, 2e-3
 CLIP = 1.0
 RMS = 0.2  # of a step; about that of Adam, so that both take one learning rate
+VALIDATION_RUNS = 64
 
 
 class Muon(torch.optim.Optimizer):
@@ -105,3 +108,45 @@ def guard(network: TruckNetwork, losses: np.ndarray[Any, Any], limit: float) -> 
     for g in gradients:
         shaped = factor.reshape(-1, *([1] * (g.dim() - 1)))
         g.copy_(torch.where(finite.reshape(shaped.shape), g * shaped, torch.zeros(())))
+
+
+class Best:
+    """The weights of every member at its lowest validation loss."""
+
+    def __init__(self, network: TruckNetwork) -> None:
+        self.scores = np.full(network.shape.members, np.inf)
+        self.weights: dict[str, Tensor] = {n: getattr(network, n).detach().clone() for n in WEIGHTS}
+
+    def keep(self, scores: np.ndarray[Any, Any], network: TruckNetwork) -> None:
+        """Take over the members that improved. Weights may overflow where the responses, squeezed by tanh,
+        do not: such a member has diverged, whatever its score."""
+        for m in np.flatnonzero((scores < self.scores) & finite(network)):
+            self.scores[m] = scores[m]
+            for name in WEIGHTS:
+                self.weights[name][m] = getattr(network, name).detach()[m]
+
+    def restore(self, network: TruckNetwork) -> None:
+        """Put the kept weights back."""
+        for name in WEIGHTS:
+            getattr(network, name).data.copy_(self.weights[name])
+
+
+def finite(network: TruckNetwork) -> np.ndarray[Any, Any]:
+    """True for members, (members,), all of whose weights are numbers."""
+    weights = [getattr(network, name).detach().flatten(1) for name in WEIGHTS]
+    return np.asarray(torch.isfinite(torch.cat(weights, dim=1)).all(dim=1).numpy())
+
+
+def validate(
+    network: TruckNetwork, held_out: Sequences, weight: FloatArray, steps: int
+) -> np.ndarray[Any, Any]:
+    """Loss of free runs of `steps` from evenly spaced starts in the held-out data, (members,); inf where
+    not finite."""
+    steps = min(steps, int(np.max(held_out.bounds[:, 1] - held_out.bounds[:, 0])) - 1)
+    candidates = np.sort(held_out.starts(steps, np.random.default_rng(0)))
+    if len(candidates) < VALIDATION_RUNS:
+        candidates = np.sort(held_out.draw(VALIDATION_RUNS, steps, np.random.default_rng(0)))
+    starts = candidates[np.linspace(0, len(candidates) - 1, VALIDATION_RUNS).astype(int)]
+    x, target = held_out.gather(np.repeat(starts[None], network.shape.members, axis=0), steps)
+    losses = loss.loss(network, x, target, weight)
+    return np.where(np.isfinite(losses), losses, np.inf)

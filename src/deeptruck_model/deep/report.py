@@ -11,9 +11,18 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from deeptruck_model.deep import remarks
-from deeptruck_model.deep.baselines import CONSTANT, baselines
-from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
-from deeptruck_model.deep.learned import is_deep
+from deeptruck_model.deep.evaluation import (
+    CONSTANT,
+    HORIZON_S,
+    TRIALS,
+    Trials,
+    against_time,
+    baselines,
+    inside,
+    statistics,
+    trials,
+)
+from deeptruck_model.deep.remarks import is_deep
 from deeptruck_model.pages.document import Part, Picture, Table, document
 from deeptruck_model.pages.style import MODELLED, RECORDED, WIDTH_IN, png, styled
 from deeptruck_model.recordings import Recording
@@ -58,8 +67,6 @@ def evaluate_into(
     runs = trials(simulator, recordings, count, horizon_s, seed)
     metrics = {**statistics(runs), "seed": seed, "recordings": [r.name for r in recordings]}
     if is_deep(simulator) and simulator.details.get("calibration"):
-        from deeptruck_model.deep.uncertainty import inside
-
         for name, share in inside(simulator, runs).items():
             metrics[name]["inside_90"] = share
     metrics["baselines"] = baselines(runs, simulator.interface, simulator)

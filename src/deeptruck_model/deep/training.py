@@ -14,21 +14,26 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from deeptruck_model import files, simulators
-from deeptruck_model.deep import card, resume
+from deeptruck_model.deep import card, coverage, remarks, resume
 from deeptruck_model.deep.arguments import FUEL, PAPER_FUEL, Arguments
-from deeptruck_model.deep.board import board
-from deeptruck_model.deep.data import coverage, driven, duplicates
-from deeptruck_model.deep.data.preparation import Prepared, prepare
-from deeptruck_model.deep.data.scales import FloatArray, Scales
-from deeptruck_model.deep.data.windows import Sequences, loss_weights
-from deeptruck_model.deep.identity import differences, identity_in, identity_of
+from deeptruck_model.deep.data import FloatArray, Scales, Sequences, loss_weights
 from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
-from deeptruck_model.deep.optimizer import guard, largest_gradient, learning_rate, optimizers, peak_rate
-from deeptruck_model.deep.selection import Best, finite, validate
+from deeptruck_model.deep.optimizer import (
+    Best,
+    finite,
+    guard,
+    largest_gradient,
+    learning_rate,
+    optimizers,
+    peak_rate,
+    validate,
+)
+from deeptruck_model.deep.preparation import Prepared, prepare
+from deeptruck_model.deep.resume import differences, identity_in, identity_of
 from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
-from deeptruck_model.progress_bar import bar
+from deeptruck_model.progress_bar import bar, board
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import DEEP_TRUCK, check_start
 from deeptruck_model.simulators import read_manifest
@@ -114,9 +119,9 @@ def _work(
     truck = DeepTruck(
         run.network,
         data.interface,
-        coverage.measure(data.training),
+        coverage.measure_coverage(data.training),
         _details(run, time.monotonic() - began),
-        driven=driven.measure(data.training, data.driven),
+        driven=coverage.measure_driven(data.training, data.driven),
     )
     card.complete(truck, data.training, data.validation, working)
 
@@ -253,7 +258,7 @@ def _details(run: _Run, seconds: float) -> dict[str, Any]:
         "data_hash": data.data_hash,
         "git_hash": card.git_hash(),
         "taught": list(data.taught),
-        duplicates.KEY: list(data.trained_on),
+        remarks.KEY: list(data.trained_on),
         "training": {
             "updates": run.updates,
             "unexplained": data.unexplained,

@@ -12,9 +12,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_model.deep import checkpoint, saving
-from deeptruck_model.deep.data.coverage import Coverage
-from deeptruck_model.deep.data.driven import Driven
+from deeptruck_model.deep import io
+from deeptruck_model.deep.coverage import Coverage, Driven
 from deeptruck_model.deep.kernels import inference
 from deeptruck_model.deep.network import State, TruckNetwork
 from deeptruck_model.errors import InputError
@@ -166,7 +165,7 @@ class DeepTruck:
 
         Only with `overwrite` is an older deep truck replaced. Raises InputError as `files.Result.check` does.
         """
-        saving.save(self, path, overwrite=overwrite)
+        io.save(self, path, overwrite=overwrite)
 
     def torch_module(self) -> TorchTruck:
         """A differentiable copy of the truck; gradients flow to state, u and w."""
@@ -209,7 +208,7 @@ class TorchTruck(torch.nn.Module):
 def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
     """The deep truck under `path`. Raises InputError with one line where a file is missing, damaged or does
     not fit."""
-    return DeepTruck(*checkpoint.read(path, manifest))
+    return DeepTruck(*io.read(path, manifest))
 
 
 def half_width(calibration: dict[str, Any], spread: Array, dt: float) -> Array:

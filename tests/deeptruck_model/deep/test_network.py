@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from deeptruck_model.deep import Shape, TruckNetwork
-from deeptruck_model.deep.data.scales import Scales
+from deeptruck_model.deep.data import Scales
 from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.network import WEIGHTS
 

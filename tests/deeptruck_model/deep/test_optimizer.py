@@ -2,7 +2,7 @@ import numpy as np
 import torch
 
 from deeptruck_model.deep import Shape, TruckNetwork
-from deeptruck_model.deep.data.scales import Scales
+from deeptruck_model.deep.data import Scales
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.optimizer import MATRICES, RMS, default_optimizers, orthogonal
 

@@ -1,4 +1,4 @@
-"""The modelling half of the page beside the paper: trucks by three recipes, learned one after another."""
+"""The modelling half of the page that compares with the paper: trucks by three recipes, and their losses."""
 
 from __future__ import annotations
 
@@ -11,27 +11,54 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from deeptruck_model import files, simulators, sweeps
-from deeptruck_model.deep.arguments import PAPER_PASSES
-from deeptruck_model.deep.experiments import learning_curves, probes
+from deeptruck_model.deep.arguments import PAPER_FUEL, PAPER_PASSES
+from deeptruck_model.deep.experiments import beside_paper, output
 from deeptruck_model.deep.experiments.beside_paper import RECIPES, VARIANTS, Job, drives, learn, runs_of
-from deeptruck_model.deep.experiments.loss_forms import Found, cause
-from deeptruck_model.deep.experiments.output import sample_run
-from deeptruck_model.deep.experiments.paper_page import Figures, Row, at, picture, table, write
-from deeptruck_model.deep.experiments.paper_rules import FIELD_SEEDS, PROBE_FIT_MIN, SEEDS, SHARE_WITHIN
-from deeptruck_model.deep.experiments.setup import VALIDATION_SEED, drive_of
+from deeptruck_model.deep.experiments.drives import VALIDATION_SEED, drive_of
+from deeptruck_model.deep.experiments.output import COLOURS, FED, sample_run
+from deeptruck_model.deep.experiments.paper_page import (
+    FIELD_SEEDS,
+    PROBE_FIT_MIN,
+    SEEDS,
+    SHARE_WITHIN,
+    Figures,
+    Row,
+    at,
+    picture,
+    table,
+    write,
+)
 from deeptruck_model.deep.report import LABELS, error_figure, scenario_figure
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
 from deeptruck_model.signals import printed
 
+Found = Mapping[tuple[str, str], list[dict[str, Any]]]
+"""Figures of the measured seeds by truck and recipe."""
+
+CAUSE = """### Why the deployment form stays above the training form
+
+Mean squared errors over 10 s on an unseen hour, by which recorded responses are fed to the network in
+place of its own. With 'nothing' it is the deployment form, with 'everything' the training form."""
+CAUSE_HEAD = "| passes | recorded and fed back | acceleration (m/s²)² | speed (m/s)² | fuel rate (cm³/s)² |"
+VARIED = {
+    "short": "as it is",
+    "slower": "a quarter of the step",
+    "clipped": "gradients clipped to a norm of 1",
+    "free": "trained in deployment form",
+    "cubic": "fuel in cm³/s, losses too",
+}
+VARIED_SAYS = """
+The recipe with one setting changed at a time, one seed each: medians of the losses over thirds of the
+passes, and what the kept weights reach on the test drive.
+""".strip()
 HEADINGS = {
     "paper": "its recipe",
     "default": "our default",
     "unaided": "our default, not trained on gear and engine",
 }
 SHOWN = slice(0, 6000)  # of the data set, 10 min
-
 PASSES = Row("passes over the training data", "600", at("passes"), form="{:.0f}")
 SIMULATED = (
     PASSES,
@@ -93,6 +120,122 @@ FIELD_ROWS = {
         Row("runs of 10 that do", "", at("inside"), form="{:.0f}"),
     ),
 }
+REMARKS = """
+**The paper's recipe**: Adagrad, training form, squared errors in m/s², m/s and l/s, no clipping, no
+features, no signals but the responses, {passes} passes over the data. Kept are the weights that do best in
+free runs on held-out driving; the paper does not say which it keeps. Its constraint is
+v(k+1) = v(k) + a(k) dt; our a(k+1) is the mean over the step from k to k+1, with which the data keep it
+exactly. The grade is a ratio where the paper has percent; inputs are scaled to unit variance, so its unit has
+no effect.
+
+**Our default** is trained on {taught} besides the responses, where recorded; they are never fed back.
+""".strip()
+FUEL_UNIT = """### The unit of fuel in the loss
+
+The paper gives the fuel rate in cm³/s and says that its error stays below 0.001. Our truck burns up to
+{fuel:.0f} cm³/s, as a diesel of 400 hp does; 0.001 cm³/s would be a precision that nothing else in the paper
+has. In litres a second 0.001 is 1 cm³/s, the bound of its field experiments. So the loss of 'its recipe' has
+fuel in l/s, where fuel hardly counts. **This unit was chosen after the recipe had been run in cm³/s and its
+errors on the test drive had been seen**; it is an assumption in the paper's favour. One seed of each, its
+losses in the unit that it was trained with:
+""".strip()
+CAPTIONS = {
+    "dataset.png": "ten minutes of the training data: inputs, and responses",
+    "learning_curves.png": "losses by the paper's recipe",
+    "errors_paper.png": "errors against time, the paper's recipe",
+    "errors_default.png": "errors against time, our default",
+    "scenarios.png": "what the 90 runs visited",
+    "sample_paper.png": "one run of 200 s, the paper's recipe",
+    "sample_default.png": "one run of 200 s, our default",
+}
+FIELD_SAYS = {
+    "freightliner": (
+        "16 minutes up to 18 m/s on the flat, no grade sensor; ten runs of 15 s on the last 15 %.",
+    ),
+    "volvo": (
+        "24 minutes between 20 and 32 m/s on slopes; ten runs of 15 s on the last 15 %. As in the paper, the",
+        "brake command is the deceleration while the brake switch is on. Runs that leave the speeds of",
+        "training come to gears that were never driven; the last two rows are without them.",
+    ),
+}
+PROBES = "probes.json"
+PROBED = """### What the state of the LSTM holds
+
+The paper concludes that its model infers the gear, the brake pressure and the aerodynamic drag. Ridge
+regression reads them off the state of one truck of each recipe, in free runs of 40 s on the test drive, 5 s
+after their start and later; it is fitted on another drive that no truck was trained on. Share of samples with
+the right gear, R² of the others; in brackets 90 % intervals over the runs.
+""".strip()
+PROBED_SAYS = """
+Inputs are commands, grade and the response that the truck feeds back. The untrained network has the same
+inputs and random weights: what it shows needs no learning.
+""".strip()
+
+
+def cause(found: Found) -> list[str]:
+    """What is fed back in the deployment form, and what that costs, early and late; and the variants."""
+    curves = [f["curves"] for f in found.get(("trucksim", "paper"), [])]
+    looks = [[line for line in curve if "by_feedback" in line] for curve in curves]
+    if not looks:
+        return []
+    lines = [CAUSE, "", CAUSE_HEAD, "|---|---|---|---|---|"]
+    errors: dict[str, Any] = {}
+    for k in sorted({0, len(looks[0]) // 2, len(looks[0]) - 1}):
+        for fed in FED:
+            errors[fed] = np.median([look[k]["by_feedback"][fed] for look in looks if k < len(look)], axis=0)
+            cells = " | ".join(f"{x:.3g}" for x in errors[fed])
+            lines.append(f"| {looks[0][k]['passes']:.0f} | {fed} | {cells} |")
+    left = {fed: errors[fed][0] / errors["nothing"][0] for fed in ("speed", "acceleration", "fuel")}
+    says = ", ".join(f"{fed} {100 * share:.0f} %" for fed, share in left.items())
+    lines += [
+        "",
+        f"What is left of the acceleration's squared error at the end where one is recorded: {says}.",
+        "",
+    ]
+    return [*lines, *_variants(found)]
+
+
+def _variants(found: Found) -> list[str]:
+    """Losses of the variants by thirds of their passes, and in which of them the deployment form rises."""
+    seeds = {says: found[key][0] for name, says in VARIED.items() if found.get(key := ("trucksim", name))}
+    if len(seeds) < 2:
+        return []
+    passes = [line["passes"] for line in next(iter(seeds.values()))["curves"]]
+    thirds = np.array_split(np.arange(len(passes)), min(3, len(passes)))
+    heads = [f"passes {passes[third[0]]:.0f} to {passes[third[-1]]:.0f}" for third in thirds]
+    measured = "speed error, sd after 40 s (m/s) | runs within 1.5 m/s"
+    lines = [
+        VARIED_SAYS,
+        "",
+        f"| training form, deployment form | {' | '.join(heads)} | {measured} |",
+        "|---" * (len(heads) + 3) + "|",
+    ]
+    rising = {}
+    for says, seed in seeds.items():
+        training, deployment = (
+            [float(np.median([seed["curves"][k][form] for k in third])) for third in thirds]
+            for form in COLOURS
+        )
+        cells = " | ".join(f"{t:.4f}, {d:.2f}" for t, d in zip(training, deployment, strict=True))
+        within = f"{100 * seed['speed']['trials_within_1.5']:.0f} %"
+        lines.append(f"| {says} | {cells} | {seed['speed']['sd_at_end']:.2f} | {within} |")
+        rising[f"'{says}' (fuel is {_fuel_share(seed):.1%} of it)"] = deployment[-1] > deployment[-2:][0]
+    rises, falls = ([says for says in rising if rising[says] is which] for which in (True, False))
+    left = [says for says in VARIED.values() if says not in seeds]
+    ends = [
+        f"From the second third to the last the deployment form rises in: {', '.join(rises) or 'none'}.",
+        f"It does not in: {', '.join(falls) or 'none'}.",
+        *([f"Not run: {', '.join(left)}."] if left else []),
+    ]
+    return [*lines, "", *(line.replace("%", " %") for line in ends), ""]
+
+
+def _fuel_share(seed: Mapping[str, Any]) -> float:
+    """Share of fuel in the deployment form, at the last look at what is fed back."""
+    last = [line["by_feedback"]["nothing"] for line in seed["curves"] if "by_feedback" in line][-1]
+    variant = VARIANTS[str(seed["name"]).split("-")[1]]
+    parts = np.array(last) * [1.0, 1.0, variant.fuel or PAPER_FUEL]
+    return float(parts[-1] / parts.sum())
 
 
 def experiment(
@@ -140,60 +283,6 @@ def page(out: Path) -> None:
     write(out, PAPER_HALVES[0], lines)
 
 
-REMARKS = """
-**The paper's recipe**: Adagrad, training form, squared errors in m/s², m/s and l/s, no clipping, no
-features, no signals but the responses, {passes} passes over the data. Kept are the weights that do best in
-free runs on held-out driving; the paper does not say which it keeps. Its constraint is
-v(k+1) = v(k) + a(k) dt; our a(k+1) is the mean over the step from k to k+1, with which the data keep it
-exactly. The grade is a ratio where the paper has percent; inputs are scaled to unit variance, so its unit has
-no effect.
-
-**Our default** is trained on {taught} besides the responses, where recorded; they are never fed back.
-""".strip()
-FUEL_UNIT = """### The unit of fuel in the loss
-
-The paper gives the fuel rate in cm³/s and says that its error stays below 0.001. Our truck burns up to
-{fuel:.0f} cm³/s, as a diesel of 400 hp does; 0.001 cm³/s would be a precision that nothing else in the paper
-has. In litres a second 0.001 is 1 cm³/s, the bound of its field experiments. So the loss of 'its recipe' has
-fuel in l/s, where fuel hardly counts. **This unit was chosen after the recipe had been run in cm³/s and its
-errors on the test drive had been seen**; it is an assumption in the paper's favour. One seed of each, its
-losses in the unit that it was trained with:
-""".strip()
-CAPTIONS = {
-    "dataset.png": "ten minutes of the training data: inputs, and responses",
-    "learning_curves.png": "losses by the paper's recipe",
-    "errors_paper.png": "errors against time, the paper's recipe",
-    "errors_default.png": "errors against time, our default",
-    "scenarios.png": "what the 90 runs visited",
-    "sample_paper.png": "one run of 200 s, the paper's recipe",
-    "sample_default.png": "one run of 200 s, our default",
-}
-FIELD_SAYS = {
-    "freightliner": (
-        "16 minutes up to 18 m/s on the flat, no grade sensor; ten runs of 15 s on the last 15 %.",
-    ),
-    "volvo": (
-        "24 minutes between 20 and 32 m/s on slopes; ten runs of 15 s on the last 15 %. As in the paper, the",
-        "brake command is the deceleration while the brake switch is on. Runs that leave the speeds of",
-        "training come to gears that were never driven; the last two rows are without them.",
-    ),
-}
-
-
-PROBES = "probes.json"
-PROBED = """### What the state of the LSTM holds
-
-The paper concludes that its model infers the gear, the brake pressure and the aerodynamic drag. Ridge
-regression reads them off the state of one truck of each recipe, in free runs of 40 s on the test drive, 5 s
-after their start and later; it is fitted on another drive that no truck was trained on. Share of samples with
-the right gear, R² of the others; in brackets 90 % intervals over the runs.
-""".strip()
-PROBED_SAYS = """
-Inputs are commands, grade and the response that the truck feeds back. The untrained network has the same
-inputs and random weights: what it shows needs no learning.
-""".strip()
-
-
 def draw(out: Path) -> None:
     """The figures, of the first seeds that are there."""
     folder = out / PICTURES
@@ -212,7 +301,7 @@ def draw(out: Path) -> None:
             runs = runs_of(truck, drives(name)[1], long=False)
             error_figure(runs).savefig(folder / f"{name}.png", dpi=110)
     if curves := [f["curves"] for f in _measured(out / WORK).get(("trucksim", "paper"), [])]:
-        learning_curves.figure(_together(curves)).savefig(folder / "learning_curves.png", dpi=110)
+        output.figure(_together(curves)).savefig(folder / "learning_curves.png", dpi=110)
 
 
 def _truck(job: Job) -> DeepTruck | None:
@@ -237,7 +326,7 @@ def _columns(found: Found, truck: str) -> dict[str, Sequence[Figures]]:
 def _together(curves: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
     """Losses (n, seeds) of learning curves, up to the shortest."""
     rows = list(zip(*curves, strict=False))
-    forms = {form: [[line[form] for line in row] for row in rows] for form in learning_curves.COLOURS}
+    forms = {form: [[line[form] for line in row] for row in rows] for form in output.COLOURS}
     return {"passes": [row[0]["passes"] for row in rows], **forms}
 
 
@@ -262,7 +351,7 @@ def _probed(out: Path) -> list[str]:
     if not kept.exists():
         return []
     found = {HEADINGS[recipe]: scores for recipe, scores in json.loads(kept.read_text()).items()}
-    return [PROBED, "", *probes.table(found), f"{PROBED_SAYS} {probes.learned(found)}", ""]
+    return [PROBED, "", *beside_paper.table(found), f"{PROBED_SAYS} {beside_paper.learned(found)}", ""]
 
 
 def _probe(out: Path) -> None:
@@ -273,7 +362,7 @@ def _probe(out: Path) -> None:
         truck = _truck(Job(str(out / WORK), "trucksim", recipe, 0))
         if truck is not None and recipe not in found:
             fit, test = drive_of("trucksim", PROBE_FIT_MIN, VALIDATION_SEED), drives("trucksim")[1]
-            found[recipe] = probes.probe(truck, fit, test)
+            found[recipe] = beside_paper.probe(truck, fit, test)
             files.write(kept, json.dumps(found).encode())
 
 

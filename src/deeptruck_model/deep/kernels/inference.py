@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.deep.data.scales import FloatArray
-from deeptruck_model.deep.kernels.compiled import cell, compiled
-from deeptruck_model.deep.kernels.heads import (
+from deeptruck_model.deep.data import FloatArray
+from deeptruck_model.deep.kernels.layers import (
     add_gains,
+    cell,
     code_width,
+    compiled,
     constrain,
     decode,
     encode,

@@ -5,9 +5,9 @@ import pytest
 from typer.testing import CliRunner
 
 from deeptruck_model.cli import whole
-from deeptruck_model.deep.experiments import learning_curves, minutes, paper
+from deeptruck_model.deep.experiments import output, paper
+from deeptruck_model.deep.experiments.drives import drive_of
 from deeptruck_model.deep.experiments.output import SHORT_RUNS, of_seeds
-from deeptruck_model.deep.experiments.setup import drive_of
 from deeptruck_model.recordings import write_bag
 
 
@@ -35,7 +35,7 @@ def test_an_experiment_without_modes_refuses_one(tmp_path):
 
 
 def test_what_is_fed_back_is_all_that_parts_the_two_forms(drive, truck):
-    unseen = learning_curves.Unseen(drive(60, seed=3), drive(60, seed=4))
+    unseen = output.Unseen(drive(60, seed=3), drive(60, seed=4))
     found = {fed: np.array(e) for fed, e in unseen.by_feedback(truck.network.member(0)).items()}
     plain = np.array([1.0, 1.0, 1e-6])  # fuel in l/s
     free = unseen.losses(truck.network.member(0))["deployment"][0]
@@ -59,12 +59,12 @@ def test_rows_of_seeds_take_each_figure_on_its_own():
 
 @pytest.mark.long
 def test_minutes_of_data_are_drawn_for_every_truck(tmp_path, monkeypatch):
-    monkeypatch.setattr(minutes, "TRUCKS", ("freightliner", "volvo"))
-    monkeypatch.setattr(minutes, "MINUTES", (1, 2))
-    monkeypatch.setattr(minutes, "FLEET", 2)
-    monkeypatch.setattr(minutes, "FLEET_MINUTES", 2)
-    monkeypatch.setattr(minutes, "drive_of", lambda name, length, seed: drive_of(name, min(length, 2), seed))
-    metrics = minutes.minutes_of_data(tmp_path, updates=5)
+    monkeypatch.setattr(paper, "TRUCKS", ("freightliner", "volvo"))
+    monkeypatch.setattr(paper, "MINUTES", (1, 2))
+    monkeypatch.setattr(paper, "FLEET", 2)
+    monkeypatch.setattr(paper, "FLEET_MINUTES", 2)
+    monkeypatch.setattr(paper, "drive_of", lambda name, length, seed: drive_of(name, min(length, 2), seed))
+    metrics = paper.minutes_of_data(tmp_path, updates=5)
     assert list(metrics["volvo"]["adapted"]) == [0, 1, 2]
     assert list(metrics["volvo"]["from scratch"]) == [1, 2]
     assert "volvo: 2 min, adapted" in (tmp_path / "README.md").read_text()

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from deeptruck_model.cli import whole
 from deeptruck_model.deep.experiments import beside_paper, modelling_page, paper_page
+from deeptruck_model.deep.experiments.drives import TRAIN_SEED, drive_of
 from deeptruck_model.deep.experiments.paper_page import Row, at
-from deeptruck_model.deep.experiments.setup import TRAIN_SEED, drive_of
 
 SPEED = Row("speed", "within 1.5", at("speed"), most=1.5)
 

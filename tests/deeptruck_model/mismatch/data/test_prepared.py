@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.deep.data import driven
+from deeptruck_model.deep import coverage
 from deeptruck_model.mismatch.data import prepared
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import FUEL
@@ -55,7 +55,7 @@ class Learned:
 
     def __init__(self, drives: list[Recording]) -> None:
         flat = [replace(r, channels=r.channels | {"grade": np.zeros(len(r))}) for r in drives]
-        self.driven = driven.measure(flat)
+        self.driven = coverage.measure_driven(flat)
 
     def parameters(self) -> dict[str, float]:
         return {}

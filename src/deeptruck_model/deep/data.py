@@ -1,5 +1,4 @@
-"""Recordings into K-step sequences: common interface, cutting at invalid inputs, time split, scales,
-batches."""
+"""Recordings into K-step sequences: common interface, cutting at invalid inputs, time split, batches."""
 
 from __future__ import annotations
 
@@ -10,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.deep.data.scales import FloatArray, Scales
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 
+FloatArray = NDArray[np.float32]
 Array = NDArray[np.float64]
 SHORTEST_S = 3.0  # a piece below this teaches nothing
 HELD_OUT = 0.15  # share of the data, always the later part, that selects the checkpoint
@@ -22,6 +21,25 @@ SPLIT_FROM_S = 120.0  # pieces from this length on are split inside; shorter one
 CONSISTENCY_S = 20.0
 LACKING = 0.1  # share of the driving that may be left out for the sake of an input that the rest has
 BRAKED = -0.6  # m/s^2; a laden truck coasts down at less
+TEACHABLE = ("gear", "engine_speed", "engine_torque")
+EFFECTS = {
+    "engine_command": "how the truck answers the engine",
+    "brake_command": "how it brakes",
+    "grade": "how it takes hills",
+}
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Normalisation inside the network: (x - mean) / scale for the columns [u, w, y, taught], each
+    (columns,).
+
+    `top_speed` m/s is where the speed code ends.
+    """
+
+    mean: FloatArray
+    scale: FloatArray
+    top_speed: float = 30.0
 
 
 def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
@@ -194,9 +212,6 @@ class Sequences:
         return self.x[index[..., :-1, :]], target
 
 
-TEACHABLE = ("gear", "engine_speed", "engine_torque")
-
-
 def teachable(pieces: Sequence[Recording]) -> tuple[str, ...]:
     """Signals inside the truck that are recorded in most of the data, so that the model can learn to know
     them.
@@ -244,3 +259,23 @@ def loss_weights(
         ],
         np.float32,
     )
+
+
+def untaught(pieces: Sequence[Recording], interface: TruckInterface) -> tuple[str, ...]:
+    """One line for each input that teaches nothing; none where all of them vary."""
+    constant = [name for name in (*interface.u, *interface.w) if not _varies(pieces, name)]
+    lines = [f"{_says(name, pieces)}: {EFFECTS[name]} is not learned from it" for name in constant]
+    if interface.brake_unit is None:
+        lines.append(f"braking is not recorded: {EFFECTS['brake_command']} is not learned from it")
+    return tuple(lines)
+
+
+def _varies(pieces: Sequence[Recording], name: str) -> bool:
+    values = {float(edge(p.channels[name])) for p in pieces for edge in (np.nanmin, np.nanmax)}
+    return len(values) > 1
+
+
+def _says(name: str, pieces: Sequence[Recording]) -> str:
+    if name == "brake_command" and not pieces[0].channels[name].any():
+        return "the brake is never used"
+    return f"{name.replace('_', ' ')} never varies"

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from deeptruck_model.deep import remarks
 from deeptruck_model.deep.arguments import Arguments
-from deeptruck_model.deep.data import duplicates
-from deeptruck_model.deep.data.driven import Driven
-from deeptruck_model.deep.data.scales import Scales
-from deeptruck_model.deep.data.unexcited_inputs import untaught
-from deeptruck_model.deep.data.windows import (
+from deeptruck_model.deep.coverage import Driven
+from deeptruck_model.deep.data import (
     HELD_OUT,
     SHORTEST_S,
+    Scales,
     Sequences,
     common_interface,
     consistent,
@@ -25,6 +24,7 @@ from deeptruck_model.deep.data.windows import (
     teachable,
     time_split,
     unexplained,
+    untaught,
 )
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck, load_directory
@@ -74,7 +74,7 @@ class Prepared:
 
 def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     """Cut, mend and split the recordings. Raises InputError where nothing can be trained on."""
-    duplicates.refuse_twice(recordings)
+    remarks.refuse_twice(recordings)
     interface = common_interface(recordings)
     pieces = [piece for recording in recordings for piece in cut(recording, interface)]
     if not pieces:
@@ -87,12 +87,12 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     _judgeable(validation, pieces, interface)
     taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
     scales, start, driven = measure_scales(training, taught), None, None
-    seen = tuple(duplicates.fingerprint(r) for r in recordings)
+    seen = tuple(remarks.fingerprint(r) for r in recordings)
     if arguments.start:
         known = _start(Path(arguments.start), interface, pieces[0].dt)
         start, taught = known.network, tuple(known.details.get("taught", ()))
         driven = known.driven
-        seen += tuple(known.details.get(duplicates.KEY, ()))
+        seen += tuple(known.details.get(remarks.KEY, ()))
         scales = Scales(start.mean.numpy(), start.scale.numpy(), start.top_speed)
     return Prepared(
         interface,

@@ -1,16 +1,19 @@
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from deeptruck_model.deep.data import windows
+from deeptruck_model.deep import data, train
+from deeptruck_model.deep.data import untaught
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
 
 def test_sequences_stay_inside_their_piece(drive):
     pieces = [drive(30, seed=1), drive(12, seed=2)]
-    sequences = windows.Sequences.of(pieces, windows.measure_scales(pieces))
+    sequences = data.Sequences.of(pieces, data.measure_scales(pieces))
     starts = sequences.draw(200, 100, np.random.default_rng(0))
     x, target = sequences.gather(starts[None], 100)
     assert x.shape == (1, 100, 200, 3) and target.shape == (1, 101, 200, 3)
@@ -24,7 +27,7 @@ def test_sequences_stay_inside_their_piece(drive):
 
 def test_all_data_are_drawn(drive):
     piece = drive(60)
-    sequences = windows.Sequences.of([piece], windows.measure_scales([piece]))
+    sequences = data.Sequences.of([piece], data.measure_scales([piece]))
     seen = np.zeros(len(piece), bool)
     for start in sequences.draw(300, 100, np.random.default_rng(1)):
         seen[start : start + 101] = True
@@ -36,20 +39,18 @@ def test_cut_at_invalid_inputs(drive):
     recording.channels["engine_command"][200:210] = np.nan
     recording.channels["speed"][:3] = np.nan
     recording.channels["speed"][400:405] = np.nan
-    pieces = windows.cut(recording, recording.interface)
+    pieces = data.cut(recording, recording.interface)
     assert [(p.start_s, len(p)) for p in pieces] == [(pytest.approx(0.3), 197), (21.0, 390)]
 
 
 def test_consistent_acceleration_loses_bias_and_keeps_the_rest(drive):
     recording = drive(300)
     truth = recording.channels["acceleration"].copy()
-    np.testing.assert_allclose(
-        windows.consistent(recording).channels["acceleration"][1:], truth[1:], atol=1e-9
-    )
+    np.testing.assert_allclose(data.consistent(recording).channels["acceleration"][1:], truth[1:], atol=1e-9)
     biased = replace(recording, channels={**recording.channels, "acceleration": truth + 0.3})
-    np.testing.assert_allclose(windows.consistent(biased).channels["acceleration"][1:], truth[1:], atol=1e-9)
+    np.testing.assert_allclose(data.consistent(biased).channels["acceleration"][1:], truth[1:], atol=1e-9)
     biased.channels["acceleration"][50:90] = np.nan
-    mended = windows.consistent(biased).channels["acceleration"]
+    mended = data.consistent(biased).channels["acceleration"]
     known = np.isfinite(mended) & (np.arange(len(truth)) > 0)
     np.testing.assert_allclose(mended[known], truth[known], atol=1e-9)
 
@@ -57,20 +58,20 @@ def test_consistent_acceleration_loses_bias_and_keeps_the_rest(drive):
 def test_a_channel_without_a_sample_has_a_harmless_scale(drive):
     recording = drive(30)
     recording.channels["fuel_rate"][:] = np.nan
-    scales = windows.measure_scales([recording])
+    scales = data.measure_scales([recording])
     assert np.isfinite(scales.mean).all() and (scales.scale > 0).all()
     recording.channels["acceleration"][:] = np.nan
-    filled = windows.consistent(recording).channels["acceleration"]
+    filled = data.consistent(recording).channels["acceleration"]
     np.testing.assert_allclose(filled[1:], np.diff(recording.channels["speed"]) / recording.dt, atol=1e-9)
 
 
 def test_split_keeps_time_order_and_shares(drive):
     long, short = drive(600), [drive(20, seed=s) for s in range(1, 15)]
-    training, validation = windows.time_split([long, *short])
+    training, validation = data.time_split([long, *short])
     assert len(training[0]) == 5100 and len(validation[0]) == 900
     assert validation[0].start_s == pytest.approx(510.0)
     assert len(training) + len(validation) == 16 and len(validation) == 3
-    only, held = windows.time_split([drive(20)])
+    only, held = data.time_split([drive(20)])
     assert (len(only[0]), len(held[0])) == (170, 30)
 
 
@@ -78,20 +79,20 @@ def test_common_interface_is_what_all_have(drive):
     full, blind = drive(10), drive(10, seed=1)
     del blind.channels["grade"], blind.channels["fuel_rate"]
     blind.channels["brake_command"][:] = np.nan
-    interface = windows.common_interface([full, blind])
+    interface = data.common_interface([full, blind])
     assert (interface.grade, interface.brake_unit, interface.fuel) == (False, None, True)
-    piece = windows.cut(blind, interface)[0]
+    piece = data.cut(blind, interface)[0]
     assert piece.y.shape == (100, 3) and np.isnan(piece.y[:, 2]).all()
 
 
 def test_a_short_stretch_without_grade_does_not_cost_the_grade(drive):
     full, standing = drive(100), drive(8, seed=1)
     standing.channels["grade"][:] = np.nan
-    interface = windows.common_interface([full, standing])
+    interface = data.common_interface([full, standing])
     assert interface.grade
-    assert windows.cut(standing, interface) == []
+    assert data.cut(standing, interface) == []
     del standing.channels["grade"]
-    assert windows.cut(standing, interface) == []
+    assert data.cut(standing, interface) == []
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,7 @@ def test_a_short_stretch_without_grade_does_not_cost_the_grade(drive):
 )
 def test_bags_that_do_not_belong_together(drive, change, says):
     with pytest.raises(InputError, match=says):
-        windows.common_interface([drive(10), change(drive(10, seed=1))])
+        data.common_interface([drive(10), change(drive(10, seed=1))])
 
 
 def test_unrecorded_braking_is_left_out(drive):
@@ -112,8 +113,30 @@ def test_unrecorded_braking_is_left_out(drive):
     recording = drive(30, interface=fuel)
     recording.channels["grade"][:] = 0.02
     recording.channels["acceleration"][:] = -0.7  # of which the slope takes 0.2
-    assert not windows.unexplained(recording, fuel).any()
+    assert not data.unexplained(recording, fuel).any()
     recording.channels["acceleration"][100:120] = -1.5
-    assert [len(p) for p in windows.cut(recording, fuel)] == [100, 180]
-    assert not windows.unexplained(recording, TruckInterface("torque", "N m", None)).any()
-    assert not windows.unexplained(recording, TruckInterface("braked", "g/s", "percent")).any()
+    assert [len(p) for p in data.cut(recording, fuel)] == [100, 180]
+    assert not data.unexplained(recording, TruckInterface("torque", "N m", None)).any()
+    assert not data.unexplained(recording, TruckInterface("braked", "g/s", "percent")).any()
+
+
+def test_a_drive_in_which_all_varies_is_not_remarked_on(drive):
+    assert untaught([drive(60)], TruckInterface("toy")) == ()
+
+
+def test_inputs_that_never_vary_are_named(drive):
+    still = drive(60)
+    for name, value in (("engine_command", 300.0), ("brake_command", 0.0), ("grade", 0.01)):
+        still.channels[name][:] = value
+    engine, brake, grade = untaught([still], still.interface)
+    assert engine == "engine command never varies: how the truck answers the engine is not learned from it"
+    assert brake.startswith("the brake is never used") and grade.startswith("grade never varies")
+    other = replace(still, channels={**still.channels, "engine_command": np.full(len(still), 800.0)})
+    assert len(untaught([still, other], still.interface)) == 2
+
+
+def test_the_card_says_so(drive, small, tmp_path):
+    interface = TruckInterface("plain", brake_unit=None)
+    train([drive(60, interface=interface)], tmp_path / "sim", replace(small, updates=6))
+    card = (tmp_path / "sim" / "MODEL_CARD.md").read_text()
+    assert "- Braking is not recorded: how it brakes is not learned from it." in card

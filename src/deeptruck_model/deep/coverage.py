@@ -1,4 +1,4 @@
-"""What the training data covered: a histogram of speed x acceleration x grade."""
+"""What a deep truck was trained on: a histogram of its driving, and the samples it learned from."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
 
 Array = NDArray[np.float64]
 SPEED_BIN, ACCELERATION_BIN, GRADE_BIN = 2.0, 0.5, 0.01  # m/s, m/s^2, ratio
+Rows = NDArray[Any]
+PER_S, MOST = 1.0, 50_000  # samples a second that are kept, and of all
+SPEED_NEAR, GRADE_NEAR, COMMAND_NEAR = 2.0, 0.01, 0.1  # m/s, ratio, and of the command's range: alike
+LEAST_S = 2.0  # of driving alike that teach
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class Coverage:
         return cls((low[0], low[1], low[2]), (size[0], size[1], size[2]), counts)
 
 
-def measure(recordings: Sequence[Recording]) -> Coverage:
+def measure_coverage(recordings: Sequence[Recording]) -> Coverage:
     """Histogram of all finite samples of the recordings."""
     samples = np.concatenate([_samples(r) for r in recordings])
     samples = samples[np.isfinite(samples).all(axis=1)]
@@ -78,3 +83,42 @@ def _grown(counts: NDArray[np.int64]) -> NDArray[np.int64]:
     for axis in range(3):
         grown = grown + np.roll(grown, 1, axis) + np.roll(grown, -1, axis)
     return grown[1:-1, 1:-1, 1:-1]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Which speeds, commands and slopes a deep truck was trained on; beyond them its response is a guess.
+
+    `samples` (n, k) float32 of speed, u and w, each divided by what counts as near; `near` (k,). The response
+    is left out on purpose: a truck that answers the same commands otherwise is what is looked for.
+    """
+
+    samples: Rows
+    near: Rows
+
+    def covers(self, speed: Rows, u: Rows, w: Rows) -> NDArray[np.bool_]:
+        """True where the truck learned from driving alike. speed (n,), u (n, n_u), w (n, n_w)."""
+        rows = np.column_stack([speed, u, w]) / self.near
+        tree = cKDTree(self.samples)
+        least = min(len(self.samples), round(LEAST_S * PER_S))
+        distance = tree.query(rows, k=[least], p=np.inf, distance_upper_bound=1.0)[0][:, 0]
+        return np.asarray(np.isfinite(distance))
+
+
+def measure_driven(recordings: Sequence[Recording], before: Driven | None = None) -> Driven:
+    """What the recordings drove through, and what was driven `before` by a truck that is adapted to them."""
+    rows = np.concatenate([_driven_rows(r) for r in recordings])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if before is not None:
+        rows = np.concatenate([rows, before.samples * before.near])
+    rows = rows[:: max(1, -(-len(rows) // MOST))]
+    controls = len(recordings[0].interface.u)
+    largest = np.abs(rows[:, 1 : 1 + controls]).max(axis=0, initial=0.0)
+    grades = np.full(rows.shape[1] - 1 - controls, GRADE_NEAR)
+    near = np.concatenate([[SPEED_NEAR], np.maximum(COMMAND_NEAR * largest, 1e-6), grades]).astype(np.float32)
+    return Driven((rows / near).astype(np.float32), near)
+
+
+def _driven_rows(recording: Recording) -> Rows:
+    every = max(1, round(1.0 / (PER_S * recording.dt)))
+    return np.column_stack([recording.y[:, SPEED], recording.u, recording.w])[::every]

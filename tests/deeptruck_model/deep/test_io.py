@@ -1,10 +1,13 @@
+from __future__ import annotations
+
 import json
 import os
 
+import numpy as np
 import pytest
 
 from deeptruck_model import simulators
-from deeptruck_model.deep import DeepTruck
+from deeptruck_model.deep import DeepTruck, io
 from deeptruck_model.errors import InputError
 
 
@@ -122,3 +125,28 @@ def test_a_changed_number_is_no_other_number(saved, name):
 def test_a_truck_saved_without_them_loads_without_them(truck, tmp_path):
     DeepTruck(truck.network, truck.interface).save(tmp_path / "bare")
     assert simulators.load(tmp_path / "bare").coverage is None
+
+
+def test_recordings_come_back(drive, tmp_path):
+    kept = drive(60)
+    io.save_reference([kept], tmp_path)
+    (again,) = io.load_reference(tmp_path)
+    assert (again.name, again.dt, again.interface) == (kept.name, kept.dt, kept.interface)
+    assert set(again.channels) == set(kept.channels)
+    np.testing.assert_allclose(again.channels["speed"], kept.channels["speed"], atol=1e-4)
+
+
+def test_no_more_than_an_hour_is_kept(drive, tmp_path, monkeypatch):
+    monkeypatch.setattr(io, "MOST_S", 30.0)
+    io.save_reference([drive(20), drive(20), drive(20)], tmp_path)
+    assert sum(len(r) * r.dt for r in io.load_reference(tmp_path)) == pytest.approx(30.0, abs=0.2)
+
+
+def test_a_folder_without_any_has_none(tmp_path):
+    assert io.load_reference(tmp_path) == ()
+
+
+def test_a_damaged_file_is_one_line(tmp_path):
+    (tmp_path / io.REFERENCE_FILE).write_bytes(b"half")
+    with pytest.raises(InputError, match="damaged"):
+        io.load_reference(tmp_path)

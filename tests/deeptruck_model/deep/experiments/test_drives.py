@@ -1,8 +1,10 @@
+from __future__ import annotations
+
 import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.deep.experiments.fleet import by_fuel, fleet, random_truck
+from deeptruck_model.deep.experiments.drives import by_fuel, fleet, random_truck
 from deeptruck_model.driving_cycles import YARD
 from deeptruck_model.signals import TruckInterface
 
