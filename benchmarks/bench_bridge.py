@@ -1,8 +1,8 @@
 """Codec against cantools, loopback bus, period jitter of TSC1 and brake, driver override to release.
 
 `python benchmarks/bench_bridge.py [--seconds 20] [--overrides 5] [--load]` prints a table and writes it to
-docs/results/bridge.md. The bridge and the emulator run as processes of their own; this one is the witness.
-`--load` adds one busy process a core.
+its section of docs/results/speed.md. The bridge and the emulator run as processes of their own; this one is
+the witness. `--load` adds one busy process a core.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pathlib import Path
 import can
 import cantools.database
 import numpy as np
+import pages
 
 from truck_bridge import j1939
 
@@ -131,12 +132,10 @@ def main() -> None:
     load = f"{state}load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores at the end"
     lines = ["| what | measured |", "| --- | --- |", *(f"| {what} | {text} |" for what, text in rows)]
     command = " ".join(["python", "benchmarks/bench_bridge.py", *sys.argv[1:]])
-    report = ["# CAN bridge: measured", "", f"`{command}`; {load}.", ""]
+    how = " on a loaded machine" * options.load + " with real-time priority" * bool(options.priority)
+    report = [f"# CAN bridge{how}", "", f"`{command}`; {load}.", ""]
     print("\n".join([*report, *lines]))
-    suffix = "_under_load" * options.load + "_fifo" * bool(options.priority)
-    out = ROOT / "docs" / "results" / f"bridge{suffix}.md"
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text("\n".join([*report, *lines]) + "\n")
+    pages.store("speed", "\n".join([*report, *lines]))
 
 
 if __name__ == "__main__":

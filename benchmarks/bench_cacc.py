@@ -8,10 +8,10 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pages
 import torch
 from stable_baselines3.common.vec_env import DummyVecEnv
 
@@ -52,7 +52,7 @@ def seconds(truck: Simulator, config: trpo.TrpoConfig) -> float:
 
 
 def main() -> None:
-    """Print the table and write docs/results/bench_cacc.md."""
+    """Print the table and write its section of docs/results/speed.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -77,9 +77,7 @@ def main() -> None:
         "",
         f"Ten seeds one after another would take {10 * one:.1f} s: {10 * one / ten:.1f} times as long.",
     ]
-    out = Path(__file__).parents[1] / "docs" / "results" / "bench_cacc.md"
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text("\n".join(lines) + "\n")
+    pages.store("speed", "\n".join(lines))
     print("\n".join(lines))
 
 

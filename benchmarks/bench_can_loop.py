@@ -4,7 +4,7 @@
 
 Both runs are in real time behind the same leader; neither gets a parameter of its own. Over CAN a listener on
 the bus notes when TSC1 frames come: from a radar sample to the first frame after its command. Prints a
-table and writes docs/results/bench_can_loop.md.
+table and writes its section of docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pages
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -26,7 +27,6 @@ from deeptruck_model.recordings import read
 from truck_bridge.bus import open_bus
 
 ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "docs" / "results" / "bench_can_loop.md"
 LEADER = "steps:speeds=20/23/18/20,every=15,acceleration=0.6"
 TOPICS = {
     "speed": {"topic": "/truck/twist", "field": "twist.linear.x"},
@@ -143,7 +143,7 @@ def report(rows: dict[str, dict[str, float]], late: np.ndarray, policy: str, loa
     ]
     text = "\n".join(lines) + "\n"
     print(text)
-    RESULTS.write_text(text)
+    pages.store("speed", text)
 
 
 if __name__ == "__main__":

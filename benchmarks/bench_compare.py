@@ -14,12 +14,13 @@ import sys
 import tempfile
 from pathlib import Path
 
+import pages
+
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.recordings import write_bag
 
 HOURS, REPEATS = 1.0, 3
 CONSOLE_SCRIPT = "from deeptruck_model.cli import main; main()"
-RESULTS = Path(__file__).parents[1] / "docs" / "results" / "bench_compare.md"
 
 
 def cpu_s(*arguments: str) -> float:
@@ -31,7 +32,7 @@ def cpu_s(*arguments: str) -> float:
 
 
 def main() -> None:
-    """Print the table and write it to docs/results/bench_compare.md."""
+    """Print the table and write it to its section of docs/results/speed.md."""
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
         for k, name in enumerate(("monday", "friday")):
@@ -58,7 +59,7 @@ def main() -> None:
         f"| `coverage`, which reads the same bags | {times['coverage']:.1f} | |",
     ]
     print("\n".join(lines))
-    RESULTS.write_text("\n".join(lines) + "\n")
+    pages.store("speed", "\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import os
 
+import pages
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -23,7 +24,6 @@ from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.network import Scales
 from deeptruck_model.signals import TruckInterface
 
-RESULTS = Path(__file__).parents[1] / "docs" / "results" / "bench_deep.md"
 SEEDS, STEPS, SEQUENCES = 30, 100, 16
 MEAN = np.array([500, 10, 0, 0.1, 12, 8], np.float32)
 SCALE = np.array([800, 20, 0.02, 0.7, 8, 6], np.float32)
@@ -115,9 +115,8 @@ def main() -> None:
     head = ["| what | reference | deep truck | ratio | wanted |", "| --- | --- | --- | --- | --- |"]
     table = "\n".join([*head, *rows])
     print(table)
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
     title = "# Speed of the deep truck\n\n`python benchmarks/bench_deep.py`, CPU time of one thread.\n\n"
-    RESULTS.write_text(f"{title}{table}\n")
+    pages.store("speed", f"{title}{table}")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 
 Every command runs in a process of its own, with input that it must refuse; the table has the least of some
 runs. The limits, 1 s to the error on an idle machine and 0.5 s of CPU for `--help`, are aims: nothing is
-asserted. Writes docs/results/bench_errors.md.
+asserted. Writes its section of docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pages
 
 from deeptruck_model import trucks
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.signals import TruckInterface
 
 ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "docs" / "results" / "bench_errors.md"
 SCRIPTS = ROOT / "ros2_ws"
 PATIENCE_S = 120.0
 REFUSED = (
@@ -101,7 +101,7 @@ def main() -> None:
     page = written(*tables, arguments.repeats)
     print(page)
     if not arguments.only:
-        RESULTS.write_text(page)
+        pages.store("speed", page)
 
 
 def prepare(folder: Path) -> None:

@@ -3,7 +3,7 @@
     python benchmarks/bench_extraction.py [--hours 4] [--rate 100] [--frames 100000] [--keep FOLDER]
 
 Writes a bag of six topics, reads it in a process of its own, decodes a candump log beside python-can's reader
-with cantools, prints a table and docs/results/extraction.md.
+with cantools, prints a table and its section of docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from pathlib import Path
 import can
 import cantools
 import numpy as np
+import pages
 
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.signals import TruckInterface
 from truck_bridge import can_logs, j1939
 
-RESULTS = Path(__file__).parents[1] / "docs" / "results" / "extraction.md"
 SAYS = "`python benchmarks/bench_extraction.py`, one process, one core"
 PGN = 0x03FF_FF00  # of a message to all, within an identifier
 CHANNELS = {  # on /truck/twist, accel, status, command, /road and /radar/range
@@ -152,8 +152,7 @@ def report(found: dict[str, float], written: float | None, decoding: dict[str, f
     rows.append(("decode, CPU time beside python-can with cantools", f"{ratio:.2f}"))
     table = "\n".join(["| extraction | |", "| --- | --- |", *(f"| {a} | {b} |" for a, b in rows)])
     print(table)
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    RESULTS.write_text(f"# Reading bags\n\n{SAYS}\n\n{table}\n")
+    pages.store("speed", f"# Reading bags\n\n{SAYS}\n\n{table}")
 
 
 if __name__ == "__main__":

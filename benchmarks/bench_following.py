@@ -16,6 +16,7 @@ from typing import Any
 
 import bench_foresight
 import numpy as np
+import pages
 from numpy.typing import NDArray
 
 from deeptruck_cacc import load_policy, training
@@ -50,7 +51,7 @@ HILLS = (
 
 
 def main() -> None:
-    """Print the tables and write them to docs/results/following/TRUCK.md."""
+    """Print the tables and write them to a section of docs/results/following.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -81,7 +82,7 @@ def main() -> None:
     lines += beside_baselines(chosen)
     out = Path(__file__).parents[1] / "docs" / "results" / "following"
     out.mkdir(parents=True, exist_ok=True)
-    (out / f"{args.truck}.md").write_text("\n".join(lines) + "\n")
+    pages.store("following", "\n".join(lines))
     keep_figures(work, args.truck, out)
     print("\n".join(lines))
 

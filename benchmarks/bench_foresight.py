@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+import pages
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.pedals import PedalMap
@@ -105,7 +105,7 @@ def rows(scene: Scene, chosen: NDArray[np.intp]) -> Scene:
 
 
 def main() -> None:
-    """Print the table and write docs/results/bench_foresight.md."""
+    """Print the table and write its section of docs/results/following.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -134,8 +134,7 @@ def main() -> None:
         f"| worst of all | {worst[-1]:.3f} |",
         f"| scenes within 0.1 s throughout | {int((worst <= 0.1).sum())} of {len(worst)} |",
     ]
-    out = Path(__file__).parents[1] / "docs" / "results" / "bench_foresight.md"
-    out.write_text("\n".join(lines) + "\n")
+    pages.store("following", "\n".join(lines))
     print("\n".join(lines))
 
 

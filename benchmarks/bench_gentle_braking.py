@@ -13,6 +13,7 @@ from pathlib import Path
 
 import bench_following
 import numpy as np
+import pages
 from bench_radar_noise import NOISE, noisy
 from numpy.typing import NDArray
 
@@ -47,7 +48,7 @@ saw in training."""
 
 
 def main() -> None:
-    """Print the tables and write them to docs/results/gentle_braking.md."""
+    """Print the tables and write them to a section of docs/results/braking.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -55,7 +56,6 @@ def main() -> None:
     parser.add_argument("--trucks", nargs="+", default=TRUCKS)
     parser.add_argument("--seed", type=int, default=1000, help="of scenes and noise")
     args = parser.parse_args()
-    out = Path(__file__).parents[1] / "docs" / "results"
     lines = [
         "# Behind a leader that slows gently",
         "",
@@ -67,7 +67,7 @@ def main() -> None:
         bench_following.learn(name, 10, args.work / name)
         policy = args.work / name / "policy"
         lines += ["", f"## {name}", "", *table(trucks.load(name), policy, args.seed)]
-    (out / "gentle_braking.md").write_text("\n".join(lines) + "\n")
+    pages.store("braking", "\n".join(lines))
     print("\n".join(lines))
 
 

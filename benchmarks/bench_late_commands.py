@@ -12,6 +12,7 @@ from pathlib import Path
 
 import bench_gentle_braking
 import numpy as np
+import pages
 from bench_gentle_braking import COLUMNS, LATE_S, TRUCKS, delayed
 from numpy.typing import NDArray
 
@@ -31,8 +32,8 @@ HARD = ("stop", "cut_in", "cut_out", "radar_jump")  # scenes in which the shield
 SAYS = """Three seeds of each training on the truck itself. Scene `late` is `wide`, the default, with commands
 that reach each truck at once, 0.1 or 0.2 s later. Mean of the seeds and in brackets the worst.
 
-First behind the 32 leaders of [gentle_braking](gentle_braking.md), which slow once in the minute that is
-judged."""
+First behind the 32 leaders of [the section above](#behind-a-leader-that-slows-gently), which slow once in the
+minute that is judged."""
 PRICE = """What that costs in 100 runs of two other scenes: the worst time-gap error of a run after 10 s (s),
 median of all seeds and in brackets the worst."""
 STRING = """Eight trucks at 1.5 s behind a sine of 0.5 m/s, commands at once, first seed: the worst
@@ -42,7 +43,7 @@ radar that looks past the leader."""
 
 
 def main() -> None:
-    """Print the tables and write them to docs/results/late_commands.md."""
+    """Print the tables and write them to a section of docs/results/braking.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -59,8 +60,7 @@ def main() -> None:
         lines += ["", PRICE, "", *price(truck, policies, args.seed)]
         lines += ["", STRING, "", *string(truck, policies)]
         lines += ["", CRASHES.format(count=3 * 25 * len(HARD)), "", *crashes(truck, policies, args.seed)]
-    out = Path(__file__).parents[1] / "docs" / "results" / "late_commands.md"
-    out.write_text("\n".join(lines) + "\n")
+    pages.store("braking", "\n".join(lines))
     print("\n".join(lines))
 
 

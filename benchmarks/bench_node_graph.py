@@ -5,7 +5,7 @@
 Five processes (start script, truck_sim, leader, controller, recorder) with the physics truck and the ACC
 baseline. The age is the time from the tick of the simulator that a command answers until the recorder has
 that command: simulator, radar, controller and one hop more. Prints a table and writes
-docs/results/bench_node_graph.md.
+its section of docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pages
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.recorder import header_stamp
 
@@ -26,7 +27,6 @@ from deeptruck_model.recordings.bag_source import BagSource
 
 ROOT = Path(__file__).parents[1]
 PRIORITY = ", real-time priority (chrt -f 1)" if os.sched_getscheduler(0) == os.SCHED_FIFO else ""
-RESULTS = ROOT / "docs" / "results" / "bench_node_graph.md"
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--leader", "sine")
 TICK = os.sysconf("SC_CLK_TCK")
 
@@ -121,9 +121,8 @@ def report(rows: list[tuple[str, str, str]], machine: str) -> None:
     ]
     text = "\n".join(lines)
     print(text)
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    RESULTS.write_text(
-        f"# Node graph\n\n`python benchmarks/bench_node_graph.py`, {machine}.\n\n{text}\n\n{NOTE}\n"
+    pages.store(
+        "speed", f"# Node graph\n\n`python benchmarks/bench_node_graph.py`, {machine}.\n\n{text}\n\n{NOTE}"
     )
 
 

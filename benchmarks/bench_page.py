@@ -4,7 +4,7 @@
 
 Six processes (start script, truck_sim, leader, controller, recorder, and the page) with the physics truck and
 the ACC baseline. Runs with and without the page take turns, so that a busy machine is as busy for both; a
-viewer that only reads hears every batch. Prints a table and writes docs/results/bench_page.md.
+viewer that only reads hears every batch. Prints a table and writes its section of docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pages
 from bench_node_graph import PRIORITY, ROOT, TRUCK, cpu
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.recorder import header_stamp
 
 from deeptruck_model.recordings.bag_source import BagSource
-
-RESULTS = ROOT / "docs" / "results" / "bench_page.md"
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,7 @@ def report(runs: list[Run], arguments: argparse.Namespace) -> None:
     machine = f"{os.cpu_count()} cores{PRIORITY}; other processes kept {others} of them busy"
     command = f"python benchmarks/bench_page.py --seconds {arguments.seconds:g} --repeats {arguments.repeats}"
     print(text, machine, sep="\n")
-    RESULTS.write_text(f"# Live page\n\n`{command}`, {machine}.\n\n{text}\n\n{NOTE}\n")
+    pages.store("speed", f"# Live page\n\n`{command}`, {machine}.\n\n{text}\n\n{NOTE}")
 
 
 def told(values: list[float], unit: str = "") -> str:
@@ -160,7 +159,7 @@ The page has the lower priority, and no real-time priority where the run has it.
 Median of the runs, with the smallest and the largest in brackets. Runs with and without the page take turns.
 A ratio is that of one run to the mean of the two beside it. The last row of each kind says how much two runs
 without the page differ: less than that is no effect. The age is that of
-[the node graph](bench_node_graph.md). The viewer reads and draws nothing; a browser on the same machine needs
+[the node graph](#node-graph). The viewer reads and draws nothing; a browser on the same machine needs
 its own share of it."""
 
 

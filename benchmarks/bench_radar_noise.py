@@ -14,6 +14,7 @@ from pathlib import Path
 import bench_following
 import matplotlib
 import numpy as np
+import pages
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
@@ -38,7 +39,7 @@ SETTLED_S = 20.0
 SAYS = """The chosen policy of each truck on the truck itself, and the same weights without the filter.
 Noise is white, standard deviations for each reading; 0.1 m and 0.05 m/s are the leader node's. Behind
 steady leaders 32 runs of 80 s count, without their first 20 s. Commands are shares of their reach. Behind the
-moving leader on hills it is the 100 scenes of [following](following/trucksim.md), behind recorded cars
+moving leader on hills it is the 100 scenes of [following](following.md), behind recorded cars
 (`DEEPTRUCK_REAL_DATA`) pieces of 80 s. Both count where power suffices, after 10 s.
 
 ![both pedals behind a steady leader](radar_noise.png)"""
@@ -60,7 +61,7 @@ MOVING = {
 
 
 def main() -> None:
-    """Print the tables and write them to docs/results/radar_noise.md, with a figure beside them."""
+    """Print the tables and write them to a section of docs/results/braking.md, with a figure beside them."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -82,7 +83,7 @@ def main() -> None:
         lines += [f"## {name}", "", *behind_steady_leaders(truck, drivers, args.seed), ""]
         for leader, scene in moving(args.seed, truck.dt).items():
             lines += [*behind_moving_leaders(truck, drivers, leader, scene, args.seed), ""]
-    (out / "radar_noise.md").write_text("\n".join(lines[:-1]) + "\n")
+    pages.store("braking", "\n".join(lines))
     draw(trucks.load(TRUCKS[0]), both(args.work / TRUCKS[0] / "policy"), args.seed, out / "radar_noise.png")
     print("\n".join(lines))
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import os
 
+import pages
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import sys
@@ -25,7 +27,6 @@ from deeptruck_model.recordings import Recording, import_table
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", ROOT.parent / "shared" / "data")) / "bmw_i3"
 COLUMNS = ROOT / "layouts" / "columns" / "bmw_i3.yaml"
-RESULTS = ROOT / "docs" / "results" / "real_car.md"
 TRIPS = ("TripA01", "TripA11", "TripB17")
 TRAINED, EVERY_S, SHORT_S, SEEDS = 0.7, 5, 15, 3
 CHOSEN: dict[str, Any] = {"kind": "grey", "learning_rate": 2e-3}
@@ -146,10 +147,10 @@ def main() -> None:
         rows="\n".join(rows), trained=minutes[0], test=minutes[1], updates=updates, seeds=SEEDS
     )
     print(text)
-    RESULTS.write_text(text)
+    pages.store("real_truck", text)
 
 
-TEXT = """# A real car: `bmw_i3`
+TEXT = """# An electric car: `bmw_i3`
 
 `python benchmarks/bench_real_car.py`. An electric car, 10 Hz, motor torque (negative when it recuperates) as
 engine command, grade from the elevation. Trained on the first 70 % of each of three trips, {trained:.0f} min

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 
+import pages
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import sys
@@ -25,7 +27,6 @@ from deeptruck_model.recordings import Recording, import_table
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", ROOT.parent / "shared" / "data"))
 LOG, COLUMNS = DATA / "vt_heavy_truck" / "veh002_all.csv", ROOT / "layouts" / "columns" / "veh002.yaml"
-RESULTS = ROOT / "docs" / "results" / "real_truck.md"
 EVERY = 20  # s between starts
 SEEDS = 3
 
@@ -120,10 +121,10 @@ def main() -> None:
         rows.append(row(f"deep truck, {kind}, mean of {SEEDS} seeds", deep, test))
     text = TEXT.format(share=100 * share, rows="\n".join(rows))
     print(text)
-    RESULTS.write_text(text)
+    pages.store("real_truck", text)
 
 
-TEXT = """# A real truck: `veh002`
+TEXT = """# Half a log: `veh002`
 
 `python benchmarks/bench_real_truck.py`. A heavy diesel on the road, 1 Hz, fuel rate as engine command, grade
 from the elevation. The first half of the log trains. Free runs on the second start every 20 s wherever

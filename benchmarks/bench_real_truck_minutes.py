@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import os
 
+import pages
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import sys
@@ -17,7 +19,7 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from bench_real_truck import LOG, RESULTS, Deep, LeastSquares, halves, rms, windows
+from bench_real_truck import LOG, Deep, LeastSquares, halves, rms, windows
 from matplotlib.figure import Figure
 
 from deeptruck_model.deep import Arguments, train
@@ -130,14 +132,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         found = measure(mine, test, Path(folder))
     print(table(found))
-    RESULTS.with_name("real_truck_minutes.md").write_text(TEXT.format(rows=table(found), fleet=FLEET))
-    draw(found, RESULTS.with_name("real_truck_minutes.png"))
+    pages.store("real_truck", TEXT.format(rows=table(found), fleet=FLEET))
+    draw(found, pages.RESULTS / "real_truck_minutes.png")
 
 
-TEXT = """# Minutes of a real truck: `veh002`
+TEXT = """# Minutes of it
 
-`python benchmarks/bench_real_truck_minutes.py`. The truck and the free runs of [its own page](real_truck.md):
-the test is the second half of the log. 5, 15 and 60 min of the first half train, three times each, by
+`python benchmarks/bench_real_truck_minutes.py`. The truck and the free runs of [half a
+log](#half-a-log-veh002): the test is the second half of the log. 5, 15 and 60 min of the first half train, three times each, by
 stretches spread evenly over it; only what can be explained counts as a minute. The fleet are {fleet} made-up
 trucks that drove 20 min each, logged like this truck: 1 Hz, fuel rate as engine command, grade, no brake.
 Only how steep their roads are comes from the first half; no setting was chosen on this truck. Speed error at

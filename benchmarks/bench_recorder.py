@@ -3,7 +3,7 @@
     python benchmarks/bench_recorder.py [--rate 5000] [--seconds 20]
 
 One process publishes five topics; every message carries its number, and the bag is searched for gaps. Prints
-a table and writes docs/results/bench_recorder.md.
+a table and writes its section of docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pages
 import rclpy
 from deeptruck_nodes import environment, messages, parameters, topics
 from deeptruck_nodes.messages import SECOND
@@ -25,7 +26,6 @@ from rclpy.serialization import serialize_message
 from deeptruck_model.recordings.bag_source import BagSource
 
 PRIORITY = ", real-time priority (chrt -f 1)" if os.sched_getscheduler(0) == os.SCHED_FIFO else ""
-RESULTS = Path(__file__).parents[1] / "docs" / "results" / "bench_recorder.md"
 NAMES = tuple(f"/bench/twist{n}" for n in range(5))
 
 
@@ -120,8 +120,7 @@ def report(rows: list[tuple[str, str, str]], machine: str) -> None:
     ]
     text = "\n".join(lines)
     print(text)
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    RESULTS.write_text(f"# Recorder\n\n`python benchmarks/bench_recorder.py`, {machine}.\n\n{text}\n")
+    pages.store("speed", f"# Recorder\n\n`python benchmarks/bench_recorder.py`, {machine}.\n\n{text}")
 
 
 if __name__ == "__main__":

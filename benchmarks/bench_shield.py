@@ -24,7 +24,7 @@ SCENES = ("paper", "moving", "gap_closing", "long_following", "stop", "cut_in", 
 
 
 def main() -> None:
-    """Print the tables and write them to docs/results/bench_shield.md."""
+    """Print the tables and write them to docs/results/shield.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -37,7 +37,7 @@ def main() -> None:
     lines = ["# The shield", "", f"`python benchmarks/bench_shield.py --policy {args.policy}`", ""]
     lines += [f"Promise measured on {args.simulator}: `{', '.join(_facts(promise))}`", ""]
     lines += [*search(promise, args.rollouts), "", *cost(args.policy, truck, promise)]
-    out = Path(__file__).parents[1] / "docs" / "results" / "bench_shield.md"
+    out = Path(__file__).parents[1] / "docs" / "results" / "shield.md"
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text("\n".join(lines) + "\n")
     print("\n".join(lines))

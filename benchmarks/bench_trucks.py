@@ -3,7 +3,7 @@
     python benchmarks/bench_trucks.py [--fastsim-python PYTHON]
 
 All ratios come from one run, on one core, in CPU time. FASTSim is optional (pip install fastsim, into a venv
-of its own if you like); without it its row says so. Writes docs/results/bench_trucks.md.
+of its own if you like); without it its row says so. Writes its section of docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pages
 
 from deeptruck_model import driving_cycles, trucks
 
 ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "docs" / "results" / "bench_trucks.md"
 BATCH, STEPS = 1000, 400
 FASTSIM = """
 import json, time, fastsim
@@ -232,8 +232,7 @@ def report(rates: dict[str, float], force: float, hours7: float, fastsim: dict[s
             "",
         ]
     )
-    RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    RESULTS.write_text(text)
+    pages.store("speed", text)
     print(text)
 
 
