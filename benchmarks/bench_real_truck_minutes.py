@@ -139,12 +139,12 @@ def main() -> None:
 TEXT = """# Minutes of it
 
 `python benchmarks/bench_real_truck_minutes.py`. The truck and the free runs of [half a
-log](#half-a-log-veh002): the test is the second half of the log. 5, 15 and 60 min of the first half train, three times each, by
-stretches spread evenly over it; only what can be explained counts as a minute. The fleet are {fleet} made-up
-trucks that drove 20 min each, logged like this truck: 1 Hz, fuel rate as engine command, grade, no brake.
-Only how steep their roads are comes from the first half; no setting was chosen on this truck. Speed error at
-the end of the run, m/s: the mean of the three stretches, in brackets the lowest and the highest; where one
-ran away there is no mean. Deep trucks are of one seed each.
+log](#half-a-log-veh002): the test is the second half of the log. 5, 15 and 60 min of the first half train,
+three times each, by stretches spread evenly over it; only what can be explained counts as a minute. The
+fleet are {fleet} made-up trucks that drove 20 min each, logged like this truck: 1 Hz, fuel rate as engine
+command, grade, no brake. Only how steep their roads are comes from the first half; no setting was chosen on
+this truck. Speed error at the end of the run, m/s: the mean of the three stretches, in brackets the lowest
+and the highest; where one ran away there is no mean. Deep trucks are of one seed each.
 
 | | 15 s: rms | median | 60 s: rms | median |
 | --- | ---: | ---: | ---: | ---: |
