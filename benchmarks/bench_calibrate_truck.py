@@ -52,11 +52,11 @@ TITLES = (
 
 @dataclass(frozen=True)
 class Judged:
-    """One fitted truck: which intervals hold, how many parameters were not told, relative errors, and the
-    speed error before and after."""
+    """One fitted truck: which intervals hold, how many parameters were not identified, relative errors, and
+    the speed error before and after."""
 
     holds: tuple[bool, ...]
-    untold: int
+    unidentified: int
     errors: dict[str, float]
     before: float
     after: float
@@ -98,7 +98,7 @@ def judged(pool: trucks.PhysicsTruck, seed: int) -> Judged:
     ]
     found = calibrate(pool, drives[:3], drives[3:])
     assert found.before is not None and found.after is not None
-    return Judged(*told(found, true), found.before.speed, found.after.speed)
+    return Judged(*figures(found, true), found.before.speed, found.after.speed)
 
 
 def noisy(r: Recording, rng: np.random.Generator) -> Recording:
@@ -108,7 +108,7 @@ def noisy(r: Recording, rng: np.random.Generator) -> Recording:
     return replace(r, channels=r.channels | {"speed": speed, "acceleration": acceleration})
 
 
-def told(found: Calibration, true: dict[str, float]) -> tuple[tuple[bool, ...], int, dict[str, float]]:
+def figures(found: Calibration, true: dict[str, float]) -> tuple[tuple[bool, ...], int, dict[str, float]]:
     """Whether each interval holds, how many there are none of, and the relative errors."""
     sure = [(p.name, p.ci95) for p in found.parameters if p.ci95 is not None]
     holds = tuple(low <= true[name] <= high for name, (low, high) in sure)
@@ -124,7 +124,7 @@ def row(name: str, all_of: list[Judged]) -> str:
     ]
     before, after = (np.median([getattr(one, at) for one in all_of]) for at in ("before", "after"))
     return (
-        f"| {name} | {sum(holds)} of {len(holds)} | {sum(one.untold for one in all_of)} | "
+        f"| {name} | {sum(holds)} of {len(holds)} | {sum(one.unidentified for one in all_of)} | "
         f"{', '.join(f'{100 * e:.1f} %' for e in errors)} | {before:.2f} -> {after:.3f} |"
     )
 

@@ -190,7 +190,7 @@ class Bench:
             yield "started again, it gives something else"
 
     def _repaired(self) -> str:
-        """What hinders the bag that a killed recorder left from being mended; '' where nothing does."""
+        """What hinders the bag that a killed recorder left from being repaired; '' where nothing does."""
         if not any(path.stat().st_size for path in self.out.glob("*.mcap")):
             return ""
         script = PROGRAMS / "deeptruck-model"

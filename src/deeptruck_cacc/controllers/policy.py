@@ -23,7 +23,7 @@ Observation = Mapping[str, Any]
 TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
 GO_ON = "make room and go on with --resume"
-MENDED = "mend that and go on with --resume"
+CORRECT_IT = "correct that and go on with --resume"
 _KEPT = (MANIFEST, WEIGHTS, "learning_curve.jsonl", "tensorboard/events.out.tfevents.*")
 POLICY = files.Result(
     "a policy",
@@ -118,7 +118,7 @@ class MlpPolicy:
         try:
             self._write(draft)
         except OSError as error:
-            cure = files.advice(error, GO_ON, MENDED)
+            cure = files.advice(error, GO_ON, CORRECT_IT)
             raise InputError(f"cannot write {draft}: {error.strerror}; {cure}") from None
 
     def _write(self, folder: Path) -> None:

@@ -13,7 +13,7 @@ from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from deeptruck_cacc.controllers.policy import GO_ON, MENDED
+from deeptruck_cacc.controllers.policy import CORRECT_IT, GO_ON
 from deeptruck_cacc.training.identity import CHECKPOINT, differences, facts_of, refuse_another
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
@@ -84,7 +84,7 @@ class Log:
             with self._path.open("a") as file:
                 file.write(json.dumps({"iteration": iteration, **values}) + "\n")
         except OSError as error:
-            cure = files.advice(error, GO_ON, MENDED)
+            cure = files.advice(error, GO_ON, CORRECT_IT)
             raise InputError(f"cannot write {self._path}: {error.strerror}; {cure}") from None
         for name, value in values.items():
             point = sum(value) / len(value) if isinstance(value, list) else value

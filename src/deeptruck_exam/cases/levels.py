@@ -76,7 +76,7 @@ def find(effect: str) -> Effect:
 def choose(level: str, seed: int, effect: str | None) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
     """The effects to hide, and the names the tool is to do without.
 
-    Level `unknown` hides a law without a name, or every other time a law whose name is taken from the tool.
+    Level `unknown` hides an unnamed law, or every other time a law whose name is taken from the tool.
     Raises InputError for an unknown level or effect."""
     if level not in LEVELS:
         raise InputError(f"there is no level '{level}'; levels: {', '.join(LEVELS)}")

@@ -53,7 +53,7 @@ Examples:
 """
 _REPAIR_HELP = """Make a bag whose recorder was killed whole again, in place.
 
-A mended copy takes the place of the .mcap file once it is complete, so there must be room for it, and
+A repaired copy takes the place of the .mcap file once it is complete, so there must be room for it, and
 metadata.yaml is written. What is cut off the end is kept as NAME.mcap.cut, an older metadata.yaml as
 metadata.yaml.before. No other file is touched, and a symbolic link is refused. End the recorder first.
 

@@ -130,8 +130,8 @@ def consistent(recording: Recording) -> Recording:
     slow = np.convolve(np.where(known, excess, 0.0), window, mode="same")[: len(excess)] / np.maximum(
         weight, 1.0
     )
-    mended = np.where(np.isnan(acceleration), gained, acceleration - slow)
-    return replace(recording, channels={**recording.channels, "acceleration": mended})
+    corrected = np.where(np.isnan(acceleration), gained, acceleration - slow)
+    return replace(recording, channels={**recording.channels, "acceleration": corrected})
 
 
 def time_split(

@@ -51,7 +51,7 @@ class Prepared:
     driven: Driven | None
     """what that learned from"""
     trained_on: tuple[str, ...]
-    """kernel_features of the recordings, and of those that trained `start`"""
+    """hashes of the speed of the recordings, and of those that trained `start`"""
     unexplained: float
     """share of the rows left out because the truck braked by something that is not recorded"""
     untaught: tuple[str, ...]
@@ -87,7 +87,7 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     _judgeable(validation, pieces, interface)
     taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
     scales, start, driven = measure_scales(training, taught), None, None
-    seen = tuple(remarks.fingerprint(r) for r in recordings)
+    seen = tuple(remarks.speed_hash(r) for r in recordings)
     if arguments.start:
         known = _start(Path(arguments.start), interface, pieces[0].dt)
         start, taught = known.network, tuple(known.details.get("taught", ()))

@@ -95,7 +95,7 @@ def _other(truck: DeepTruck, recordings: Sequence[Recording], metrics: dict[str,
     )
 
 
-def fingerprint(recording: Recording) -> str:
+def speed_hash(recording: Recording) -> str:
     """SHA-256 of the speed, so that a bag that was renamed or copied, or read by another topic map, is still
     known."""
     speed = np.ascontiguousarray(recording.channels["speed"], dtype="<f8")
@@ -132,7 +132,7 @@ def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:
     """
     known = set(truck.details.get(KEY, ()))
     moving = [r for r in recordings if np.any(r.channels["speed"] > 0.0)]
-    return [r.name for r in moving if fingerprint(r) in known]
+    return [r.name for r in moving if speed_hash(r) in known]
 
 
 def warning(truck: DeepTruck, recordings: Sequence[Recording], so: str = OPTIMISTIC) -> str:

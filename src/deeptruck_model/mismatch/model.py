@@ -255,5 +255,5 @@ def _truck(simulator: Simulator, search: Regression, recipe: Recipe, model: Mode
         if t.mechanism.effect in LIBRARY
     ]
     return CorrectedTruck(
-        simulator, terms, change, Shares.untold(e), False, e.gears, factors(e.moved, change)
+        simulator, terms, change, Shares.if_unreported(e), False, e.gears, factors(e.moved, change)
     )

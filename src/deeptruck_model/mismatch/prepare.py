@@ -106,7 +106,7 @@ def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
 def _corrected(
     simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault], measured: bool
 ) -> list[Prepared]:
-    return [prepare(checks.mended(r, faults), measured, simulator.interface) for r in drives]
+    return [prepare(checks.corrected(r, faults), measured, simulator.interface) for r in drives]
 
 
 def with_rejection(drives: Drives, rule: str, samples: int) -> Drives:

@@ -75,7 +75,7 @@ class Found:
 
 
 def scan(stream: BinaryIO, size: int, file: Path) -> Found:
-    """What is whole from the beginning on; message indexes that do not fit their chunk are mended."""
+    """What is whole from the beginning on; message indexes that do not fit their chunk are written anew."""
     found = Found(end=min(size, len(MAGIC)))
     at = len(MAGIC)
     while at + RECORD_HEAD <= size:

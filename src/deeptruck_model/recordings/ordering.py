@@ -69,5 +69,5 @@ class Queue:
         return Part(stamps[now], [c[now] for c in columns], doubled)
 
     def notes(self) -> list[str]:
-        """What had to be mended."""
+        """What had to be corrected."""
         return [f"{self._swapped} messages on {self.topic} put back in order"] if self._swapped else []

@@ -29,7 +29,7 @@ def repair(path: str | Path) -> str | None:
     """Make a bag whose writer was killed (or whose end is missing) whole again, in place.
 
     `path` is a rosbag2 folder with one MCAP file, or the file itself. Everything in whole chunks is kept;
-    returns one line on what was done, None where nothing was wrong. A mended copy takes the file's place once
+    returns one line on what was done, None where nothing was wrong. A repaired copy takes its place once
     it is complete, so a kill at any moment leaves the one or the other. What is cut off is kept as
     FILE.mcap.cut, a metadata.yaml that was there as metadata.yaml.before; other files are left alone. Nothing
     tells a torn file of the recorder from another in its place: the ledger of the folder stays as it was, so
@@ -64,7 +64,7 @@ def _refuse_links(path: Path, file: Path) -> None:
 
 
 def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
-    """Put a mended copy in the place of `file`; the file that keeps what was cut off, if there is one."""
+    """Put a repaired copy in the place of `file`; the file that keeps what was cut off, if there is one."""
     draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}.tmp")
     before, is_ours = file.stat(), files.is_as_written(file)
     with files.removing(lambda: draft.unlink(missing_ok=True)):

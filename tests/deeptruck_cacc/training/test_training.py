@@ -281,7 +281,7 @@ def test_a_learning_curve_that_cannot_be_written_says_how_to_go_on(tmp_path):
     (tmp_path / "learning_curve.jsonl").unlink()
     (tmp_path / "learning_curve.jsonl").mkdir()
     with pytest.raises(
-        InputError, match=r"cannot write .*learning_curve.jsonl: .*; mend that and go on with"
+        InputError, match=r"cannot write .*learning_curve.jsonl: .*; correct that and go on with"
     ):
         log.write(0, {"cost": [1.0]})
     log.close()

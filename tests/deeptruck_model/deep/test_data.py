@@ -50,9 +50,9 @@ def test_consistent_acceleration_loses_bias_and_keeps_the_rest(drive):
     biased = replace(recording, channels={**recording.channels, "acceleration": truth + 0.3})
     np.testing.assert_allclose(data.consistent(biased).channels["acceleration"][1:], truth[1:], atol=1e-9)
     biased.channels["acceleration"][50:90] = np.nan
-    mended = data.consistent(biased).channels["acceleration"]
-    known = np.isfinite(mended) & (np.arange(len(truth)) > 0)
-    np.testing.assert_allclose(mended[known], truth[known], atol=1e-9)
+    corrected = data.consistent(biased).channels["acceleration"]
+    known = np.isfinite(corrected) & (np.arange(len(truth)) > 0)
+    np.testing.assert_allclose(corrected[known], truth[known], atol=1e-9)
 
 
 def test_a_channel_without_a_sample_has_a_harmless_scale(drive):

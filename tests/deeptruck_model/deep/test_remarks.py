@@ -10,9 +10,9 @@ from deeptruck_model.deep import DeepTruck, train
 from deeptruck_model.deep.remarks import (
     KEY,
     few_runs,
-    fingerprint,
     refuse_twice,
     remarks,
+    speed_hash,
     trained_on,
     warning,
 )
@@ -65,16 +65,16 @@ def test_little_driving_to_calibrate_by(truck, drive):
 def test_a_recording_is_known_by_another_name_but_not_changed(drive):
     recording = drive(30)
     renamed = replace(recording, name="copy", channels={"speed": recording.channels["speed"].copy()})
-    assert fingerprint(renamed) == fingerprint(recording)
-    assert fingerprint(recording.piece(0, 200)) != fingerprint(recording)
-    assert fingerprint(drive(30, seed=1)) != fingerprint(recording)
+    assert speed_hash(renamed) == speed_hash(recording)
+    assert speed_hash(recording.piece(0, 200)) != speed_hash(recording)
+    assert speed_hash(drive(30, seed=1)) != speed_hash(recording)
 
 
 def test_missing_samples_are_alike_whatever_their_bits(drive):
     one, other = drive(30), drive(30)
     one.channels["speed"][5] = np.nan
     other.channels["speed"][5] = -np.nan
-    assert fingerprint(one) == fingerprint(other)
+    assert speed_hash(one) == speed_hash(other)
 
 
 def test_an_adapted_truck_was_trained_on_both(drive, small, tmp_path):
@@ -87,7 +87,7 @@ def test_an_adapted_truck_was_trained_on_both(drive, small, tmp_path):
 def test_many_are_counted_and_older_trucks_know_none(truck, drive):
     drives = [drive(10, seed=k) for k in range(5)]
     assert warning(truck, drives) == ""
-    known = truck.with_details({KEY: [fingerprint(r) for r in drives]})
+    known = truck.with_details({KEY: [speed_hash(r) for r in drives]})
     assert "toy0, toy1, toy2 and 2 more" in warning(known, drives)
     assert warning(DeepTruck(truck.network, truck.interface), drives) == ""
 
@@ -95,7 +95,7 @@ def test_many_are_counted_and_older_trucks_know_none(truck, drive):
 def test_one_standstill_is_like_another_and_known_by_none(truck, drive):
     recording = drive(10)
     standing = replace(recording, channels=recording.channels | {"speed": np.zeros(len(recording))})
-    known = truck.with_details({KEY: [fingerprint(r) for r in (standing, recording)]})
+    known = truck.with_details({KEY: [speed_hash(r) for r in (standing, recording)]})
     assert trained_on(known, [standing]) == []
     assert trained_on(known, [recording]) == [recording.name]
 

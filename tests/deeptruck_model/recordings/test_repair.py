@@ -139,10 +139,10 @@ def test_what_stood_in_a_killed_recorders_folder_is_set_aside_and_named(
     (bag / "bag_0.mcap").write_bytes(torn_bag(tmp_path / "mine")[1])
     assert repair(bag)
     (bag / "bag_0.mcap.cut").unlink()
-    mended = (bag / "bag_0.mcap").read_bytes()
+    repaired = (bag / "bag_0.mcap").read_bytes()
     with KIND.replacing(bag, overwrite=True) as draft:
         (draft / "a").write_text("new")
-    assert (kept / "bag_0.mcap").read_bytes() == mended and (bag / "a").exists()
+    assert (kept / "bag_0.mcap").read_bytes() == repaired and (bag / "a").exists()
     assert f"the older bag was not finished; it is kept as {kept}" in capsys.readouterr().err
 
 
@@ -186,7 +186,7 @@ def records(data: bytes) -> list[tuple[int, int, int]]:
     ],
 )
 def test_a_flipped_byte_loses_nothing(tmp_path: Path, record: int, byte: int, becomes: int) -> None:
-    """Each message is in the mended bag, or in what is kept beside it; what is mended can be read."""
+    """Each message is in the repaired bag, or in what is kept beside it; what is repaired can be read."""
     writer = CrashSafeWriter(tmp_path / "bag", custom_data={"deeptruck.x": "1"})
     for begin in range(0, 50, 10):
         fill(writer, range(begin, begin + 10))

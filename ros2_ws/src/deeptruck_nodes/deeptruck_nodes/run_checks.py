@@ -104,7 +104,7 @@ def bus_opens(interface: str, channel: str) -> None:
 
 
 def bag_is_playable(bag: Path, topics: list[str]) -> None:
-    """Raises InputError where no bag is there, or not these topics; one that is not finished is mended."""
+    """Raises InputError where no bag is there, or not these topics; one that is not finished is repaired."""
     if bag.is_dir() and any(bag.glob("*.mcap")) and not (bag / checks.METADATA).exists():
         return
     held = checks.bag(bag, any_topics=True).messages

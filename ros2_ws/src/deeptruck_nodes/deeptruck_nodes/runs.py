@@ -131,8 +131,8 @@ def _mend(bag: Path) -> None:
     from deeptruck_model.recordings import repair
     from deeptruck_model.recordings.bag_source import BagSource
 
-    if bag.is_dir() and (mended := repair(bag)):
-        print(mended, flush=True)
+    if bag.is_dir() and (repaired := repair(bag)):
+        print(repaired, flush=True)
     with BagSource(bag):
         pass
 

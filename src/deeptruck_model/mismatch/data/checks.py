@@ -210,7 +210,7 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     return faults
 
 
-def mended(r: Recording, faults: Sequence[SensorFault]) -> Recording:
+def corrected(r: Recording, faults: Sequence[SensorFault]) -> Recording:
     """The recording without the sensor faults found, so that they are not taken for physics.
 
     Scale is put on the speed and lag on the accelerometer; an offset of the accelerometer never enters (see

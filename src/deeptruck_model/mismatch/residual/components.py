@@ -47,8 +47,8 @@ class Shares:
     mass: float
 
     @classmethod
-    def untold(cls, e: Evidence) -> Shares | None:
-        """The maps of a simulator that does not tell its own forces; None where it does."""
+    def if_unreported(cls, e: Evidence) -> Shares | None:
+        """The maps of a simulator that does not report its own forces; None where it does."""
         return None if TOLD in e.signals else cls.of(e)
 
     @classmethod

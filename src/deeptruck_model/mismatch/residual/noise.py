@@ -253,7 +253,7 @@ def ridge(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]
 def _autoregression(series: Series, n: Array, use: Mask, weight: Array, top: float) -> Array:
     """Coefficients (ORDER,) by weighted least squares, shrunk inside the stable region.
 
-    Noise is what is ordinary. A force that acts now and then would set them alone where the simulator is
+    Noise is what is ordinary. A force that acts intermittently would set them alone where the simulator is
     right elsewhere, and be called noise: rows count less as what came before them stands out (the generalised
     M-estimate of Denby and Martin, Journal of the American Statistical Association 74, 1979).
     Differentiated speed noise alone would make slow errors look impossible; no simulator is that good. So the

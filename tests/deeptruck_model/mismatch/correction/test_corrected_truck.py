@@ -220,9 +220,9 @@ def test_a_term_by_the_gear_goes_with_the_gear_that_is_simulated() -> None:
     u, w, y0 = inputs(20.0)
     y0[:, SPEED] = 0.3
     recorded = {"engine_speed": np.full((1, len(u[0])), 200.0), "ratio": np.full((1, len(u[0])), 150.0)}
-    told, untold = truck.along(recorded), truck
+    along, alone = truck.along(recorded), truck
     np.testing.assert_array_equal(
-        simulators.free_run(told, u, w, y0).y, simulators.free_run(untold, u, w, y0).y
+        simulators.free_run(along, u, w, y0).y, simulators.free_run(alone, u, w, y0).y
     )
     state, y = BASE.step(BASE.reset(y0), u[:, 0], w[:, 0])
     slipping = truck.step(truck.reset(y0), u[:, 0], w[:, 0])[1][0, ACCELERATION]

@@ -114,9 +114,9 @@ def test_each_fault_is_called_by_its_name_and_size(
 @pytest.mark.parametrize(("fault", "channel"), [({"scale": 1.06}, "speed"), ({"late": 8}, "acceleration")])
 def test_a_fault_that_was_found_is_mended(fault: dict[str, float], channel: str) -> None:
     bad, good = drive(5, **fault), drive(5)
-    mended = checks.mended(bad, checks.sensor_faults([bad], Rules()))
+    corrected = checks.corrected(bad, checks.sensor_faults([bad], Rules()))
     inner = slice(50, -50)
-    left = np.std((mended.channels[channel] - good.channels[channel])[inner])
+    left = np.std((corrected.channels[channel] - good.channels[channel])[inner])
     assert left < 0.4 * np.std((bad.channels[channel] - good.channels[channel])[inner])
 
 

@@ -65,8 +65,8 @@ def test_a_scale_without_an_accelerometer_is_told_by_engine_speed(scale: float) 
     (found,) = speed_unit.faults(OneGear(), [drive(scale)] * 2, Rules())  # type: ignore[arg-type]
     assert found.effect == "speed_scale" and found.value == pytest.approx(scale) and found.se < 1e-3
     assert found.between == ("speed", "engine_speed") and "accelerometer" not in found.equation
-    mended = checks.mended(drive(scale).recording, [found])
-    np.testing.assert_allclose(mended.channels["speed"], drive(1.0).recording.channels["speed"])
+    corrected = checks.corrected(drive(scale).recording, [found])
+    np.testing.assert_allclose(corrected.channels["speed"], drive(1.0).recording.channels["speed"])
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.02, 3.6])
