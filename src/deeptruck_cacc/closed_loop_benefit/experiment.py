@@ -101,10 +101,10 @@ def correct(case: Case, folder: Path) -> dict[str, Any]:
         if not (folder / "old" / MANIFEST).exists():  # a killed run may have left the folder empty
             case.old.save(folder / "old")
         drives = [r for k, d in enumerate(_drives(case)) for r in _through_a_bag(d, folder / f"drive{k}")]
-        corrected = mismatch.find_mismatch(
+        result = mismatch.find_mismatch(
             simulators.load(folder / "old"), drives[:-HELD_OUT], drives[-HELD_OUT:]
         )
-        mismatch.write(corrected, found)
+        mismatch.write(result, found)
     verdict = json.loads((found / "verdict.json").read_text())
     corrected = folder / "corrected" / MANIFEST
     if verdict["fit"].get("validated") and not corrected.exists():
@@ -144,10 +144,10 @@ def _simulators(name: str, case: Case, work: Path) -> dict[str, tuple[str, Simul
     """Where policies are kept, and the simulator they learn on; without a correction, the old one stands."""
     folder = work / "cases" / name
     corrected = folder / "corrected"
-    corrected = simulators.load(corrected if (corrected / MANIFEST).exists() else folder / "old")
+    learned_on = simulators.load(corrected if (corrected / MANIFEST).exists() else folder / "old")
     return {
         "old": (case.old_name.replace(" ", "_"), simulators.load(folder / "old")),
-        "corrected": (f"{name}_corrected", corrected),
+        "corrected": (f"{name}_corrected", learned_on),
         "true": (f"{name}_true", case.truck),
     }
 
