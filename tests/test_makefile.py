@@ -34,7 +34,7 @@ def setup(folder: Path, code: int, *said: str) -> subprocess.CompletedProcess[st
     )
     python.chmod(0o755)
     command = ["make", "-s", "setup", f"PYTHON={python}", f"VENV={folder / 'venv'}"]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=240)
 
 
 @pytest.mark.parametrize("code", [0, 1])
@@ -64,6 +64,6 @@ def test_the_site_is_built_with_warnings_as_errors(tmp_path: Path) -> None:
     python.write_text('#!/bin/sh\necho "$@"\n')
     python.chmod(0o755)
     command = ["make", "-s", "docs", f"VENV={tmp_path / 'venv'}"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=240)
     assert done.stdout.splitlines()[-1] == "-m sphinx -q -W --keep-going -b html docs build/docs"
     assert "-c constraints.txt -e .[docs]" in (tmp_path / "asked").read_text()

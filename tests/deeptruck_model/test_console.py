@@ -111,7 +111,7 @@ def ended(folder: Path, program: str, number: signal.Signals, after: float = 0.0
         assert run.stdout is not None and run.stdout.readline() == BEGUN
         time.sleep(after)
         os.killpg(run.pid, number) if number is signal.SIGINT else run.send_signal(number)
-        _, errors = run.communicate(timeout=30)
+        _, errors = run.communicate(timeout=240)
     finally:
         run.kill()
         run.wait()

@@ -39,7 +39,7 @@ def domain() -> Iterator[int]:
         raise RuntimeError("all ROS domains are taken")
 
 
-def free(domain: int, within: float = 10.0) -> bool:
+def free(domain: int, within: float = 60.0) -> bool:
     """Whether the last process of every run in a domain ends in time, even if its supervisor was killed."""
     until = time.monotonic() + within
     while time.monotonic() < until:
@@ -63,7 +63,7 @@ class Started:
                 return
         raise AssertionError(f"never ready: {self.finish()}")
 
-    def finish(self, timeout: float = 60) -> tuple[int, str, str]:
+    def finish(self, timeout: float = 240) -> tuple[int, str, str]:
         """(exit code, output, errors) of the script."""
         out, err = self.process.communicate(timeout=timeout)
         return self.process.returncode, out, err
@@ -89,7 +89,7 @@ class Started:
         return folder
 
 
-def gone(pid: int, within: float = 10.0) -> bool:
+def gone(pid: int, within: float = 60.0) -> bool:
     """Whether a process ends in time; a zombie has ended."""
     until = time.monotonic() + within
     while time.monotonic() < until:
@@ -101,6 +101,19 @@ def gone(pid: int, within: float = 10.0) -> bool:
             return True
         time.sleep(0.02)
     return False
+
+
+def until(holds: Callable[[], object], within: float = 120.0) -> None:
+    """Wait for something that a busy machine may do late."""
+    latest = time.monotonic() + within
+    while not holds():
+        assert time.monotonic() < latest, "it never happened"
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def eventually() -> Callable[..., None]:
+    return until
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from typing import Any
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
 )
-PATIENCE = 30.0  # s for an answer
+PATIENCE = 120.0  # s for an answer
 
 
 class Browser:
@@ -115,7 +115,7 @@ class Page:
         """The text of an element by its id."""
         return str(self.get(f"document.getElementById('{of}').textContent"))
 
-    def wait(self, expression: str, within: float = 20.0) -> None:
+    def wait(self, expression: str, within: float = PATIENCE) -> None:
         """Until an expression is true."""
         until = time.monotonic() + within
         asked = f"(() => {{ try {{ return Boolean({expression}); }} catch {{ return false; }} }})()"

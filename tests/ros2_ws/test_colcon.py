@@ -20,7 +20,7 @@ def test_colcon_builds_nodes_that_run(tmp_path: Path) -> None:
     hidden = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
     shutil.copytree(PACKAGE, tmp_path / "src" / "deeptruck_nodes", ignore=hidden)
     build = subprocess.run(
-        [COLCON, "build"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+        [COLCON, "build"], cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False
     )
     assert build.returncode == 0, build.stderr
     nodes = tmp_path / "install" / "deeptruck_nodes" / "lib" / "deeptruck_nodes"
@@ -36,7 +36,7 @@ def test_colcon_builds_nodes_that_run(tmp_path: Path) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=240,
         check=False,
     )
     assert (run.returncode, run.stderr.count("\n")) == (2, 1), run.stderr

@@ -51,10 +51,10 @@ def fed_controller(domain: int, tmp_path: Path, silent: tuple[str, ...]) -> dict
     try:
         fed = subprocess.run(
             [sys.executable, HERE / "feed_controller.py", *silent],
-            env=environment, timeout=60, check=True, capture_output=True, text=True,
+            env=environment, timeout=240, check=True, capture_output=True, text=True,
         )  # fmt: skip
     finally:
         controller.terminate()
-        _, errors = controller.communicate(timeout=20)
+        _, errors = controller.communicate(timeout=120)
     assert controller.returncode == 0, errors
     return dict(json.loads(fed.stdout))

@@ -62,7 +62,7 @@ def test_no_force_is_named_of_commands_that_drive_nothing(
     (tmp_path / "other.yaml").write_text("mass: 9000.0\n")
     monitor = f"truck:trucksim:{tmp_path / 'other.yaml'}"
     run = start("start_vehicle.py", *truck, "--monitor", monitor, "--record", tmp_path / "bag")
-    code, _, errors = run.finish(timeout=150)
+    code, _, errors = run.finish()
     assert (code, errors) == (0, "")
     statuses = [s for m in heard(tmp_path / "bag", "/diagnostics") for s in m.status if "mismatch" in s.name]
     assert {s.message for s in statuses} == {"not engaged"}

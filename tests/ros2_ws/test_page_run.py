@@ -48,7 +48,7 @@ def test_started_by_hand_it_says_where_it_is_and_serves(tmp_path: Path, domain: 
     try:
         assert node.stdout is not None
         (address,) = re.findall(r"^page: (http://127\.0\.0\.1:\d+/\S+/)\n$", node.stdout.readline())
-        with urllib.request.urlopen(f"{address}events", timeout=10) as stream:
+        with urllib.request.urlopen(f"{address}events", timeout=120) as stream:
             said = [stream.readline().decode() for _ in range(6)]
             greeting = json.loads(said[2].removeprefix("data: "))
             assert greeting["run"] == f"truck:volvo, baseline:acc, {tmp_path.name}"
@@ -57,7 +57,7 @@ def test_started_by_hand_it_says_where_it_is_and_serves(tmp_path: Path, domain: 
             os.kill(node.pid, signal.SIGINT)
             rest = stream.read().decode()
         assert rest.endswith("event: ended\ndata: \n\n")
-        assert node.wait(10) == 0
+        assert node.wait(120) == 0
     finally:
         node.kill()
         node.wait()

@@ -71,7 +71,7 @@ class Watched:
         self._states = self._read()
 
     def _read(self) -> Iterator[dict[str, float]]:
-        with urllib.request.urlopen(f"{self.address}events", timeout=60) as stream:
+        with urllib.request.urlopen(f"{self.address}events", timeout=120) as stream:
             for line in stream:
                 if line.startswith(b"data: {") and (state := json.loads(line[6:]).get("replay")):
                     yield state
@@ -83,7 +83,7 @@ class Watched:
     def ask(self, **what: float) -> None:
         """What the page's button and slider do."""
         request = urllib.request.Request(f"{self.address}replay", json.dumps(what).encode(), method="POST")
-        with urllib.request.urlopen(request, timeout=60) as answer:
+        with urllib.request.urlopen(request, timeout=120) as answer:
             assert answer.status == 204
 
 

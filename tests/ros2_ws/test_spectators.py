@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from deeptruck_nodes.environment import DOMAIN, ENDED
-from deeptruck_nodes.supervisor import REVIVALS, Program, Supervisor
+from deeptruck_nodes.supervisor import PATIENCE, REVIVALS, Program, Supervisor
 
 
 def program(name: str, code: str, **options: Any) -> Program:
@@ -19,12 +19,25 @@ def program(name: str, code: str, **options: Any) -> Program:
 def run(folder: Path, *programs: Program) -> tuple[int, Supervisor]:
     with (folder / "lock").open("w") as lock:
         supervisor = Supervisor(folder, programs, {DOMAIN: "1"}, lock.fileno())
-        return supervisor.run(20.0), supervisor
+        return supervisor.run(240.0), supervisor
+
+
+def lasting(marks: Path, count: int) -> Program:
+    """One that drives until a file has `count` lines, and no process is left that the last one names."""
+    code = f"""
+import time
+from pathlib import Path
+marks = Path({str(marks)!r})
+def pids(): return marks.read_text().splitlines() if marks.exists() else []
+while len(pids()) < {count} or Path("/proc", pids()[-1]).exists(): time.sleep(0.05)
+"""
+    return program("driving", code, ends_run=True)
 
 
 def test_one_that_cannot_live_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    driving = program("driving", "import time; time.sleep(3)", ends_run=True)
-    dying = program("page", "raise SystemExit('no room')", spectator=True)
+    marks = tmp_path / "marks"
+    dies = f"import os; print(os.getpid(), file=open({str(marks)!r}, 'a')); raise SystemExit('no room')"
+    driving, dying = lasting(marks, REVIVALS), program("page", dies, spectator=True)
     code, _ = run(tmp_path, dying, driving)
     said = capsys.readouterr().err.splitlines()
     assert code == 0 and len(said) == REVIVALS
@@ -40,15 +53,17 @@ with open({str(marks)!r}, "a") as file: print(os.environ["WORD"], file=file)
 if open({str(marks)!r}).read().count("word") == 1: os.kill(os.getpid(), signal.SIGKILL)
 import time; time.sleep(60)
 """
-    driving = program("driving", "import time; time.sleep(2)", ends_run=True)
+    driving = lasting(marks, 2)
     assert run(tmp_path, program("page", code, spectator=True, environment={"WORD": "word"}), driving)[0] == 0
     assert marks.read_text() == "word\nword\n"
 
 
 def test_one_that_hangs_is_not_waited_for_and_why_the_run_ended_is_written(tmp_path: Path) -> None:
     hangs = "import signal, time\nfor n in (2, 15): signal.signal(n, signal.SIG_IGN)\ntime.sleep(60)"
-    driving = program("driving", "import time; time.sleep(1)", ends_run=True)
-    begun = time.monotonic()
+    ended = tmp_path / "ended"
+    drives = f"import time; time.sleep(1); print(time.monotonic(), file=open({str(ended)!r}, 'w'))"
+    driving = program("driving", drives, ends_run=True)
     code, supervisor = run(tmp_path, program("page", hangs, spectator=True), driving)
-    assert code == 0 and time.monotonic() - begun < 5.0
+    waited = time.monotonic() - float(ended.read_text())
+    assert code == 0 and waited < sum(s for _, s in PATIENCE[:-1])  # a node would have been waited for
     assert (tmp_path / ENDED).read_text() == f"{supervisor.why}\n" == "driving is through\n"

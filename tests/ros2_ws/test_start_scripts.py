@@ -31,7 +31,7 @@ def test_every_start_script_is_a_console_script() -> None:
 @pytest.mark.parametrize("program", STARTS)
 def test_both_say_the_same(program: str, capsys: pytest.CaptureFixture[str]) -> None:
     script = [sys.executable, str(ROOT / "ros2_ws" / f"{STARTS[program]}.py"), "--help"]
-    of_script = subprocess.run(script, capture_output=True, text=True, check=True, timeout=60).stdout
+    of_script = subprocess.run(script, capture_output=True, text=True, check=True, timeout=240).stdout
     with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
         patch.setattr(sys, "argv", [program, "--help"])
         importlib.import_module(f"deeptruck_nodes.{STARTS[program]}").start()

@@ -27,7 +27,7 @@ def test_a_run_that_is_asked_to_end_as_the_last_gets_ready_does_not_go(
     went = tmp_path / "went"
     node = Program("node", (sys.executable, "-c", READY_AS_SOMEBODY_ASKS_FOR_THE_END, str(went)))
     with (tmp_path / "lock").open("w") as lock:
-        code = Supervisor(tmp_path, [node], {DOMAIN: "1"}, lock.fileno()).run(20.0)
+        code = Supervisor(tmp_path, [node], {DOMAIN: "1"}, lock.fileno()).run(240.0)
     said = capsys.readouterr().out
     assert code == 0 and "stopping" in said and "ready after" not in said
     assert not went.exists()

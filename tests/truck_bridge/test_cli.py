@@ -6,6 +6,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -64,9 +65,11 @@ def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, cap
     from truck_bridge.can_logs import read, record
 
     channel, out, counts = f"{os.getpid()}-replay", tmp_path / "copy.asc", []
-    recorder = threading.Thread(target=lambda: counts.append(record(out, "loopback", channel, 3.0)))
+    recorder = threading.Thread(target=lambda: counts.append(record(out, "loopback", channel, 5.0)))
     recorder.start()
-    threading.Event().wait(0.5)
+    while not out.exists():  # then its bus is being opened
+        time.sleep(0.01)
+    time.sleep(0.5)
     bus = ("--interface", "loopback", "--channel", channel)
     assert run(monkeypatch, "replay", log, *bus) == 0
     assert "5 frames sent" in capsys.readouterr().out
@@ -122,7 +125,7 @@ def test_help_and_misfits_come_before_anything_heavy():
             "from truck_bridge.cli import main; main()",
             *words,
         ]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
         imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
         assert "truck_bridge.cli" in imported
         assert not imported & {"numpy", "rosbags", "torch", "numba", "scipy"}

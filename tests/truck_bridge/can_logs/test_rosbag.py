@@ -123,7 +123,7 @@ def test_a_recorder_that_was_killed_leaves_what_it_had(tmp_path, name):
     process = subprocess.Popen([*argv, "--interface", "loopback", "--channel", channel])
     sent = 0
     with can.Bus(interface="loopback", channel=channel) as bus:
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 120
         while not path.exists() and time.monotonic() < deadline:
             time.sleep(0.02)
         for _ in range(300):

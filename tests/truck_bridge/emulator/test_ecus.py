@@ -41,7 +41,7 @@ def test_an_emulator_ends_in_order_when_its_terminal_is_closed(number):
     ):
         assert witness.recv(60) is not None
         process.send_signal(number)
-        assert process.wait(10) == 0
+        assert process.wait(60) == 0
 
 
 def test_real_processes_drive_and_the_driver_takes_over():
@@ -68,9 +68,9 @@ def test_real_processes_drive_and_the_driver_takes_over():
                 time.sleep(0.02)
         finally:
             stop.set()
-            thread.join(10)
+            thread.join(60)
             process.terminate()
-            assert process.wait(10) == 0, process.stderr.read()
+            assert process.wait(60) == 0, process.stderr.read()
     assert driven
     assert signals["speed"] > 1.0
     frames = []

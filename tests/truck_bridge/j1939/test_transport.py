@@ -322,7 +322,7 @@ def test_what_another_implementation_sends_is_heard():
     channel, data = object(), bytes(range(40))
     bus = can.Bus(interface="virtual", channel=channel)
     peers = [Peer(channel, address) for address in (0x10, 0x20)]
-    transport, found, kinds, until = Transport(), set(), set(), time.monotonic() + 20.0
+    transport, found, kinds, until = Transport(), set(), set(), time.monotonic() + 120.0
     try:
         while not all(peer.speaks for peer in peers) and time.monotonic() < until:
             time.sleep(0.02)

@@ -228,7 +228,8 @@ def _what_runs() -> str:
     except (OSError, yaml.YAMLError):
         return ""
     of = {node: section.get("ros__parameters", {}) for node, section in sections.items()}
-    said = [str(of[node][key]) for node, key in SHOWN if of.get(node, {}).get(key)]
+    named = [str(of[node][key]) for node, key in SHOWN if of.get(node, {}).get(key)]
+    said = [name if ":" in name else Path(name).name for name in named]
     return ", ".join([*said, Path(folder).name]) if said else ""
 
 
