@@ -24,7 +24,8 @@ function ticks([low, high], most) {
   const out = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) out.push(k * step);
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  return out.map(v => [v, (Math.abs(v) < step / 2 ? 0 : v).toFixed(decimals)]);
+  const say = v => decimals < 5 ? v.toFixed(decimals) : v ? v.toExponential(1) : "0";
+  return out.map(v => [v, say(Math.abs(v) < step / 2 ? 0 : v)]);
 }
 
 // Blue below zero, white at it, red above.
