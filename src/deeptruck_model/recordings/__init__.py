@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from deeptruck_model.recordings.extract import read
     from deeptruck_model.recordings.grade import grade_from_elevation
     from deeptruck_model.recordings.importing import Imported, import_table
+    from deeptruck_model.recordings.mcap_repair import repair
     from deeptruck_model.recordings.recording import Recording
-    from deeptruck_model.recordings.reindex import repair
     from deeptruck_model.recordings.resample import Series, uniform
     from deeptruck_model.recordings.several import read_all
     from deeptruck_model.recordings.splits import data_hash, split
@@ -54,7 +54,7 @@ __getattr__ = lazy.names(
         "grade": ("grade_from_elevation",),
         "importing": ("Imported", "import_table"),
         "recording": ("Recording",),
-        "reindex": ("repair",),
+        "mcap_repair": ("repair",),
         "resample": ("Series", "uniform"),
         "several": ("read_all",),
         "splits": ("data_hash", "split"),

@@ -1,24 +1,242 @@
-"""What recordings hold: time spent over speed, acceleration and grade; channels, ranges, gaps."""
+"""What a set of recordings covers: a map of speed, acceleration and grade, its judgement, figures and page."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.coverage_grid import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
-from deeptruck_model.recordings.coverage_judgement import judgement
-from deeptruck_model.recordings.not_recorded import not_recorded
+from deeptruck_model.pages.document import Folded, Picture, Table, document
+from deeptruck_model.pages.style import MODELLED, WIDTH_IN, png, styled
+from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.results import COVERAGE
+from deeptruck_model.signals import printed, sensible
 
 Array = NDArray[np.float64]
+
+SPEED_EDGES: Array = np.linspace(0.0, 40.0, 21)  # m/s
+ACCELERATION_EDGES: Array = np.linspace(-10.0, 3.0, 53)  # m/s^2; no tyre of a truck brakes harder
+GRADE_EDGES: Array = np.linspace(-0.10, 0.10, 21)  # ratio
+
+
+ENOUGH_S = 1800.0  # of driving to train on; 15 min leave some three times the error of 60 (results/minutes)
+ENOUGH_IN_CONDITION_S = 60.0  # chosen: some ten episodes of braking or launching
+SHOWN_FROM = -5.0  # m/s^2, or lower where there was braking as hard
+COLUMNS = 500  # of a channel's picture, each with the least and the most that was recorded there
+SHOWS = "Time spent over speed, acceleration and slope. Cells without colour were not driven."
+SHOWS_CHANNELS = (
+    "Every channel over the recorded time, the pieces one after another. Gaps are invalid samples."
+)
+CONDITIONS = "Time driven in each condition"
+SHOWN_IN = {"ratio": "%"}  # as the figure has slopes
+CHANNELS_OF = "Channels of {name}, {seconds:.0f} s at {rate:g} Hz"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A part of the grid of coverage, and the time that was driven in it, s."""
+
+    name: str
+    driven_s: float
+
+    @property
+    def enough(self) -> bool:
+        """Whether a model can learn it."""
+        return self.driven_s >= ENOUGH_IN_CONDITION_S
+
+
+def conditions(seconds: NDArray[np.float64]) -> tuple[Condition, ...]:
+    """Of the time `seconds` (speed, acceleration, grade) in the cells of coverage."""
+    speed, acceleration = SPEED_EDGES[:-1], ACCELERATION_EDGES[:-1]
+    by_speed, by_acceleration = seconds.sum(axis=(1, 2)), seconds.sum(axis=(0, 2))
+    by_grade, grade = seconds[:, :, :-1].sum(axis=(0, 1)), GRADE_EDGES[:-1].round(6)
+    parts = (
+        ("below 4 m/s", by_speed[speed < 4.0]),
+        ("4 to 16 m/s", by_speed[(speed >= 4.0) & (speed < 16.0)]),
+        ("above 16 m/s", by_speed[speed >= 16.0]),
+        ("accelerating above 0.5 m/s²", by_acceleration[acceleration >= 0.5]),
+        ("slowing by 0.5 to 2 m/s²", by_acceleration[(acceleration >= -2.0) & (acceleration < -0.5)]),
+        ("slowing by more than 2 m/s²", by_acceleration[acceleration < -2.0]),
+        ("uphill above 2 %", by_grade[grade >= 0.02]),
+        ("downhill above 2 %", by_grade[grade < -0.02]),
+    )
+    return tuple(Condition(name, float(part.sum())) for name, part in parts)
+
+
+def judgement(seconds: NDArray[np.float64], duration_s: float, commanded: bool) -> str:
+    """One sentence: whether it is enough to train on, and the conditions in which it is not.
+
+    `commanded` says whether a valid engine command was recorded.
+    """
+    if not commanded:
+        return "Enough to train: no, as no engine command is valid."
+    if duration_s < ENOUGH_S:
+        return (
+            f"Enough to train: no, {_long(duration_s)} were driven, and {ENOUGH_S / 60:.0f} min are needed."
+        )
+    lacking = [f"{c.name}: no ({_long(c.driven_s)})" for c in conditions(seconds) if not c.enough]
+    return "; ".join([f"Enough to train: yes ({_long(duration_s)})", *lacking]) + "."
+
+
+def _long(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200.0 else f"{seconds / 3600:.1f} h"
+
+
+def rows(seconds: NDArray[np.float64]) -> tuple[tuple[str, ...], ...]:
+    """Condition, time driven, and whether that is enough, as text."""
+    return tuple((c.name, _long(c.driven_s), "yes" if c.enough else "no") for c in conditions(seconds))
+
+
+@styled()
+def draw(found: Coverage) -> bytes:
+    """Three maps of time spent over speed, acceleration and grade, as PNG."""
+    figure = Figure(figsize=(WIDTH_IN, 6.2))
+    FigureCanvasAgg(figure)
+    axes = figure.subplot_mosaic("AA;BC")
+    with_grade, every = found.seconds[:, :, :-1], found.seconds
+    speed, acceleration, grade = _axes(every.sum(axis=(0, 2)))
+    _map(axes["A"], every.sum(axis=2), speed, acceleration)
+    _map(axes["B"], with_grade.sum(axis=1), speed, grade)
+    _map(axes["C"], with_grade.sum(axis=0), acceleration, grade)
+    return png(figure)
+
+
+class _Axis(NamedTuple):
+    """An axis of the maps: the edges of its cells, and from where it is drawn."""
+
+    label: str
+    edges: Array
+    shown_from: float
+
+
+def _axes(by_acceleration: Array) -> tuple[_Axis, _Axis, _Axis]:
+    """Speed, acceleration and grade; hard braking is drawn as far down as there was any."""
+    hardest = ACCELERATION_EDGES[np.flatnonzero(by_acceleration)[0]] if by_acceleration.any() else 0.0
+    return (
+        _Axis("speed [m/s]", SPEED_EDGES, SPEED_EDGES[0]),
+        _Axis("acceleration [m/s²]", ACCELERATION_EDGES, min(SHOWN_FROM, hardest)),
+        _Axis("grade [%]", 100 * GRADE_EDGES, 100 * GRADE_EDGES[0]),
+    )
+
+
+def _map(ax: Axes, seconds: Array, x: _Axis, y: _Axis) -> None:
+    ax.set_xlabel(x.label)
+    ax.set_ylabel(y.label)
+    ax.set_xlim(x.shown_from, x.edges[-1])
+    ax.set_ylim(y.shown_from, y.edges[-1])
+    if not seconds.any():
+        ax.text(0.5, 0.5, "no grade recorded", transform=ax.transAxes, ha="center", va="center", color="0.4")
+        return
+    shown = np.where(seconds.T == 0.0, np.nan, seconds.T)
+    norm = LogNorm(vmin=max(0.1, float(np.nanmin(shown))), vmax=max(1.0, float(np.nanmax(shown))))
+    mesh = ax.pcolormesh(x.edges, y.edges, shown, norm=norm, cmap="viridis")
+    ax.figure.colorbar(mesh, ax=ax, label="time spent [s]")
+
+
+@styled()
+def draw_channels(recordings: Sequence[Recording]) -> bytes:
+    """Every channel over the recorded time, one small panel each, as PNG; a gap where it is invalid."""
+    names = list(dict.fromkeys(name for r in recordings for name in r.channels))
+    figure = Figure(figsize=(WIDTH_IN, 0.6 + 0.75 * len(names)))
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    begin = 0.0
+    for recording in recordings:
+        minutes = begin + recording.dt * np.arange(len(recording)) / 60
+        begin += recording.dt * len(recording) / 60
+        for axis, name in zip(axes, names, strict=True):
+            if name in recording.channels:
+                _envelope(axis, minutes, recording.channels[name])
+            if len(recordings) > 1:
+                axis.axvline(begin, color="0.8", lw=0.6)
+    for axis, name in zip(axes, names, strict=True):
+        unit = next(r.interface.unit(name) for r in recordings if name in r.channels)
+        said = "" if unit in ("", "1") else f"\n[{printed(unit)}]"
+        axis.set_ylabel(f"{name.replace('_', ' ')}{said}", rotation=0, ha="right", va="center", fontsize=8)
+        axis.tick_params(labelsize=7)
+        axis.set_xlim(0.0, begin)
+        axis.locator_params(axis="y", nbins=3)
+    axes[-1].set_xlabel("recorded time [min]")
+    return png(figure)
+
+
+def _envelope(axis: Axes, minutes: Array, values: Array) -> None:
+    """The least and the most of the valid values in each of COLUMNS columns."""
+    columns = max(1, len(values) // COLUMNS)
+    whole = len(values) // columns * columns
+    blocks, times = values[:whole].reshape(-1, columns), minutes[:whole:columns]
+    valid = ~np.isnan(blocks)
+    known = valid.any(axis=1)
+    low = np.where(valid, blocks, np.inf).min(axis=1)
+    high = np.where(valid, blocks, -np.inf).max(axis=1)
+    low, high = np.where(known, low, np.nan), np.where(known, high, np.nan)
+    axis.fill_between(times, low, high, color=MODELLED, alpha=0.4, lw=0)
+    axis.plot(times, (low + high) / 2, color=MODELLED, lw=0.8)
+
+
+def page(found: Mapping[str, Any], maps: bytes, channels: bytes) -> str:
+    """The page as HTML, of coverage.json and its two pictures (PNG)."""
+    seconds = np.array(found["occupancy"]["seconds"])
+    conditions = Table(CONDITIONS, ("condition", "driven", "enough to learn it"), rows(seconds))
+    return document(
+        found["judgement"],
+        [*(f"Not recorded: {sentence(missing)}" for missing in found["not_recorded"]), *found["warnings"]],
+        [
+            Picture(channels, SHOWS_CHANNELS),
+            conditions,
+            Picture(maps, SHOWS),
+            *(Folded(table.says, (table,)) for table in map(_account, found["accounts"])),
+            *(Folded(table.says, (table,)) for table in map(_table, found["recordings"])),
+        ],
+    )
+
+
+def _account(account: dict[str, Any]) -> Table:
+    """What became of all that was read from one source."""
+    rows = [
+        (what, str(tally["read"]), str(tally["used"]), "", "")
+        for what, tally in ((account["items"], account), *account["channels"].items())
+    ]
+    asides = [
+        (f"{what}: {reason}", "", "", str(entry["count"]), entry["first"])
+        for what, tally in ((account["items"], account), *account["channels"].items())
+        for reason, entry in tally["set_aside"].items()
+    ]
+    remarks = [(remark, "", "", "", "") for remark in account["remarks"]]
+    says = f"What became of {account['source']}"
+    return Table(says, ("", "read", "used", "set aside", "first"), (*rows, *asides, *remarks))
+
+
+def _table(recording: dict[str, Any]) -> Table:
+    rows = [
+        (name, SHOWN_IN.get(told["unit"], printed(told["unit"])),
+         *(_text(told[key], told["unit"]) for key in ("min", "mean", "max")),
+         f"{100 * told['nan_share']:.1f}")
+        for name, told in recording["channels"].items()
+    ]  # fmt: skip
+    says = CHANNELS_OF.format(
+        name=recording["name"], seconds=recording["duration_s"], rate=1 / recording["dt"]
+    )
+    return Table(says, ("channel", "unit", "least", "mean", "most", "invalid, %"), tuple(rows))
+
+
+def _text(value: float | None, unit: str) -> str:
+    if value is None:
+        return ""
+    return sensible(100.0 * value if unit in SHOWN_IN else value)
 
 
 @dataclass(frozen=True)
@@ -84,8 +302,6 @@ class Coverage:
 
     def _repr_png_(self) -> bytes:
         """By which a notebook shows it: the figure that `save` writes."""
-        from deeptruck_model.recordings.coverage_figure import draw
-
         return draw(self)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
@@ -93,9 +309,6 @@ class Coverage:
 
         Raises InputError where something else is there, or an older coverage without `overwrite`.
         """
-        from deeptruck_model.recordings.coverage_figure import draw, draw_channels
-        from deeptruck_model.recordings.coverage_page import page
-
         told = self.to_dict()
         content = json.dumps(told, indent=1, allow_nan=False)
         with COVERAGE.replacing(Path(folder), overwrite=overwrite) as draft:
@@ -130,16 +343,16 @@ def _occupancy(recording: Recording, shape: tuple[int, int, int]) -> Array:
     grade = recording.channels.get("grade", np.full(len(recording), np.nan))
     valid = ~(np.isnan(speed) | np.isnan(acceleration))
     cells = (
-        _cell(speed[valid], SPEED_EDGES),
-        _cell(acceleration[valid], ACCELERATION_EDGES),
-        np.where(np.isnan(grade[valid]), shape[2] - 1, _cell(np.nan_to_num(grade[valid]), GRADE_EDGES)),
+        _index(speed[valid], SPEED_EDGES),
+        _index(acceleration[valid], ACCELERATION_EDGES),
+        np.where(np.isnan(grade[valid]), shape[2] - 1, _index(np.nan_to_num(grade[valid]), GRADE_EDGES)),
     )
     flat = np.ravel_multi_index(cells, shape)
     samples = np.bincount(flat, minlength=int(np.prod(shape))).reshape(shape)
     return np.asarray(samples * recording.dt, dtype=np.float64)
 
 
-def _cell(values: Array, edges: Array) -> NDArray[np.int64]:
+def _index(values: Array, edges: Array) -> NDArray[np.int64]:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, Series, coverage, coverage_figure, uniform
-from deeptruck_model.recordings.coverage_judgement import judgement
-from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
+from deeptruck_model.recordings import Recording, Series, coverage, coverage_map, uniform
+from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES, judgement
 from deeptruck_model.signals import TruckInterface, sensible
 
 
@@ -122,7 +121,7 @@ def test_a_full_disk_leaves_neither_picture_nor_numbers(
     def full(found: object) -> bytes:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(coverage_figure, "draw", full)
+    monkeypatch.setattr(coverage_map, "draw", full)
     with pytest.raises(InputError, match="No space left on device; make room"):
         coverage([drive]).save(tmp_path / "out")
     assert not list(tmp_path.iterdir())

@@ -1,5 +1,3 @@
-"""What a repair keeps, wherever it or the bag ended."""
-
 from __future__ import annotations
 
 import struct
@@ -13,7 +11,7 @@ from mcap.reader import make_reader
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import Result
-from deeptruck_model.recordings import CrashSafeWriter, reindex, repair
+from deeptruck_model.recordings import CrashSafeWriter, mcap_repair, repair
 
 KIND = Result("a bag of this test")
 
@@ -67,7 +65,7 @@ def test_a_repair_that_ends_anywhere_loses_nothing(
         raise error
 
     with monkeypatch.context() as patch:
-        patch.setattr(reindex, step, fails)
+        patch.setattr(mcap_repair, step, fails)
         with pytest.raises((KeyboardInterrupt, InputError)):
             repair(tmp_path / "bag")
     kept = b"".join(p.read_bytes() for p in sorted((tmp_path / "bag").glob("*.mcap*")))
@@ -148,14 +146,14 @@ def test_what_stood_in_a_killed_recorders_folder_is_set_aside_and_named(
 
 def test_a_bag_that_is_still_written_is_not_repaired(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file, data = torn_bag(tmp_path / "bag")
-    finish = reindex._finish
+    finish = mcap_repair._finish
 
     def meanwhile(*given: Any) -> None:
         finish(*given)
         with file.open("ab") as stream:
             stream.write(b"more")
 
-    monkeypatch.setattr(reindex, "_finish", meanwhile)
+    monkeypatch.setattr(mcap_repair, "_finish", meanwhile)
     with pytest.raises(InputError, match="is still being written"):
         repair(tmp_path / "bag")
     assert file.read_bytes() == data + b"more"
