@@ -1,4 +1,4 @@
-"""What a set of recordings covers: a map of speed, acceleration and grade, its judgement, figures and page."""
+"""What recordings hold: a map of speed, acceleration and grade, its judgement, figures, channels and page."""
 
 from __future__ import annotations
 
@@ -28,8 +28,6 @@ Array = NDArray[np.float64]
 SPEED_EDGES: Array = np.linspace(0.0, 40.0, 21)  # m/s
 ACCELERATION_EDGES: Array = np.linspace(-10.0, 3.0, 53)  # m/s^2; no tyre of a truck brakes harder
 GRADE_EDGES: Array = np.linspace(-0.10, 0.10, 21)  # ratio
-
-
 ENOUGH_S = 1800.0  # of driving to train on; 15 min leave some three times the error of 60 (results/minutes)
 ENOUGH_IN_CONDITION_S = 60.0  # chosen: some ten episodes of braking or launching
 SHOWN_FROM = -5.0  # m/s^2, or lower where there was braking as hard
