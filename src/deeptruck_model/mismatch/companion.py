@@ -6,10 +6,12 @@ ended. Standard library only, so that a node loads no more than it needs.
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from threading import Thread
 from typing import IO, TYPE_CHECKING
@@ -21,9 +23,13 @@ NICE = 10  # whatever drives goes first
 
 
 class Companion:
-    """Ask one question at a time; the answer is there when `taken` returns it."""
+    """Ask one question at a time; the answer is there when `taken` returns it.
 
-    def __init__(self) -> None:
+    Answers may take a `share` of a core on average: after each it rests for as long as that needs.
+    """
+
+    def __init__(self, share: float = math.inf) -> None:
+        self._share, self._rests_until = share, -math.inf
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: Thread | None = None
         self._answer: Answer | None = None
@@ -31,8 +37,8 @@ class Companion:
 
     @property
     def busy(self) -> bool:
-        """Whether a question is not answered yet, or its answer not taken."""
-        return self._thread is not None
+        """Whether a question is not answered yet, or its answer not taken, or it rests."""
+        return self._thread is not None or time.monotonic() < self._rests_until
 
     def ask(self, question: Callable[[], Question]) -> None:
         """Begin to answer what `question` returns, which is called in a thread; the process is started by the
@@ -64,6 +70,7 @@ class Companion:
         self._thread, answer, self._answer = None, self._answer, None
         if answer is None:
             raise RuntimeError(self._failed)
+        self._rests_until = time.monotonic() + answer.cpu_s / self._share
         return answer
 
     def close(self) -> None:

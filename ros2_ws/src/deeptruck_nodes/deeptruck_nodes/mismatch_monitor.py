@@ -34,6 +34,7 @@ from deeptruck_nodes.topics import (
 FIRST_S, EVERY_S = 90.0, 30.0  # of stamps: when mechanisms are named first, and how often
 MOST_A_STEP = 10  # messages of a topic that are kept for each step of the simulator
 MARGIN_S = 30.0  # more than adapt_s is kept, while another question is being answered
+SHARE = 0.1  # of a core, that naming may take on average in real time
 LARGEST = 3  # parts of the budget that are said
 
 
@@ -52,7 +53,7 @@ class MismatchMonitor(DeeptruckNode):
         self._engaged = True  # whether the newest command drives the truck
         self._first: int | None = None
         self._spoken: Located | None = None
-        self._companion = Companion()
+        self._companion = Companion() if self.lockstep else Companion(SHARE)
         most_hz = MOST_A_STEP / self._simulator.dt
         self._newest = Window(self.p["names_s"], most_hz) if self.p["names_s"] else None
         self._begin: Window | None = None
