@@ -2,6 +2,6 @@
 
 `laws` are the textbook laws of the score; `grammar` makes laws as data, for training alone; `worlds` draws
 trucks, roads, drivers and sensors; `cases` makes a case of a level and a seed; `tool` runs the tool as
-another process, and `scoring` opens the withheld truth. `oracle` finds what can be identified at all, `real`
-examines real logs, and `teach` trains the tool's effect classifier: it alone imports the tool.
+another process, and `scoring` opens the withheld truth. `real` examines real logs, and `teach` trains the
+tool's effect classifier: it alone imports the tool.
 """

@@ -1,4 +1,4 @@
-"""`prove`, and `python -m deeptruck_exam.command one|limit|classifier|list` for development.
+"""`prove`, and `python -m deeptruck_exam.command one|classifier|list` for development.
 
 Development seeds are 0 to 9999; a report uses seeds from 100000, run once.
 """
@@ -20,7 +20,6 @@ from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_exam.folder import PROOF
 from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.laws import EFFECTS
-from deeptruck_exam.oracle import limit
 from deeptruck_exam.real.withheld import data_folder, examine_withheld
 from deeptruck_exam.run import examine
 from deeptruck_exam.scoring.page import write_page
@@ -92,17 +91,6 @@ def one(
         return
     result = examine(out, level, seed, effect, simulator, minutes, with_rivals=rivals, keep=True)
     print(json.dumps(result, indent=1))
-
-
-@app.command("limit")
-def limit_of(
-    out: Annotated[Path, typer.Option(help="Folder; one file a case, which is not done again.")],
-    cases: Annotated[int, typer.Option(help="Cases, spread over levels and laws.", min=1)] = 200,
-    seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
-    jobs: Annotated[int, typer.Option(help="Cases at a time.", min=1)] = 1,
-) -> None:
-    """How often names can be identified where every law is known, and where the hidden one is not."""
-    limit.show(limit.run(out, cases, seed, jobs))
 
 
 @app.command()

@@ -46,7 +46,6 @@ CLASSIFIER = Result(
     "a trained effect classifier",
     ("effect_classifier.npz", "effect_classifier.json", "acceptance.md", "base-*-*.npz"),
 )
-LIMIT = Result("limits of cases", ("limit.json", "*-*.json"))
 
 
 def check(out: Path) -> None:

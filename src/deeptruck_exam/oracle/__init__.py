@@ -1,1 +1,0 @@
-"""What drives can identify at all: every law of the catalogue replayed along them."""
