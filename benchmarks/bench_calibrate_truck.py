@@ -31,7 +31,7 @@ SPEED_SD, ACCELERATION_SD = 0.02, 0.05  # m/s, m/s^2
 FIRST_SEED = 200
 HEAD = """# A truck's own parameters
 
-`python benchmarks/bench_calibrate_truck.py`
+`python benchmarks/bench_calibrate_truck.py --trucks {count}`
 
 Of each truck of the pool {count} are made. Their parameters are off at random: {off} (sd).
 Each drives four times for five minutes, recorded with the noise of ordinary sensors. The pool's truck is
@@ -45,7 +45,7 @@ and held-out drives show it.
 """
 LINE = "|---|---|---|---|---|"
 TITLES = (
-    "| truck | 95 % intervals that hold | parameters not told | median error of mass, drag area, rolling "
+    "| truck | 95 % intervals that hold | parameters not identifiable | median error of mass, drag area, rolling "
     f"| speed error of {HORIZONS_S[0]:.0f} s free runs, median, m/s |"
 )
 
