@@ -45,7 +45,8 @@ and held-out drives show it.
 """
 LINE = "|---|---|---|---|---|"
 TITLES = (
-    "| truck | 95 % intervals that hold | parameters not identifiable | median error of mass, drag area, rolling "
+    "| truck | 95 % intervals that hold | parameters not identifiable "
+    "| median error of mass, drag area, rolling "
     f"| speed error of {HORIZONS_S[0]:.0f} s free runs, median, m/s |"
 )
 
