@@ -172,14 +172,6 @@ class Regression:
         """Columns (n, k), prior and layout of a model."""
         return self._design(model.named, model.free)
 
-    def _of_parameter(self, name: str, sd: float) -> Prior:
-        """Prior of the linear change of a parameter, so that the total change from what was given, with what
-        it was moved by before, has mean zero and this standard deviation."""
-        times = 1.0 + self.e.moved.get(name, 0.0)
-        if name == "mass":  # forces act by one over the mass
-            times = 1.0 / times
-        return Prior(np.array([1.0 / times - 1.0]), np.array([sd / times]), np.zeros(1))
-
     def _design(
         self, named: tuple[CandidateTerm, ...], free: frozenset[str]
     ) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
@@ -188,10 +180,10 @@ class Regression:
         names = (
             [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters] + ["sensor lag"]
         )
+        sd = np.array([FREE[p] if p in free else self._held for p in self.parameters])
+        as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
         prior = Prior.join(
-            *(n.prior for n in named),
-            *(self._of_parameter(p, FREE[p] if p in free else self._held) for p in self.parameters),
-            self._lateness_prior,
+            *(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), self._lateness_prior
         )
         layout, at = [], 0
         for name, block in zip(names, blocks, strict=True):
