@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import socket
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import product
@@ -23,43 +24,80 @@ Result = TypeVar("Result")
 ENGINES = ("processes", "ray")
 NO_OTHER_NAMES: Mapping[str, str] = {}
 REACH_S = 5.0
+IN_FLIGHT = 4  # jobs a worker that are handed over at a time: the next is there when one is done
 RETRIES = 3  # of a job whose process was killed; more often than that, it is the job that kills it
 KILLED = f"a worker was killed {RETRIES + 1} times; is there memory for all that run side by side?"
 
 
 def run(
-    work: Callable[[Job], Result], jobs: Sequence[Job], *, workers: int = 1, engine: str = "processes"
+    work: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    *,
+    workers: int = 1,
+    engine: str = "processes",
+    lost: Callable[[Job, str], Result] | None = None,
+    address: str | None = None,
 ) -> Iterator[Result]:
     """`work` of every job, as they get done, on `workers` at a time; one worker is this process.
 
     A job whose process is killed is started again, so `work` has to go on where it was stopped, and to
-    return at once what was finished. With engine 'ray' the workers are those of the cluster that RAY_ADDRESS
+    return at once what was finished. What kills its process each time is `lost`: its result is that of
+    `lost`, called here with the reason, or the run ends. At most IN_FLIGHT jobs a worker are handed over at a
+    time. With engine 'ray' the workers are those of the cluster at `address`, or that RAY_ADDRESS
     names, and `workers` counts only without one: then Ray is started on this machine, on its loopback
-    address. Raises what `work` raises; InputError without Ray where it is asked for.
+    address. Raises what `work` raises; InputError without Ray where it is asked for, where no cluster
+    answers, and for a cluster of another Python or Ray.
     """
     if engine not in ENGINES:
         raise InputError(f"there is no engine '{engine}'; known: {', '.join(ENGINES)}")
     if engine == "ray":
-        return _on_ray(work, jobs, workers)
-    return iter(map(work, jobs)) if workers == 1 else _in_processes(work, jobs, workers)
+        return _on_ray(work, jobs, workers, lost or _ends, address)
+    return iter(map(work, jobs)) if workers == 1 else _in_processes(work, jobs, workers, lost or _ends)
 
 
-def _in_processes(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[Result]:
+def _ends(job: object, why: str) -> Any:
+    raise InputError(why)
+
+
+def _in_processes(
+    work: Callable[[Job], Result], jobs: Sequence[Job], workers: int, lost: Callable[[Job, str], Result]
+) -> Iterator[Result]:
+    """With one process the pool loses all. Those that ran then are tried one at a time, so that what kills
+    its process is known; the others go on after them."""
     left = dict(enumerate(jobs))
-    for _ in range(RETRIES + 1):
-        pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=end_with_parent)
-        with interrupts.held_back():  # the pool starts its processes here, which this one ends
-            running = {pool.submit(work, job): key for key, job in left.items()}
-        try:
-            for done in as_completed(running):
+    while left:
+        ran = yield from _until_one_is_killed(work, left, workers)
+        for key in ran:
+            for _ in range(RETRIES):
+                yield from _until_one_is_killed(work, alone := {key: left[key]}, 1)
+                if not alone:
+                    break
+            else:
+                yield lost(left[key], KILLED)
+            del left[key]
+
+
+def _until_one_is_killed(
+    work: Callable[[Job], Result], left: dict[int, Job], workers: int
+) -> Generator[Result, None, list[int]]:
+    """Results of jobs, which are removed from `left`; returns those that ran when a process was killed."""
+    waiting = deque(left)
+    running: dict[Future[Result], int] = {}
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=end_with_parent)
+    try:
+        while waiting or running:
+            with interrupts.held_back():  # the pool starts its processes here, which this one ends
+                while waiting and len(running) < IN_FLIGHT * workers:
+                    running[pool.submit(work, left[waiting[0]])] = waiting[0]
+                    waiting.popleft()
+            for done in wait(running, return_when=FIRST_COMPLETED).done:
                 yield done.result()
-                del left[running[done]]
-        except BrokenProcessPool:  # with one process the pool loses all; finished jobs are no longer left
-            continue
-        finally:
-            pool.shutdown(cancel_futures=True)
-        return
-    raise InputError(KILLED)
+                del left[running.pop(done)]
+    except BrokenProcessPool:
+        return list(running.values())
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return []
 
 
 def end_with_parent() -> None:
@@ -74,29 +112,40 @@ def _end_behind(wait: Callable[[], object]) -> None:
     os._exit(1)
 
 
-def _on_ray(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[Result]:
-    with _cluster(workers) as ray:
+def _on_ray(
+    work: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    workers: int,
+    lost: Callable[[Job, str], Result],
+    address: str | None,
+) -> Iterator[Result]:
+    with _cluster(workers, address) as ray:
         remote = ray.remote(max_retries=RETRIES)(work)
-        running = [remote.remote(job) for job in jobs]
-        while running:
-            done, running = ray.wait(running)
+        most = IN_FLIGHT * max(1, int(ray.cluster_resources().get("CPU", workers)))
+        waiting, running = deque(jobs), dict[Any, Job]()
+        while waiting or running:
+            while waiting and len(running) < most:
+                running[remote.remote(waiting[0])] = waiting[0]
+                waiting.popleft()
+            done, _ = ray.wait(list(running))
+            job = running.pop(done[0])
             try:
                 yield ray.get(done[0])
             except ray.exceptions.RayTaskError as error:
                 raise error.cause from None
-            except ray.exceptions.WorkerCrashedError:
-                raise InputError(KILLED) from None
+            except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
+                yield lost(job, KILLED)
 
 
 @contextmanager
-def _cluster(workers: int) -> Iterator[Any]:
+def _cluster(workers: int, address: str | None = None) -> Iterator[Any]:
     """Ray, connected; what is started here ends here."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is reported to anybody
-    alone = not os.environ.get("RAY_ADDRESS")
-    if alone:  # Ray's switch for 'this machine only': every port on the loopback address
+    address = address or os.environ.get("RAY_ADDRESS")
+    if not address:  # Ray's switch for 'this machine only': every port on the loopback address
         os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
     else:
-        _reach(os.environ["RAY_ADDRESS"])
+        _reach(address)
     try:
         import ray
     except ModuleNotFoundError:
@@ -105,7 +154,13 @@ def _cluster(workers: int) -> Iterator[Any]:
         yield ray
         return
     local = {"num_cpus": workers, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
-    ray.init(log_to_driver=False, **(local if alone else {}))
+    try:
+        ray.init(log_to_driver=False, **({"address": address} if address else local))
+    except (RuntimeError, ConnectionError) as error:
+        if not address:
+            raise
+        says = " ".join(str(error).split())[:300]
+        raise InputError(f"the Ray cluster at {address} cannot be used: {says}") from None
     try:
         yield ray
     finally:
@@ -113,7 +168,7 @@ def _cluster(workers: int) -> Iterator[Any]:
 
 
 def _reach(address: str) -> None:
-    """Raises InputError where nobody answers at RAY_ADDRESS; Ray itself would go on trying for ever."""
+    """Raises InputError where nobody answers at an address; Ray itself would go on trying for ever."""
     host, colon, port = address.rpartition("://")[2].rstrip("/").rpartition(":")
     if not colon:  # 'auto' and the like: no address
         return
@@ -121,8 +176,8 @@ def _reach(address: str) -> None:
         socket.create_connection((host.strip("[]"), int(port)), timeout=REACH_S).close()
     except (OSError, ValueError, OverflowError) as error:
         raise InputError(
-            f"no Ray cluster answers at RAY_ADDRESS={address} ({error}); start it there, or correct "
-            "RAY_ADDRESS, or unset it to train on this machine"
+            f"no Ray cluster answers at {address} ({error}); start it there, or correct "
+            "RAY_ADDRESS, or leave it out to work on this machine"
         ) from None
 
 

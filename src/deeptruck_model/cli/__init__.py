@@ -47,9 +47,9 @@ def spread(arguments: list[str]) -> list[str]:
 @functools.cache
 def whole() -> typer.Typer:
     """`app` with all commands, registered once however often a process runs one."""
-    from deeptruck_model.cli import comparing, data, deep, mismatch, new, simulators
+    from deeptruck_model.cli import comparing, data, deep, fleet, mismatch, new, simulators
 
-    for module in (data, comparing, deep, simulators, new, mismatch):
+    for module in (data, comparing, deep, simulators, new, mismatch, fleet):
         module.register(app)
     return app
 

@@ -34,7 +34,7 @@ def write_table(path: str | Path, recordings: Sequence[Recording]) -> Path:
     check_table(path)
     if not recordings:
         raise InputError("there is no recording to write")
-    table = _table(recordings)
+    table = as_table(recordings)
     with files.new_file(path) as draft:
         if path.suffix.lower() == ".csv":
             csv.write_csv(table, draft)
@@ -43,7 +43,8 @@ def write_table(path: str | Path, recordings: Sequence[Recording]) -> Path:
     return path
 
 
-def _table(recordings: Sequence[Recording]) -> pa.Table:
+def as_table(recordings: Sequence[Recording]) -> pa.Table:
+    """The table that `write_table` writes."""
     present = {name for r in recordings for name in r.channels}
     names = [*(n for n in CHANNELS if n in present), *sorted(present - set(CHANNELS))]
     fields = [pa.field("recording", pa.string()), pa.field("time", pa.float64(), metadata={"unit": "s"})]

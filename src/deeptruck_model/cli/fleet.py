@@ -1,0 +1,184 @@
+"""`deeptruck-model fleet`: many trucks at once, here or on a Ray cluster."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from deeptruck_model.cli.inputs import SIMULATOR
+from deeptruck_model.errors import InputError
+
+if TYPE_CHECKING:
+    from deeptruck_model.fleet.run import Workers
+    from deeptruck_model.fleet.storage import Place
+
+STAGES = ("extract", "compare", "pool", "show")
+_HELP = """Compare a fleet's recordings with a simulator, truck by truck, and say which trucks differ.
+
+All stages in order: extract (read each file once), compare (the mismatch tool on each truck), pool (which
+trucks differ from their siblings, false discoveries controlled) and show (the page). Each is a command of its
+own, too: 'fleet extract SOURCE', and 'fleet compare', 'fleet pool' or 'fleet show' with the folder that was
+written. The same command goes on where it was stopped. Folders may be file://, s3:// and gs:// addresses.
+
+Examples:
+
+  deeptruck-model fleet drives --layout '{truck}/{date}/*.mcap' --simulator truck:trucksim --out fleet
+
+  deeptruck-model fleet pool fleet --trucks trucks.csv --level 0.1
+
+  deeptruck-model fleet show fleet
+"""
+
+
+def fleet(
+    words: Annotated[
+        list[str], typer.Argument(metavar="[STAGE] PLACE", help="Of the recordings; of a result for a stage.")
+    ],
+    out: Annotated[str | None, typer.Option(help="Folder or address of the result.")] = None,
+    layout: Annotated[
+        str | None,
+        typer.Option(help="How files are named below the place: '{truck}/{date}/*.mcap'.", metavar="PATTERN"),
+    ] = None,
+    simulator: Annotated[
+        str | None, typer.Option(help=f"{SIMULATOR} Or a YAML file: class to simulator.")
+    ] = None,
+    topic_map: Annotated[Path | None, typer.Option(help="For bags of other topics.", metavar="FILE")] = None,
+    columns: Annotated[
+        Path | None, typer.Option(help="COLUMNS.yaml, for tables and CAN logs.", metavar="FILE")
+    ] = None,
+    trucks: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV: truck, and class, sound (yes or no), build, load and the like.", metavar="FILE"
+        ),
+    ] = None,
+    hours_per_truck: Annotated[
+        float | None,
+        typer.Option(help="The most driving of a truck that is compared; all where absent.", min=0.01),
+    ] = None,
+    level: Annotated[
+        float, typer.Option(help="False among all discoveries, on average.", min=0.001, max=0.5)
+    ] = 0.05,
+    engine: Annotated[
+        Literal["local", "ray"], typer.Option(help="Processes of this machine, or Ray.")
+    ] = "local",
+    workers: Annotated[int, typer.Option(help="Processes at a time.", min=1)] = 1,
+    address: Annotated[
+        str | None, typer.Option(help="Of a Ray cluster: ray://HOST:10001. Without one Ray is started here.")
+    ] = None,
+    endpoint: Annotated[
+        str | None, typer.Option(help="Of an S3 server other than Amazon's: http://127.0.0.1:9000.")
+    ] = None,
+) -> None:
+    stage, place = _stage(words)
+    if address is not None and engine != "ray":
+        raise InputError("--address is that of a Ray cluster; add --engine ray")
+    if endpoint is not None and not any(name and name.startswith("s3://") for name in (place, out)):
+        raise InputError("--endpoint is that of an S3 server, and neither place is an s3:// address")
+    from deeptruck_model.fleet.run import Workers
+    from deeptruck_model.fleet.storage import place as at
+
+    who = Workers(engine, workers, address)
+    if stage in ("", "extract"):
+        source, target = at(place, endpoint), at(_needed(out, "--out"), endpoint)
+        given = {"trucks": trucks, "topic_map": topic_map, "columns": columns}
+        _extract(source, target, _needed(layout, "--layout"), _needed(simulator, "--simulator"), who, given)
+        place = str(out)
+    elif out is not None:
+        raise InputError(f"'fleet {stage}' writes into {place}; leave --out out")
+    target = at(place, endpoint)
+    if stage in ("", "compare"):
+        _compare(target, who, hours_per_truck, checked=not stage)
+    if stage in ("", "pool"):
+        _pool(target, trucks, level)
+    if stage in ("", "show"):
+        _show(target)
+
+
+fleet.__doc__ = _HELP
+
+
+def _stage(words: list[str]) -> tuple[str, str]:
+    if len(words) == 1 and words[0] not in STAGES:
+        return "", words[0]
+    if len(words) == 2 and words[0] in STAGES:
+        return words[0], words[1]
+    raise InputError(f"write 'fleet PLACE', or 'fleet STAGE PLACE' with one of {', '.join(STAGES)}")
+
+
+def _needed(value: str | None, option: str) -> str:
+    if value is None:
+        raise InputError(f"{option} is missing; --help shows an example")
+    return value
+
+
+def _extract(
+    source: Place, target: Place, layout: str, simulator: str, who: Workers, given: dict[str, Path | None]
+) -> None:
+    from deeptruck_model.fleet.run import Fleet, extract
+
+    if target.path == source.path or target.path.startswith(f"{source.path}/"):
+        raise InputError(f"--out {target.name} is inside {source.name}, which is read here; choose another")
+    fleet = Fleet.of(source, target, layout, simulator, **given)
+    who.check()
+    _say_extracted(extract(fleet, who), target)
+
+
+def _say_extracted(index: dict[str, Any], target: Place) -> None:
+    total, out = index["total"], index["quarantined"] | index["failed"]
+    print(
+        f"{total['files']} files, {total['bytes'] / 1e6:.1f} MB: {total['hours']:.2f} h of "
+        f"{len(index['trucks'])} trucks; {len(out)} files left out"
+    )
+    for items, account in index["account"].items():
+        aside = sum(account["set_aside"].values())
+        print(f"  {account['read']} {items} read, {account['used']} used, {aside} set aside")
+    for path, why in list(out.items())[:SHOWN]:
+        print(f"  left out: {path}: {why}")
+    if len(out) > SHOWN:
+        print(f"  and {len(out) - SHOWN} more: see {target.name}/recordings.json")
+
+
+SHOWN = 10
+
+
+def _compare(target: Place, who: Workers, hours: float | None, *, checked: bool) -> None:
+    from deeptruck_model.fleet.run import compare
+
+    if not checked:
+        who.check()
+    receipts = compare(target, who, hours)
+    out = {r["truck"]: r.get("quarantined") or r["failed"] for r in receipts if "nats_fitted" not in r}
+    print(f"{len(receipts) - len(out)} trucks compared, {len(out)} left out")
+    for truck, why in list(out.items())[:SHOWN]:
+        print(f"  left out: {truck}: {why}")
+
+
+def _pool(target: Place, trucks: Path | None, level: float) -> None:
+    from deeptruck_model.fleet.plan import trucks as table
+    from deeptruck_model.fleet.pool import pool
+
+    found = pool(target, table(trucks), level)
+    for kind, c in found["classes"].items():
+        print(
+            f"class {kind}: {c['differ']} of {c['tested']} tested trucks differ from {c['references']} "
+            f"references, at a false discovery rate of {level:g}; the smallest p is {c['smallest_p']:g}"
+        )
+        if c["tested"] and not c["differ"]:
+            needed = c["references_needed"][str(c["tested"])]
+            print(f"  all {c['tested']} together could be discoveries with {needed} references or more")
+        if c["common"]:
+            print(f"  of most trucks, so of the simulator: {', '.join(c['common'])}")
+
+
+def _show(target: Place) -> None:
+    from deeptruck_model.fleet.page import show
+
+    print(f"see {show(target)}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the console script."""
+    app.command("fleet", help=_HELP)(fleet)

@@ -1,0 +1,178 @@
+"""Compare: one task a truck. Whole drives are held out, and the mismatch tool's result is kept."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.fleet.extract import load
+from deeptruck_model.fleet.plan import week
+from deeptruck_model.fleet.storage import Place, StorageError, code, key
+from deeptruck_model.reading import sha256
+
+VERDICTS, DONE = "verdicts", "compared.json"
+EVERY = 3  # one drive in so many is held out, the second first
+LEAST_DRIVES = 2  # one to fit and one to hold out
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A truck to be compared; plain values, as it travels to another process. `drives` are entries of the
+    index, `hours` the most that are used of them (None: all), `mass_kg` as for `find_mismatch`."""
+
+    truck: str
+    drives: tuple[Mapping[str, Any], ...]
+    simulator: str
+    hours: float | None
+    target: Place
+    seed: int = 0
+
+    @property
+    def key(self) -> str:
+        """The same where the same would be found."""
+        content = [(d["name"], d["sha256"]) for d in self.drives]
+        return key(self.truck, content, simulator_key(self.simulator), self.hours, self.seed, code())
+
+    @property
+    def folder(self) -> str:
+        """Where its result is."""
+        return folder(self.truck)
+
+
+def folder(truck: str) -> str:
+    """Of a truck's result."""
+    return f"{VERDICTS}/truck={quote(truck, safe='')}"
+
+
+@cache
+def simulator_key(text: str) -> str:
+    """Of what a simulator is: the content of its directory or files, else its name."""
+    path = Path(text.partition(":")[2] if text.startswith("truck:") else text)
+    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else []
+    files += [path] if path.is_file() else []
+    return key(text, [(p.name, sha256(p)) for p in files])
+
+
+def chosen(drives: Sequence[Mapping[str, Any]], hours: float | None) -> list[Mapping[str, Any]]:
+    """Drives that add up to at most `hours`, or one more, spread over the time: of the sorted ones every
+    second, then every second of the rest. In the order of their dates."""
+    ordered = sorted(drives, key=lambda d: (d["date"], d["name"]))
+    if hours is None:
+        return ordered
+    kept: list[int] = []
+    total, left = 0.0, list(range(len(ordered)))
+    while left and total < hours:
+        for k in left[:: max(1, min(2, len(left) - 1))]:
+            if total < hours:
+                kept.append(k)
+                total += ordered[k]["hours"]
+        left = [k for k in left if k not in kept]
+    return [ordered[k] for k in sorted(kept)]
+
+
+def compare(job: Comparison) -> dict[str, Any]:
+    """Compare one truck with its simulator; writes the result's folder, and last its receipt, which is
+    returned. A truck that cannot be compared has a receipt that says why; where the storage failed it has
+    none."""
+    begun, cpu = time.monotonic(), time.process_time()
+    receipt: dict[str, Any] = {"truck": job.truck, "key": job.key}
+    try:
+        try:
+            receipt |= _compared(job)
+        except StorageError:
+            raise
+        except InputError as error:
+            receipt["quarantined"] = str(error)
+        receipt |= {
+            "seconds": round(time.monotonic() - begun, 3),
+            "cpu_seconds": round(time.process_time() - cpu, 3),
+        }
+        job.target.write_json(f"{job.folder}/{DONE}", receipt)
+    except StorageError as error:
+        return receipt | {"failed": str(error)}
+    return receipt
+
+
+def lost(job: Comparison, why: str) -> dict[str, Any]:
+    """The receipt of a truck whose process was killed each time."""
+    receipt = {"truck": job.truck, "key": job.key, "quarantined": why}
+    job.target.write_json(f"{job.folder}/{DONE}", receipt)
+    return receipt
+
+
+def _compared(job: Comparison) -> dict[str, Any]:
+    from deeptruck_model import simulators
+    from deeptruck_model.mismatch import find_mismatch
+    from deeptruck_model.mismatch.evidence_by_name import evidence_by_name
+    from deeptruck_model.mismatch.output import fill
+
+    drives = chosen(job.drives, job.hours)
+    if len(drives) < LEAST_DRIVES:
+        raise InputError(f"{len(drives)} usable drive: a truck needs {LEAST_DRIVES}, one of them held out")
+    truck = simulators.load(job.simulator)
+    out = [k % EVERY == 1 for k in range(len(drives))]
+    read = [load(job.target, str(d["parquet"])) for d in drives]
+    fit, held = (
+        list(itertools.chain.from_iterable(r for r, o in zip(read, out, strict=True) if o is which))
+        for which in (False, True)
+    )
+    found = find_mismatch(truck, fit, held, seed=job.seed)
+    evidence = evidence_by_name(truck, fit, held, seed=job.seed)
+    for name in [f.path for f in job.target.list(job.folder)]:
+        job.target.delete(name)
+    with TemporaryDirectory(prefix="deeptruck-fleet-") as temporary:
+        draft = Path(temporary) / "found"
+        draft.mkdir()
+        fill(draft, found, Path(job.folder))
+        for path in sorted(p for p in draft.rglob("*") if p.is_file()):
+            job.target.write(f"{job.folder}/{path.relative_to(draft).as_posix()}", path.read_bytes())
+    return {
+        "simulator": job.simulator,
+        "hours_fitted": round(sum(d["hours"] for d, o in zip(drives, out, strict=True) if not o), 4),
+        "hours_held_out": round(sum(d["hours"] for d, o in zip(drives, out, strict=True) if o), 4),
+        "nats_fitted": _rounded(evidence[0]),
+        "nats_held_out": _rounded(evidence[1]),
+        "weeks": _by_week(found, drives),
+    }
+
+
+def _rounded(nats: Mapping[str, float]) -> dict[str, float]:
+    return {name: round(value, 3) for name, value in sorted(nats.items())}
+
+
+def _by_week(found: Any, drives: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """What the simulator is off by in each week that has a date, rms in m/s^2 of the rows compared."""
+    e = found.evidence
+    if e is None:
+        return {}
+    dates = {d["name"]: d["date"] for d in drives}
+    squares: dict[str, list[float]] = {}
+    for s in e.stretches:
+        of = week(str(dates.get(s.name.partition("#")[0], "")))
+        rows = slice(s.start, s.stop)
+        if of is not None:
+            squares.setdefault(of, []).extend((e.residual[rows][e.valid[rows]] ** 2).tolist())
+    return {of: round(float(np.sqrt(np.mean(x))), 5) for of, x in sorted(squares.items()) if x}
+
+
+def is_done(job: Comparison) -> dict[str, Any] | None:
+    """The receipt of a truck that was compared so already."""
+    path = f"{job.folder}/{DONE}"
+    if not job.target.exists(path):
+        return None
+    try:
+        receipt = json.loads(job.target.read(path))
+    except ValueError:
+        return None
+    return receipt if isinstance(receipt, dict) and receipt.get("key") == job.key else None

@@ -1,0 +1,179 @@
+"""Pool: what the fleet's verdicts say together. pool.json, from the receipts of `compare`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.fleet.compare import DONE, VERDICTS, folder
+from deeptruck_model.fleet.plan import Truck
+from deeptruck_model.fleet.statistics import (
+    REFERENCE,
+    TESTED,
+    Seen,
+    Tested,
+    least_references,
+    pooled,
+    share,
+    siblings,
+    total,
+)
+from deeptruck_model.fleet.storage import Place
+from deeptruck_model.mismatch.tree import FAMILY
+
+POOLED = "pool.json"
+Z95 = 1.96
+COMMON = 0.5  # of the trucks of a class: a family that as many have is a fault of the simulator
+
+
+def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, Any]:
+    """Everything of pool.json, which is written too. Raises InputError where no truck was compared."""
+    receipts = [target.read_json(f.path) for f in target.list(VERDICTS) if f.path.endswith(f"/{DONE}")]
+    compared = {r["truck"]: r for r in receipts if "quarantined" not in r}
+    if not compared:
+        raise InputError(f"{target.name} has no truck that was compared; run 'deeptruck-model fleet compare'")
+    verdicts = {truck: target.read_json(f"{folder(truck)}/verdict.json") for truck in compared}
+    kinds: dict[str, list[str]] = {}
+    for name in sorted(compared):
+        kinds.setdefault(_of(trucks, name).kind, []).append(name)
+    entries: dict[str, Any] = {}
+    classes = {}
+    for kind, names in sorted(kinds.items()):
+        seen = {
+            n: Seen(
+                compared[n]["nats_fitted"],
+                compared[n]["nats_held_out"],
+                compared[n]["hours_held_out"],
+                _of(trucks, n).sound,
+            )
+            for n in names
+        }
+        tested = siblings(seen, FAMILY, level)
+        for n in names:
+            entries[n] = _entry(kind, tested[n], compared[n], verdicts[n], _of(trucks, n))
+        classes[kind] = _class(tested, [verdicts[n] for n in names], level)
+    out = {
+        "level": level,
+        "classes": classes,
+        "trucks": dict(sorted(entries.items())),
+        "quarantined": {r["truck"]: r["quarantined"] for r in receipts if "quarantined" in r},
+        "effects": _effects(entries),
+        "sizes": _sizes({n: (entries[n]["class"], verdicts[n]) for n in entries}),
+    }
+    target.write_json(POOLED, out)
+    return out
+
+
+def _of(trucks: Mapping[str, Truck], name: str) -> Truck:
+    return trucks.get(name, Truck(name))
+
+
+def _entry(
+    kind: str, tested: Tested, receipt: Mapping[str, Any], verdict: Mapping[str, Any], truck: Truck
+) -> dict[str, Any]:
+    return {
+        "class": kind,
+        "traits": dict(truck.traits),
+        **{n: v if not isinstance(v, float) or np.isfinite(v) else None for n, v in asdict(tested).items()},
+        "verdict": verdict["verdict"],
+        "stated": [f["stated"] for f in verdict["findings"]],
+        "families_nats": _by_family(receipt["nats_held_out"]),
+        "tree": {n["node"]: n["probability"] for n in verdict["tree"] if n["parent"] == "mismatch"},
+        "hours": round(receipt["hours_fitted"] + receipt["hours_held_out"], 3),
+        "weeks": receipt["weeks"],
+    }
+
+
+def _by_family(nats: Mapping[str, float]) -> dict[str, float]:
+    families = sorted({FAMILY.get(name, name) for name in nats})
+    return {f: round(total(nats, [n for n in nats if FAMILY.get(n, n) == f]), 3) for f in families}
+
+
+def _class(
+    tested: Mapping[str, Tested], verdicts: Iterable[Mapping[str, Any]], level: float
+) -> dict[str, Any]:
+    """What could be found in a class, and what all of it shares."""
+    references = sum(t.role == REFERENCE for t in tested.values())
+    candidates = sum(t.role == TESTED for t in tested.values())
+    found = sum(t.differs for t in tested.values())
+    families = Counter(f for v in verdicts for f in sorted({x["family"] for x in v["findings"]}))
+    needed = {k: least_references(candidates, k, level) for k in {1, candidates} if k}
+    return {
+        "trucks": len(tested),
+        "references": references,
+        "tested": candidates,
+        "differ": found,
+        "left_out": dict(Counter(t.role for t in tested.values() if t.role not in (REFERENCE, TESTED))),
+        "smallest_p": round(1.0 / (references + 1), 5),
+        "references_needed": {str(k): n for k, n in sorted(needed.items())},
+        "common": {f: round(n / len(tested), 3) for f, n in families.items() if n >= COMMON * len(tested)},
+    }
+
+
+def _effects(entries: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The share of trucks that differ, of all and of each value of each trait, with its 95 % interval; and
+    what is stated of those."""
+    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for e in entries.values():
+        for group in (("all", "all"), ("class", e["class"]), *e["traits"].items()):
+            groups.setdefault(group, []).append(e)
+    out = []
+    for (trait, value), members in sorted(groups.items()):
+        judged = [e for e in members if e["role"] in (REFERENCE, TESTED)]
+        if not judged:
+            continue
+        differ = [e for e in judged if e["differs"]]
+        low_high = share(len(differ), len(judged))
+        stated = Counter(s for e in differ for s in dict.fromkeys(e["stated"]))
+        out.append(
+            {
+                "trait": trait,
+                "value": value,
+                "trucks": len(judged),
+                "differ": len(differ),
+                "share": [round(x, 4) for x in low_high],
+                "stated": dict(stated.most_common()),
+            }
+        )
+    return out
+
+
+def _sizes(verdicts: Mapping[str, tuple[str, Mapping[str, Any]]]) -> list[dict[str, Any]]:
+    """Sizes of findings that several trucks of a class share, raw and shrunk side by side."""
+    found: dict[tuple[str, str, str, str], dict[str, tuple[float, float]]] = {}
+    for truck, (kind, verdict) in verdicts.items():
+        for f in verdict["findings"]:
+            for name, size in f["parameters"].items():
+                if size["ci95"]:
+                    sd = (size["ci95"][1] - size["ci95"][0]) / (2.0 * Z95)
+                    if sd > 0.0:
+                        where = (kind, f["effect"], name, size["unit"])
+                        found.setdefault(where, {})[truck] = (size["value"], sd)
+    out = []
+    for (kind, effect, name, unit), by_truck in sorted(found.items()):
+        if len(by_truck) < 2:
+            continue
+        values, sds = zip(*by_truck.values(), strict=True)
+        of = pooled(values, sds)
+        rows = {
+            truck: {"raw": float(f"{raw:.5g}"), "shrunk": float(f"{shrunk:.5g}")}
+            for truck, raw, shrunk in zip(by_truck, of.raw, of.shrunk, strict=True)
+        }
+        out.append(
+            {
+                "class": kind,
+                "effect": effect,
+                "size": name,
+                "unit": unit,
+                "mean": float(f"{of.mean:.5g}"),
+                "ci95": [float(f"{of.mean + s * Z95 * of.error:.5g}") for s in (-1.0, 1.0)],
+                "sd_between": float(f"{of.between:.5g}"),
+                "trucks": rows,
+            }
+        )
+    return out

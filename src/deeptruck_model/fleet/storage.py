@@ -1,0 +1,201 @@
+"""Where files are: a folder, or a bucket that pyarrow reaches. Whole files in, whole files out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import posixpath
+import re
+import secrets
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from pyarrow import fs
+
+from deeptruck_model.errors import InputError
+
+TRIES = 5  # of one transfer; storage that fails half the time then fails one in 32
+WAIT_S = 0.2  # before the second try, doubled before each further one
+PIECE = 4 * 2**20  # bytes of one read
+BUCKETS = ("s3", "gcs")  # which have no folders to make
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A file as its storage lists it: `path` below the place, bytes, and time of change in ns."""
+
+    path: str
+    size: int
+    changed_ns: int
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder or a prefix of a bucket: the file system, which travels to other processes, and a path."""
+
+    files: fs.FileSystem
+    path: str
+    name: str
+
+    def at(self, path: str) -> str:
+        """The full path of a file below."""
+        return posixpath.join(self.path, path)
+
+    def list(self, below: str = "") -> list[Stored]:
+        """All files below, by name. Raises InputError where the storage refuses, and where `below` is none
+        nothing is listed."""
+        selector = fs.FileSelector(
+            self.at(below) if below else self.path, recursive=True, allow_not_found=True
+        )
+        start = len(self.path.rstrip("/")) + 1
+        found = self._tried("list", lambda: self.files.get_file_info(selector))
+        kept = [
+            Stored(info.path[start:], info.size, info.mtime_ns or 0)
+            for info in found
+            if info.type == fs.FileType.File
+        ]
+        return sorted((f for f in kept if not _hidden(f.path)), key=lambda f: f.path)
+
+    def exists(self, path: str) -> bool:
+        """Whether a file is there."""
+        info = self._tried(path, lambda: self.files.get_file_info(self.at(path)))
+        return bool(info.type == fs.FileType.File)
+
+    def read(self, path: str) -> bytes:
+        """The content of a small file. Raises InputError where it cannot be read."""
+
+        def content() -> bytes:
+            with self.files.open_input_stream(self.at(path)) as stream:
+                return bytes(stream.read())
+
+        return bytes(self._tried(path, content))
+
+    def read_json(self, path: str) -> dict[str, Any]:
+        """A JSON object. Raises InputError where it cannot be read, or is none."""
+        try:
+            data = json.loads(self.read(path))
+        except ValueError:
+            data = None
+        if not isinstance(data, dict):
+            raise InputError(f"{self.name}/{path} is damaged; remove it, and run the stage again")
+        return data
+
+    def write(self, path: str, content: bytes) -> None:
+        """A whole file: written under a temporary name, then renamed. Raises InputError where that fails."""
+        draft = f"{posixpath.dirname(path)}/.{posixpath.basename(path)}.{secrets.token_hex(4)}".lstrip("/")
+
+        def put() -> None:
+            if self.files.type_name not in BUCKETS:
+                self.files.create_dir(posixpath.dirname(self.at(path)), recursive=True)
+            with self.files.open_output_stream(self.at(draft)) as stream:
+                stream.write(content)
+            self.files.move(self.at(draft), self.at(path))
+
+        try:
+            self._tried(path, put)
+        finally:
+            with suppress(OSError):
+                if self.files.get_file_info(self.at(draft)).type == fs.FileType.File:
+                    self.files.delete_file(self.at(draft))
+
+    def write_json(self, path: str, data: Any) -> None:
+        """As JSON, the same bytes for the same data."""
+        self.write(path, (json.dumps(data, indent=1, sort_keys=True) + "\n").encode())
+
+    def delete(self, path: str) -> None:
+        """Remove a file that this command wrote; one that is gone is no error."""
+        with suppress(FileNotFoundError):
+            self._tried(path, lambda: self.files.delete_file(self.at(path)))
+
+    @contextmanager
+    def copied(self, path: str) -> Iterator[tuple[Path, str]]:
+        """A local copy of a file for the length of a block, by its own name, and its SHA-256. Each byte is
+        read once, unless the storage fails. Raises InputError where it cannot be read."""
+        with TemporaryDirectory(prefix="deeptruck-fleet-") as folder:
+            copy = Path(folder) / posixpath.basename(path)
+
+            def fetch() -> str:
+                digest = hashlib.sha256()
+                with self.files.open_input_stream(self.at(path)) as stream, copy.open("wb") as out:
+                    while piece := stream.read(PIECE):
+                        digest.update(piece)
+                        out.write(piece)
+                return digest.hexdigest()
+
+            yield copy, str(self._tried(path, fetch))
+
+    def _tried(self, what: str, act: Any) -> Any:
+        for attempt in range(TRIES):
+            try:
+                return act()
+            except OSError as error:
+                if isinstance(error, FileNotFoundError | PermissionError) or _denied(error):
+                    raise StorageError(f"{self.name}: {what}: {_says(error)}") from None
+                if attempt == TRIES - 1:
+                    raise StorageError(f"{self.name}: {what} failed {TRIES} times: {_says(error)}") from None
+                time.sleep(WAIT_S * 2**attempt)
+        raise AssertionError
+
+
+class StorageError(InputError):
+    """The storage failed or refused: nothing is known of the file, which a later run tries again."""
+
+
+def place(uri: str, endpoint: str | None = None) -> Place:
+    """A folder, `file://`, `s3://` or `gs://`; `endpoint` is that of another S3 server than Amazon's.
+
+    Nothing is read. Raises InputError for what is no such address.
+    """
+    try:
+        if "://" not in uri:
+            return Place(fs.LocalFileSystem(), str(Path(uri).absolute()), uri.rstrip("/") or "/")
+        if endpoint is not None and uri.startswith("s3://"):
+            scheme, _, host = endpoint.rpartition("://")
+            server = fs.S3FileSystem(
+                endpoint_override=host.rstrip("/"), scheme=scheme or "https", region="us-east-1"
+            )
+            return Place(server, uri.removeprefix("s3://").strip("/"), uri.rstrip("/"))
+        files, path = fs.FileSystem.from_uri(uri)
+    except (OSError, ValueError, NotImplementedError) as error:
+        raise InputError(f"{uri} is no storage that can be reached: {_says(error)}") from None
+    return Place(files, path.rstrip("/"), uri.rstrip("/"))
+
+
+@cache
+def code(*rooms: str) -> str:
+    """Version and SHA-256 of this package's source, of these rooms alone where some are named: work of other
+    code is done again. Of the same source it is the same on every machine."""
+    from importlib.metadata import version
+
+    root = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*")):
+        name = path.relative_to(root).as_posix()
+        if path.suffix in (".py", ".npz", ".json", ".yaml") and name.startswith(rooms or ("",)):
+            digest.update(name.encode() + b"\0" + path.read_bytes())
+    return f"{version('deeptruck')}-{digest.hexdigest()[:12]}"
+
+
+def key(*parts: object) -> str:
+    """A short name for data: the same for equal ones, on every machine."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def _hidden(path: str) -> bool:
+    return any(part.startswith(".") for part in path.split("/"))
+
+
+def _denied(error: OSError) -> bool:
+    return "ACCESS_DENIED" in str(error) or "Access Denied" in str(error)
+
+
+def _says(error: BaseException) -> str:
+    """The first sentence of what a storage library says, on one line."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return re.split(r"\. Detail|, detail:", text)[0][:200]
