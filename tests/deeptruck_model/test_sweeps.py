@@ -124,6 +124,16 @@ def test_a_job_that_always_dies_ends_the_sweep(jobs):
         list(sweeps.run(jobs.die, [0, 1], workers=2))
 
 
+@pytest.mark.parametrize("engine", sweeps.ENGINES)
+def test_a_job_that_always_dies_is_lost_alone_where_the_caller_wants_that(jobs, engine):
+    def lost(job: int, why: str) -> str:
+        return f"{job} was lost: {why}"
+
+    done = list(sweeps.run(jobs.die_of_zero, [0, 1, 2, 3], workers=2, engine=engine, lost=lost))
+    assert sorted(d for d in done if isinstance(d, int)) == [1, 2, 3]
+    assert [d for d in done if isinstance(d, str)] == [f"0 was lost: {sweeps.KILLED}"]
+
+
 def test_ray_stays_on_this_machine_and_reports_to_nobody(monkeypatch):
     asked = {}
     ray = type(sys)("ray")

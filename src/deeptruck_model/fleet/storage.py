@@ -158,10 +158,15 @@ def place(uri: str, endpoint: str | None = None) -> Place:
         if endpoint is not None and uri.startswith("s3://"):
             scheme, _, host = endpoint.rpartition("://")
             server = fs.S3FileSystem(
-                endpoint_override=host.rstrip("/"), scheme=scheme or "https", region="us-east-1"
+                endpoint_override=host.rstrip("/"),
+                scheme=scheme or "https",
+                region="us-east-1",
+                allow_delayed_open=True,
             )
             return Place(server, uri.removeprefix("s3://").strip("/"), uri.rstrip("/"))
-        files, path = fs.FileSystem.from_uri(uri)
+        one_request = "?allow_delayed_open=true"  # puts a file of some MB; else it takes three
+        asked = uri + one_request if uri.startswith("s3://") and "?" not in uri else uri
+        files, path = fs.FileSystem.from_uri(asked)
     except (OSError, ValueError, NotImplementedError) as error:
         raise InputError(f"{uri} is no storage that can be reached: {_says(error)}") from None
     return Place(files, path.rstrip("/"), uri.rstrip("/"))

@@ -1,0 +1,119 @@
+"""Trucks compared, pooled and shown: equal bytes when done twice, and a page that lists what differs."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.fleet import page, pool
+from deeptruck_model.fleet.compare import DONE, VERDICTS, chosen, folder
+from deeptruck_model.fleet.extract import INDEX, MEASURED
+from deeptruck_model.fleet.plan import Truck
+from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
+from deeptruck_model.fleet.storage import place
+
+LAYOUT = "{truck}/{date}/*.mcap"
+SOUND_NATS = {"drag_area": -1.0, "brake_gain": -1.2, "headwind": -2.0}
+
+
+def receipt(truck: str, nats: dict[str, float]) -> dict[str, object]:
+    return {
+        "truck": truck, "key": "k", "simulator": "truck:trucksim", "hours_fitted": 2.0, "hours_held_out": 1.0,
+        "nats_fitted": nats, "nats_held_out": nats, "weeks": {"2026-W10": 0.004, "2026-W11": 0.02},
+    }  # fmt: skip
+
+
+def verdict(effect: str | None) -> dict[str, object]:
+    finding = {
+        "effect": effect, "family": "air_tyres_road", "stated": effect,
+        "parameters": {"change": {"value": 20.0, "unit": "percent", "ci95": [18.0, 22.0]}},
+    }  # fmt: skip
+    tree = {"node": "air_tyres_road" if effect else "nothing", "parent": "mismatch", "probability": 0.97}
+    kind = "parameter_error" if effect else "nothing_missing"
+    return {"verdict": kind, "findings": [finding] if effect else [], "tree": [tree]}
+
+
+@pytest.fixture
+def result(tmp_path) -> Path:
+    """What extract and compare leave of 44 trucks, of which four have more drag."""
+    target = place(str(tmp_path / "result"))
+    for k in range(44):
+        name, affected = f"truck {k:02d}", k % 11 == 0
+        own = {"drag_area": 40.0 + k, "headwind": 30.0} if affected else {"drag_area": -1.0 - k / 99}
+        nats = SOUND_NATS | own
+        target.write_json(f"{folder(name)}/{DONE}", receipt(name, nats))
+        target.write_json(f"{folder(name)}/verdict.json", verdict("drag_area" if affected else None))
+        target.write(f"{folder(name)}/report.html", b"<!doctype html><title>report</title>")
+    index = {"total": {"files": 90, "bytes": 1, "hours": 132.0}, "failed": {}, "trucks": {}}
+    target.write_json(INDEX, index | {"quarantined": {"x/y.mcap": "it is cut off <here>"}})
+    return tmp_path / "result"
+
+
+def test_the_affected_are_discovered_and_shares_have_intervals(result):
+    loads = {f"truck {k:02d}": {"load": "bulk" if k % 2 else "parcels"} for k in range(44)}
+    found = pool.pool(place(str(result)), {n: Truck(n, traits=t) for n, t in loads.items()}, 0.05)
+    differ = [n for n, t in found["trucks"].items() if t["differs"]]
+    assert differ == ["truck 00", "truck 11", "truck 22", "truck 33"]
+    of = found["classes"]["all"]
+    assert (of["references"], of["tested"], of["references_needed"]["4"]) == (40, 4, 19)
+    shares = {(e["trait"], e["value"]): e for e in found["effects"]}
+    assert shares["load", "bulk"]["differ"] == shares["load", "parcels"]["differ"] == 2
+    low, high = shares["all", "all"]["share"][1:]
+    assert low < 4 / 44 < high
+    (size,) = found["sizes"]
+    assert size["mean"] == pytest.approx(20.0) and set(size["trucks"]) == set(differ)
+
+
+def test_the_page_lists_them_first_and_every_link_leads_to_a_report(result):
+    target = place(str(result))
+    pool.pool(target, {}, 0.05)
+    page.show(target)
+    text = (result / page.PAGE).read_text()
+    assert "4 of 44 trucks differ from their siblings" in text and "it is cut off &lt;here&gt;" in text
+    assert text.index("truck 33") < text.index("truck 01") and "2026-W11" in text
+    links = {unquote(link) for link in re.findall(r'href="([^"]+)"', text)}
+    assert len(links) == 44 and all((result / link).is_file() for link in links)
+
+
+def test_a_plain_folder_of_verdicts_has_a_page_too(result, tmp_path):
+    shutil.copytree(result / VERDICTS, tmp_path / "runs")
+    page.show(place(str(tmp_path / "runs")))
+    assert "4 of 44 results have a finding" in (tmp_path / "runs" / page.PAGE).read_text()
+    page.show(place(str(tmp_path / "runs")))
+    (tmp_path / "runs" / page.PAGE).write_text("mine")
+    with pytest.raises(InputError, match="was not written by 'fleet show'"):
+        page.show(place(str(tmp_path / "runs")))
+
+
+def test_hours_are_whole_drives_over_all_dates():
+    drives = [{"date": f"2026-03-{k:02d}", "name": f"{k}", "hours": 1.0} for k in range(1, 21)]
+    kept = chosen(drives, 5.0)
+    assert len(kept) == 5 and kept == sorted(kept, key=lambda d: d["date"])
+    assert chosen(drives, None) == drives and len(chosen(drives, 100.0)) == 20
+
+
+@pytest.mark.long
+def test_compared_twice_it_has_equal_bytes_and_is_skipped_the_third_time(drives, tmp_path):
+    def content(out: Path) -> dict[str, object]:
+        found: dict[str, object] = {}
+        for path in sorted(p for p in (out / VERDICTS).rglob("*") if p.is_file()):
+            data: object = path.read_bytes()
+            if path.name == DONE:
+                data = {n: v for n, v in json.loads(path.read_text()).items() if n not in MEASURED}
+            found[path.relative_to(out).as_posix()] = data
+        return found
+
+    one, two = tmp_path / "one", tmp_path / "two"
+    for out in (one, two):
+        extract(Fleet.of(place(str(drives)), place(str(out)), LAYOUT, "truck:trucksim"), Workers())
+        compare(place(str(out)), Workers())
+    assert content(one) == content(two)
+    before = {p: p.stat().st_mtime_ns for p in (one / VERDICTS).rglob("*")}
+    compare(place(str(one)), Workers())
+    assert {p: p.stat().st_mtime_ns for p in (one / VERDICTS).rglob("*")} == before
