@@ -115,6 +115,7 @@ def _compared(job: Comparison) -> dict[str, Any]:
     from deeptruck_model import simulators
     from deeptruck_model.mismatch import find_mismatch
     from deeptruck_model.mismatch.evidence_by_name import evidence_by_name
+    from deeptruck_model.mismatch.folders import apply_command
     from deeptruck_model.mismatch.output import fill
 
     drives = chosen(job.drives, job.hours)
@@ -134,7 +135,7 @@ def _compared(job: Comparison) -> dict[str, Any]:
     with TemporaryDirectory(prefix="deeptruck-fleet-") as temporary:
         draft = Path(temporary) / "found"
         draft.mkdir()
-        fill(draft, found, Path(job.folder))
+        fill(draft, found, apply_command(Path(job.folder)))
         for path in sorted(p for p in draft.rglob("*") if p.is_file()):
             job.target.write(f"{job.folder}/{path.relative_to(draft).as_posix()}", path.read_bytes())
     return {
