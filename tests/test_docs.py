@@ -104,7 +104,7 @@ def programs() -> dict[str, typer.Typer]:
         app = typer.Typer()
         app.command()(importlib.import_module(place).main)
         known[program] = known[f"ros2_ws/{place.rpartition('.')[2]}.py"] = app
-    for path in [*(ROOT / "examples" / "demo").glob("*.py"), ROOT / "demo.py"]:
+    for path in [*(ROOT / "examples").rglob("*.py"), ROOT / "demo.py"]:
         text = path.read_text()
         if "def main(" in text:
             app = typer.Typer()
