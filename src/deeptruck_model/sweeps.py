@@ -24,7 +24,7 @@ Result = TypeVar("Result")
 ENGINES = ("processes", "ray")
 NO_OTHER_NAMES: Mapping[str, str] = {}
 REACH_S = 5.0
-IN_FLIGHT = 4  # jobs a worker that are handed over at a time: the next is there when one is done
+IN_FLIGHT = 4  # jobs a worker that are submitted at a time: the next is there when one is done
 RETRIES = 3  # of a job whose process was killed; more often than that, it is the job that kills it
 KILLED = f"a worker was killed {RETRIES + 1} times; is there memory for all that run side by side?"
 
@@ -42,7 +42,7 @@ def run(
 
     A job whose process is killed is started again, so `work` has to go on where it was stopped, and to
     return at once what was finished. What kills its process each time is `lost`: its result is that of
-    `lost`, called here with the reason, or the run ends. At most IN_FLIGHT jobs a worker are handed over at a
+    `lost`, called here with the reason, or the run ends. At most IN_FLIGHT jobs a worker are submitted at a
     time. With engine 'ray' the workers are those of the cluster at `address`, or that RAY_ADDRESS
     names, and `workers` counts only without one: then Ray is started on this machine, on its loopback
     address. Raises what `work` raises; InputError without Ray where it is asked for, where no cluster
