@@ -106,7 +106,7 @@ def test_what_is_missing_is_named_while_driving(start: Callable[..., Any], tmp_p
     """In lock-step, in which every answer is waited for: equal runs give equal bags."""
     (tmp_path / "other.yaml").write_text("mass: 14000.0\n")
     monitor = ("--monitor", f"truck:trucksim:{tmp_path / 'other.yaml'}", "--record", tmp_path / "bag")
-    run = start("start_simulation.py", *DRIVE, *VARIED, "--duration", 155, *monitor)
+    run = start("start_simulation.py", *DRIVE, *VARIED, "--duration", 165, *monitor)
     code, _, errors = run.finish(timeout=300)
     assert (code, errors) == (0, "")
     stamps = [m.header.stamp.sec for m in heard(tmp_path / "bag", "/mismatch/names")]
