@@ -22,7 +22,7 @@ HEAD: Row = (
 )
 MEANS = (
     "Time-gap errors count after 10 s, speed errors after 25 s: mean, and the worst of all runs and times. "
-    "In reach: the worst time-gap error where the engine could have held the gap. Jerk is in m/s^3. "
+    "In reach: the worst time-gap error where the engine could have held the gap. Jerk is in m/s³. "
     "Shield %: the share of the time in which it acted."
 )
 PLATOON: Row = ("eight trucks", "speed amplification, worst", "at (Hz)")
@@ -38,10 +38,10 @@ def rows(results: Mapping[str, Any]) -> list[Row]:
 
 def _cells(numbers: Mapping[str, Any]) -> Iterator[str]:
     gap, speed = numbers["time_gap_error_after_10s"], numbers["speed_error_after_25s"]
-    yield f"{gap['mean']:+.3f}"
+    yield f"{gap['mean']:+z.3f}"
     yield f"{gap['worst_abs']:.3f}"
     yield _number(numbers.get("time_gap_worst_within_reach"), 3)
-    yield f"{speed['mean']:+.3f}"
+    yield f"{speed['mean']:+z.3f}"
     yield f"{speed['worst_abs']:.3f}"
     yield str(numbers["crashes"])
     yield f"{numbers['min_gap_m']:.1f}"

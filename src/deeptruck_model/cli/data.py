@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -93,19 +94,21 @@ def suggest_map(
         lambda: import_checks.check_table(source) if table else checks.bag(source, any_topics=True),
     )
     found: Suggestion | TableSuggestion
-    if table:
-        from deeptruck_model.recordings import suggest_columns
+    # what is printed without --out is the file and nothing else, so that it may be redirected into one
+    with redirect_stdout(sys.stdout if out else sys.stderr):
+        if table:
+            from deeptruck_model.recordings import suggest_columns
 
-        found = suggest_columns(source)
-        print("\n".join(found.listing()))
-    else:
-        from deeptruck_model.recordings import suggest
+            found = suggest_columns(source)
+            print("\n".join(found.listing()))
+        else:
+            from deeptruck_model.recordings import suggest
 
-        found = suggest(source, msg or ())
-        _tell_topics(found)
+            found = suggest(source, msg or ())
+            _tell_topics(found)
     what, option = ("columns", "--columns") if table else ("topic map", "--topic-map")
     if out is None:
-        print(f"\n{found.text()}")
+        print(found.text(), end="")
     else:
         with files.new_file(out) as draft:
             draft.write_text(found.text(), encoding="utf-8")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -121,6 +122,7 @@ def test_sweep_by_a_map(here: Path, script: Script, foreign: Callable[..., Path]
 def test_without_out_the_map_is_printed(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
     _, said, _ = script("suggest", foreign(here / "mine", 10.0))
     assert "\nspeed: {topic: /can/speed_kmh, field: data, unit: km/h}" in said
+    assert yaml.safe_load(said)["speed"]["unit"] == "km/h"  # as a file: what lies in the bag goes to stderr
     assert [path.name for path in here.iterdir()] == ["mine"]
 
 
