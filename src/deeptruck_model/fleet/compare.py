@@ -130,15 +130,18 @@ def _compared(job: Comparison) -> dict[str, Any]:
     )
     found = find_mismatch(truck, fit, held, seed=job.seed)
     evidence = evidence_by_name(truck, fit, held, seed=job.seed)
-    for name in [f.path for f in job.target.list(job.folder)]:
-        job.target.delete(name)
+    _remove_earlier(job)
     with TemporaryDirectory(prefix="deeptruck-fleet-") as temporary:
         draft = Path(temporary) / "found"
         draft.mkdir()
         fill(draft, found, apply_command(Path(job.folder)))
-        for path in sorted(p for p in draft.rglob("*") if p.is_file()):
-            job.target.write(f"{job.folder}/{path.relative_to(draft).as_posix()}", path.read_bytes())
+        files = {
+            p.relative_to(draft).as_posix(): p.read_bytes() for p in sorted(draft.rglob("*")) if p.is_file()
+        }
+    for name, content in files.items():
+        job.target.write(f"{job.folder}/{name}", content)
     return {
+        "files": list(files),
         "simulator": job.simulator,
         "hours_fitted": round(sum(d["hours"] for d, o in zip(drives, out, strict=True) if not o), 4),
         "hours_held_out": round(sum(d["hours"] for d, o in zip(drives, out, strict=True) if o), 4),
@@ -146,6 +149,17 @@ def _compared(job: Comparison) -> dict[str, Any]:
         "nats_held_out": _rounded(evidence[1]),
         "weeks": _by_week(found, drives),
     }
+
+
+def _remove_earlier(job: Comparison) -> None:
+    """Remove an earlier result of this truck: its receipt, then the files that this names."""
+    path = f"{job.folder}/{DONE}"
+    if not job.target.exists(path):
+        return
+    names = job.target.read_json(path).get("files", ())
+    job.target.delete(path)
+    for name in names:
+        job.target.delete(f"{job.folder}/{name}")
 
 
 def _rounded(nats: Mapping[str, float]) -> dict[str, float]:

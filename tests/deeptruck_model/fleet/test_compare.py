@@ -117,3 +117,10 @@ def test_compared_twice_it_has_equal_bytes_and_is_skipped_the_third_time(drives,
     before = {p: p.stat().st_mtime_ns for p in (one / VERDICTS).rglob("*")}
     compare(place(str(one)), Workers())
     assert {p: p.stat().st_mtime_ns for p in (one / VERDICTS).rglob("*")} == before
+    receipt = next(p for p in before if p.name == DONE)
+    mine, report = receipt.with_name("notes.txt"), receipt.with_name("report.html")
+    mine.write_text("mine")
+    report.write_text("of an earlier code")
+    receipt.write_text(json.dumps(json.loads(receipt.read_text()) | {"key": "earlier"}))
+    compare(place(str(one)), Workers())
+    assert mine.read_text() == "mine" and report.read_bytes() == (two / report.relative_to(one)).read_bytes()
