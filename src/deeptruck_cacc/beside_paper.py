@@ -136,7 +136,7 @@ whatever the policy does, and on one side the sizes follow the gaps at the start
 before the leader changes its speed is 'inf'.
 """.strip()
 CAPTIONS = {
-    "learning_curve_{}.png": "returns",
+    "learning_curve_{}.png": "learning curve",
     "deepenv_{}.png": "DeepEnv-set: min/max, sd and mean",
     "trucksim_{}.png": "TruckSIM-set: min/max, sd and mean",
     "closing_{}.png": "gap closing with a leader that changes its speed from 17 s on",
