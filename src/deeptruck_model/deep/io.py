@@ -238,7 +238,8 @@ def save_reference(recordings: Sequence[Recording], folder: Path) -> None:
         r = r.piece(0, min(len(r), round((MOST_S - seconds) / r.dt)))
         seconds += len(r) * r.dt
         heads.append({"name": r.name, "dt": r.dt, "start_s": r.start_s, "interface": r.interface.to_dict()})
-        tensors |= {f"{i}/{name}": x.astype(np.float32) for name, x in r.channels.items()}
+        kept = {n: x for n, x in r.channels.items() if n in CHANNELS}  # no extra ones
+        tensors |= {f"{i}/{name}": x.astype(np.float32) for name, x in kept.items()}
     # not by save_file: that leaves files which nobody else may read
     (folder / REFERENCE_FILE).write_bytes(
         arrays_to_bytes(tensors, metadata={"recordings": json.dumps(heads)})

@@ -38,7 +38,7 @@ IMPOSSIBLE = (
     "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
     "see 'deeptruck-model check-simulator'"
 )
-OTHER_GEAR = "the simulator drives in another gear than was recorded"
+OTHER_GEAR = "the simulator drives in another gear than was recorded or follows from the engine speed"
 
 
 def find_mismatch(

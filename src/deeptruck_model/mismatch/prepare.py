@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.data.prepared import (
     same_signals,
     unusable,
     with_held_out,
+    with_inputs,
 )
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
@@ -63,6 +64,9 @@ def prepared(
 ) -> Drives:
     """Check and align the recordings; where none is held out some are set aside, unless all are to be fitted.
     Rows of `without` do not count. Raises InputError where they do not belong to the simulator."""
+    recordings, lacking = with_inputs(simulator, recordings)
+    held_out, of_held_out = with_inputs(simulator, held_out)
+    lacking += of_held_out
     same_signals(simulator, [*recordings, *held_out])
     fit, held, twice = each_once(recordings, held_out)
     drives, flags, caveats = (
@@ -91,7 +95,9 @@ def prepared(
     useless = unusable([p for p, out in zip(aligned, flags, strict=True) if not out], rejected)
     lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(aligned)) else []
     lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(aligned)) else []
-    return Drives(aligned, tuple(flags), tuple(faults), tuple(rejected), (*twice, *caveats, *lost), useless)
+    return Drives(
+        aligned, tuple(flags), tuple(faults), tuple(rejected), (*lacking, *twice, *caveats, *lost), useless
+    )
 
 
 def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:

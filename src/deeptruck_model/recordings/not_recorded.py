@@ -58,7 +58,7 @@ INPUTS = (
     ),
     Input(
         "commands obeyed",
-        "Commands that drove nothing, as control was not engaged, are learned as if they had.",
+        "Where control was not engaged, its commands drove nothing and are learned as if they had.",
         "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`",
         lambda r: r.obeyed or _measured("engine_torque")(r),
     ),

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -134,6 +135,14 @@ def test_recordings_come_back(drive, tmp_path):
     assert (again.name, again.dt, again.interface) == (kept.name, kept.dt, kept.interface)
     assert set(again.channels) == set(kept.channels)
     np.testing.assert_allclose(again.channels["speed"], kept.channels["speed"], atol=1e-4)
+
+
+def test_channels_of_a_users_own_are_not_kept(drive, tmp_path):
+    kept = drive(60)
+    own = replace(kept, channels=kept.channels | {"oil_temperature": np.full(len(kept), 90.0)})
+    io.save_reference([own], tmp_path)
+    (again,) = io.load_reference(tmp_path)
+    assert set(again.channels) == set(kept.channels)
 
 
 def test_no_more_than_an_hour_is_kept(drive, tmp_path, monkeypatch):

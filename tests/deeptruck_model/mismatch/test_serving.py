@@ -66,10 +66,13 @@ def served(
         "--recordings",
         *bags[:3],
     ]
+    # a shell's background job ignores SIGINT, and so would what it starts
+    heeding = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
     process = subprocess.Popen(
         [*command, "--held-out", bags[3], "--out", str(folder / "found"), "--serve"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "TMPDIR": str(temporary)},
+        **heeding,
     )  # fmt: skip
     try:
         assert process.stdout is not None

@@ -53,6 +53,22 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
             raise InputError(_other_rate(r, 1 / simulator.dt))
 
 
+def with_inputs(simulator: Simulator, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
+    """The recordings without pieces that lack an input which other pieces of their bag have, such as a slope
+    that is derived from the way driven, where a piece stands still; and what to say of it."""
+    need = [n for n in (*simulator.interface.u, *simulator.interface.w) if n != BRAKE]
+    lacking = {id(r): [n for n in need if not _valid(r, n)] for r in recordings}
+    having = {_bag(r) for r in recordings if not lacking[id(r)]}
+    left_out = [r for r in recordings if lacking[id(r)] and _bag(r) in having]
+    says = [f"{r.name} is left out: it has no valid {', '.join(lacking[id(r)])}" for r in left_out]
+    return [r for r in recordings if not lacking[id(r)] or _bag(r) not in having], says
+
+
+def _bag(r: Recording) -> str:
+    """Pieces of a bag are named after it: `bag#0`, `bag#1`."""
+    return r.name.partition("#")[0]
+
+
 def _valid(r: Recording, channel: str) -> bool:
     return channel in r.channels and bool(np.isfinite(r.channels[channel]).any())
 
@@ -120,7 +136,7 @@ def with_held_out(
         return (
             fit,
             [False] * (len(fit) - count) + [True] * count,
-            [f"no other drive held out: the last {count} were set aside"],
+            [f"no --held-out given: the last {count} of {len(fit)} pieces are kept for judging"],
         )
     pieces, flags = [], []
     for r in fit:

@@ -53,6 +53,8 @@ def how_sure(v: Verdict) -> Iterator[str]:
 def unsure(tree: Sequence[Node]) -> str:
     """The most probable families, none of which is stated."""
     top = [n for n in tree if n.parent == ROOT][:3]
+    if len(top) == 1:
+        return "No mechanism was detected, and these data do not identify what the simulator is off by."
     split = ", ".join(f"{spoken(n.node)} {percent(n.probability)}" for n in top)
     return f"No part of the truck is at 90 %: {split}."
 

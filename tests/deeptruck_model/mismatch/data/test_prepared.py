@@ -82,3 +82,13 @@ def test_a_response_that_was_never_recorded_is_unknown(drives: list[Recording], 
         bare.channels["fuel_rate"] = np.full(len(bare), np.nan)
     p = prepared.prepare(bare, False, TRUCK.interface)
     assert np.isnan(p.y[:, FUEL]).all() and np.isfinite(p.y[:, :FUEL]).all() and p.valid.mean() > 0.5
+
+
+def test_a_piece_without_an_input_that_its_bag_has_is_left_out_and_said(drives: list[Recording]) -> None:
+    nothing = drives[1].channels | {"grade": np.full(len(drives[1]), np.nan)}
+    piece, other = (replace(drives[1], name=n, channels=nothing) for n in ("bag#0", "other"))
+    whole = replace(drives[0], name="bag#1")
+    kept, says = prepared.with_inputs(TRUCK, [piece, whole])
+    assert [r.name for r in kept] == ["bag#1"] and says == ["bag#0 is left out: it has no valid grade"]
+    kept, says = prepared.with_inputs(TRUCK, [whole, other])
+    assert [r.name for r in kept] == ["bag#1", "other"] and not says  # a whole bag is refused instead
