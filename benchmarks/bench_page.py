@@ -157,7 +157,7 @@ NOTE = """\
 The page has the lower priority, and no real-time priority where the run has it.
 
 Median of the runs, with the smallest and the largest in brackets. Runs with and without the page take turns.
-A ratio is that of one run to the mean of the two beside it. The last row of each kind says how much two runs
+A ratio is that of one run to the mean of its two neighbours. The last row of each kind says how much two runs
 without the page differ: less than that is no effect. The age is that of
 [the node graph](#node-graph). The viewer reads and draws nothing; a browser on the same machine needs
 its own share of it."""

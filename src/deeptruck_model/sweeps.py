@@ -45,7 +45,7 @@ def run(
     `lost`, called here with the reason, or the run ends. At most IN_FLIGHT jobs a worker are submitted at a
     time. With engine 'ray' the workers are those of the cluster at `address`, or that RAY_ADDRESS
     names, and `workers` counts only without one: then Ray is started on this machine, on its loopback
-    address. Raises what `work` raises; InputError without Ray where it is asked for, where no cluster
+    address. Raises what `work` raises; InputError without Ray where it is chosen, where no cluster
     answers, and for a cluster of another Python or Ray.
     """
     if engine not in ENGINES:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from deeptruck_model.fleet.storage import Place
 
 STAGES = ("extract", "compare", "pool", "show")
+SHOWN = 10  # quarantined files or trucks that the terminal lists
 _HELP = """Compare a fleet's recordings with a simulator, truck by truck, and say which trucks differ.
 
 All stages in order: extract (read each file once), compare (the mismatch tool on each truck), pool (which
@@ -139,9 +140,6 @@ def _say_extracted(index: dict[str, Any], target: Place) -> None:
         print(f"  left out: {path}: {why}")
     if len(out) > SHOWN:
         print(f"  and {len(out) - SHOWN} more: see {target.name}/recordings.json")
-
-
-SHOWN = 10
 
 
 def _compare(target: Place, who: Workers, hours: float | None, *, checked: bool) -> None:

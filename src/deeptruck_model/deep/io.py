@@ -106,7 +106,7 @@ def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
 
 
 def promised(manifest: dict[str, Any]) -> list[str]:
-    """Files that a manifest says lie beside it. Older ones do not say, but what was trained
+    """Files that a manifest lists. Older ones do not say, but what was trained
     had COVERAGE_FILE."""
     told = manifest.get("files")
     if not isinstance(told, list):
@@ -301,7 +301,9 @@ def load_driven(folder: Path, columns: int) -> Driven | None:
     if not (np.isfinite(driven.samples).all() and np.isfinite(driven.near).all() and (driven.near > 0).all()):
         raise InputError(f"{path} holds values that are not possible; train the simulator again")
     if driven.samples.ndim != 2 or driven.samples.shape[1] != columns or driven.near.shape != (columns,):
-        raise InputError(f"{path} is of other signals than the truck beside it; files were edited or mixed")
+        raise InputError(
+            f"{path} is of other signals than the truck in its folder; files were edited or mixed"
+        )
     return driven
 
 

@@ -19,7 +19,7 @@ class Question:
     simulator: str
     heard: Mapping[str, Heard]
     constant: float = 0.0
-    adapts: float = 0.0  # s from the begin of what was heard; 0: names are asked for
+    adapts: float = 0.0  # s from the start over which the constant is estimated; 0: find names
     no_load: bool = False
 
 

@@ -99,7 +99,7 @@ class Replay(DeeptruckNode):
         return min(IDLE, (self._next[1] - log_now) / SECOND / self.p["speed"])
 
     def _say(self, log_now: int) -> None:
-        """The recorded time: on its topic, and now and then to whoever sits before the run."""
+        """The recorded time: on its topic, and every ten seconds on the terminal."""
         now, position = time.monotonic(), min((log_now - self._first) / SECOND, self._duration)
         if now >= self._state_due or self.finished:
             self._state_due = now + IDLE
