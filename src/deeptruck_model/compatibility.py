@@ -8,6 +8,15 @@ from dataclasses import dataclass
 from deeptruck_model.signals import TruckInterface
 
 SAME_DT_S = 1e-6  # s in which two steps are one
+FULL_BRAKING_BAR = 8.0  # usual pressure of full braking; UN Regulation 13, annex 10: 650 to 850 kPa
+IN_PERCENT = (
+    f", by 'brake_command: {{column: ..., unit: percent, scale: {100 / FULL_BRAKING_BAR:g}}}' in COLUMNS where "
+    f"the column is in bar and {FULL_BRAKING_BAR:g} bar brakes fully"
+)
+BY_SWITCH = (
+    ", or write 'brake_command: {derive: deceleration, gate: brake_switch}' in COLUMNS where only the brake's "
+    "switch is recorded"
+)
 
 
 @dataclass(frozen=True)
@@ -45,14 +54,14 @@ def misfits(taken: Taken, given: Given) -> list[str]:
     lacking = [name for name in channels if given.lacks(name)]
     if lacking:
         found.append(
-            f"{given.name} has no {', '.join(lacking)}, which {taken.name} needs; "
-            "record it or use another simulator"
+            f"{given.name} has no {', '.join(lacking)}, which {taken.name} needs; record it or use another "
+            f"simulator{BY_SWITCH if 'brake_command' in lacking else ''}"
         )
     for name in channels:
         here, there = given.unit(name), taken.interface.unit(name)
         if name not in lacking and here not in (None, "none", there):
             found.append(
-                f"{given.name} has {name} in {here}, {taken.name} takes {there}; "
-                "import it with the simulator's unit, or use another simulator"
+                f"{given.name} has {name} in {here}, {taken.name} takes {there}; use another simulator, or "
+                f"import it with the simulator's unit{IN_PERCENT if (here, there) == ('bar', 'percent') else ''}"
             )
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,9 @@ import typer
 
 from deeptruck_model import checks, files, reading, results
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, TopicMap, mapped
+from deeptruck_model.compatibility import Given, Taken, misfits
 from deeptruck_model.errors import InputError
+from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording
@@ -77,8 +80,11 @@ def new(
     from deeptruck_model.trucks import own_truck
 
     drives = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ()) if bags else []
-    data = _asked(drives) if source is None else dict(reading.yaml_mapping(source, "give a data sheet"))
-    sheet = own_truck.sheet(_units(data, drives), str(source) if source else "the answers")
+    data = {} if source is None else dict(reading.yaml_mapping(source, "give a data sheet"))
+    units = _units(data, drives)
+    _check_commands(truck, units, drives)
+    data = {**(data or _asked(drives)), **units}
+    sheet = own_truck.sheet(data, str(source) if source else "the answers")
     made = own_truck.specification(sheet, truck.stem)
     if off := overall_ratios.misfit(sheet.overall_ratios, drives):
         raise InputError(f"the data sheet is not that of the recorded truck: {off}")
@@ -99,13 +105,23 @@ def _yaml(truck: Path) -> None:
 
 
 def _units(data: dict[str, Any], drives: list[Recording]) -> dict[str, Any]:
-    """The sheet with the units of the recorded commands, where a physics truck has them and none is given."""
-    if not drives:
-        return data
-    interface = drives[0].interface
-    found = {"engine_unit": interface.engine_unit, "brake_unit": interface.brake_unit}
-    known = {"engine_unit": ("N m", "percent"), "brake_unit": ("percent", "m/s^2")}
-    return {**{name: unit for name, unit in found.items() if unit in known[name]}, **data}
+    """The units of the commands: those of the sheet, else of the recordings where a physics truck has them."""
+    known = {"engine_unit": ENGINE_UNITS[:2], "brake_unit": BRAKE_UNITS[:2]}
+    recorded = drives[0].interface.to_dict() if drives else {}
+    found = {name: recorded[name] for name, units in known.items() if recorded.get(name) in units}
+    return {**found, **{name: data[name] for name in known if name in data}}
+
+
+def _check_commands(truck: Path, units: dict[str, Any], drives: list[Recording]) -> None:
+    """Raises InputError where the recorded commands cannot drive a physics truck of these units."""
+    interface = TruckInterface(truck.stem, **units, grade=False)
+    for r in drives:
+        given = Given(f"'{r.name}'", partial(_lacks, r), r.interface.unit)
+        checks.refuse(misfits(Taken(f"the truck {truck.name}", interface, r.dt), given))
+
+
+def _lacks(recording: Recording, channel: str) -> bool:
+    return channel not in recording.channels
 
 
 def _asked(drives: list[Recording]) -> dict[str, Any]:

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
 NO_SPEED = "recorded while there was no speed"
+MOVING_M_S = 1.0  # faster than creeping in a queue
+LEAST_ENGINE_RPM = 400.0  # diesel engines idle at 500 to 800 rpm, those of trucks/pool at 600
 _SLOW_S = 1.0  # channels with longer periods reach further than that; they are few and stay in memory
 
 
@@ -188,10 +190,12 @@ class Resampler:
             if tally.read and channel not in valid:
                 account.remarks.append(f"{channel}: left out, as no sample of it is valid in a piece")
         needed = valid & {*interface.u, *interface.w, *interface.y}
-        return [
+        found = [
             piece.recording(name, self.dt, interface, needed, notes, account)
             for name, piece in zip(names, self._pieces, strict=True)
         ]
+        account.remarks += _slow_engine(found)
+        return found
 
     def _accounted(self) -> Account:
         """The account with spans and channels. What its reader counted as used was added here."""
@@ -287,6 +291,22 @@ class _Piece:
             channels["acceleration"] = derive_acceleration(channels["speed"], dt)
             notes = [*notes, "acceleration derived from speed"]
         return Recording(name, dt, channels, interface, self.start, tuple(dict.fromkeys(notes)), account)
+
+
+def _slow_engine(recordings: Sequence[Recording]) -> list[str]:
+    """A remark where the engine speed never reaches LEAST_ENGINE_RPM while the truck moves; else nothing."""
+    moving = [
+        r.channels["engine_speed"][r.channels["speed"] > MOVING_M_S] * 30.0 / np.pi
+        for r in recordings
+        if "engine_speed" in r.channels
+    ]
+    fastest = max((float(np.nanmax(rpm)) for rpm in moving if not np.isnan(rpm).all()), default=np.inf)
+    if fastest >= LEAST_ENGINE_RPM:
+        return []
+    return [
+        f"engine_speed: at most {fastest:.0f} rpm while moving, and a diesel engine idles at 500 to 800 rpm; "
+        "is it in rad/s?"
+    ]
 
 
 def _usual_order(channel: str) -> tuple[int, str]:

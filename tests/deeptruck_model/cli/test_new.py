@@ -6,6 +6,7 @@ import os
 import pty
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ import yaml
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.recordings.columns import load_columns
 
 SHEET = {
     "mass_kg": 20000,
@@ -53,6 +55,32 @@ def test_a_sheet_that_the_drive_contradicts_is_refused(here: Path) -> None:
     (here / "sheet.yaml").write_text(yaml.safe_dump({**SHEET, "axle_ratio": 4.6}))
     done = new(here, "mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "check axle ratio" in done.stderr
+    assert not (here / "mine.yaml").exists()
+
+
+@pytest.mark.parametrize("unit", ["bar", None])
+def test_brakes_that_a_physics_truck_cannot_take_are_refused_with_the_line_to_write(
+    here: Path, unit: str | None
+) -> None:
+    truck = trucks.load("trucksim")
+    drive = driving_cycles.drive(truck, seconds=60.0, seed=3)
+    channels = {name: v for name, v in drive.channels.items() if unit or name != "brake_command"}
+    interface = replace(truck.interface, brake_unit=unit)
+    write_bag(here / "other", [replace(drive, channels=channels)], interface=interface)
+    done = new(here, "mine.yaml", "--from", "sheet.yaml", "--recordings", "other")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "brake_command" in done.stderr
+    line = done.stderr.split("'brake_command: ")[1].partition("'")[0]
+    meant = {"column": "p", "unit": "percent", "scale": 12.5} if unit else None
+    columns = {
+        "time": {"column": "t"},
+        "channels": {
+            "speed": {"column": "v", "unit": "m/s"},
+            "brake_switch": {"column": "on"},
+            "brake_command": yaml.safe_load(line.replace("...", "p")),
+        },
+    }
+    assert meant is None or columns["channels"]["brake_command"] == meant
+    assert load_columns(columns).channels["brake_command"].convert.unit == ("percent" if unit else "m/s^2")
     assert not (here / "mine.yaml").exists()
 
 

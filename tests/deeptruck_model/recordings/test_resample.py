@@ -443,3 +443,17 @@ def test_parts_give_what_the_whole_gives() -> None:
         )
         for channel, values in one.channels.items():
             np.testing.assert_allclose(other.channels[channel], values, atol=1e-9, err_msg=channel)
+
+
+@pytest.mark.parametrize(("unit_in_rad_s", "remarks"), [(1.0, 0), (np.pi / 30, 1)])
+def test_an_engine_that_turns_slower_than_idling_is_remarked(unit_in_rad_s: float, remarks: int) -> None:
+    time = np.arange(0.0, 60.0, 0.1)
+    engine = np.full(len(time), 130.0) * unit_in_rad_s  # rad/s, once read as rpm
+    series = {
+        "speed": Series(time, np.full(len(time), 15.0)),
+        "engine_speed": Series(time, engine),
+        "engine_command": Series(time, np.full(len(time), 500.0)),
+    }
+    account = uniform(series, name="drive", interface=TruckInterface("t"))[0].account
+    assert account is not None
+    assert sum("is it in rad/s" in remark for remark in account.remarks) == remarks
