@@ -10,12 +10,12 @@ from deeptruck_model.signals import TruckInterface
 SAME_DT_S = 1e-6  # s in which two steps are one
 FULL_BRAKING_BAR = 8.0  # usual pressure of full braking; UN Regulation 13, annex 10: 650 to 850 kPa
 IN_PERCENT = (
-    f", by 'brake_command: {{column: ..., unit: percent, scale: {100 / FULL_BRAKING_BAR:g}}}' in COLUMNS where "
-    f"the column is in bar and {FULL_BRAKING_BAR:g} bar brakes fully"
+    f", by 'brake_command: {{column: ..., unit: percent, scale: {100 / FULL_BRAKING_BAR:g}}}' in COLUMNS "
+    f"where the column is in bar and {FULL_BRAKING_BAR:g} bar brakes fully"
 )
 BY_SWITCH = (
-    ", or write 'brake_command: {derive: deceleration, gate: brake_switch}' in COLUMNS where only the brake's "
-    "switch is recorded"
+    ", or write 'brake_command: {derive: deceleration, gate: brake_switch}' in COLUMNS where only the "
+    "brake's switch is recorded"
 )
 
 
@@ -60,8 +60,9 @@ def misfits(taken: Taken, given: Given) -> list[str]:
     for name in channels:
         here, there = given.unit(name), taken.interface.unit(name)
         if name not in lacking and here not in (None, "none", there):
+            how = IN_PERCENT if (here, there) == ("bar", "percent") else ""
             found.append(
                 f"{given.name} has {name} in {here}, {taken.name} takes {there}; use another simulator, or "
-                f"import it with the simulator's unit{IN_PERCENT if (here, there) == ('bar', 'percent') else ''}"
+                f"import it with the simulator's unit{how}"
             )
     return found

@@ -105,7 +105,7 @@ def _yaml(truck: Path) -> None:
 
 
 def _units(data: dict[str, Any], drives: list[Recording]) -> dict[str, Any]:
-    """The units of the commands: those of the sheet, else of the recordings where a physics truck has them."""
+    """Units of the commands: those of the sheet, else of the recordings where a physics truck has them."""
     known = {"engine_unit": ENGINE_UNITS[:2], "brake_unit": BRAKE_UNITS[:2]}
     recorded = drives[0].interface.to_dict() if drives else {}
     found = {name: recorded[name] for name, units in known.items() if recorded.get(name) in units}
