@@ -207,9 +207,9 @@ def _old_states(s: Simulator) -> str:
 
 def _force(s: Simulator) -> str:
     state, y = _idle(s, start(s, 10.0), 1)
-    told = y.copy()
-    told[:, SPEED] = 20.0
-    speed = _idle(s, s.force(state, told), 1)[1][0, SPEED]
+    forced = y.copy()
+    forced[:, SPEED] = 20.0
+    speed = _idle(s, s.force(state, forced), 1)[1][0, SPEED]
     if abs(speed - 20.0) > LIKELY * s.dt:
         raise MissingError(f"{speed:.3g} m/s after force() to 20 m/s", "take the y that force is given")
     if getattr(s, "starts_anew", False):

@@ -63,17 +63,17 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def check_saved(folder: Path, manifest: str, told: object, cure: str) -> None:
-    """Raises InputError where a file in `folder` is not the one whose SHA-256 its manifest has told.
+def check_saved(folder: Path, manifest: str, digests: object, cure: str) -> None:
+    """Raises InputError where a file in `folder` is not the one whose SHA-256 its manifest gives.
 
-    `told` maps names to digests; None, as in folders of earlier versions, tells nothing. For files that a
+    `digests` maps names to digests; None, as in folders of earlier versions, is not checked. For files that a
     reader has just read: the formats have no checksum, so a changed bit would be another number in silence.
     """
-    if told is None:
+    if digests is None:
         return
-    if not isinstance(told, dict):
+    if not isinstance(digests, dict):
         raise InputError(f"{folder / manifest} is damaged (sha256 is no table); {cure}")
-    for name, digest in told.items():
+    for name, digest in digests.items():
         path = folder / Path(name).name
         if path.is_file() and sha256(path) != digest:
             raise InputError(f"{path} is damaged or of another save: {manifest} has another SHA-256; {cure}")

@@ -14,7 +14,7 @@ from deeptruck_nodes.topics import COMMAND, CONTROL_QOS, ENGAGED, RADAR_RANGE, R
 from sensor_msgs.msg import JointState
 
 DRIVES, LISTENS, PERIOD = 2.0, 4.0, 0.2  # s
-TOLD, TELL_EVERY = (0.5, 1.3), 0.05  # s
+TOLD, ENGAGED_PERIOD_S = (0.5, 1.3), 0.05  # s
 
 rclpy.init()
 node = rclpy.create_node("leader")
@@ -53,7 +53,7 @@ while (now := time.monotonic()) < begun + LISTENS:
             if driving or name not in sys.argv[1:]:
                 out[name].publish(message)
     if tell <= now < begun + TOLD[1]:
-        tell += TELL_EVERY
+        tell += ENGAGED_PERIOD_S
         out[ENGAGED.name].publish(messages.scalars(time.time_ns(), ENGAGED.fields, {"engaged": 1.0}))
     rclpy.spin_once(node, timeout_sec=0.01)
 print(json.dumps({"fed": fed, "came": came, "bits": bits, "told": TOLD}))

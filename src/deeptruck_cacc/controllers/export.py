@@ -107,8 +107,8 @@ def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str,
     kept = [integral, after]
     if f.power:
         ideal, pull, far = _ideal(g, f, signals)
-        told = _power(g, f, signals, g.columns(rates, 1, 2), integral, (ideal, pull, far))
-        parts += [*told, g.columns("memory", 4, 6)]
+        power = _power(g, f, signals, g.columns(rates, 1, 2), integral, (ideal, pull, far))
+        parts += [*power, g.columns("memory", 4, 6)]
         kept.append(g.add("Add", ideal, g.add("Mul", pull, g.constant(f.dt))))
     return g.add("Concat", *parts, axis=1), g.add("Concat", *kept, axis=1)
 

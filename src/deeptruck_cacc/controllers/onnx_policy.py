@@ -58,10 +58,12 @@ class OnnxPolicy:
             self._memory = np.where(unseen[:, None], self.start.astype(np.float32), after)
         else:
             engine, brake = self.session.run(COMMANDS, fed)
-        told = np.concatenate([engine, brake], axis=1).astype(float)
-        told[unseen | ~np.isfinite(told).all(axis=1)] = np.nan
+        commands = np.concatenate([engine, brake], axis=1).astype(float)
+        commands[unseen | ~np.isfinite(commands).all(axis=1)] = np.nan
         s = self.scale
-        return np.clip(told[:, 0], s.engine_low, s.engine_high), np.clip(told[:, 1], 0.0, s.brake_high)
+        return np.clip(commands[:, 0], s.engine_low, s.engine_high), np.clip(
+            commands[:, 1], 0.0, s.brake_high
+        )
 
 
 def load_onnx(path: Path) -> OnnxPolicy:

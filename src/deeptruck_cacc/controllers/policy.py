@@ -127,8 +127,8 @@ class MlpPolicy:
         folder.mkdir(parents=True, exist_ok=True)
         # not by save_file: that leaves files which nobody else may read
         (folder / WEIGHTS).write_bytes(to_bytes(tensors))
-        told = {**self._manifest(), "sha256": {WEIGHTS: reading.sha256(folder / WEIGHTS)}}
-        (folder / MANIFEST).write_text(json.dumps(told, indent=2) + "\n")
+        content = {**self._manifest(), "sha256": {WEIGHTS: reading.sha256(folder / WEIGHTS)}}
+        (folder / MANIFEST).write_text(json.dumps(content, indent=2) + "\n")
 
     def _manifest(self) -> dict[str, Any]:
         units = {name: self.interface.unit(name) for name in self.interface.u}

@@ -47,9 +47,9 @@ def observed(observation: Mapping[str, Any]) -> Array:
     as 0.
     """
     require(observation)
-    told = [np.asarray(observation[name], float) for name in OBSERVED[:4]]
+    observed = [np.asarray(observation[name], float) for name in OBSERVED[:4]]
     grade = np.nan_to_num(np.asarray(observation.get("grade", 0.0), float))
-    return np.stack([np.atleast_1d(x) for x in np.broadcast_arrays(*told, grade)], axis=-1)
+    return np.stack([np.atleast_1d(x) for x in np.broadcast_arrays(*observed, grade)], axis=-1)
 
 
 def paper_signals(observation: Mapping[str, Any]) -> Array:
@@ -175,7 +175,7 @@ class FeatureMap:
 
     @staticmethod
     def _time_gap(signals: Array) -> Array:
-        """Wanted time gap (batch,), s, as far as near standstill it can be told."""
+        """Wanted time gap (batch,), s, as far as it can be estimated near standstill."""
         return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], 1.0), 1.0, 6.0))
 
     def _ideal(self, signals: Array, before: Array) -> tuple[Array, Array, Array]:

@@ -129,8 +129,8 @@ class SeedBatch(torch.nn.Module):
         kept = [integral[:, None], slow + f.dt * rates]
         if f.power:
             ideal, pull, far = self._ideal(signals, memory[:, 3])
-            told = self._power(signals, rates[:, 1], integral, ideal, pull, far)
-            parts += [told, memory[:, 4:6]]
+            power = self._power(signals, rates[:, 1], integral, ideal, pull, far)
+            parts += [power, memory[:, 4:6]]
             kept += [(ideal + f.dt * pull)[:, None], memory[:, 4:6], track]
         return torch.cat(parts, dim=1), torch.cat(kept, dim=1)
 

@@ -39,7 +39,7 @@ class Comparison:
 
     def to_json(self) -> dict[str, Any]:
         """compare.json."""
-        return {"schema": SCHEMA, "sides": [_told(c) for c in self.compared]}
+        return {"schema": SCHEMA, "sides": [_to_dict(c) for c in self.compared]}
 
 
 def compare(
@@ -91,7 +91,7 @@ def _correlation(first: Side, side: Side, offset_s: float) -> float:
     return float(np.corrcoef(there[known], first.columns["speed"][known])[0, 1])
 
 
-def _told(c: Compared) -> dict[str, Any]:
+def _to_dict(c: Compared) -> dict[str, Any]:
     shared = c.road if isinstance(c.road, Road) else None
     return {
         "name": c.side.name,

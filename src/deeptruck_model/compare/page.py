@@ -44,7 +44,7 @@ def page(comparison: Comparison) -> str:
         names=[c.side.name for c in comparison.compared],
         rows=_rows(comparison),
         apart=_apart(comparison),
-        sides=[_told(c) for c in comparison.compared[1:]],
+        sides=[_to_dict(c) for c in comparison.compared[1:]],
         drawn=drawn,
     )
 
@@ -70,7 +70,7 @@ HOW = {
 }
 
 
-def _told(c: Compared) -> dict[str, Any]:
+def _to_dict(c: Compared) -> dict[str, Any]:
     return {
         "name": c.side.name,
         "offset": f"{c.offset.seconds:g}",

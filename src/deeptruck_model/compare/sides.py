@@ -83,10 +83,10 @@ def _run(simulator: Simulator, r: Recording) -> Recording:
     interface = simulator.interface
     begin = np.nan_to_num(r.columns(interface.y)[:1])
     run = free_run(simulator, r.columns(interface.u)[None], r.columns(interface.w)[None], begin)
-    told = {name: run.y[0, :, k].astype(float) for k, name in enumerate(interface.y)}
+    response = {name: run.y[0, :, k].astype(float) for k, name in enumerate(interface.y)}
     given = {name: r.channels[name] for name in SHOWN if name in (*interface.u, *interface.w, "elevation")
              and name in r.channels}  # fmt: skip
-    return Recording(r.name, r.dt, {**given, **told}, r.interface, r.start_s, r.notes)
+    return Recording(r.name, r.dt, {**given, **response}, r.interface, r.start_s, r.notes)
 
 
 def _stretches(known: NDArray[np.bool_], least: float) -> list[tuple[int, int]]:

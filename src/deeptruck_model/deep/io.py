@@ -108,10 +108,10 @@ def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
 def promised(manifest: dict[str, Any]) -> list[str]:
     """Files that a manifest lists. Older ones do not say, but what was trained
     had COVERAGE_FILE."""
-    told = manifest.get("files")
-    if not isinstance(told, list):
-        told = [COVERAGE_FILE] if "training" in manifest else []
-    return [str(name) for name in told]
+    listed = manifest.get("files")
+    if not isinstance(listed, list):
+        listed = [COVERAGE_FILE] if "training" in manifest else []
+    return [str(name) for name in listed]
 
 
 class Stored(NamedTuple):

@@ -93,17 +93,17 @@ def page(metrics: dict[str, Any], folder: Path, named: str, notes: Sequence[str]
     """evaluation.html: the numbers of metrics.json, and the figures that stand in the folder.
 
     `notes` say where the numbers are worth less than they look."""
-    told = {name: x for name, x in metrics.items() if isinstance(x, dict)}
-    kinds = {key: words for key, words in FIGURES.items() if any(key in x for x in told.values())}
+    evaluated = {name: x for name, x in metrics.items() if isinstance(x, dict)}
+    kinds = {key: words for key, words in FIGURES.items() if any(key in x for x in evaluated.values())}
     rows = [
         (f"{LABELS[name]}, {printed(CHANNELS[name].unit)}", *(_cell(x.get(key), key) for key in kinds))
-        for name, x in told.items()
+        for name, x in evaluated.items()
     ]
     beside = metrics["baselines"]
     compared = [
         (f"{LABELS[name]}, {printed(CHANNELS[name].unit)}", _cell(x["rmse"]),
          *(_cell(b[name]["rmse"]) if name in b else "" for b in beside))
-        for name, x in told.items()
+        for name, x in evaluated.items()
     ]  # fmt: skip
     over = ", ".join(dict.fromkeys(metrics["recordings"]))
     runs = f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s along {over}, by {named}."

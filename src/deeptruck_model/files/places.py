@@ -26,7 +26,7 @@ from deeptruck_model.files.single import check_length
 
 DRAFT = re.compile(r"^\.(.+?)(\.\w{8}\.tmp|\.tmp|\.unfinished|\.\d+\.(?:old|new|unfinished))$")
 BESIDE = ".." + str(2**22) + ".unfinished"  # what the longest of these names adds to that of the result
-_told: set[str] = set()  # by this process: several checks look at one bag
+_printed: set[str] = set()  # by this process: several checks look at one bag
 
 
 def straight(out: Path) -> Path:
@@ -96,8 +96,8 @@ def left_beside(out: Path) -> list[str]:
 def tell_left_beside(out: Path) -> None:
     """Say `left_beside` on standard error, each once in a process."""
     for line in left_beside(out):
-        if line not in _told:
-            _told.add(line)
+        if line not in _printed:
+            _printed.add(line)
             print(f"note: {line}", file=sys.stderr)
 
 

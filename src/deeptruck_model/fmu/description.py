@@ -65,38 +65,38 @@ def described(file: Path) -> Description:
             entries = set(archive.namelist())
         if DESCRIPTION not in entries:
             raise InputError(f"it holds no {DESCRIPTION}, so it is no FMU; {EXPORT_AGAIN}")
-        told = read_model_description(str(file), validate=False)
+        parsed = read_model_description(str(file), validate=False)
     except InputError:
         raise
     except Exception as error:  # whatever a damaged archive or description makes a library raise
         said = reading.plain(str(error)) or type(error).__name__
         raise InputError(f"it is damaged ({said}); {EXPORT_AGAIN}") from None
-    version = int(str(told.fmiVersion)[0])
-    if version not in (2, 3) or told.coSimulation is None:
-        kind = f"FMI {told.fmiVersion}" + ("" if told.coSimulation else ", without co-simulation")
+    version = int(str(parsed.fmiVersion)[0])
+    if version not in (2, 3) or parsed.coSimulation is None:
+        kind = f"FMI {parsed.fmiVersion}" + ("" if parsed.coSimulation else ", without co-simulation")
         raise InputError(f"it is {kind}; {EXPORT_AGAIN}")
     folder = f"binaries/{platform if version == 2 else platform_tuple}/"
-    if f"{folder}{told.coSimulation.modelIdentifier}{sharedLibraryExtension}" not in entries:
+    if f"{folder}{parsed.coSimulation.modelIdentifier}{sharedLibraryExtension}" not in entries:
         there = sorted({name.split("/")[1] for name in entries if name.startswith("binaries/") and name[9:]})
         held = ", ".join(there) or "no platform"
         raise InputError(f"it runs on {held} and not on {folder[9:-1]}; export it for that platform too")
-    return _description(file, version, told)
+    return _description(file, version, parsed)
 
 
-def _description(file: Path, version: int, told: Any) -> Description:
-    slave = told.coSimulation
-    fixed = None if slave.canHandleVariableCommunicationStepSize else told.defaultExperiment
+def _description(file: Path, version: int, parsed: Any) -> Description:
+    slave = parsed.coSimulation
+    fixed = None if slave.canHandleVariableCommunicationStepSize else parsed.defaultExperiment
     step = _number(fixed.stepSize) if fixed is not None else None
     return Description(
         file,
-        str(told.modelName),
+        str(parsed.modelName),
         version,
         str(slave.modelIdentifier),
-        str(told.guid),
+        str(parsed.guid),
         bool(slave.canGetAndSetFMUstate),
         bool(slave.canBeInstantiatedOnlyOncePerProcess),
         step,
-        {v.name: _variable(v) for v in told.modelVariables if v.type not in ("String", "Binary", "Clock")},
+        {v.name: _variable(v) for v in parsed.modelVariables if v.type not in ("String", "Binary", "Clock")},
     )
 
 

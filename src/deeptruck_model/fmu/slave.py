@@ -82,10 +82,10 @@ class Truck(Fmi3Slave):
         for name in self.parameters:
             self._number(name, None, self.parameters, Fmi3Causality.parameter)
         for column, name in enumerate(i.y):
-            self._told(name, CHANNELS[name].unit, partial(self._response, column))
+            self._output(name, CHANNELS[name].unit, partial(self._response, column))
         for name in self.truck.inside(self.state):
             if name not in {*i.y, *self.parameters}:
-                self._told(name, _unit(name), partial(self._seen_now, name))
+                self._output(name, _unit(name), partial(self._seen_now, name))
 
     def _number(self, name: str, unit: str | None, kept: dict[str, float], causality: Fmi3Causality) -> None:
         fixed = Fmi3Variability.fixed if causality is Fmi3Causality.parameter else Fmi3Variability.continuous
@@ -95,7 +95,7 @@ class Truck(Fmi3Slave):
 
         self._add(name, unit, causality, fixed, lambda: kept[name], take)
 
-    def _told(self, name: str, unit: str | None, getter: Callable[[], float]) -> None:
+    def _output(self, name: str, unit: str | None, getter: Callable[[], float]) -> None:
         self._add(name, unit, Fmi3Causality.output, Fmi3Variability.continuous, getter, None)
 
     def _add(
@@ -152,10 +152,10 @@ class Truck(Fmi3Slave):
     def _step(self) -> None:
         i = self.truck.interface
         if self.measured:
-            told = np.full((1, len(i.y)), np.nan)
-            told[0, ACCELERATION] = self.given["measured_acceleration"]
-            told[0, SPEED] = self.given["measured_speed"]
-            self.state = self.truck.force(self.state, told)
+            measured = np.full((1, len(i.y)), np.nan)
+            measured[0, ACCELERATION] = self.given["measured_acceleration"]
+            measured[0, SPEED] = self.given["measured_speed"]
+            self.state = self.truck.force(self.state, measured)
         u = np.array([[self.given[name] for name in i.u]])
         w = np.array([[self.given[name] for name in i.w]]).reshape(1, len(i.w))
         self.state, self.y = self.truck.step(self.state, u, w)

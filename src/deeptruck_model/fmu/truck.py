@@ -26,9 +26,9 @@ STARTS_NEAR = 0.01  # m/s between the speed that it is to start at and that it h
 
 @dataclass(frozen=True)
 class Row:
-    """A truck of the batch: where on which drive, the speed that it goes on from, what the FMU told last.
+    """A truck of the batch: where on which drive, the speed that it goes on from, its last outputs.
 
-    `told` is a response that takes the place of its own at the next step: speed and acceleration.
+    `measured` is a response that takes the place of its own at the next step: speed and acceleration.
     """
 
     drive: Drive
@@ -36,7 +36,7 @@ class Row:
     speed: float
     acceleration: float
     out: tuple[float, ...]
-    told: tuple[float, float] | None = None
+    measured: tuple[float, float] | None = None
 
 
 State = tuple[Row, ...]
@@ -81,7 +81,7 @@ class FmuTruck:
 
     def force(self, state: State, y: Array) -> State:
         """The same at a recorded y (batch, n_y). Without an input for it the FMU starts anew there."""
-        return tuple(self._forced(row, told) for row, told in zip(state, y, strict=True))
+        return tuple(self._forced(row, measured) for row, measured in zip(state, y, strict=True))
 
     def inside(self, state: State) -> dict[str, Array]:
         """What the map names beside the response, and the mass where there are forces."""
@@ -133,16 +133,16 @@ class FmuTruck:
             speed, acceleration = now, (now - speed) / dt
             if recorded is None:
                 continue
-            told = recorded[k + 1]
-            speed, acceleration, new = self._takes(speed, acceleration, told)
+            measured = recorded[k + 1]
+            speed, acceleration, new = self._takes(speed, acceleration, measured)
             row = self._measured(speed, acceleration) if new and self._map.measured else none
             if new and not self._map.measured and k + 2 < len(steps):
                 self._started(instance, speed, acceleration)
         return np.array(out), np.array(before)
 
-    def _takes(self, speed: float, acceleration: float, told: Array) -> tuple[float, float, bool]:
+    def _takes(self, speed: float, acceleration: float, measured: Array) -> tuple[float, float, bool]:
         """Speed and acceleration to go on from, and whether they are new to the FMU."""
-        to, at = float(told[SPEED]), float(told[ACCELERATION])
+        to, at = float(measured[SPEED]), float(measured[ACCELERATION])
         if math.isnan(to) and math.isnan(at):
             return speed, acceleration, False
         to, at = speed if math.isnan(to) else to, acceleration if math.isnan(at) else at
@@ -158,18 +158,18 @@ class FmuTruck:
         return Row(drive, 0, speed, acceleration, tuple(out))
 
     def _stepped(self, row: Row, inputs: Array) -> Row:
-        told = [0.0] * len(self._map.measured) if row.told is None else self._measured(*row.told)
-        drive, out = self._instances.step(row.drive, row.length, [*inputs.tolist(), *told])
+        measured = [0.0] * len(self._map.measured) if row.measured is None else self._measured(*row.measured)
+        drive, out = self._instances.step(row.drive, row.length, [*inputs.tolist(), *measured])
         speed = self._scalar(out[0])
         self._check(speed, (row.length + 1) * self.dt)
         return Row(drive, row.length + 1, speed, (speed - row.speed) / self.dt, tuple(out))
 
-    def _forced(self, row: Row, told: Array) -> Row:
-        speed, acceleration, new = self._takes(row.speed, row.acceleration, told)
+    def _forced(self, row: Row, measured: Array) -> Row:
+        speed, acceleration, new = self._takes(row.speed, row.acceleration, measured)
         if not new:
             return row
         if self._map.measured:
-            return replace(row, speed=speed, acceleration=acceleration, told=(speed, acceleration))
+            return replace(row, speed=speed, acceleration=acceleration, measured=(speed, acceleration))
         return Row(Drive(self._begin(speed, acceleration)), 0, speed, acceleration, row.out)
 
     def _started(self, instance: Instance, speed: float, acceleration: float) -> list[float]:

@@ -72,24 +72,24 @@ class VariableMap:
     restart_beyond: float  # m/s
 
 
-def variable_map(d: Description, told: Mapping[Any, Any]) -> VariableMap:
-    """The map of an FMU, from its own names and the mapping file's `told` before them.
+def variable_map(d: Description, mapping: Mapping[Any, Any]) -> VariableMap:
+    """The map of an FMU, from its own names and the mapping file, `mapping`, before them.
 
     Raises InputError for a field or variable that is not known, and for what is needed and missing.
     """
-    _known(told, FIELDS, "the mapping")
-    found = {section: _links(d, section, _section(told, section)) for section in SECTIONS[:-1]}
+    _known(mapping, FIELDS, "the mapping")
+    found = {section: _links(d, section, _section(mapping, section)) for section in SECTIONS[:-1]}
     _check_needed(d, found)
     inputs = tuple(found["inputs"][name] for name in INPUTS if name in found["inputs"])
-    interface = _interface(str(told.get("name", d.name)), found)
+    interface = _interface(str(mapping.get("name", d.name)), found)
     outputs = [found["outputs"].pop("speed"), *found["outputs"].values()]
-    dt = _positive(told.get("dt", max(DT, d.step or 0.0)), "dt")
-    step = _positive(told.get("step", min(d.step or dt, dt)), "step")
+    dt = _positive(mapping.get("dt", max(DT, d.step or 0.0)), "dt")
+    step = _positive(mapping.get("step", min(d.step or dt, dt)), "step")
     if abs(dt / step - round(dt / step)) > 1e-6 or step > dt * (1 + 1e-9):
         raise InputError(f"dt of {dt:g} s is no whole number of the FMU's steps of {step:g} s; change dt")
-    beyond = _number(told.get("restart_beyond", 0.0), "restart_beyond", 0.0)
+    beyond = _number(mapping.get("restart_beyond", 0.0), "restart_beyond", 0.0)
     settings = [
-        (_variable(d, str(n), "set"), _number(x, f"set: {n}")) for n, x in _section(told, "set").items()
+        (_variable(d, str(n), "set"), _number(x, f"set: {n}")) for n, x in _section(mapping, "set").items()
     ]
     measured = found["measured"] if {"speed", "active"} <= found["measured"].keys() else {}
     return VariableMap(
@@ -98,8 +98,8 @@ def variable_map(d: Description, told: Mapping[Any, Any]) -> VariableMap:
     )  # fmt: skip
 
 
-def _section(told: Mapping[Any, Any], section: str) -> Mapping[Any, Any]:
-    given = told.get(section) or {}
+def _section(mapping: Mapping[Any, Any], section: str) -> Mapping[Any, Any]:
+    given = mapping.get(section) or {}
     if not isinstance(given, Mapping):
         raise InputError(f"{section} of the mapping holds no 'name: variable' lines; write them")
     return given
@@ -124,7 +124,7 @@ def _links(d: Description, section: str, given: Mapping[Any, Any]) -> dict[str, 
     for name in names:
         if name in given:
             if given[name] is not None:
-                found[name] = _told_link(d, section, name, given[name])
+                found[name] = _mapped_link(d, section, name, given[name])
         elif (own := d.variables.get(OWN_NAMES.get(section, {}).get(name, name))) and _fits(own, section):
             found[name] = _link(section, name, own, None, None)
     return found
@@ -136,17 +136,17 @@ def _fits(own: Variable, section: str) -> bool:
     return own.causality == kinds.get(section, own.causality)
 
 
-def _told_link(d: Description, section: str, name: str, line: Any) -> Link:
-    told = {"variable": line} if isinstance(line, str) else line
+def _mapped_link(d: Description, section: str, name: str, line: Any) -> Link:
+    mapping = {"variable": line} if isinstance(line, str) else line
     where = f"{section}: {name}"
-    if not isinstance(told, Mapping) or not isinstance(told.get("variable"), str):
+    if not isinstance(mapping, Mapping) or not isinstance(mapping.get("variable"), str):
         raise InputError(f"{where} of the mapping names no variable of the FMU; write '{name}: VARIABLE'")
-    _known(told, OF_LINK, where)
-    variable = _variable(d, told["variable"], where)
+    _known(mapping, OF_LINK, where)
+    variable = _variable(d, mapping["variable"], where)
     _check_kind(section, where, variable)
-    factor = _number(told["factor"], f"factor of {where}") if "factor" in told else None
-    link = _link(section, name, variable, told.get("unit"), factor)
-    low, high = (_number(told[k], f"{k} of {where}") if k in told else None for k in ("low", "high"))
+    factor = _number(mapping["factor"], f"factor of {where}") if "factor" in mapping else None
+    link = _link(section, name, variable, mapping.get("unit"), factor)
+    low, high = (_number(mapping[k], f"{k} of {where}") if k in mapping else None for k in ("low", "high"))
     return replace(link, low=link.low if low is None else low, high=link.high if high is None else high)
 
 

@@ -92,6 +92,6 @@ def accept(path: Path) -> None:
     Raises InputError where they are not found.
     """
     manifest = reading.json_object(path / MANIFEST, MAKE_AGAIN)
-    told = manifest | _reference(path, manifest).to_dict()
-    files.write(path / MANIFEST, json.dumps(told, indent=1).encode())
+    content = manifest | _reference(path, manifest).to_dict()
+    files.write(path / MANIFEST, json.dumps(content, indent=1).encode())
     files.renew(path / MANIFEST)

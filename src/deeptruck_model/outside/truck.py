@@ -160,11 +160,11 @@ class OutsideTruck:
 
         Of an object that was given, what it was is written, which cannot be loaded.
         """
-        told = {"interface": self.interface.to_dict(), "dt": self.dt, "parameters": self._values}
+        content = {"interface": self.interface.to_dict(), "dt": self.dt, "parameters": self._values}
         if self._reference is None:
-            _write(path, {"simulator": None, "object": self._named} | told)
+            _write(path, {"simulator": None, "object": self._named} | content)
         else:
-            _write(path, self._reference.to_dict() | told)
+            _write(path, self._reference.to_dict() | content)
 
     def _checked_rollout(self, rollout: Callable[..., Any]) -> Callable[..., Any]:
         def checked(u: Array, w: Array, y0: Array, recorded: Array | None = None) -> Any:
@@ -251,10 +251,10 @@ def keep(simulator: Any, path: Path) -> None:
     if (path / MANIFEST).is_file():
         return
     kind = type(simulator)
-    told = {"interface": simulator.interface.to_dict(), "dt": simulator.dt, "parameters": {}}
-    _write(path, {"simulator": None, "object": f"{kind.__module__}.{kind.__qualname__}"} | told)
+    content = {"interface": simulator.interface.to_dict(), "dt": simulator.dt, "parameters": {}}
+    _write(path, {"simulator": None, "object": f"{kind.__module__}.{kind.__qualname__}"} | content)
 
 
-def _write(path: Path, told: Mapping[str, Any]) -> None:
+def _write(path: Path, content: Mapping[str, Any]) -> None:
     path.mkdir(parents=True, exist_ok=True)
-    (path / MANIFEST).write_text(json.dumps({"kind": KIND, "schema": SCHEMA, **told}, indent=1))
+    (path / MANIFEST).write_text(json.dumps({"kind": KIND, "schema": SCHEMA, **content}, indent=1))

@@ -220,10 +220,10 @@ def _account(account: dict[str, Any]) -> Table:
 
 def _table(recording: dict[str, Any]) -> Table:
     rows = [
-        (name, SHOWN_IN.get(told["unit"], printed(told["unit"])),
-         *(_text(told[key], told["unit"]) for key in ("min", "mean", "max")),
-         f"{100 * told['nan_share']:.1f}")
-        for name, told in recording["channels"].items()
+        (name, SHOWN_IN.get(facts["unit"], printed(facts["unit"])),
+         *(_text(facts[key], facts["unit"]) for key in ("min", "mean", "max")),
+         f"{100 * facts['nan_share']:.1f}")
+        for name, facts in recording["channels"].items()
     ]  # fmt: skip
     says = CHANNELS_OF.format(
         name=recording["name"], seconds=recording["duration_s"], rate=1 / recording["dt"]
@@ -307,14 +307,14 @@ class Coverage:
 
         Raises InputError where something else is there, or an older coverage without `overwrite`.
         """
-        told = self.to_dict()
-        content = json.dumps(told, indent=1, allow_nan=False)
+        facts = self.to_dict()
+        content = json.dumps(facts, indent=1, allow_nan=False)
         with COVERAGE.replacing(Path(folder), overwrite=overwrite) as draft:
             (draft / "coverage.json").write_text(content)
             picture = draw(self)
             (draft / "coverage.png").write_bytes(picture)
             (draft / "coverage.html").write_text(
-                page(told, picture, draw_channels(self.drives)), encoding="utf-8"
+                page(facts, picture, draw_channels(self.drives)), encoding="utf-8"
             )
 
 

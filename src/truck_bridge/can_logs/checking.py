@@ -36,7 +36,7 @@ class Checked:
     lost_s: Times = field(default_factory=dict)
     obstacles: Counter[str] = field(default_factory=Counter)  # what stood against engaging: turns of 10 ms
     driver_s: Counter[str] = field(default_factory=Counter)  # how long the driver acted, by signal
-    faults: Counter[str] = field(default_factory=Counter)  # that controllers told, messages by fault
+    faults: Counter[str] = field(default_factory=Counter)  # that controllers reported, messages by fault
     faults_s: Times = field(default_factory=dict)
 
     account: Account = field(default_factory=lambda: Account("", "frames"))  # of the log
@@ -82,7 +82,7 @@ class _Replay:
         return self._found
 
     def _listen(self) -> None:
-        """Faults anew: what was told before a hole is not known to last."""
+        """Faults anew: what was reported before a hole is not known to last."""
         self._found.notes += unread(self._faults.finish())
         self._faults = FaultWatch(self._vehicle)
 
@@ -117,11 +117,11 @@ class _Replay:
         self._hear_faults(frame)
 
     def _hear_faults(self, frame: Frame) -> None:
-        told, at = self._faults.hear(frame.can_id, frame.data, frame.time), frame.time - self._start
-        for fault in told:
+        reported, at = self._faults.hear(frame.can_id, frame.data, frame.time), frame.time - self._start
+        for fault in reported:
             self._found.faults[fault] += 1
             self._found.faults_s[fault] = (self._found.faults_s.get(fault, (at, at))[0], at)
-        for fault in self._faults.blocking(frame.time) if told else ():
+        for fault in self._faults.blocking(frame.time) if reported else ():
             self._safety.fade(frame.time, fault)
 
     def _wait(self, until: float) -> None:
@@ -171,9 +171,9 @@ def _listed(counts: Counter[str]) -> str:
 
 def _timed(counts: Counter[str], times: Times) -> str:
     """Each reason with its count and its first and last time."""
-    told = []
+    reported = []
     for name, count in counts.most_common():
         first, last = times[name]
         when = f"at {first:.2f} s" if count == 1 else f"{count} times, {first:.2f} to {last:.2f} s"
-        told.append(f"{name} ({when})")
-    return ", ".join(told) or "nothing"
+        reported.append(f"{name} ({when})")
+    return ", ".join(reported) or "nothing"

@@ -46,11 +46,11 @@ def lines(
 def unread(broken: Counter[Broken]) -> Iterator[str]:
     """For people: messages that did not become whole, or whose content is none."""
     if broken:
-        told = (
+        counted = (
             f"{GROUPS.get(b.pgn, f'{b.pgn:#06x}')} of 0x{b.source:02X}: {b.why} ({n})"
             for b, n in sorted(broken.items())
         )
-        yield f"messages of several frames left out: {', '.join(told)}"
+        yield f"messages of several frames left out: {', '.join(counted)}"
 
 
 def _times(said: Sequence[Said]) -> dict[Fault, list[float]]:
@@ -76,7 +76,7 @@ def channels(said: Sequence[Said]) -> dict[str, tuple[Array, Array]]:
 
 
 def notes(said: Sequence[Said], numbers: Mapping[int, str], broken: Counter[Broken]) -> list[str]:
-    """What a recording keeps beside its channels: the truck's number, and every fault with who told it."""
+    """A recording's notes: the truck's number, and every fault with who reported it."""
     found = [f"VIN {number} (0x{source:02X})" for source, number in sorted(numbers.items())]
     faults = [f"{fault.what} (0x{fault.source:02X})" for fault in _times(said)]
     found += [f"active faults: {', '.join(faults)}"] if faults else []

@@ -122,10 +122,10 @@ def _best(found: Decoding, message: str, signal: str) -> Series | None:
         return None
     best, *others = sorted(keys, key=lambda key: (-len(found.series[key][0]), key[2]))
     if others:
-        told = ", ".join(f"0x{key[2]:02X} ({len(found.series[key][0])} samples)" for key in others)
+        rest = ", ".join(f"0x{key[2]:02X} ({len(found.series[key][0])} samples)" for key in others)
         count = len(found.series[best][0])
         remark = (
-            f"{message}.{signal} is taken from 0x{best[2]:02X} ({count} samples), and is sent by {told} too; "
+            f"{message}.{signal} is taken from 0x{best[2]:02X} ({count} samples), and is sent by {rest} too; "
             "'source' in the columns chooses"
         )
         found.account.remarks += [remark] if remark not in found.account.remarks else []

@@ -50,9 +50,9 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
     bus = open_bus(interface, channel)
     count, end = 0, math.inf if duration is None else time.monotonic() + duration
     try:
-        with _told_to_end() as told, _writing(logger, path) as write:
+        with _end_requested() as ended, _writing(logger, path) as write:
             mine = _identity(path)
-            while not told.is_set() and (left := end - time.monotonic()) > 0:
+            while not ended.is_set() and (left := end - time.monotonic()) > 0:
                 message = bus.recv(min(left, 0.2))
                 if message is not None:
                     write(message)
@@ -162,16 +162,16 @@ def _all(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
 
 
 @contextmanager
-def _told_to_end() -> Iterator[threading.Event]:
+def _end_requested() -> Iterator[threading.Event]:
     """Set by the signals that end a recording: an exception amid a write would leave half a record."""
-    told = threading.Event()
+    ended = threading.Event()
     if threading.current_thread() is not threading.main_thread():
-        yield told  # only the main thread may handle signals
+        yield ended  # only the main thread may handle signals
         return
     heeded = [n for n in ENDS if signal.getsignal(n) != signal.SIG_IGN]
-    before = {number: signal.signal(number, lambda *_: told.set()) for number in heeded}
+    before = {number: signal.signal(number, lambda *_: ended.set()) for number in heeded}
     try:
-        yield told
+        yield ended
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

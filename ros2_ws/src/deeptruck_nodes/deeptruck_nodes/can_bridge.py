@@ -26,7 +26,7 @@ LEAD_FOR = 0.5  # s that a radar echo counts as a vehicle ahead
 ASK_EVERY = 0.2  # s between attempts to engage
 SAY_EVERY = 5.0  # s between two lines that say why control cannot be given yet
 NOBODY_ASKS = "nobody asks: call the service /can_bridge/engage"
-TELL_EVERY = 0.05  # s between two engaged bits to the controller; a change is told at once
+ENGAGED_PERIOD_S = 0.05  # s between two engaged bits to the controller; a change is sent at once
 
 
 class CanBridge(DeeptruckNode, LifecycleNodeMixin):
@@ -44,8 +44,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._signals: dict[str, float] = {}
-        self._published_at = self._lead_at = self._asked_at = self._told_at = -math.inf
-        self._told = False
+        self._published_at = self._lead_at = self._asked_at = self._sent_engaged_at = -math.inf
+        self._sent_engaged = False
         self._armed_at = self._counted_at = math.nan  # monotonic, s
         self._in_control = 0.0  # s
         self._say_at = math.inf  # when to say what stands against engaging
@@ -124,10 +124,10 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         engaged = self._bridge.engaged
         self._in_control += (now - self._counted_at) * engaged
         self._counted_at = now
-        if engaged != self._told:
+        if engaged != self._sent_engaged:
             _say("engaged" if engaged else self._bridge.status.warning)
-        if engaged != self._told or now - self._told_at > TELL_EVERY:
-            self._told, self._told_at = engaged, now
+        if engaged != self._sent_engaged or now - self._sent_engaged_at > ENGAGED_PERIOD_S:
+            self._sent_engaged, self._sent_engaged_at = engaged, now
             self._engaged.publish(messages.scalars(self.now(), ENGAGED.fields, {"engaged": engaged}))
 
     def _publish(self, stamp: int, signals: dict[str, float]) -> None:

@@ -39,7 +39,10 @@ class Controller(DeeptruckNode):
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
         self._held = (math.nan, math.nan)
         self._simulated = "truck_sim" in self.p["peers"]
-        self._told, self._told_at = False, -math.inf  # the bridge's engaged bit; monotonic, s
+        self._bridge_engaged, self._bridge_engaged_at = (
+            False,
+            -math.inf,
+        )  # the bridge's engaged bit; monotonic, s
         self._heard = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._counts = {"shield_acted": 0, "baseline_drove": 0}
         self._command = self.publish_on(COMMAND)
@@ -68,7 +71,7 @@ class Controller(DeeptruckNode):
 
     def _send(self, stamp: int) -> None:
         self._sent_at = time.monotonic()
-        engaged = self._simulated or (self._told and not self._is_old(self._told_at))
+        engaged = self._simulated or (self._bridge_engaged and not self._is_old(self._bridge_engaged_at))
         values = dict(zip(COMMAND.fields, (*self._held, float(engaged)), strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 
@@ -81,7 +84,11 @@ class Controller(DeeptruckNode):
     def _on_engaged(self, message: JointState) -> None:
         """What the bridge says of itself; a change is answered at once, as the bridge waits for it."""
         engaged = messages.read_scalars(message).get("engaged") == 1.0
-        changed, self._told, self._told_at = engaged != self._told, engaged, time.monotonic()
+        changed, self._bridge_engaged, self._bridge_engaged_at = (
+            engaged != self._bridge_engaged,
+            engaged,
+            time.monotonic(),
+        )
         if not changed:
             return
         if engaged:

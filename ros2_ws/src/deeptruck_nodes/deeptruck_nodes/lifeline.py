@@ -15,7 +15,7 @@ class Lifeline:
     def __init__(self) -> None:
         number = os.environ.get(VARIABLE)
         self._socket = socket.socket(fileno=int(number)) if number else None
-        self._said = self._told = False
+        self._said = self._released = False
 
     def ready(self) -> None:
         """Tell the supervisor, once."""
@@ -27,7 +27,7 @@ class Lifeline:
     def may_go(self) -> bool:
         """Whether everyone else is ready too; never blocks."""
         self.is_cut()
-        return self._socket is None or self._told
+        return self._socket is None or self._released
 
     def is_cut(self) -> bool:
         """Whether there was a supervisor and it is gone; never blocks."""
@@ -39,7 +39,7 @@ class Lifeline:
             return False
         except OSError:
             return True
-        self._told = self._told or heard == b"go"
+        self._released = self._released or heard == b"go"
         return not heard
 
 

@@ -192,9 +192,9 @@ def _page(common: Common, interface: TruckInterface | None) -> Sections:
 
 
 def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]:
-    told = {} if interface is None else {"interface": json.dumps(interface.to_dict())}
+    custom = {} if interface is None else {"interface": json.dumps(interface.to_dict())}
     return {
-        **told,
+        **custom,
         "policy": policy if policy.startswith("baseline:") else str(Path(policy).absolute()),
         "uses_grade": bool(interface and interface.grade),
     }

@@ -142,7 +142,7 @@ class Live:
             | {
                 "topics": {topic: _age(ages, now) for topic, ages in self._ages.items()},
                 "samples": samples,
-                "health": self._told(changed),
+                "health": self._reported(changed),
                 "ages": {node: round(now - said["at"], 2) for node, said in self._health.items()},
                 "replay": dict(self.replay),
             }
@@ -161,11 +161,11 @@ class Live:
                 "units": dict(self.units),
                 "run": self.run,
                 "missing": self._missing,
-                "health": self._told(self._health),
+                "health": self._reported(self._health),
             }
         )
 
-    def _told(self, nodes: Iterable[str]) -> dict[str, dict[str, Any]]:
+    def _reported(self, nodes: Iterable[str]) -> dict[str, dict[str, Any]]:
         return {
             node: {key: value for key, value in self._health[node].items() if key != "at"}
             for node in list(nodes)
