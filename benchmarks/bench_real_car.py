@@ -99,7 +99,7 @@ class Deep:
 
 
 def windows(pieces: list[Recording], seconds: int) -> tuple[Array, Array, Array]:
-    """u, w, y (runs, T, n) of every stretch of `seconds`, EVERY_S apart."""
+    """u, w, y (runs, T, n) of every segment of `seconds`, EVERY_S apart."""
     steps, every = (round(s / pieces[0].dt) for s in (seconds, EVERY_S))
     chosen = [(p, k) for p in pieces for k in range(0, len(p) - steps, every)]
     u, w, y = (np.stack([getattr(p, n)[k : k + steps + 1] for p, k in chosen]) for n in ("u", "w", "y"))

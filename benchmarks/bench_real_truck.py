@@ -85,7 +85,7 @@ class Deep:
 
 
 def windows(pieces: list[Recording], seconds: int) -> tuple[Array, Array, Array]:
-    """u, w, y (runs, T, n) of every stretch of `seconds`, EVERY s apart."""
+    """u, w, y (runs, T, n) of every segment of `seconds`, EVERY s apart."""
     chosen = [(p, k) for p in pieces for k in range(0, len(p) - seconds, EVERY)]
     u, w, y = (np.stack([getattr(p, n)[k : k + seconds + 1] for p, k in chosen]) for n in ("u", "w", "y"))
     return u, w, y

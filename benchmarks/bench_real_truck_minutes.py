@@ -30,19 +30,19 @@ from deeptruck_model.driving_cycles import CycleSettings, RoadSettings
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
-STRETCHES = 3  # of each number of minutes
+SEGMENTS = 3  # of each number of minutes
 ROADS = CycleSettings(road=RoadSettings(limit=0.045))  # steeper than 99 % of the first half
 ALONE, LINEAR = "the fleet alone", "least squares"
 COLOURS = {LINEAR: "0.4", SCRATCH: "tab:blue", ADAPTED: "tab:red"}
 
 Errors = dict[tuple[str, int], list[list[float]]]
-"""By what was fitted and minutes, one list a stretch: rms and median after 15 s, then after 60 s."""
+"""By what was fitted and minutes, one list a segment: rms and median after 15 s, then after 60 s."""
 
 
-def stretches(recordings: list[Recording], minutes: int) -> list[list[Recording]]:
-    """STRETCHES times `minutes` of driving, evenly spread over the recordings, gaps not counted."""
+def segments(recordings: list[Recording], minutes: int) -> list[list[Recording]]:
+    """SEGMENTS times `minutes` of driving, evenly spread over the recordings, gaps not counted."""
     total, length = sum(map(len, recordings)), 60 * minutes
-    starts = np.linspace(0, total - length, STRETCHES).round().astype(int)
+    starts = np.linspace(0, total - length, SEGMENTS).round().astype(int)
     return [_between(recordings, int(start), int(start) + length) for start in starts]
 
 
@@ -82,13 +82,13 @@ def fitted(mine: list[Recording], known: Path) -> Iterator[tuple[tuple[str, int]
         ADAPTED: lambda part: Deep.trained(part, start=str(known)),
     }
     for minutes in MINUTES:
-        for part in stretches(mine, minutes):
+        for part in segments(mine, minutes):
             for name, fit in ways.items():
                 yield (name, minutes), fit(part)
 
 
 def table(found: Errors) -> str:
-    """One row for each way and amount: the mean of the stretches, and what they lie between."""
+    """One row for each way and amount: the mean of the segments, and what they lie between."""
     rows = []
     for (name, minutes), each in found.items():
         low, mean, high = np.min(each, axis=0), np.mean(each, axis=0), np.max(each, axis=0)
@@ -104,7 +104,7 @@ def _cell(low: float, mean: float, high: float) -> str:
 
 
 def draw(found: Errors, path: Path) -> None:
-    """rms of the speed error after 60 s against minutes; the bars span the stretches."""
+    """rms of the speed error after 60 s against minutes; the bars span the segments."""
     figure = Figure(figsize=(6, 4), layout="constrained")
     axis = figure.subplots()
     for aside, (name, colour) in zip((0.94, 1.0, 1.06), COLOURS.items(), strict=True):
@@ -140,10 +140,10 @@ TEXT = """# Minutes of it
 
 `python benchmarks/bench_real_truck_minutes.py`. The truck and the free runs of [half a
 log](#half-a-log-veh002): the test is the second half of the log. 5, 15 and 60 min of the first half train,
-three times each, by stretches spread evenly over it; only what can be explained counts as a minute. The
+three times each, by segments spread evenly over it; only what can be explained counts as a minute. The
 fleet are {fleet} made-up trucks that drove 20 min each, logged like this truck: 1 Hz, fuel rate as engine
 command, grade, no brake. Only how steep their roads are comes from the first half; no setting was chosen on
-this truck. Speed error at the end of the run, m/s: the mean of the three stretches, in brackets the lowest
+this truck. Speed error at the end of the run, m/s: the mean of the three segments, in brackets the lowest
 and the highest; where one ran away there is no mean. Deep trucks are of one seed each.
 
 | | 15 s: rms | median | 60 s: rms | median |

@@ -77,7 +77,7 @@ class CycleSettings:
     braking_share: float = 0.08
     """Episodes of one brake command down to standstill, reckoned at 20 s each."""
     engine_brake_share: float = 0.2
-    """Share of the time (in stretches of minutes) in which the driver has the engine brake on."""
+    """Share of the time (in phases of minutes) in which the driver has the engine brake on."""
 
 
 YARD = CycleSettings(
@@ -189,8 +189,8 @@ def _episodes(n: int, dt: float, settings: CycleSettings, rng: np.random.Generat
     return np.array(sorted(rows), EPISODE)
 
 
-def _stretches(n: int, dt: float, share: float, rng: np.random.Generator) -> Array:
-    """0 or 1 a sample, in stretches of three minutes."""
+def _phases(n: int, dt: float, share: float, rng: np.random.Generator) -> Array:
+    """0 or 1 a sample, in phases of three minutes."""
     blocks = rng.random(int(n * dt / 180.0) + 1) < share
     return np.repeat(blocks.astype(float), ceil(180.0 / dt))[:n]
 
@@ -248,7 +248,7 @@ def drive(
     targets = speed_profile(total, seed=rng, dt=dt, settings=settings.speed)
     road = road_grade(float(targets.sum()) * dt * 1.2 + 2000.0, seed=rng, settings=settings.road)
     episodes = _episodes(len(targets), dt, settings, rng)
-    engine_brake = _stretches(len(targets), dt, settings.engine_brake_share, rng)
+    engine_brake = _phases(len(targets), dt, settings.engine_brake_share, rng)
     log = drive_along(truck, targets, engine_brake, episodes, road, settings.road.spacing)
     return _recording(truck, log, name or f"{truck.interface.name}-{seed}", seed)
 

@@ -105,7 +105,7 @@ class _Pair:
         return best - begun, float(agreement[best])
 
     def beyond_chance(self, shift: int) -> float:
-        """Standard deviations (Fisher's z) that the changes of speed agree by: a short stretch of any speed
+        """Standard deviations (Fisher's z) that the changes of speed agree by: a short segment of any speed
         resembles another one, but it speeds up and slows down at other moments."""
         begin, end = max(shift, 0), min(len(self.a), shift + len(self.b))
         theirs = slice(begin - shift, end - shift)

@@ -73,7 +73,7 @@ def _driven(simulator: Simulator, recordings: Sequence[Recording], text: str) ->
             raise InputError(f"{text}: the simulator's step is {simulator.dt:g} s, the bag's {r.dt:g} s")
         inputs = np.column_stack([r.columns(simulator.interface.u), r.columns(simulator.interface.w)])
         known = np.isfinite(inputs).all(axis=1) & np.isfinite(r.channels["speed"])
-        out += [_run(simulator, r.piece(a, b)) for a, b in _stretches(known, LEAST_RUN_S / r.dt)]
+        out += [_run(simulator, r.piece(a, b)) for a, b in _segments(known, LEAST_RUN_S / r.dt)]
     if not out:
         raise InputError(f"{text}: nowhere are all commands valid for {LEAST_RUN_S:g} s; choose another bag")
     return out
@@ -89,7 +89,7 @@ def _run(simulator: Simulator, r: Recording) -> Recording:
     return Recording(r.name, r.dt, {**given, **response}, r.interface, r.start_s, r.notes)
 
 
-def _stretches(known: NDArray[np.bool_], least: float) -> list[tuple[int, int]]:
+def _segments(known: NDArray[np.bool_], least: float) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least]
 

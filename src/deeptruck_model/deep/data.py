@@ -98,7 +98,7 @@ def unexplained(recording: Recording, interface: TruckInterface) -> NDArray[np.b
 
 
 def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:
-    """The stretches with every input of `interface` valid and no row unexplained, from a valid speed on."""
+    """The segments with every input of `interface` valid and no row unexplained, from a valid speed on."""
     missing = {name: np.full(len(recording), np.nan) for name in (*interface.u, *interface.w, *interface.y)}
     channels = {**missing, **recording.channels}
     whole = replace(recording, interface=interface, channels=channels)

@@ -83,7 +83,7 @@ def trials(
     horizon_s: float = HORIZON_S,
     seed: int = 0,
 ) -> Trials:
-    """`count` free runs of `horizon_s` (shorter where no stretch is that long) from random recorded
+    """`count` free runs of `horizon_s` (shorter where no segment is that long) from random recorded
     starts."""
     if not simulator.dt <= horizon_s < np.inf:
         raise InputError(f"a horizon of {horizon_s:g} s is none; give seconds, such as {HORIZON_S:g}")
@@ -91,7 +91,7 @@ def trials(
     pieces = [p for r in recordings for p in cut(r, simulator.interface)]
     if not pieces:
         raise InputError(
-            "no stretch of 3 s with valid inputs and speed in the recordings; nothing to evaluate"
+            "no segment of 3 s with valid inputs and speed in the recordings; nothing to evaluate"
         )
     dt = simulator.dt
     steps = min(round(horizon_s / dt), max(len(p) for p in pieces) - 1)

@@ -79,7 +79,7 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     pieces = [piece for recording in recordings for piece in cut(recording, interface)]
     if not pieces:
         raise InputError(
-            "no stretch of 3 s with valid inputs and speed in the recordings; see 'deeptruck-model coverage'"
+            "no segment of 3 s with valid inputs and speed in the recordings; see 'deeptruck-model coverage'"
         )
     if arguments.mode == "default":
         pieces = [consistent(piece) for piece in pieces]
@@ -120,7 +120,7 @@ def _judgeable(
     dt, longest = pieces[0].dt, max(len(p) * p.dt for p in pieces)
     least = math.ceil((SHORTEST_S + dt) / HELD_OUT)
     raise InputError(
-        f"the longest stretch with valid inputs and speed is {longest:.0f} s, too short: its last "
+        f"the longest segment with valid inputs and speed is {longest:.0f} s, too short: its last "
         f"{HELD_OUT:.0%} judge the truck and must last {SHORTEST_S:g} s; give {least} s or more without a gap"
     )
 

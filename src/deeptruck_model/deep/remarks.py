@@ -52,7 +52,7 @@ def few_runs(truck: DeepTruck, recordings: Sequence[Recording]) -> str:
 def _shorter(metrics: dict[str, Any], horizon_s: float) -> str:
     if metrics["horizon_s"] > horizon_s - metrics.get("dt", 0.0):
         return ""
-    return f"no stretch of the recordings is {horizon_s:g} s long: the runs are {metrics['horizon_s']:.1f} s"
+    return f"no segment of the recordings is {horizon_s:g} s long: the runs are {metrics['horizon_s']:.1f} s"
 
 
 def _overlap(recordings: Sequence[Recording], metrics: dict[str, Any]) -> str:

@@ -119,7 +119,7 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
     for channel, column in meaning.channels.items():
         if column.late_s:
             stamped = int((~np.isnan(series[channel].values)).sum())
-            series[channel] = _on_time(channel, series[channel], column.late_s, _stretches(time, cuts))
+            series[channel] = _on_time(channel, series[channel], column.late_s, _segments(time, cuts))
             lost = stamped - int((~np.isnan(series[channel].values)).sum())
             account.channel(channel).set_aside("outside their piece once put back by late_s", count=lost)
             notes.append(f"{channel} is stamped {column.late_s:g} s late and was put back")
@@ -178,23 +178,23 @@ def _jumps(time: Array, values: Array, step: float) -> Array:
     return time[valid][1:][np.abs(np.diff(values[valid])) > step]
 
 
-def _stretches(time: Array, cuts: list[float]) -> Array:
-    """Where the contiguous stretches of a table begin, ascending; behind the last one infinity."""
+def _segments(time: Array, cuts: list[float]) -> Array:
+    """Where the contiguous segments of a table begin, ascending; behind the last one infinity."""
     gap = max(GAP_S, GAP_PERIODS * period(time))
     behind_gaps = time[1:][np.diff(time) > gap]
     return np.unique(np.concatenate([time[:1], behind_gaps, cuts, [np.inf]]))
 
 
-def _on_time(channel: str, series: Series, late_s: float, stretches: Array) -> Series:
+def _on_time(channel: str, series: Series, late_s: float, segments: Array) -> Series:
     """The series with its stamps set right.
 
-    A sample that would leave its stretch says nothing of the one beside it and is dropped; a NaN ends every
-    stretch, so that nothing is held on to where the next sample lies in another. Speed is the clock, which
-    has no tick behind a stretch's last row.
+    A sample that would leave its segment says nothing of the one beside it and is dropped; a NaN ends every
+    segment, so that nothing is held on to where the next sample lies in another. Speed is the clock, which
+    has no tick behind a segment's last row.
     """
     own = period(series.time)
     stamps, values = [np.zeros(0)], [np.zeros(0)]
-    for begin, end in pairwise(stretches):
+    for begin, end in pairwise(segments):
         inside = (series.time >= begin) & (series.time < end)
         if not inside.any():
             continue

@@ -130,8 +130,8 @@ class Resampler:
                 self._periods[channel] = period(clock if channel == "speed" else one.time)
         if until < np.inf and period(clock) > _SLOW_S:
             return
-        for i, j in self._stretches(clock):
-            self._stretch({**series, "speed": kept}, clock, i, j, until)
+        for i, j in self._segments(clock):
+            self._segment({**series, "speed": kept}, clock, i, j, until)
         now = slice(*np.searchsorted(speed.time, [self._settled, until - MARGIN_S], side="right"))
         for reason, these in ((REVERSING, backward), (self._ranges["speed"].reason, below)):
             self._ranges["speed"].set_aside(reason, speed.time[now], speed.values[now], these[now])
@@ -222,14 +222,14 @@ class Resampler:
         unit = "; is its unit right?" if any(reason.startswith("outside") for reason in speed.aside) else ""
         return f"{nothing} (of {speed.read}, {', '.join(reasons)}{unit})" if reasons else nothing
 
-    def _stretches(self, clock: Array) -> list[tuple[int, int]]:
+    def _segments(self, clock: Array) -> list[tuple[int, int]]:
         """Index ranges of the speed samples between gaps and cuts, without those of closed pieces."""
         starts = {*(np.flatnonzero(np.diff(clock) > self._gap) + 1), *np.searchsorted(clock, self.cuts)}
         edges = sorted({0, len(clock)} | {int(s) for s in starts if 0 < s < len(clock)})
         return [(i, j) for i, j in pairwise(edges) if clock[j - 1] > self._closed]
 
-    def _stretch(self, series: dict[str, Series], clock: Array, i: int, j: int, until: float) -> None:
-        """Compute a stretch's missing ticks before `until`; close it where it ends before."""
+    def _segment(self, series: dict[str, Series], clock: Array, i: int, j: int, until: float) -> None:
+        """Compute a segment's missing ticks before `until`; close it where it ends before."""
         end = clock[j - 1]
         complete = end < until
         if clock[i] >= until or (complete and clock[i] == end):
@@ -258,7 +258,7 @@ class Resampler:
 
 
 class _Piece:
-    """One contiguous stretch of ticks, growing block by block."""
+    """One contiguous segment of ticks, growing block by block."""
 
     def __init__(self, start: float) -> None:
         self.start, self.end, self.count, self.growing = start, start, 0, True

@@ -89,7 +89,7 @@ def test_short_recordings_shorten_the_horizon(truck, drive):
         (lambda r: replace(r, dt=1.0), "give recordings of the simulator's rate"),
         (lambda r: replace(r, interface=TruckInterface("x", engine_unit="percent")), "in percent"),
         (lambda r: replace(r, channels={k: v for k, v in r.channels.items() if k != "grade"}), "no grade"),
-        (lambda r: r.piece(0, 20), "no stretch of 3 s"),
+        (lambda r: r.piece(0, 20), "no segment of 3 s"),
     ],
 )
 def test_recordings_that_do_not_fit(truck, drive, change, says):

@@ -53,7 +53,7 @@ def test_another_truck_by_the_intervals_it_leaves(truck, drive):
 def test_runs_shorter_than_asked_for(truck, drive):
     metrics = {**ENOUGH, "horizon_s": 39.9, "dt": 0.1}
     (line,) = remarks(truck, [drive(600, seed=4)], metrics, 5000.0)
-    assert line == "no stretch of the recordings is 5000 s long: the runs are 39.9 s"
+    assert line == "no segment of the recordings is 5000 s long: the runs are 39.9 s"
     assert remarks(truck, [drive(600, seed=4)], {**metrics, "horizon_s": 40.0}, 40.04) == []
 
 

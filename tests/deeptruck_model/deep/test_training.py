@@ -219,7 +219,7 @@ def test_a_gradient_that_is_not_finite_is_skipped(drive, small, tmp_path, monkey
         ),
         (
             lambda r: r.channels["engine_command"].__setitem__(slice(None, None, 20), np.nan),
-            "no stretch of 3 s",
+            "no segment of 3 s",
         ),
     ],
 )

@@ -198,7 +198,7 @@ class MismatchMonitor(DeeptruckNode):
             self.diagnose(stamp, level, says, self._values(s))
 
     def _speak(self, time: float, alarm: Located | None) -> None:
-        """To whoever sits before the run: when a stretch begins and ends, in s since the first message."""
+        """To whoever sits before the run: when a segment begins and ends, in s since the first message."""
         if alarm is not None and self._spoken is None:
             print(f"at {time:.0f} s: {self._sentence(alarm)}", flush=True)
         elif alarm is None and self._spoken is not None:
@@ -221,13 +221,13 @@ class MismatchMonitor(DeeptruckNode):
         return f"the truck is not as simulated: {size} for {lasts:.0f} s"
 
     def _values(self, s: Sample) -> dict[str, object]:
-        """The newest stretch located in the window, and how many there are."""
+        """The newest segment located in the window, and how many there are."""
         alarm, located = self._monitor.alarm, self._monitor.located
-        stretches = [*located, alarm] if alarm else located
-        values: dict[str, object] = {"residual_m_s2": s.smoothed, "segments": len(stretches)}
+        segments = [*located, alarm] if alarm else located
+        values: dict[str, object] = {"residual_m_s2": s.smoothed, "segments": len(segments)}
         values["threshold_m_s2"] = self.p["threshold"]
-        if stretches and self._engaged:  # no force is named while the simulator is not compared
-            last = stretches[-1]
+        if segments and self._engaged:  # no force is named while the simulator is not compared
+            last = segments[-1]
             start, end = (self._stamp(t) / SECOND for t in (last.start, last.end))
             values |= {"start_s": f"{start:.2f}", "end_s": f"{end:.2f}", "mean_m_s2": last.mean_m_s2}
             if self._monitor.mass_kg is not None:

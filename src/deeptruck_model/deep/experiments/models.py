@@ -220,7 +220,7 @@ def _ratios(pieces: Sequence[Recording], final: float) -> tuple[float, ...]:
 
 
 def _windows(pieces: Sequence[Recording]) -> tuple[Array, Array, Array]:
-    """RUNS stretches of SECONDS, evenly spaced over all pieces: u, w, y (runs, T, n)."""
+    """RUNS segments of SECONDS, evenly spaced over all pieces: u, w, y (runs, T, n)."""
     steps = min(round(SECONDS / pieces[0].dt), max(len(p) for p in pieces) - 1)
     starts = [(p, k) for p in pieces for k in range(0, len(p) - steps, steps // 4)]
     chosen = [starts[i] for i in np.linspace(0, len(starts) - 1, RUNS).astype(int)]
