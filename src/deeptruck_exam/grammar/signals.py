@@ -63,7 +63,7 @@ class Signals:
         return s.start_m[:, None] + s.direction[:, None] * self.distance
 
     @property
-    def lever(self) -> Array:
+    def force_per_torque(self) -> Array:
         """Force at the road for each N m at the flywheel, 1/m; zero while a shift opens the driveline."""
         return self.ratio / self.truck.wheel_radius * (1.0 - self.shifting)
 
@@ -106,18 +106,20 @@ CARRIERS: Mapping[str, Callable[[Signals], Array]] = {
     "pull": lambda s: np.maximum(s.traction_force, 0.0),
     "push": lambda s: np.maximum(-s.traction_force, 0.0),
     "carried": lambda s: np.abs(s.traction_force),
-    "delivered": lambda s: np.maximum(s.engine_torque, 0.0) * s.lever,
-    "engine_constant": lambda s: 0.1 * s.truck.peak_torque * s.lever * s.moving,
-    "engine_speed": lambda s: 0.1 * s.truck.peak_torque * s.engine_speed / 150.0 * s.lever * s.moving,
+    "delivered": lambda s: np.maximum(s.engine_torque, 0.0) * s.force_per_torque,
+    "engine_constant": lambda s: 0.1 * s.truck.peak_torque * s.force_per_torque * s.moving,
+    "engine_speed": lambda s: (
+        0.1 * s.truck.peak_torque * s.engine_speed / 150.0 * s.force_per_torque * s.moving
+    ),
     "engine_speed_squared": lambda s: (
-        0.1 * s.truck.peak_torque * (s.engine_speed / 150.0) ** 2 * s.lever * s.moving
+        0.1 * s.truck.peak_torque * (s.engine_speed / 150.0) ** 2 * s.force_per_torque * s.moving
     ),
     "engine_power": lambda s: (
-        0.1 * s.truck.peak_torque * 150.0 / np.maximum(s.engine_speed, 50.0) * s.lever * s.moving
+        0.1 * s.truck.peak_torque * 150.0 / np.maximum(s.engine_speed, 50.0) * s.force_per_torque * s.moving
     ),
     "mass_times_acceleration": lambda s: s.mass * s.acceleration * s.moving,
     "engine_inertia": lambda s: (
-        np.minimum(s.lever**2 * (s.speed > 1.5), 0.5 * s.mass) * np.clip(s.acceleration, -4.0, 4.0)
+        np.minimum(s.force_per_torque**2 * (s.speed > 1.5), 0.5 * s.mass) * np.clip(s.acceleration, -4.0, 4.0)
     ),
     "load": lambda s: s.mass * (s.acceleration + GRAVITY * (s.grade + s.truck.rolling_resistance)) * s.moving,
     "pushed_mass": lambda s: np.maximum(-s.mass * (s.acceleration + GRAVITY * s.grade), 0.0) * s.moving,

@@ -62,7 +62,12 @@ def over_limit(s: Signals, size: float, rng: Rng) -> Array:
     if rng.random() < 0.3:
         limit = limit * np.clip(1.6 - 0.6 * s.engine_speed / rng.uniform(100.0, 180.0), 0.3, 1.0)
     knee = s.truck.peak_torque * rng.uniform(0.01, 0.12)
-    return size * knee * np.logaddexp(0.0, np.clip((s.engine_torque - limit) / knee, -50.0, 50.0)) * s.lever
+    return (
+        size
+        * knee
+        * np.logaddexp(0.0, np.clip((s.engine_torque - limit) / knee, -50.0, 50.0))
+        * s.force_per_torque
+    )
 
 
 def bends(s: Signals, size: float, rng: Rng) -> Array:

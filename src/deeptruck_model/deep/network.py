@@ -24,7 +24,7 @@ REST_SPEED = 0.1  # m/s
 REST_ACCELERATION = 0.05  # m/s^2
 
 # The engine command acts through the gear, which goes roughly with 1/speed: command * 10 / (3 + speed).
-LEVER_SPEED, LEVER_OFFSET = 10.0, 3.0  # m/s
+GEAR_SPEED, GEAR_OFFSET = 10.0, 3.0  # m/s
 
 WEIGHTS = ("input", "recurrent", "bias", "decoder", "decoder_bias", "output", "output_bias")
 
@@ -177,8 +177,8 @@ class TruckNetwork(nn.Module):
         if not factors:
             return raw
         share = conditions / self.scale[: conditions.shape[-1]]
-        lever = share[..., :1] * (LEVER_SPEED / (LEVER_OFFSET + y[..., SPEED : SPEED + 1]))
-        factor = torch.cat([share, lever], dim=-1)[..., None, :]
+        gear_gain = share[..., :1] * (GEAR_SPEED / (GEAR_OFFSET + y[..., SPEED : SPEED + 1]))
+        factor = torch.cat([share, gear_gain], dim=-1)[..., None, :]
         gained = (raw[..., named:].reshape(*raw.shape[:-1], free, factors) * factor).sum(-1)
         return torch.cat([raw[..., :free] + gained, raw[..., free:named]], dim=-1)
 

@@ -17,7 +17,7 @@ import onnx
 from onnx import ModelProto, numpy_helper, parser
 
 from deeptruck_model import files
-from deeptruck_model.deep.network import LEVER_OFFSET, LEVER_SPEED, REST_ACCELERATION, REST_SPEED, WEIGHTS
+from deeptruck_model.deep.network import GEAR_OFFSET, GEAR_SPEED, REST_ACCELERATION, REST_SPEED, WEIGHTS
 from deeptruck_model.deep.truck import DeepTruck
 
 _STEP = """
@@ -92,10 +92,10 @@ _GREY = """
   gains = Reshape (gains_flat, gain_shape)
   share = Div (uw_all, share_scale)
   command = Slice (share, zero_i, one_i, last_axis)
-  geared = Mul (command, lever_speed)
-  reach = Add (v, lever_offset)
-  lever = Div (geared, reach)
-  factors = Concat <axis = 2> (share, lever)
+  geared = Mul (command, gear_speed)
+  reach = Add (v, gear_offset)
+  gear_gain = Div (geared, reach)
+  factors = Concat <axis = 2> (share, gear_gain)
   factors_each = Unsqueeze (factors, last_axis)
   effects = Mul (gains, factors_each)
   effect = ReduceSum <keepdims = 0> (effects, three_i)
@@ -155,8 +155,8 @@ def _constants(truck: DeepTruck) -> dict[str, np.ndarray[Any, Any]]:
         "rest_speed": REST_SPEED,
         "rest_acceleration": REST_ACCELERATION,
         "code_width": width,
-        "lever_speed": LEVER_SPEED,
-        "lever_offset": LEVER_OFFSET,
+        "gear_speed": GEAR_SPEED,
+        "gear_offset": GEAR_OFFSET,
     }
     integers = {
         "zero_i": [0],

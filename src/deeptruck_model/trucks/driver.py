@@ -99,28 +99,30 @@ def _follow(d: Any, s: Any, p: Any, target: float, grade: float, dt: float) -> N
         return
     load = p.mass * p.gravity * (p.rolling_resistance + grade) / sqrt(1.0 + grade * grade)
     force = s.effective_mass * wanted + load + 0.5 * p.air_density * p.drag_area * s.speed * s.speed
-    lever = s.ratio / p.wheel_radius
+    force_per_torque = s.ratio / p.wheel_radius
     drag = friction(p, s.engine_speed)
-    coast = -drag * lever / p.driveline_efficiency if s.clutch == LOCKED else 0.0
+    coast = -drag * force_per_torque / p.driveline_efficiency if s.clutch == LOCKED else 0.0
     short = coast - force
     if d.on_brake > 0.0:
         d.on_brake = 1.0 if short > 0.0 else 0.0
     elif short > FOOT_BAND * p.mass:
         d.on_brake = 1.0
     if d.on_brake > 0.0:
-        _slow(d, p, -wanted, short, lever, dt)
+        _slow(d, p, -wanted, short, force_per_torque, dt)
     else:
-        torque = force / (lever * p.driveline_efficiency) + drag
+        torque = force / (force_per_torque * p.driveline_efficiency) + drag
         _press(d, p, max(torque, 0.0) / p.command_scale, 0.0, dt)
     if s.shifting == 0.0 and abs(error) < 2.0:
         d.integral = clip(d.integral + INTEGRAL * error * dt, -INTEGRAL_SPAN, INTEGRAL_SPAN)
 
 
 @part
-def _slow(d: Any, p: Any, deceleration: float, short: float, lever: float, dt: float) -> None:
+def _slow(d: Any, p: Any, deceleration: float, short: float, force_per_torque: float, dt: float) -> None:
     """Engine brake first where the driver has it on, service brake for the rest."""
-    retard = min(short / lever * p.driveline_efficiency, p.engine_brake_torque) * d.uses_engine_brake
-    rest = short - retard * lever / p.driveline_efficiency
+    retard = (
+        min(short / force_per_torque * p.driveline_efficiency, p.engine_brake_torque) * d.uses_engine_brake
+    )
+    rest = short - retard * force_per_torque / p.driveline_efficiency
     deep = rest > FOOT_BAND * p.mass or d.uses_engine_brake == 0.0
     _press(d, p, -retard / p.command_scale, _brake_command(p, deceleration, rest) if deep else 0.0, dt)
 

@@ -20,7 +20,7 @@ from deeptruck_model.simulators import MinimalSimulator, Simulator, completed, f
 Array = NDArray[np.float64]
 DOCS = Path(__file__).parents[3] / "docs"
 INTERFACE = TruckInterface("mass", engine_unit="N m", brake_unit="percent", grade=True, fuel=False)
-MASS, LEVER, FULL_BRAKE, GRAVITY, DRAG = 20000.0, 4.0, 6.0, 9.81, 12.0  # kg, 1/m, m/s^2, m/s^2, kg/m
+MASS, GAIN, FULL_BRAKE, GRAVITY, DRAG = 20000.0, 4.0, 6.0, 9.81, 12.0  # kg, 1/m, m/s^2, m/s^2, kg/m
 
 
 class MyTruck:
@@ -36,7 +36,7 @@ class MyTruck:
         return y0[:, 1].copy()
 
     def step(self, state: Array, u: Array, w: Array) -> tuple[Array, Array]:
-        force = LEVER * u[:, 0] - self.drag * state**2
+        force = GAIN * u[:, 0] - self.drag * state**2
         a = force / MASS - FULL_BRAKE * u[:, 1] / 100.0 - GRAVITY * w[:, 0]
         after = np.maximum(state + a * self.dt, 0.0)
         return after, np.stack([(after - state) / self.dt, after], axis=1)

@@ -48,8 +48,10 @@ class NumpyTruck:
 
     def _pull(self, gear: Any, w: Any) -> Any:
         p = self.p
-        lever = self._ratio(gear) * p["final_drive"] * p["driveline_efficiency"] / p["wheel_radius"]
-        return self._full(w) * lever
+        force_per_torque = (
+            self._ratio(gear) * p["final_drive"] * p["driveline_efficiency"] / p["wheel_radius"]
+        )
+        return self._full(w) * force_per_torque
 
     def _launch_gear(self, s: dict[str, Any]) -> Any:
         gear = np.full(len(s["speed"]), self.p["start_gear"])
@@ -239,16 +241,16 @@ class NumpyTruck:
         weight = p["mass"] * p["gravity"]
         grip = p["tyre_friction"] * weight * cosine
         eta = np.where(given >= 0.0, p["driveline_efficiency"], 1.0 / p["driveline_efficiency"])
-        lever = s["ratio"] / p["wheel_radius"]
+        force_per_torque = s["ratio"] / p["wheel_radius"]
         driven = grip * p["drive_axle_share"]
-        traction = np.clip(given * lever * eta, -driven, driven)
+        traction = np.clip(given * force_per_torque * eta, -driven, driven)
         brake = np.minimum(self._brakes(s, brake_command), grip)
         drag = 0.5 * p["air_density"] * p["drag_area"] * v * np.abs(v)
         rolling = (p["rolling_resistance"] + p["rolling_resistance_speed"] * np.abs(v)) * weight * cosine
         slope = weight * grade * cosine
         locked = s["clutch"] == LOCKED
         inertia = p["mass"] + p["wheel_inertia"] / p["wheel_radius"] ** 2
-        inertia = inertia + locked * p["engine_inertia"] * lever**2
+        inertia = inertia + locked * p["engine_inertia"] * force_per_torque**2
         drive, hold = traction - drag - slope, brake + rolling
         stays = (v == 0.0) & ((np.abs(drive) <= hold) | ((drive < 0.0) & (p["hill_hold"] > 0.0)))
         way = np.where(v == 0.0, np.sign(drive), np.sign(v))
@@ -258,18 +260,18 @@ class NumpyTruck:
         share = np.clip((drive - pull) / np.where(hold > 0.0, hold, 1.0), -1.0, 1.0)
         brake = brake * share
         free = s["engine_speed"] + (s["engine_torque"] - taken) * h / p["engine_inertia"]
-        turn = np.where(locked, lever * after, free)
+        turn = np.where(locked, force_per_torque * after, free)
         s["brake_temperature"] = s["brake_temperature"] + self._heating(
             s, np.abs(brake * 0.5 * (v + after)), after
         )
         self._reckon(s, v, after, traction - pull, brake, slope)
-        slip_before, slip = s["engine_speed"] - lever * v, turn - lever * after
+        slip_before, slip = s["engine_speed"] - force_per_torque * v, turn - force_per_torque * after
         meets = (
             (s["clutch"] == SLIPPING) & (after > 0.0) & ((slip_before * slip <= 0.0) | (np.abs(slip) <= 0.2))
         )
-        together = inertia + p["engine_inertia"] * lever**2
-        s["speed"] = np.where(meets, after + p["engine_inertia"] * lever * slip / together, after)
-        s["engine_speed"] = np.where(meets, lever * s["speed"], turn)
+        together = inertia + p["engine_inertia"] * force_per_torque**2
+        s["speed"] = np.where(meets, after + p["engine_inertia"] * force_per_torque * slip / together, after)
+        s["engine_speed"] = np.where(meets, force_per_torque * s["speed"], turn)
         s["clutch"] = np.where(meets, LOCKED, s["clutch"])
         s["acceleration"] = (s["speed"] - v) / h
         return fuel

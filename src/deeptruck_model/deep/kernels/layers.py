@@ -10,8 +10,8 @@ import numpy as np
 
 from deeptruck_model.compiler import numba
 from deeptruck_model.deep.network import (
-    LEVER_OFFSET,
-    LEVER_SPEED,
+    GEAR_OFFSET,
+    GEAR_SPEED,
     REST_ACCELERATION,
     REST_SPEED,
     TruckNetwork,
@@ -33,7 +33,7 @@ _A7, _A9 = np.float32(5.12229709037114e-08), np.float32(-8.60467152213735e-11)
 _A11, _A13 = np.float32(2.00018790482477e-13), np.float32(-2.76076847742355e-16)
 _B0, _B2 = np.float32(4.89352518554385e-03), np.float32(2.26843463243900e-03)
 _B4, _B6 = np.float32(1.18534705686654e-04), np.float32(1.19825839466702e-06)
-OFFSET, _SPEED = np.float32(LEVER_OFFSET), np.float32(LEVER_SPEED)
+OFFSET, _SPEED = np.float32(GEAR_OFFSET), np.float32(GEAR_SPEED)
 BY_HAND = 2  # up to this batch a plain loop beats the overhead of BLAS
 
 

@@ -63,7 +63,7 @@ class Run(NamedTuple):
     own: Any  # is the y fed at this step the model's own? (.., n_y)
     bounded: Any  # did C hold the truck? (..,)
     factor: Any  # (.., factors)
-    lever: Any  # gain of the last factor, (.., n_y - 1)
+    gear_gain: Any  # gain of the last factor, (.., n_y - 1)
 
 
 @compiled
@@ -113,7 +113,7 @@ def _respond(k: Any, x: Any, units: Any, run: Any, fed: Any, raw: Any) -> None:
             fill_factors(x[k, b], fed[b, 1], units.mean, units.scale, run.factor[k, b])
             add_gains(raw[b], run.factor[k, b], responses - 1, named)
             for o in range(responses - 1):
-                run.lever[k, b, o] = raw[b, named + (o + 1) * factors - 1]
+                run.gear_gain[k, b, o] = raw[b, named + (o + 1) * factors - 1]
         for o in range(named):
             column = first + (o + 1 if o else 0)
             raw[b, o] = raw[b, o] * units.scale[column] + units.mean[column]
@@ -164,7 +164,7 @@ def _back_through_feedback(k: Any, first: Any, units: Any, run: Any, dy: Any, d_
         if factors:
             slope = run.factor[k + 1, b, factors - 1] / (OFFSET + run.y[k, b, 1])
             for o in range(responses - 1):
-                dy[k, b, 1] -= d_raw[k + 1, b, o] * run.lever[k + 1, b, o] * slope
+                dy[k, b, 1] -= d_raw[k + 1, b, o] * run.gear_gain[k + 1, b, o] * slope
 
 
 @compiled

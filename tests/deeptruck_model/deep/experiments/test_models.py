@@ -53,9 +53,9 @@ def test_fitting_makes_it_better_on_another_drive(recording, monkeypatch):
 
 def test_ratios_are_read_off_the_recording(recording):
     truth, found = trucks.load("trucksim").specification, physics([recording], 1).specification
-    lever = found.values["final_drive"] / found.values["wheel_radius"]
+    force_per_torque = found.values["final_drive"] / found.values["wheel_radius"]
     expected = np.array(truth.ratios) * truth.values["final_drive"] / truth.values["wheel_radius"]
-    np.testing.assert_allclose(np.array(found.ratios)[2:] * lever, expected[2:], rtol=0.02)
+    np.testing.assert_allclose(np.array(found.ratios)[2:] * force_per_torque, expected[2:], rtol=0.02)
 
 
 def test_states_of_the_drive_itself_repeat_it(monkeypatch):
