@@ -117,32 +117,32 @@ class TextTable:
         The account counts the filled cells under `channel` (the column's name where None). Raises InputError
         where no cell is a number, or where most that are none would be by the other decimal mark.
         """
-        values, strange = self.values(name)
+        values, unreadable = self.values(name)
         tally = self.account.channel(channel or name)
-        tally.read += int((~np.isnan(values)).sum() + strange.sum())
+        tally.read += int((~np.isnan(values)).sum() + unreadable.sum())
         tally.used += int((~np.isnan(values)).sum())
-        if strange.any():
-            first = int(np.argmax(strange))
+        if unreadable.any():
+            first = int(np.argmax(unreadable))
             cell = shown(self.cells(name)[first])
-            tally.set_aside("no number", f"{cell} in {self.at(first)}", int(strange.sum()))
+            tally.set_aside("no number", f"{cell} in {self.at(first)}", int(unreadable.sum()))
             if np.isnan(values).all():
                 raise InputError(
                     f"{self.path}: column '{name}' holds no numbers; its first is {cell}"
-                    f"{self._by_other_mark(name, strange) or f' in {self.at(first)}'}"
+                    f"{self._by_other_mark(name, unreadable) or f' in {self.at(first)}'}"
                 )
-            if says := self._by_other_mark(name, strange):
+            if says := self._by_other_mark(name, unreadable):
                 raise InputError(
-                    f"{self.path}: {strange.sum()} cells of '{name}' are no numbers, first {cell} in "
+                    f"{self.path}: {unreadable.sum()} cells of '{name}' are no numbers, first {cell} in "
                     f"{self.at(first)}{says}"
                 )
         if np.isnan(values).all():
             raise InputError(f"{self.path}: column '{name}' holds no numbers; all its cells are blank")
         return values
 
-    def _by_other_mark(self, name: str, strange: Mask) -> str:
-        """What to mend where most of the strange cells are numbers by the other decimal mark."""
+    def _by_other_mark(self, name: str, unreadable: Mask) -> str:
+        """What to mend where most of the unreadable cells are numbers by the other decimal mark."""
         other = "," if self.decimal == "." else "."
-        cells = self.cells(name).filter(pa.array(strange))
+        cells = self.cells(name).filter(pa.array(unreadable))
         if 2 * np.isfinite(floats(cells, other)[0]).sum() <= len(cells):
             return ""
         return f': set decimal: "{other}"'
@@ -161,8 +161,8 @@ class TextTable:
 
     def below_units(self, name: str) -> TextTable:
         """The table without a few rows at its beginning that have text in a column of numbers."""
-        strange = self.values(name)[1]
-        above = np.arange(len(self)) < (len(self) if strange.all() else int(np.argmin(strange)))
+        unreadable = self.values(name)[1]
+        above = np.arange(len(self)) < (len(self) if unreadable.all() else int(np.argmin(unreadable)))
         return self.without(above, ABOVE) if above.sum() <= MOST_ABOVE else self
 
     def with_key(self, known: Mask, what: str, names: Sequence[str], advice: str = "") -> TextTable:
@@ -285,12 +285,12 @@ def floats(cells: pa.ChunkedArray, decimal: str) -> tuple[Array, Mask]:
     numbers = pc.if_else(plain, cells, pa.scalar(None, pa.string()))
     values = numbers.cast(pa.float64()).fill_null(np.nan).to_numpy().astype(np.float64)
     others = np.flatnonzero(pc.and_(pc.is_valid(cells), pc.invert(plain)).to_numpy())
-    strange = np.zeros(len(cells), dtype=bool)
+    unreadable = np.zeros(len(cells), dtype=bool)
     for row, cell in zip(others, cells.take(pa.array(others)).to_pylist(), strict=True):
         word = cell.lower().lstrip("+-")
-        strange[row] = word not in ("nan", "inf", "infinity")
-        values[row] = np.nan if strange[row] else float(cell)
-    return values, strange
+        unreadable[row] = word not in ("nan", "inf", "infinity")
+        values[row] = np.nan if unreadable[row] else float(cell)
+    return values, unreadable
 
 
 def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:

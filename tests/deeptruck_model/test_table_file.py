@@ -216,6 +216,6 @@ def test_every_row_is_used_or_set_aside(
     ],
 )
 def test_points_beside_a_decimal_comma_mark_thousands(cells: list[str], expected: list[float]) -> None:
-    values, strange = floats(pa.chunked_array([pa.array(cells)]), ",")
+    values, unreadable = floats(pa.chunked_array([pa.array(cells)]), ",")
     assert values.tolist() == pytest.approx(expected, nan_ok=True)
-    assert strange.tolist() == [math.isnan(value) for value in expected]
+    assert unreadable.tolist() == [math.isnan(value) for value in expected]

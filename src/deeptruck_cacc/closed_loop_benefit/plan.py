@@ -78,8 +78,8 @@ def check(
 
 
 def _known(kind: str, given: Sequence[str], known: Sequence[str]) -> None:
-    if strange := [f"'{name}'" for name in given if name not in known]:
-        raise InputError(f"there is no {kind} {', '.join(strange)}; known: {', '.join(known)}")
+    if unknown := [f"'{name}'" for name in given if name not in known]:
+        raise InputError(f"there is no {kind} {', '.join(unknown)}; known: {', '.join(known)}")
 
 
 def _check_place(out: Path, resume: bool, overwrite: bool) -> None:

@@ -28,7 +28,7 @@ AGAIN = "export the policy again"
 @dataclass
 class OnnxPolicy:
     """A Policy whose `session` (an onnxruntime.InferenceSession) takes the signals of OBSERVED, (batch, 1)
-    each, and tells both commands. `start` (k,) is its memory before the first observation; empty without.
+    each, and gives both commands. `start` (k,) is its memory before the first observation; empty without.
     Commands are held within `scale`, as those of a policy of ours are."""
 
     session: Any
@@ -82,8 +82,8 @@ def load_onnx(path: Path) -> OnnxPolicy:
     except Exception as error:  # its own kinds of error are of no common base
         said = reading.plain(str(error), reading.MOST_SAID)
         raise InputError(f"{path} is no ONNX that can be run ({said}); {AGAIN}") from None
-    takes, tells = ({port.name for port in ports} for ports in (session.get_inputs(), session.get_outputs()))
-    lacks = [*sorted({*OBSERVED} - takes), *sorted({*COMMANDS} - tells)]
+    takes, gives = ({port.name for port in ports} for ports in (session.get_inputs(), session.get_outputs()))
+    lacks = [*sorted({*OBSERVED} - takes), *sorted({*COMMANDS} - gives)]
     if lacks:
         raise InputError(f"{path} has no {', '.join(lacks)} among its inputs and outputs; {AGAIN}")
     found = _described(session, path, MEMORY in takes)
@@ -118,9 +118,9 @@ def _wrong(facts: Any, remembers: bool) -> str:
     lacks = [name for name in ("dt", "interface", *([MEMORY] if remembers else [])) if name not in facts]
     if lacks:
         return f"no {', '.join(lacks)}"
-    strange = sorted({*facts.get("coverage", {})} - {*OBSERVED})
-    if strange:
-        return f"coverage of {', '.join(strange)}; it may have {', '.join(OBSERVED)}"
+    unknown = sorted({*facts.get("coverage", {})} - {*OBSERVED})
+    if unknown:
+        return f"coverage of {', '.join(unknown)}; it may have {', '.join(OBSERVED)}"
     dt = facts["dt"]
     return "" if isinstance(dt, int | float) and 0.0 < dt < math.inf else f"dt of {dt!r} s"
 

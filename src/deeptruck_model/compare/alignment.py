@@ -21,7 +21,7 @@ NEARLY = 0.002  # of correlation: a leader that repeats itself agrees with itsel
 EARTH_M = 6371e3
 NEAR_M = 30.0  # two lanes and the error of an ordinary GPS
 LEAST_M = 500.0  # of shared road
-BIN_M, TELLS_M = 25.0, 3000.0  # shorter profiles of slopes agree by chance
+BIN_M, LEAST_ROAD_M = 25.0, 3000.0  # shorter profiles of slopes agree by chance
 SAME_ROAD = 0.95  # correlation of two of them
 
 
@@ -171,7 +171,7 @@ def _metres(side: Side, about: Side) -> Array:
 
 def _by_slope(first: Side, other: Side) -> Road | str:
     a, b = _slopes(first), _slopes(other)
-    least = int(TELLS_M / BIN_M)
+    least = int(LEAST_ROAD_M / BIN_M)
     if min(len(a), len(b)) < least or min(float(np.std(a)), float(np.std(b))) < 1e-3:
         return NO_ROAD.format(why="too short or too level to know a road by its slopes")
     ones_a, ones_b = np.ones(len(a)), np.ones(len(b))

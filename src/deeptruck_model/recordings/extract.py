@@ -89,7 +89,7 @@ def _read(
         _feed(bag, sources, resampler, clocks, obedience, account)
         account.remarks += obedience.remarks()
         account.remarks += clocks.remarks(path, sources["speed"].topic)
-        notes = [*_stored_notes(stored), *_mended(account)]
+        notes = [*_stored_notes(stored), *_repairs(account)]
         account.remarks += bag.not_mapped({source.topic for source in sources.values()})
     if "speed" not in resampler.measured:
         raise InputError(
@@ -249,7 +249,7 @@ class _Drain:
             total.set_aside(f"on {topic} with a repeated stamp", first, len(part.doubled))
 
 
-def _mended(account: Account) -> list[str]:
+def _repairs(account: Account) -> list[str]:
     """What the recordings note of an account: not the messages without a number, which are NaN in them."""
     _, *reasons = account.total.lines(account.items)
     return [*(line.strip() for line in reasons if _NO_NUMBER not in line), *account.remarks]

@@ -170,9 +170,9 @@ def _scaled(values: Array, scale: float) -> Array:
 def _of_texts(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
     """Of numbers in a text: whole ones as integers, others as floats."""
     scale = TIME_UNITS[clock.unit]
-    values, strange = floats(cells, table.decimal)
+    values, unreadable = floats(cells, table.decimal)
     if np.isnan(values).all():
-        raise _none(table, clock, cells, strange)
+        raise _none(table, clock, cells, unreadable)
     whole = pc.fill_null(pc.match_substring_regex(cells, INTEGER), False)
     if (whole.to_numpy() == np.isfinite(values)).all():
         return _since_first(pc.if_else(whole, cells, pa.scalar(None, pa.string())).cast(pa.int64()), scale)
@@ -276,9 +276,11 @@ def usual_formats(cell: str) -> list[str]:
     return [form for form in USUAL if _fits(cell, form)]
 
 
-def _none(table: TextTable, clock: Clock, cells: pa.ChunkedArray, strange: NDArray[np.bool_]) -> InputError:
+def _none(
+    table: TextTable, clock: Clock, cells: pa.ChunkedArray, unreadable: NDArray[np.bool_]
+) -> InputError:
     """That no cell is a time, with the first and what to set."""
-    at = int(np.argmax(strange))
+    at = int(np.argmax(unreadable))
     cell = cells[at]
     wanted = f"the format '{clock.format}'" if clock.format else f"unit '{clock.unit}'"
     name = " and ".join(f"'{column}'" for column in clock.columns)

@@ -186,13 +186,13 @@ class _Meaning:
 def _column(table: TextTable, name: str) -> TableColumn | None:
     """A column of numbers; None for others."""
     try:
-        values, strange = table.values(name)
+        values, unreadable = table.values(name)
     except InputError:
         return None
     finite = np.isfinite(values)
-    if strange.any():
-        strange &= ~pc.fill_null(pc.match_substring_regex(table.cells(name), _NO_VALUE), False).to_numpy()
-    if not finite.any() or finite.sum() < MOSTLY * (finite.sum() + strange.sum()):
+    if unreadable.any():
+        unreadable &= ~pc.fill_null(pc.match_substring_regex(table.cells(name), _NO_VALUE), False).to_numpy()
+    if not finite.any() or finite.sum() < MOSTLY * (finite.sum() + unreadable.sum()):
         return None
     field = Field(name)
     field.take(values)

@@ -74,9 +74,9 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
     extra = extra_of(entries.pop(EXTRA, {}), "the topic map")
     if gated:
         entries[gated_brake.COMMAND] = entries[gated_brake.SWITCH]
-    if strange := [channel for channel in entries if channel not in CHANNELS]:
+    if unknown := [channel for channel in entries if channel not in CHANNELS]:
         raise InputError(
-            f"unknown channel '{strange[0]}' in the topic map; {near(strange[0], list(CHANNELS))}, or put it "
+            f"unknown channel '{unknown[0]}' in the topic map; {near(unknown[0], list(CHANNELS))}, or put it "
             f"under '{EXTRA}'"
         )
     sources = {channel: _source(channel, entry) for channel, entry in entries.items()}
