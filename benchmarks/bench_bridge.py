@@ -80,12 +80,12 @@ def jitter_rows(name: str, seconds: float) -> list[tuple[str, str]]:
         if not stage.engaged():
             return [(f"{name}: periods", "did not engage")]
         stage.listen(0.5)
-        stage.heard.clear()
+        stage.received.clear()
         stage.listen(seconds)
         rows = []
         for axis, period in (("engine", 0.02), ("brake", 0.02)):
             wanted = stage.vehicle.transmitted[axis].axis.can_id
-            times = np.array([at for at, can_id, _ in stage.heard if can_id == wanted])
+            times = np.array([at for at, can_id, _ in stage.received if can_id == wanted])
             late = np.abs(np.diff(times) - period) * 1e3
             message = stage.vehicle.transmitted[axis].layout.name
             p50, p99 = np.percentile(late, [50, 99])

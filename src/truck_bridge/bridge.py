@@ -170,10 +170,10 @@ class Bridge:
                     self._transmit(axis, message, now)
             return self._signals.at(now) | self._faults.channels(now)
 
-    def heard_at(self, channel: str) -> float:
+    def received_at(self, channel: str) -> float:
         """When the newest value of a channel came, monotonic s; -inf where none came yet."""
         with self._lock:
-            return self._signals.heard_at(channel)
+            return self._signals.received_at(channel)
 
     def next_due(self, now: float) -> float:
         """When the next frame wants to leave."""

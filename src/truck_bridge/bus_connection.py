@@ -121,6 +121,6 @@ class BusConnection:
         return True
 
     def _drop(self, now: float) -> None:
-        """Nothing is heard or sent until the next try."""
+        """Nothing is received or sent until the next try."""
         self._claim.stop()
         self._retry_at = now + RETRY_S

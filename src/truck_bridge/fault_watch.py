@@ -45,7 +45,7 @@ class FaultWatch:
         return [f"fault: {self._named(fault)}" for fault in active if self._blocking.holds(fault.what)]
 
     def obstacles(self, now: float) -> list[str]:
-        """Why control cannot be given now: a fault, or a bus heard for too short a time to know."""
+        """Why control cannot be given now: a fault, or a bus listened to for too short a time to know."""
         found = self.blocking(now)
         least = self._blocking.listen_s
         if least and not now - self._since >= least:

@@ -34,11 +34,11 @@ class ActiveFaults:
 
     def __init__(self) -> None:
         self._spans: dict[Fault, _Span] = {}
-        self._heard = False
+        self._received = False
 
     def take(self, source: int, report: Report, now: float) -> None:
         """One DM1 of a controller."""
-        self._heard = True
+        self._received = True
         self._spans = {fault: span for fault, span in self._spans.items() if now - span.last <= HOLD_S}
         for what in report.active:
             self._spans.setdefault(Fault(source, what), _Span(now, now)).last = now
@@ -50,7 +50,7 @@ class ActiveFaults:
 
     def channels(self, now: float) -> dict[str, float]:
         """deeptruck's channels of faults; none before the first DM1. The code shown is the newest."""
-        if not self._heard:
+        if not self._received:
             return {}
         active = self.active(now)
         codes = [fault.what for fault in active if isinstance(fault.what, Code)]

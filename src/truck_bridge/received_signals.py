@@ -8,7 +8,7 @@ from collections.abc import Callable
 from truck_bridge.channels import CARRIERS, DEMANDS, Carrier, converter
 from truck_bridge.vehicles import Vehicle
 
-FRESH_S = 0.5  # a signal not heard for so long is NaN (slow ones: three of their periods)
+FRESH_S = 0.5  # a signal not received for so long is NaN (slow ones: three of their periods)
 
 
 class ReceivedSignals:
@@ -70,13 +70,13 @@ class ReceivedSignals:
                 self._values["acceleration"] = ((speed - self._speeds[0]) / elapsed, now, FRESH_S)
         self._speeds = (speed, now)
 
-    def heard_at(self, channel: str) -> float:
+    def received_at(self, channel: str) -> float:
         """When the newest value of a channel came."""
         return self._values.get(channel, (math.nan, -math.inf, 0.0))[1]
 
     def at(self, now: float) -> dict[str, float]:
         """All channels; what is too old is NaN."""
         return {
-            channel: value if now - heard <= lifetime else math.nan
-            for channel, (value, heard, lifetime) in self._values.items()
+            channel: value if now - received <= lifetime else math.nan
+            for channel, (value, received, lifetime) in self._values.items()
         }

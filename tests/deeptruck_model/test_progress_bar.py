@@ -53,8 +53,8 @@ def test_a_full_disk_is_said_by_whoever_writes_and_by_nobody_else(
 def test_errors_of_other_threads_are_reported_as_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
-    heard: list[threading.ExceptHookArgs] = []
-    monkeypatch.setattr(threading, "excepthook", heard.append)
+    received: list[threading.ExceptHookArgs] = []
+    monkeypatch.setattr(threading, "excepthook", received.append)
 
     def fail() -> None:
         raise error
@@ -64,7 +64,7 @@ def test_errors_of_other_threads_are_reported_as_before(
     thread = threading.Thread(target=fail)
     thread.start()
     thread.join()
-    assert [given.exc_value for given in heard] == [error]
+    assert [given.exc_value for given in received] == [error]
 
 
 def _write_until_it_fails(folder: Path) -> None:

@@ -1,8 +1,8 @@
 """Faults on the running node graph: `start_vehicle.py` before the ECU emulator, and this one the witness.
 
 `python tests/ros2_ws/fault_nodes.py [--rounds 2]` kills (SIGKILL) and stops (SIGSTOP) each node in turn,
-pauses all of them, and fills the disk on which everything is written. What is judged is what was heard on the
-bus.
+pauses all of them, and fills the disk on which everything is written. What is judged is what was received on
+the bus.
 """
 
 from __future__ import annotations
@@ -148,7 +148,9 @@ def _engine_lets_go(scene: Scene, since: float) -> Verdict:
     """Nothing leaves a dead bridge; the engine's own time-out ends the demand."""
     scene.listen(1.0)
     codec, ours = scene.vehicle.codec, scene.vehicle.address
-    said = [codec.decode(i, d) for at, i, d in scene.heard if at > since + 0.6 and i & 0x3FFFFFF == 0xF00400]
+    said = [
+        codec.decode(i, d) for at, i, d in scene.received if at > since + 0.6 and i & 0x3FFFFFF == 0xF00400
+    ]
     held = [one for one in said if one and one.values["EngineControllingAddress"] == ours]
     late = [at for at, _ in scene.demands("engine") if at > since + 0.02 + SLACK]
     return ["the engine obeyed a dead bridge"] * bool(held) + ["a frame left"] * bool(late), math.nan
@@ -176,7 +178,7 @@ def stopped(node: str) -> Callable[[Graph], Verdict]:
 
 def _still_driving(scene: Scene) -> list[str]:
     at, demand = scene.demands("engine")[-1]
-    driving = scene.heard[-1][0] - at < 0.1 and not math.isnan(demand)
+    driving = scene.received[-1][0] - at < 0.1 and not math.isnan(demand)
     return [] if driving else ["control ended for nothing"]
 
 

@@ -1,5 +1,5 @@
 """Run by test_controller: a truck and a radar at 5 Hz, of which the named topics fall silent after 2 s, and a
-bridge that says from TOLD[0] to TOLD[1] that it is engaged and is then heard no more.
+bridge that says from TOLD[0] to TOLD[1] that it is engaged and is then received no more.
 
 Prints when commands came, and the engaged bit each of them bore.
 """

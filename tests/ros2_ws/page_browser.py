@@ -57,7 +57,7 @@ class Browser:
                 if "id" in message:
                     self._answers.pop(message["id"]).put(message)
                 elif page := self._pages.get(message.get("sessionId", "")):
-                    page.heard.append(message)
+                    page.received.append(message)
 
     def call(self, method: str, session: str = "", **parameters: Any) -> dict[str, Any]:
         """Ask the browser and wait for its answer."""
@@ -100,7 +100,7 @@ class Page:
 
     def __init__(self, browser: Browser, session: str, target: str) -> None:
         self._browser, self._session, self.target = browser, session, target
-        self.heard: list[dict[str, Any]] = []
+        self.received: list[dict[str, Any]] = []
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         return self._browser.call(method, self._session, **parameters)
@@ -127,7 +127,7 @@ class Page:
     def errors(self) -> list[str]:
         """What the console has of errors and warnings, by page or browser."""
         found = []
-        for message in list(self.heard):
+        for message in list(self.received):
             parameters = message["params"]
             if message["method"] == "Runtime.exceptionThrown":
                 found.append(json.dumps(parameters["exceptionDetails"]))
@@ -146,7 +146,7 @@ class Page:
     @property
     def asked(self) -> set[str]:
         """Every address that was asked for."""
-        sent = [m["params"] for m in list(self.heard) if m["method"] == "Network.requestWillBeSent"]
+        sent = [m["params"] for m in list(self.received) if m["method"] == "Network.requestWillBeSent"]
         return {each["request"]["url"] for each in sent}
 
     def screenshot(self) -> bytes:

@@ -26,25 +26,25 @@ STALE_AFTER, REPEAT_EVERY, LATE = 0.3, 0.05, 0.3  # s; the last is what a busy m
 def test_a_command_is_repeated_only_while_observations_are_whole(
     domain: int, tmp_path: Path, silent: tuple[str, ...]
 ) -> None:
-    heard = fed_controller(domain, tmp_path, silent)
+    received = fed_controller(domain, tmp_path, silent)
     samples = 2.0 / 0.2
-    assert len(heard["came"]) > 2 * samples  # four times as many on an idle machine
-    assert max(heard["came"]) < heard["fed"] + STALE_AFTER + REPEAT_EVERY + LATE, heard["came"][-3:]
+    assert len(received["came"]) > 2 * samples  # four times as many on an idle machine
+    assert max(received["came"]) < received["fed"] + STALE_AFTER + REPEAT_EVERY + LATE, received["came"][-3:]
 
 
 def test_the_engaged_bit_comes_back_with_each_command_and_dies_with_the_bridge(
     domain: int, tmp_path: Path
 ) -> None:
-    heard = fed_controller(domain, tmp_path, ())
-    begins, ends = heard["told"]
-    bits = dict(zip(heard["came"], heard["bits"], strict=True))
+    received = fed_controller(domain, tmp_path, ())
+    begins, ends = received["told"]
+    bits = dict(zip(received["came"], received["bits"], strict=True))
     assert {bit for at, bit in bits.items() if at < begins} == {0.0}
     assert {bit for at, bit in bits.items() if begins + LATE < at < ends} == {1.0}
     assert {bit for at, bit in bits.items() if at > ends + STALE_AFTER + LATE} == {0.0}
 
 
 def fed_controller(domain: int, tmp_path: Path, silent: tuple[str, ...]) -> dict[str, list[float]]:
-    """A controller and what feeds it, as processes; what the latter heard."""
+    """A controller and what feeds it, as processes; what the latter received."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(tmp_path)}
     argv = [sys.executable, "-m", "deeptruck_nodes.controller"]
     controller = subprocess.Popen(argv, env=environment, stderr=subprocess.PIPE, text=True)

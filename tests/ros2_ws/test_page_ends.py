@@ -39,10 +39,10 @@ def ended(tmp_path: Path) -> Iterator[Ended]:
             server.start()
             page = open_page(found.address)
             for k in range(50):
-                run.heard("/truck/twist", 1, 10.0 + k / 10)
+                run.received("/truck/twist", 1, 10.0 + k / 10)
                 run.sample(k * SECOND // 10, {"speed": 20.0})
                 if k < 10:
-                    run.heard("/truck/command", 1, 10.0 + k / 10)
+                    run.received("/truck/command", 1, 10.0 + k / 10)
                     run.sample(k * SECOND // 10, {"engine_command": 700.0})
             run.health(SECOND, "leader", "ok", "driving ahead", {}, 14.9)
             stream.send(run.batch(15.0))

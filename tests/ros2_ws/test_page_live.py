@@ -39,7 +39,7 @@ def test_what_is_no_number_is_null() -> None:
     assert batch(run, 0.0)["samples"]["gap"][1] == [None, None, None, 1.2346]
 
 
-def heard(rate: float, until: float = 10.0, at_once: int = 1) -> Ages:
+def received(rate: float, until: float = 10.0, at_once: int = 1) -> Ages:
     ages = Ages()
     for k in range(int(until * rate)):
         ages.hear(at_once, k / rate)
@@ -58,17 +58,17 @@ def heard(rate: float, until: float = 10.0, at_once: int = 1) -> Ages:
     ],
 )
 def test_a_topic_is_as_fresh_as_its_own_pauses_allow(rate: float, age: float, state: str) -> None:
-    ages = heard(rate)
+    ages = received(rate)
     assert ages.state(ages.at + age) == state
 
 
 def test_four_nodes_that_speak_in_the_same_moment_are_not_late_in_between() -> None:
-    ages = heard(1, at_once=4)
+    ages = received(1, at_once=4)
     assert ages.state(ages.at + 0.99) == "fresh" and 1 / ages.period == pytest.approx(4, rel=0.02)
 
 
 def test_after_a_long_silence_a_topic_soon_has_its_old_pauses_again() -> None:
-    ages = heard(10)
+    ages = received(10)
     for k in range(60):
         ages.hear(1, 30 + k / 10)
     assert ages.state(ages.at + 0.6) == "late"
@@ -81,7 +81,7 @@ def test_a_topic_that_was_never_heard_has_no_age() -> None:
 
 def test_the_age_is_that_of_the_last_message() -> None:
     run = live()
-    run.heard("/radar/range", 3, 9.5)
+    run.received("/radar/range", 3, 9.5)
     assert batch(run, 9.8)["topics"]["/radar/range"][:2] == ["fresh", 0.3]
 
 
@@ -110,8 +110,8 @@ def test_the_shield_is_a_sample_whenever_its_count_has_grown() -> None:
 def test_a_topic_that_seldom_comes_is_fresh_for_its_own_pause() -> None:
     seldom = Link("/mismatch/names", ("mismatch_monitor",), ("recorder",), False, 30.0)
     run = Live(("mismatch_monitor",), (seldom,), {})
-    run.heard("/mismatch/names", 1, 100.0)
-    run.heard("/mismatch/names", 1, 130.0)
+    run.received("/mismatch/names", 1, 100.0)
+    run.received("/mismatch/names", 1, 130.0)
     states = [batch(run, 130.0 + age)["topics"]["/mismatch/names"][0] for age in (31.0, 70.0, 200.0)]
     assert states == ["fresh", "late", "silent"]
 

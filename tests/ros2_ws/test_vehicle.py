@@ -67,7 +67,7 @@ def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: 
     finally:
         bus.shutdown()
     counted = diagnosed(tmp_path / "bag")
-    assert int(counted["refused: engagement"]) > 0  # asked before the truck was heard
+    assert int(counted["refused: engagement"]) > 0  # asked before anything of the truck was received
     pieces = recordings.read(tmp_path / "bag")
     speed = pieces[0].channels["speed"]
     assert pieces[0].interface.name == "trucksim" and np.nanmax(np.abs(speed - 20)) < 2
@@ -141,11 +141,11 @@ def test_the_bridge_is_silent_until_a_person_engages(domain: int, tmp_path: Path
     bus = open_bus("loopback", channel)
     process = subprocess.Popen(argv, env=environment, stderr=subprocess.PIPE, text=True)
     try:
-        heard, until = [], time.monotonic() + 120.0  # a first start on a machine takes its time
-        while ADDRESS_CLAIM not in heard and time.monotonic() < until:
-            heard += sent_by_bridge(bus, 0.5)
-        heard += sent_by_bridge(bus, 2.0)
-        assert set(heard) == {ADDRESS_CLAIM}
+        received, until = [], time.monotonic() + 120.0  # a first start on a machine takes its time
+        while ADDRESS_CLAIM not in received and time.monotonic() < until:
+            received += sent_by_bridge(bus, 0.5)
+        received += sent_by_bridge(bus, 2.0)
+        assert set(received) == {ADDRESS_CLAIM}
         bus.send(WHO_IS_THERE)
         answered, until = [], time.monotonic() + 60.0
         while not answered and time.monotonic() < until:

@@ -24,7 +24,7 @@ class World:
         self.truck = EcuEmulator(self.vehicle, self.trucks, speed=speed, grade=lambda distance: grade)
         self.now = 0.0
         self.signals = {}
-        self.heard = []
+        self.received = []
 
     def open(self):
         return can.Bus(interface="virtual", channel=self.channel)
@@ -41,7 +41,7 @@ class World:
                 self.bridge.command(engine, brake, self.now, engaged=self.bridge.engaged)
             self.signals = self.bridge.poll(self.now)
             while (message := self.ear.recv(0)) is not None:
-                self.heard.append((self.now, message))
+                self.received.append((self.now, message))
         return self
 
     def engage(self, engine, brake=0.0):
@@ -51,7 +51,7 @@ class World:
         return self
 
     def ours_on_the_bus(self):
-        return [(t, m) for t, m in self.heard if m.arbitration_id & 0xFF == self.vehicle.address]
+        return [(t, m) for t, m in self.received if m.arbitration_id & 0xFF == self.vehicle.address]
 
     def demands(self, axis):
         message = self.vehicle.transmitted[axis]

@@ -26,7 +26,7 @@ def driver_brakes(scene: Scene) -> tuple[list[str], float]:
 
     if not scene.listen(20.0, pressed):
         return ["the driver never braked"], math.nan
-    told = scene.heard[-1][0]
+    told = scene.received[-1][0]
     scene.listen(1.0)
     reaction = first_release(scene, told)
     slow = [] if reaction <= 0.020 + SLACK else [f"first release after {reaction * 1e3:.0f} ms"]
@@ -68,7 +68,9 @@ def bridge_killed(scene: Scene) -> tuple[list[str], float]:
     os.kill(scene.bridge.pid, signal.SIGKILL)
     scene.listen(1.0)
     codec = scene.vehicle.codec
-    end = [codec.decode(i, d) for at, i, d in scene.heard if at > since + 0.6 and i & 0x3FFFFFF == 0xF00400]
+    end = [
+        codec.decode(i, d) for at, i, d in scene.received if at > since + 0.6 and i & 0x3FFFFFF == 0xF00400
+    ]
     held = [e for e in end if e and e.values["EngineControllingAddress"] == scene.vehicle.address]
     broken = ["the engine obeyed a dead bridge"] if held or not end else []
     return broken + only_releases(scene, since + 0.02 + SLACK), math.nan
@@ -149,7 +151,7 @@ def address_taken(scene: Scene) -> tuple[list[str], float]:
     since = time.monotonic()
     scene.send(0x18EEFF00 | scene.vehicle.address, j1939_name(0))
     scene.listen(1.0)
-    late = {can_id & 0xFF for at, can_id, _ in scene.heard if at > since + 0.02 + SLACK}
+    late = {can_id & 0xFF for at, can_id, _ in scene.received if at > since + 0.02 + SLACK}
     return (["it spoke after losing its address"] if scene.vehicle.address in late else []), math.nan
 
 

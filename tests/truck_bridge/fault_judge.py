@@ -83,7 +83,7 @@ def _limits(run: Run, axis: Axis) -> list[str]:
 
 
 def _outside(run: Run, axis: Axis, at: float, demand: float) -> bool:
-    """Outside the envelope at every speed that the truck had, or was heard to have, just before."""
+    """Outside the envelope at every speed that the truck had, or was received to have, just before."""
     limits, quantum = axis.limits, axis.demand.scale
     since = np.searchsorted([time for time, _, _ in run.speeds], at - AGE_S)
     recent = [speed for time, *both in run.speeds[since:] if time <= at for speed in both]

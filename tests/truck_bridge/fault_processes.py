@@ -1,7 +1,7 @@
 """Faults on real processes in real time: bridge and ECU emulator each a process, this one the witness.
 The nodes of the whole graph: `tests/ros2_ws/fault_nodes.py`.
 
-`python tests/truck_bridge/fault_processes.py --runs 50`. What is judged is what the witness heard on the bus.
+`python tests/truck_bridge/fault_processes.py --runs 50`. What is judged is what the witness received.
 """
 
 from __future__ import annotations

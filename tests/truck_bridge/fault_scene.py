@@ -24,14 +24,14 @@ SLACK = 0.010  # of the witness's own clock and scheduling
 
 @dataclass
 class Scene:
-    """Two processes on a channel, and what was heard there."""
+    """Two processes on a channel, and what was received there."""
 
     vehicle: Vehicle
     channel: str
     bridge: subprocess.Popen[str]
     truck: subprocess.Popen[str]
     witness: can.BusABC
-    heard: list[tuple[float, int, bytes]] = field(default_factory=list)
+    received: list[tuple[float, int, bytes]] = field(default_factory=list)
 
     def listen(self, seconds: float, until: Callable[[float, int, bytes], bool] | None = None) -> bool:
         """Hear for so long, or until a frame answers the question."""
@@ -41,7 +41,7 @@ class Scene:
             if message is None:
                 continue
             entry = (time.monotonic(), message.arbitration_id, bytes(message.data))
-            self.heard.append(entry)
+            self.received.append(entry)
             if until is not None and until(*entry):
                 return True
         return False
@@ -55,10 +55,10 @@ class Scene:
         self.bridge.stdin.flush()
 
     def demands(self, axis: str) -> list[tuple[float, float]]:
-        """Time and demand of an axis as heard; NaN for a frame that hands back."""
+        """Time and demand of an axis as received; NaN for a frame that hands back."""
         message = self.vehicle.transmitted[axis]
         found = []
-        for at, can_id, data in self.heard:
+        for at, can_id, data in self.received:
             if can_id == message.axis.can_id:
                 word = int.from_bytes(data, "little")
                 value = message.axis.demand.read(word)
@@ -127,7 +127,7 @@ def limits_kept(scene: Scene) -> list[str]:
     """Only listed frames of ours, inside the envelope, without a step."""
     table = scene.vehicle.table
     listed = {axis.can_id for axis in table.axes} | set(table.always)
-    ours = {can_id for _, can_id, _ in scene.heard if can_id & 0xFF == table.address}
+    ours = {can_id for _, can_id, _ in scene.received if can_id & 0xFF == table.address}
     broken = ["an unlisted frame left"] if ours - listed else []
     for axis in table.axes:
         demands = [demand for _, demand in scene.demands(axis.name)]

@@ -41,7 +41,7 @@ class Run:
     offset: float = 0.0  # of the bridge's clock
     flood: bool = False
     states: list[tuple[float, str]] = field(default_factory=list)
-    speeds: list[tuple[float, float, float]] = field(default_factory=list)  # time, the truck's, as heard
+    speeds: list[tuple[float, float, float]] = field(default_factory=list)  # time, the truck's, as received
 
     def frame(self, can_id: int, data: bytes) -> None:
         """A third node sends to both."""

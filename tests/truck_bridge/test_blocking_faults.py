@@ -52,7 +52,7 @@ def ready(w):
     ("data", "reason"),
     [
         (RED, "fault: red_stop_lamp (engine)"),
-        (DERATED, "fault: SPN 1569 FMI 31 (engine)"),  # heard in three frames
+        (DERATED, "fault: SPN 1569 FMI 31 (engine)"),  # received in three frames
         (bytes.fromhex("00FF00C43F81FFFF"), "fault: SPN 115712 FMI 31 (old layout: may be 1569 or"),
     ],
     ids=["lamp", "several frames", "old layout"],
@@ -98,7 +98,7 @@ def test_while_engaged_it_ends_control_in_order(world, source):
     """A fade to rest, then four release frames on every axis, a warning, and no way back by itself."""
     w = world("trucksim").engage(975.0)
     w.run(3.0, engine=975.0)
-    w.heard.clear()
+    w.received.clear()
     tell(w, DERATED, source, step=0.005)
     status = w.bridge.status
     assert status.state == "fading" and status.reason.startswith("fault: SPN 1569 FMI 31")
@@ -155,7 +155,7 @@ def test_faults_are_channels_of_what_the_truck_says(world):
 
 
 def test_a_clock_that_goes_back_forgets_no_fault_into_control(world, tmp_path):
-    """What was told has no age any more: a file that wants the bus heard first waits again."""
+    """Nothing received has an age any more: a file that wants the bus to be listened to first waits again."""
     w = ready(world(vehicle_file(tmp_path, {"lamps": ["red_stop_lamp"], "listen": 2})))
     w.run(2.0, engine=500.0)
     w.now -= 1.0

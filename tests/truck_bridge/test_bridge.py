@@ -67,9 +67,9 @@ def test_the_driver_gets_the_truck_back_within_a_cycle(world, name):
     w = world(name).engage(in_units(name, 50))
     w.run(2.0, engine=in_units(name, 50))
     w.truck.driver.brake_pedal = 40.0
-    w.heard.clear()
+    w.received.clear()
     w.run(1.0, engine=in_units(name, 50))
-    told = next(t for t, m in w.heard if pressed(w, m))
+    told = next(t for t, m in w.received if pressed(w, m))
     demands = w.demands("engine")
     assert all(math.isnan(d) for t, d in demands if t > told)
     release = [t for t, d in demands if t >= told]

@@ -15,9 +15,9 @@ def test_an_address_lost_is_silence_and_stays_so(world):
     w = world("trucksim").engage(500.0)
     w.run(1.0, engine=500.0)
     w.ear.send(can.Message(arbitration_id=0x18EEFF2A, data=j1939_name(0)))
-    w.heard.clear()
+    w.received.clear()
     w.run(2.0, engine=500.0)
-    assert [m.arbitration_id for _, m in w.heard if m.arbitration_id & 0xFF == 0xFE] == [0x18EEFFFE]
+    assert [m.arbitration_id for _, m in w.received if m.arbitration_id & 0xFF == 0xFE] == [0x18EEFFFE]
     assert w.ours_on_the_bus() == []
     assert w.bridge.status.losses == {"link lost": 1}
     assert "no bus or no address" in w.bridge.engage(w.now, person=True, lead_vehicle=True)
@@ -26,7 +26,7 @@ def test_an_address_lost_is_silence_and_stays_so(world):
 def test_a_signed_message_bent_on_its_way_is_refused_whatever_the_bit(world):
     w = world(SIGNED).engage(500.0)
     w.run(2.0, engine=500.0)
-    said = [bytes(m.data) for _, m in w.heard if m.arbitration_id & 0x03FFFFFF == 0xFEBF0B]
+    said = [bytes(m.data) for _, m in w.received if m.arbitration_id & 0x03FFFFFF == 0xFEBF0B]
     assert [data[7] & 15 for data in said] == [k % 16 for k in range(len(said))]
     assert w.bridge.status.refusals == {}
     bent = int.from_bytes(said[-1], "little")
@@ -38,7 +38,7 @@ def test_a_signed_message_bent_on_its_way_is_refused_whatever_the_bit(world):
 
 def test_two_controllers_that_send_the_same_message_do_not_silence_each_other(world):
     w = world(RESEARCH).run(0.5)
-    ccvs1 = {m.arbitration_id & 0xFF for _, m in w.heard if m.arbitration_id & 0x03FFFF00 == 0xFEF100}
+    ccvs1 = {m.arbitration_id & 0xFF for _, m in w.received if m.arbitration_id & 0x03FFFF00 == 0xFEF100}
     assert ccvs1 == {0x00, 0x31}
     silent_on_speed = w.vehicle.codec["CCVS1"].encode({"BrakeSwitch": 0.0})
     w.trucks.send(can.Message(arbitration_id=0x18FEF131, data=silent_on_speed))
@@ -52,7 +52,7 @@ def test_two_controllers_that_send_the_same_message_do_not_silence_each_other(wo
 def test_a_clock_that_goes_back_is_answered_with_release_frames_in_time(world, name, jump):
     w = world(name).engage(in_units(name, 50))
     w.run(2.0, engine=in_units(name, 50))
-    w.heard.clear()
+    w.received.clear()
     since, true = w.now, w.bridge.poll
     w.bridge.poll = lambda now: true(now + jump)
     w.run(0.5)
@@ -60,7 +60,7 @@ def test_a_clock_that_goes_back_is_answered_with_release_frames_in_time(world, n
     assert not [d for _, d in w.demands("engine") if not math.isnan(d)]
     assert w.bridge.status.losses == {"clock went back": 1}
     assert w.bridge.status.address_claimed
-    assert w.signals["speed"] == pytest.approx(w.truck.speed, abs=0.5)  # heard anew
+    assert w.signals["speed"] == pytest.approx(w.truck.speed, abs=0.5)  # received anew
 
 
 def test_no_signal_survives_a_clock_that_goes_back(world):

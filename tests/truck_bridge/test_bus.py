@@ -73,15 +73,15 @@ def test_recv_waits_no_longer_than_asked(pair):
 
 def test_python_can_s_filters_and_notifier_work(pair):
     pair[1].set_filters([{"can_id": 0x18FEF100, "can_mask": 0x1FFFFFFF, "extended": True}])
-    heard = []
-    notifier = can.Notifier(pair[1], [heard.append], timeout=0.05)
+    received = []
+    notifier = can.Notifier(pair[1], [received.append], timeout=0.05)
     pair[0].send(can.Message(arbitration_id=0x18FEF200))
     pair[0].send(can.Message(arbitration_id=0x18FEF100))
     deadline = time.monotonic() + 60
-    while not heard and time.monotonic() < deadline:
+    while not received and time.monotonic() < deadline:
         time.sleep(0.01)
     notifier.stop()
-    assert [message.arbitration_id for message in heard] == [0x18FEF100]
+    assert [message.arbitration_id for message in received] == [0x18FEF100]
 
 
 def test_another_process_hears_and_answers(pair, channel):
@@ -163,6 +163,6 @@ def test_multicast_works_between_two_buses_of_one_machine():
         pytest.skip(f"no multicast route here: {error}")
     with a, b:
         a.send(can.Message(arbitration_id=0x0CF00400, data=bytes(8)))
-        heard = b.recv(2.0)
-    assert heard is not None
-    assert heard.arbitration_id == 0x0CF00400
+        received = b.recv(2.0)
+    assert received is not None
+    assert received.arbitration_id == 0x0CF00400

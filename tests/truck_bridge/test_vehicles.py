@@ -61,7 +61,7 @@ NAN = math.nan
 
 
 @pytest.mark.parametrize(
-    ("name", "heard", "engine", "brake"),
+    ("name", "received", "engine", "brake"),
     [
         ("trucksim", {"driver_demand_torque": 40.0, "brake_pedal": 10.0}, 780.0, 10.0),
         ("trucksim", {"driver_demand_torque": NAN, "accelerator_pedal": 40.0}, None, None),
@@ -73,9 +73,9 @@ NAN = math.nan
         ("volvo", {}, None, None),
     ],
 )
-def test_the_driver_s_demands_are_in_the_units_of_the_commands(name, heard, engine, brake):
+def test_the_driver_s_demands_are_in_the_units_of_the_commands(name, received, engine, brake):
     expected = {"driver_engine_demand": engine, "driver_brake_demand": brake}
-    found = vehicles.load(name).driver_demands(heard)
+    found = vehicles.load(name).driver_demands(received)
     assert found == pytest.approx({k: v for k, v in expected.items() if v is not None}, nan_ok=True)
 
 
@@ -101,8 +101,8 @@ def test_no_two_messages_share_a_turn(vehicle):
 
 
 def test_speeds_reach_the_core_in_si(vehicle):
-    heard = next(h for h in vehicle.table.heard if h.name == "CCVS1")
-    speed = next(s for s in heard.signals if s.name == "speed")
+    received = next(h for h in vehicle.table.received if h.name == "CCVS1")
+    speed = next(s for s in received.signals if s.name == "speed")
     assert speed.field.scale == pytest.approx(1 / 256 / 3.6)
 
 

@@ -38,7 +38,7 @@ class LastSeen:
 
     dt: float
     hold_s: float = 1.0
-    silent: Flags = field(default_factory=lambda: np.zeros(0, bool))  # speed: for longer, or never heard
+    silent: Flags = field(default_factory=lambda: np.zeros(0, bool))  # speed: for longer, or never received
     _last: dict[str, Array] = field(default_factory=dict, repr=False)
     _waited: Array = field(default_factory=lambda: np.zeros(0), repr=False)
 
@@ -51,8 +51,8 @@ class LastSeen:
         batch = len(observation["speed"])
         if len(self._waited) != batch:
             self._last, self._waited = {}, np.full(batch, np.inf)
-        heard = np.isfinite(observation["speed"])
-        self._waited = np.where(heard, 0.0, self._waited + self.dt)
+        received = np.isfinite(observation["speed"])
+        self._waited = np.where(received, 0.0, self._waited + self.dt)
         self.silent = self._waited > self.hold_s
         own = {n: observation[n] for n in ("speed", "target_time_gap", "grade") if n in observation}
         self._last = {n: np.where(np.isnan(x), self._last.get(n, x), x) for n, x in own.items()}

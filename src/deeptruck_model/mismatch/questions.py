@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from deeptruck_model.mismatch.tree import ROOT, Node
-from deeptruck_model.recordings.resample import Heard
+from deeptruck_model.recordings.resample import Received
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Question:
     """
 
     simulator: str
-    heard: Mapping[str, Heard]
+    heard: Mapping[str, Received]
     constant: float = 0.0
     adapts: float = 0.0  # s from the start over which the constant is estimated; 0: find names
     no_load: bool = False

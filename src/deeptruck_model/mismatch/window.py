@@ -9,7 +9,7 @@ from copy import copy
 import numpy as np
 
 from deeptruck_model.recordings.ordering import REORDER_NS
-from deeptruck_model.recordings.resample import Heard
+from deeptruck_model.recordings.resample import Received
 
 
 class Window:
@@ -43,12 +43,12 @@ class Window:
         other._topics = {topic: kept.copy() for topic, kept in self._topics.items()}
         return other
 
-    def heard(self) -> dict[str, Heard]:
+    def heard(self) -> dict[str, Received]:
         """All of it by topic, in columns."""
         out = {}
         for topic, kept in self._topics.items():
             stamps = np.array([stamp for stamp, _ in kept], np.int64)
             fields = dict.fromkeys(field for _, values in kept for field in values)
             columns = {f: np.array([values.get(f, np.nan) for _, values in kept], float) for f in fields}
-            out[topic] = Heard(stamps, columns)
+            out[topic] = Received(stamps, columns)
         return out

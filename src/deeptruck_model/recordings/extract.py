@@ -20,7 +20,7 @@ from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.ordering import REORDER_NS, Part, Queue
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.recordings.resample import MARGIN_S, Heard, Resampler, Series
+from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler, Series
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC, NO_SPEED, Source, TopicMap, load
 from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
@@ -106,25 +106,30 @@ def _read(
 
 
 def of_messages(
-    name: str, heard: Mapping[str, Heard], interface: TruckInterface, *, rate_hz: float, no_load: bool = False
+    name: str,
+    received: Mapping[str, Received],
+    interface: TruckInterface,
+    *,
+    rate_hz: float,
+    no_load: bool = False,
 ) -> list[Recording]:
     """What `read` makes of a bag, of messages at hand by topic. With `no_load` no command was obeyed.
 
     Raises InputError without speed, for time going back, and for units that cannot be right.
     """
     by_topic: dict[str, list[str]] = {}
-    sources = with_engaged({c: s for c, s in DEFAULT_TOPICS.items() if s.topic in heard})
+    sources = with_engaged({c: s for c, s in DEFAULT_TOPICS.items() if s.topic in received})
     for channel, source in sources.items():
-        if source.topic in heard and source.field in heard[source.topic].columns:
+        if source.topic in received and source.field in received[source.topic].columns:
             by_topic.setdefault(source.topic, []).append(channel)
-    account = Account(name, "messages", sources={topic: len(heard[topic].stamps) for topic in by_topic})
+    account = Account(name, "messages", sources={topic: len(received[topic].stamps) for topic in by_topic})
     resampler = Resampler(name, rate_hz=rate_hz, account=account)
     obedience = Obedience(sources, account, no_load=no_load)
     queues = {topic: Queue(topic, Path(name)) for topic in by_topic}
     for topic, channels in by_topic.items():
-        if len(heard[topic].stamps):
-            columns = [heard[topic].columns[sources[c].field] for c in channels]
-            queues[topic].put(heard[topic].stamps, columns)
+        if len(received[topic].stamps):
+            columns = [received[topic].columns[sources[c].field] for c in channels]
+            queues[topic].put(received[topic].stamps, columns)
     _Drain(queues, by_topic, sources, resampler, obedience, account).until(None)
     return [replace(r, obeyed=obedience.known) for r in resampler.finish(interface)]
 

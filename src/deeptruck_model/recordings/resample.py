@@ -43,7 +43,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Heard:
+class Received:
     """Messages of one topic as they came: stamps (n,), ns, and the column (n,) of each field."""
 
     stamps: NDArray[np.int64]

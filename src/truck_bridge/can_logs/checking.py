@@ -29,7 +29,7 @@ class Checked:
     frames: int = 0
     seconds: float = 0.0  # of the log
     engaged_s: float = 0.0  # of these, in which control could have been held
-    heard: Counter[str] = field(default_factory=Counter)  # frames by message
+    received: Counter[str] = field(default_factory=Counter)  # frames by message
     refusals: Counter[str] = field(default_factory=Counter)
     losses: Counter[str] = field(default_factory=Counter)
     refused_s: Times = field(default_factory=dict)
@@ -59,7 +59,7 @@ class _Replay:
     def __init__(self, vehicle: Vehicle) -> None:
         self._override = vehicle.table.override
         self._table: Table = replace(vehicle.table, override=(), needs_lead=False, engage_speed=(0.0, 1e3))
-        self._names = {message.key: message.name for message in vehicle.table.heard}
+        self._names = {message.key: message.name for message in vehicle.table.received}
         self._safety = Safety(self._table)
         self._vehicle, self._faults = vehicle, FaultWatch(vehicle)
         self._now = self._start = 0.0
@@ -112,7 +112,7 @@ class _Replay:
             return  # a drive of the bridge itself: what it sent is no stranger's
         name = self._names.get(frame.can_id & 0x03FF_FFFF)
         if name is not None:
-            self._found.heard[name] += 1
+            self._found.received[name] += 1
         self._safety.rx_hook(frame.can_id, frame.data, frame.time)
         self._hear_faults(frame)
 
@@ -154,7 +154,7 @@ def lines(found: Checked) -> Iterator[str]:
     yield f"{found.frames} frames in {found.seconds:.1f} s"
     yield from found.account.lines()
     yield from found.notes
-    yield f"received for {found.vehicle}: {_listed(found.heard)}"
+    yield f"received for {found.vehicle}: {_listed(found.received)}"
     yield f"could have been engaged for {found.engaged_s:.1f} s"
     yield f"refused: {_timed(found.refusals, found.refused_s)}"
     yield f"control would have been lost: {_timed(found.losses, found.lost_s)}"

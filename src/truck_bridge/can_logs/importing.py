@@ -33,8 +33,8 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     (channels to leave out), and `channels: {speed: {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to
     take a channel from elsewhere; a command so taken has its signal's unit. Torque in N m is left out where
     no reference torque is known (SPN 544 in the log, the vehicle or `reference_torque`).
-    Active faults (DM1) are channels of their own; `interface["notes"]` names them and the VIN, where heard,
-    and `interface["account"]` is the Account of the log's frames.
+    Active faults (DM1) are channels of their own; `interface["notes"]` names them and the VIN, where
+    received, and `interface["account"]` is the Account of the log's frames.
     Raises InputError on a bad log or bad columns.
     """
     codec, torque = _meaning(columns)

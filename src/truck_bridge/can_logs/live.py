@@ -147,7 +147,7 @@ def _outline(log: Path) -> bytes | int:
 
 
 def _outline_of_silence(path: Path) -> bytes | int:
-    """The same of a log of this kind in which nothing was heard."""
+    """The same of a log of this kind in which nothing was received."""
     with tempfile.TemporaryDirectory() as place:
         like = Path(place) / path.name
         with _writing(_logger(like, new=True), like):

@@ -148,7 +148,7 @@ class RosbagWriter:
         self._schema = self._writer.register_schema(TYPE, "ros2msg", text.encode())
         self._channels: dict[str, int] = {}  # by topic
         self._count, self._flushed = 0, time.monotonic()
-        self._channel(TOPIC)  # a recording in which nothing was heard has its topic too
+        self._channel(TOPIC)  # a recording in which nothing was received has its topic too
 
     def _channel(self, topic: str) -> int:
         if topic not in self._channels:

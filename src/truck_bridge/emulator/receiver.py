@@ -11,7 +11,7 @@ from truck_bridge.vehicles import Transmitted
 TIMEOUT_S = 0.1  # a controller forgets a demand that is not repeated; five TSC1 periods
 RETURN_PER_S = 200.0  # demand units a second, back to the driver after a time-out
 BAD_LIMIT = 3  # bad frames in a row before a source is ignored
-GOOD_LIMIT = 10  # good ones in a row before it is heard again
+GOOD_LIMIT = 10  # good ones in a row before it is received again
 
 
 @dataclass
@@ -20,7 +20,7 @@ class _Source:
 
     demand: float = math.nan  # NaN: it hands back
     priority: int = 3
-    heard: float = -math.inf
+    received: float = -math.inf
     bad: int = 0
     good: int = GOOD_LIMIT
     counter: int | None = None
@@ -54,7 +54,7 @@ class Receiver:
         )
         source.demand = values[self._message.demand] if active else math.nan
         source.priority = int(values.get("OverrideControlModePriority", values.get("XBRPriority", 2.0)))
-        source.heard = now
+        source.received = now
 
     def _sound(self, can_id: int, data: bytes, source: _Source) -> bool:
         kind = self._message.axis.check
@@ -68,9 +68,9 @@ class Receiver:
     def demand(self, now: float) -> float:
         """What is asked for now; NaN when nobody asks. A time-out returns to rest at RETURN_PER_S."""
         live = [
-            (source.priority, -source.heard, address, source.demand)
+            (source.priority, -source.received, address, source.demand)
             for address, source in self._sources.items()
-            if now - source.heard <= TIMEOUT_S and not math.isnan(source.demand) and source.bad < BAD_LIMIT
+            if now - source.received <= TIMEOUT_S and not math.isnan(source.demand) and source.bad < BAD_LIMIT
         ]
         elapsed, self._updated = now - self._updated, now
         if live:

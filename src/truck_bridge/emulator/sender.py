@@ -9,7 +9,7 @@ from truck_bridge.emulator.messages import SAYS, Truck
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums
 from truck_bridge.j1939.codec import Layout
-from truck_bridge.safety import Heard
+from truck_bridge.safety import Received
 from truck_bridge.vehicles import Vehicle
 
 UNTOLD_S = {"VDS": 0.1}  # periods of messages whose own is 'on request' or 'on change'; else 1 s
@@ -46,14 +46,16 @@ def voices(truck: Truck) -> Iterator[Sender]:
     Raises InputError where the file wants to hear a message that no emulated controller speaks.
     """
     vehicle = truck.vehicle
-    heard = {(vehicle.codec.by_pgn[one.key >> 8].name, one.key & 0xFF): one for one in vehicle.table.heard}
-    for message, _ in heard:
+    received = {
+        (vehicle.codec.by_pgn[one.key >> 8].name, one.key & 0xFF): one for one in vehicle.table.received
+    }
+    for message, _ in received:
         if message not in SAYS:
             raise InputError(f"the ECU emulator does not speak {message}, which {vehicle.name} wants to hear")
     for message, (usual, _) in SAYS.items():
-        addresses = [address for other, address in heard if other == message]
+        addresses = [address for other, address in received if other == message]
         for address in addresses or _usual(vehicle, message, usual):
-            yield _sender(truck, message, address, heard.get((message, address)))
+            yield _sender(truck, message, address, received.get((message, address)))
 
 
 def _usual(vehicle: Vehicle, message: str, who: str) -> list[int]:
@@ -61,12 +63,12 @@ def _usual(vehicle: Vehicle, message: str, who: str) -> list[int]:
     return [vehicle.addresses[who]] if spoken else []
 
 
-def _sender(truck: Truck, message: str, address: int, heard: Heard | None) -> Sender:
+def _sender(truck: Truck, message: str, address: int, received: Received | None) -> Sender:
     layout, says = truck.vehicle.codec[message], SAYS[message][1]
     names = {address: who for who, address in truck.vehicle.addresses.items()}
     period, check = layout.period_s or UNTOLD_S.get(message, 1.0), checksums.NONE
-    if heard is not None:
-        period, check = heard.period_s, heard.check
+    if received is not None:
+        period, check = received.period_s, received.check
     return Sender(layout, names[address], address, period, check, lambda: says(truck))
 
 

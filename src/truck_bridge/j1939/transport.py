@@ -43,7 +43,7 @@ class _Session:
 
     pgn: int
     size: int
-    heard: float  # when a frame of it came last
+    received: float  # when a frame of it came last
     patience: float  # how long the next one may take, s
     parts: list[bytes] = field(default_factory=list)
     asked: int = 0  # last packet that the receiver has asked for
@@ -111,7 +111,7 @@ class Transport:
         if session is None or session.pgn != pgn:
             return
         count, first = data[1], data[2]
-        session.heard, session.patience = now, T2_S if count else T4_S
+        session.received, session.patience = now, T2_S if count else T4_S
         if count and not 1 <= first <= len(session.parts) + 1:
             self._break(key, "a packet was not received")
         elif count:
@@ -124,7 +124,7 @@ class Transport:
             return None
         number, part = data[0], data[1:]
         if session.parts and number == len(session.parts) and part == session.parts[-1]:
-            return None  # heard twice, as where a log holds two channels of one bus
+            return None  # received twice, as where a log holds two channels of one bus
         if session.missed or number != len(session.parts) + 1:
             session.missed = True
             if key[1] == ids.GLOBAL:
@@ -132,7 +132,7 @@ class Transport:
             return None
         session.parts.append(part)
         more = key[1] == ids.GLOBAL or number < session.asked
-        session.heard, session.patience = now, T1_S if more else T3_S
+        session.received, session.patience = now, T1_S if more else T3_S
         if number < session.packets:
             return None
         del self._open[key]
@@ -141,7 +141,7 @@ class Transport:
     def _alive(self, key: tuple[int, int], now: float) -> _Session | None:
         """The session, unless it has waited too long or the clock was set back."""
         session = self._open.get(key)
-        if session is not None and abs(now - session.heard) > session.patience:
+        if session is not None and abs(now - session.received) > session.patience:
             self._break(key, "timed out")
             return None
         return session

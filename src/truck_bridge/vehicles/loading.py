@@ -15,7 +15,7 @@ from truck_bridge import j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
 from truck_bridge.j1939.codec import Codec, Layout, Signal
-from truck_bridge.safety import Axis, Driveline, Field, Heard, Limits, Measured, Table, Timing
+from truck_bridge.safety import Axis, Driveline, Field, Limits, Measured, Received, Table, Timing
 from truck_bridge.safety.tables import Allowed
 from truck_bridge.units import to_si
 from truck_bridge.vehicles.schema import VEHICLE, check
@@ -64,16 +64,16 @@ def _text(name: str) -> tuple[str, str]:
 def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
     own = data["bridge"]["address"]
     sent = {key: _transmitted(key, value, data, codec, own) for key, value in data["transmit"].items()}
-    heard = tuple(_heard(key, value, data, codec) for key, value in data["receive"].items())
-    _distinct("receive: message and sender", [f"0x{message.key:X}" for message in heard])
-    known = _distinct("receive: signal", [signal.name for message in heard for signal in message.signals])
+    received = tuple(_received(key, value, data, codec) for key, value in data["receive"].items())
+    _distinct("receive: message and sender", [f"0x{message.key:X}" for message in received])
+    known = _distinct("receive: signal", [signal.name for message in received for signal in message.signals])
     for key in ("driver", "forbidden"):
         for signal in set(data[key]) - known:
             raise InputError(f"{key}: signal '{signal}' is not received; known: {', '.join(sorted(known))}")
     table = Table(
         address=own,
         axes=tuple(message.axis for message in sent.values()),
-        heard=heard,
+        received=received,
         always=_claims(own),
         allowed=tuple(_allowed(data, sent)),
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
@@ -179,7 +179,7 @@ def _pair(key: str, values: list[float]) -> tuple[float, float]:
     return values[0], values[1]
 
 
-def _heard(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:
+def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Received:
     """One entry of `receive`: its name is the message's, unless it says `message` itself because two
     controllers send the same one.
     """
@@ -194,7 +194,7 @@ def _heard(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -
         low, high = spec.get("range", {}).get(name, (field.offset, field.offset + field.scale * field.last))
         measured.append(Measured(name, field, low, high))
     sender = layout.pgn << 8 | _address(data, spec["from"])
-    return Heard(key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
+    return Received(key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
 
 
 def _room_to_sign(key: str, layout: Layout) -> None:

@@ -39,7 +39,7 @@ class Blocking:
 
     lamps: frozenset[str] = frozenset({"red_stop_lamp"})
     codes: tuple[tuple[int, int | None], ...] = ()  # SPN, and FMI where only that one counts
-    listen_s: float = 0.0  # how long a bus must have been heard before silence means that there is none
+    listen_s: float = 0.0  # how long a bus must have been listened to before silence means that there is none
 
     def holds(self, what: Code | str) -> bool:
         """Whether a lamp or a code, in any of its readings, is one of them."""

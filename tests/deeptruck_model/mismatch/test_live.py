@@ -17,14 +17,14 @@ from deeptruck_model.mismatch.questions import Names, Own, Question
 from deeptruck_model.mismatch.window import Window
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.extract import of_messages
-from deeptruck_model.recordings.resample import Heard
+from deeptruck_model.recordings.resample import Received
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
 
 BEGIN_NS = 1_700_000_000_000_000_000
 LAZY = TRUCK.with_forces([], [LazyBrake()])
 
 
-def heard(drive: Recording) -> dict[str, Heard]:
+def heard(drive: Recording) -> dict[str, Received]:
     """The messages of a drive as a node hears them."""
     window = Window(1e4, 1e3)
     by_topic: dict[str, dict[str, np.ndarray]] = {}
@@ -99,7 +99,7 @@ def test_the_constant_of_a_drive_is_that_of_adapt() -> None:
 
 
 def test_what_cannot_be_answered_is_said(lazy_brake: Question) -> None:
-    few = {topic: Heard(h.stamps[:100], {f: x[:100] for f, x in h.columns.items()})
+    few = {topic: Received(h.stamps[:100], {f: x[:100] for f, x in h.columns.items()})
            for topic, h in lazy_brake.heard.items()}  # fmt: skip
     short = answer(Question("truck:trucksim", few)).found
     assert isinstance(short, Names) and "usable driving" in short.says and not short.nodes

@@ -113,11 +113,11 @@ def test_the_most_urgent_identifiers_are_heard_on_the_wire():
         truck.send(can.Message(arbitration_id=URGENT, data=TORQUE, is_extended_id=False))
         truck.send(can.Message(arbitration_id=URGENT, data=TORQUE, is_extended_id=True))
         truck.send(can.Message(arbitration_id=0x0CF00400, data=EEC1, is_extended_id=True))
-        heard = []
-        while len(heard) < 2:
+        received = []
+        while len(received) < 2:
             connection.wait(5.0)
-            heard += connection.hear(0.0)
-    assert heard == [(URGENT, TORQUE), (0x0CF00400, EEC1)]
+            received += connection.hear(0.0)
+    assert received == [(URGENT, TORQUE), (0x0CF00400, EEC1)]
 
 
 def two_trucks(seconds=3.0):

@@ -191,7 +191,7 @@ def test_a_real_truck_is_never_refused_falsely():
     found = can_logs.check(REAL, vehicles.load(RESEARCH))
     assert found.refusals == {}
     assert found.losses == {}
-    assert sum(found.heard.values()) == 7497
+    assert sum(found.received.values()) == 7497
     assert found.engaged_s > 29.8
 
 

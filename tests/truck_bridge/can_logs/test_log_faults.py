@@ -20,7 +20,7 @@ NUMBER = b"1M8GDM9AXKP042788*"
 
 
 def split(time, data, pgn, source=0, destination=0xFF):
-    """A message of several frames, as its sender says it: BAM, or RTS of which nobody else is heard."""
+    """A message of several frames, as its sender says it: BAM, or RTS of which nobody else is received."""
     count, kind = -(-len(data) // 7), 32 if destination == 0xFF else 16
     head = bytes([kind, len(data), 0, count, 0xFF, *pgn.to_bytes(3, "little")])
     yield time, 0x1CEC0000 | destination << 8 | source, head

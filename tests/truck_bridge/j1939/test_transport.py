@@ -1,4 +1,4 @@
-"""Messages of several frames: broadcasts and transfers heard whole or not at all."""
+"""Messages of several frames: broadcasts and transfers received whole or not at all."""
 
 from __future__ import annotations
 
@@ -102,14 +102,14 @@ def test_frames_heard_twice_are_heard_once():
     assert hear(frames) == ([(0xFEE3, ENGINE, GLOBAL, CONFIGURATION)], {})
 
 
-@pytest.mark.parametrize(("pause", "heard"), [(0.74, True), (0.76, False), (-0.76, False)])
-def test_a_broadcast_waits_for_750_ms(pause, heard):
+@pytest.mark.parametrize(("pause", "received"), [(0.74, True), (0.76, False), (-0.76, False)])
+def test_a_broadcast_waits_for_750_ms(pause, received):
     first, second, third = whole(bytes(14))
     before_the_first = [(*first, 10.0), (*second, 10.0 + pause), (*third, 10.0 + pause)]
     before_the_last = [(*first, 10.0), (*second, 10.1), (*third, 10.1 + pause)]
     for frames in (before_the_first, before_the_last):
         found, broken = hear(frames)
-        assert (bool(found), broken) == (heard, {} if heard else {(0xFEE3, ENGINE, "timed out"): 1})
+        assert (bool(found), broken) == (received, {} if received else {(0xFEE3, ENGINE, "timed out"): 1})
 
 
 def test_sessions_of_several_nodes_do_not_mix():
@@ -172,7 +172,7 @@ def test_a_transfer_is_aborted_by_either_end(who):
 
 
 @pytest.mark.parametrize(
-    ("before", "pause", "heard"),
+    ("before", "pause", "received"),
     [
         (0, 1.24, True),  # T3: announced, not yet asked for
         (0, 1.26, False),
@@ -186,12 +186,12 @@ def test_a_transfer_is_aborted_by_either_end(who):
         (4, 1.06, False),
     ],
 )
-def test_each_step_of_a_transfer_has_its_time(before, pause, heard):
+def test_each_step_of_a_transfer_has_its_time(before, pause, received):
     first, *rest = whole(bytes(30), destination=TOOL)
     frames = [first, asked(2, 1), *rest[:2], asked(0, 255), asked(3, 3), *rest[2:]]
     late = [(*f, 0.01 * k + (pause - 0.01 if k > before else 0.0)) for k, f in enumerate(frames)]
     found, broken = hear(late)
-    assert (len(found), len(broken)) == ((1, 0) if heard else (0, 1))
+    assert (len(found), len(broken)) == ((1, 0) if received else (0, 1))
 
 
 def test_a_message_begun_anew_and_one_cut_off_are_counted():
@@ -283,7 +283,7 @@ def test_of_messages_that_lose_or_repeat_frames_only_whole_ones_are_heard(sent, 
     for source, destination, content in sent:
         at = free.get(source, 0.1 * source)
         for k, frame in enumerate(whole(content, source, destination)):
-            times = data.draw(st.sampled_from([1, 1, 1, 1, 0, 2]), label="times heard")
+            times = data.draw(st.sampled_from([1, 1, 1, 1, 0, 2]), label="times received")
             frames += [(*frame, at + 0.05 * k)] * times
         free[source] = at + 0.05 * k + 1.3
     found, _ = hear(sorted(frames, key=lambda frame: frame[2]))

@@ -30,7 +30,7 @@ ENGAGED_PERIOD_S = 0.05  # s between two engaged bits to the controller; a chang
 
 
 class CanBridge(DeeptruckNode, LifecycleNodeMixin):
-    """Publishes when a new speed has been heard on the bus; commands go to the bridge as they come.
+    """Publishes when a new speed has been received on the bus; commands go to the bridge as they come.
 
     Engaging needs a person: the parameter `engage` is their word for the first time, the service ~/engage at
     any time after. Control that was lost stays lost until they ask again.
@@ -111,7 +111,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         if self._thread is None:
             return 0.1
         now = time.monotonic()
-        if self._bridge.heard_at("speed") > self._published_at or now - self._published_at > SILENCE:
+        if self._bridge.received_at("speed") > self._published_at or now - self._published_at > SILENCE:
             self._published_at = now
             self._publish(self.now(), self._signals)
         if self._wanted and now - self._asked_at > ASK_EVERY:

@@ -43,7 +43,7 @@ class Controller(DeeptruckNode):
             False,
             -math.inf,
         )  # the bridge's engaged bit; monotonic, s
-        self._heard = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
+        self._received = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._counts = {"shield_acted": 0, "baseline_drove": 0}
         self._command = self.publish_on(COMMAND)
         self.listen_to(ROAD, self._on_road)
@@ -57,7 +57,7 @@ class Controller(DeeptruckNode):
 
     def _repeat(self) -> float:
         """Send the newest command again while it may still be obeyed; returns when the next is due."""
-        silent = [name for name in self._heard if self._is_stale(name)]
+        silent = [name for name in self._received if self._is_stale(name)]
         if silent or self._is_old(self._observed_at):
             says = f"no {' and '.join(silent) or 'whole observation'}: no command is sent"
             self.diagnose(self.now(), "error", says, self._counts)
@@ -76,7 +76,7 @@ class Controller(DeeptruckNode):
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 
     def _is_stale(self, name: str) -> bool:
-        return self._is_old(self._heard[name])
+        return self._is_old(self._received[name])
 
     def _is_old(self, at: float) -> bool:
         return time.monotonic() - at > self.p["stale_after_s"]
@@ -104,13 +104,13 @@ class Controller(DeeptruckNode):
         self._take("gap", nanoseconds(message.header.stamp), message.range)
 
     def _on_radar_twist(self, message: TwistStamped) -> None:
-        self._heard["radar"] = time.monotonic()
+        self._received["radar"] = time.monotonic()
         self._take("leader_speed", nanoseconds(message.header.stamp), message.twist.linear.x)
 
     def _on_twist(self, message: TwistStamped) -> None:
         speed = message.twist.linear.x
         if math.isfinite(speed):
-            self._heard["speed"] = time.monotonic()
+            self._received["speed"] = time.monotonic()
             self._take("speed", nanoseconds(message.header.stamp), speed)
 
     def _take(self, name: str, stamp: int, value: float) -> None:

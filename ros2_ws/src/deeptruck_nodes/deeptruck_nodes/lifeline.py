@@ -34,13 +34,13 @@ class Lifeline:
         if self._socket is None:
             return False
         try:
-            heard = self._socket.recv(16, socket.MSG_DONTWAIT)
+            received = self._socket.recv(16, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return False
         except OSError:
             return True
-        self._released = self._released or heard == b"go"
-        return not heard
+        self._released = self._released or received == b"go"
+        return not received
 
 
 class LifelineHolder:

@@ -159,7 +159,7 @@ class LivePage(DeeptruckNode):
                     reader(taken[0])
         if count:
             age = max(0.0, (time.time_ns() - newest) / SECOND) if newest else 0.0
-            self._live.heard(name, count, time.monotonic() - min(age, EVERY))
+            self._live.received(name, count, time.monotonic() - min(age, EVERY))
 
     def _on_twist(self, message: TwistStamped) -> None:
         self._live.sample(nanoseconds(message.header.stamp), {"speed": message.twist.linear.x})

@@ -75,7 +75,7 @@ class MismatchMonitor(DeeptruckNode):
             self.listen_to(topic, partial(self._keep, topic.name))
 
     def _on_twist(self, message: TwistStamped) -> None:
-        self.heard += 1
+        self.received += 1
         self._keep(TWIST.name, message)
         seconds = self._seconds(message)
         self._tell(self._monitor.hear_speed(seconds, message.twist.linear.x))

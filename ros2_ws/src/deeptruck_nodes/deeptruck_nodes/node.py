@@ -31,7 +31,7 @@ LINGER = 5.0  # s; the longest a node keeps listening for what was sent before t
 class DeeptruckNode(Node):
     """Base of the nodes. A subclass overrides `begin`, `tick` and `close` as needed.
 
-    One that sets `lingers_on` and counts what it hears in `heard` takes what is still on its way at the end.
+    One that sets `lingers_on` and counts messages in `received` takes what is still on its way at the end.
     """
 
     lingers_on = False
@@ -41,7 +41,7 @@ class DeeptruckNode(Node):
         self.p: dict[str, Any] = parameters.declare(self)
         self.lockstep: bool = self.p["lockstep"]
         self.finished = False
-        self.heard = 0
+        self.received = 0
         self._counted = self._diagnosed = -1
         self._stopping: float | None = None
         self._outgoing: list[tuple[Topic, Publisher]] = []
@@ -74,7 +74,7 @@ class DeeptruckNode(Node):
     def lingers(self) -> bool:
         """After a stop: whether to keep handling messages, because they still come."""
         self._stopping = self._stopping or time.monotonic()
-        came, self._counted = self.heard > self._counted, self.heard
+        came, self._counted = self.received > self._counted, self.received
         return self.lingers_on and came and time.monotonic() - self._stopping < LINGER
 
     def hand_over(self) -> None:

@@ -86,7 +86,7 @@ class Recorder(DeeptruckNode):
     def _write(self, topic: str, type_name: str, cdr: bytes) -> None:
         stamp = header_stamp(cdr) if self.lockstep else time.time_ns()
         self._writer.write(topic, type_name, cdr, stamp)
-        self.heard += 1
+        self.received += 1
 
     def _on_lost(self, event: object) -> None:
         self._lost += event.total_count_change  # type: ignore[attr-defined]
@@ -97,14 +97,14 @@ class Recorder(DeeptruckNode):
         self._writer.flush()
         if not self.lockstep:  # what it counts depends on timing: no part of a run that repeats itself
             level, says = ("warn", "messages were lost") if self._lost else ("ok", "recording")
-            self.diagnose(self.now(), level, says, {"messages": self.heard, "lost": self._lost})
+            self.diagnose(self.now(), level, says, {"messages": self.received, "lost": self._lost})
         return IDLE
 
     def close(self) -> None:
         if self._opened is not None:
             self._opened.close()
             self._stack.close()
-            print(f"recorded {self.heard} messages in {self.p['bag']}, {self._lost} lost", flush=True)
+            print(f"recorded {self.received} messages in {self.p['bag']}, {self._lost} lost", flush=True)
 
 
 def message_class(type_name: str) -> type:

@@ -29,7 +29,7 @@ LEARNS = 0.1  # share of the newest interval in what is known of the period
 
 @dataclass
 class Ages:
-    """When a topic was heard last, and how often it comes."""
+    """When a topic was received last, and how often it comes."""
 
     count: int = 0
     at: float = -math.inf
@@ -59,7 +59,7 @@ class Ages:
 class Link:
     """A topic of the graph: who publishes it and who listens, of the nodes in this run.
 
-    One that is not `expected` is shown once it was heard. `pause_s` is that of one that seldom comes.
+    One that is not `expected` is shown once it was received. `pause_s` is that of one that seldom comes.
     """
 
     topic: str
@@ -71,7 +71,7 @@ class Link:
 
 @dataclass
 class Live:
-    """Feed it by `heard`, `sample`, `names`, `budget` and `health`; `batch` takes what came since the last
+    """Feed it by `received`, `sample`, `names`, `budget` and `health`; `batch` takes what came since the last
     one."""
 
     nodes: tuple[str, ...]
@@ -88,7 +88,7 @@ class Live:
     _first: int | None = None
     _acted: float = math.nan
 
-    def heard(self, topic: str, count: int, at: float) -> None:
+    def received(self, topic: str, count: int, at: float) -> None:
         """`count` messages of a topic, the newest at `at`, monotonic s."""
         if topic not in self._ages:
             pause = max((link.pause_s for link in self.links if link.topic == topic), default=0.0)
