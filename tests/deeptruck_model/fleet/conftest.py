@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,8 @@ from pyarrow import fs
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.fleet import storage
+from deeptruck_model.fleet.compare import DONE
+from deeptruck_model.fleet.extract import MEASURED, RECEIPTS
 from deeptruck_model.recordings import write_bag
 
 
@@ -118,3 +122,19 @@ class Flaky(fs.FileSystemHandler):
 @pytest.fixture(scope="session")
 def flaky() -> type[Flaky]:
     return Flaky
+
+
+def _content(out: Path, below: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for path in sorted(p for p in (out / below).rglob("*") if p.is_file()):
+        name = path.relative_to(out).as_posix()
+        found[name] = path.read_bytes()
+        if name.startswith(RECEIPTS) or path.name == DONE:
+            found[name] = {n: v for n, v in json.loads(path.read_text()).items() if n not in MEASURED}
+    return found
+
+
+@pytest.fixture(scope="session")
+def content() -> Callable[..., dict[str, Any]]:
+    """All files that were written into a folder, or below a folder in it, by name; receipts without times."""
+    return _content

@@ -13,7 +13,7 @@ from pyarrow import fs
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.fleet.extract import INDEX, MEASURED, RECEIPTS, load
+from deeptruck_model.fleet.extract import INDEX, RECEIPTS, load
 from deeptruck_model.fleet.run import Fleet, Workers, extract
 from deeptruck_model.fleet.storage import Place, place
 from deeptruck_model.recordings import read, write_bag
@@ -28,18 +28,6 @@ def fleet(source: Path, out: Path, handler: fs.FileSystemHandler | None = None) 
         return place(str(path)) if handler is None else Place(fs.PyFileSystem(handler), str(path), str(path))
 
     return Fleet.of(at(source), at(out), LAYOUT, "truck:trucksim")
-
-
-def content(out: Path) -> dict[str, object]:
-    """All that was written, receipts without their times."""
-    found: dict[str, object] = {}
-    for path in sorted(p for p in out.rglob("*") if p.is_file()):
-        name = path.relative_to(out).as_posix()
-        if name.startswith(RECEIPTS):
-            found[name] = {n: v for n, v in json.loads(path.read_text()).items() if n not in MEASURED}
-        else:
-            found[name] = path.read_bytes()
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +61,7 @@ def test_each_file_is_read_once_and_never_again(flaky, drives, tmp_path):
     assert len(sources) == 4 and set(sources.values()) == {1}
 
 
-def test_storage_that_often_fails_changes_nothing(flaky, drives, undisturbed, tmp_path):
+def test_storage_that_often_fails_changes_nothing(flaky, drives, undisturbed, content, tmp_path):
     """Every fourth call fails. What is given up is listed, and read when the command is given again."""
     handler = flaky(0.25, seed=1)
     for _ in range(5):
@@ -87,7 +75,7 @@ def test_storage_that_often_fails_changes_nothing(flaky, drives, undisturbed, tm
 
 
 @pytest.mark.parametrize("calls", [5, 11, 17, 23, 30])
-def test_a_run_that_is_killed_goes_on(flaky, drives, undisturbed, tmp_path, calls):
+def test_a_run_that_is_killed_goes_on(flaky, drives, undisturbed, content, tmp_path, calls):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         extract(fleet(drives, out, flaky(calls=calls)), HERE)
