@@ -119,7 +119,7 @@ def _on_ray(
     lost: Callable[[Job, str], Result],
     address: str | None,
 ) -> Iterator[Result]:
-    with _cluster(workers, address) as ray:
+    with cluster(workers, address) as ray:
         remote = ray.remote(max_retries=RETRIES)(work)
         most = IN_FLIGHT * max(1, int(ray.cluster_resources().get("CPU", workers)))
         waiting, running = deque(jobs), dict[Any, Job]()
@@ -138,8 +138,8 @@ def _on_ray(
 
 
 @contextmanager
-def _cluster(workers: int, address: str | None = None) -> Iterator[Any]:
-    """Ray, connected; what is started here ends here."""
+def cluster(workers: int, address: str | None = None) -> Iterator[Any]:
+    """Ray, connected, for all that runs in the block; what is started here ends here."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is reported to anybody
     address = address or os.environ.get("RAY_ADDRESS")
     if not address:  # Ray's switch for 'this machine only': every port on the loopback address
@@ -156,11 +156,9 @@ def _cluster(workers: int, address: str | None = None) -> Iterator[Any]:
     local = {"num_cpus": workers, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
     try:
         ray.init(log_to_driver=False, **({"address": address} if address else local))
-    except (RuntimeError, ConnectionError) as error:
-        if not address:
-            raise
-        says = " ".join(str(error).split())[:300]
-        raise InputError(f"the Ray cluster at {address} cannot be used: {says}") from None
+    except Exception as error:  # Ray raises no narrower one where it does not start in time
+        where = f"the Ray cluster at {address} cannot be used" if address else "Ray did not start here"
+        raise InputError(f"{where}: {' '.join(str(error).split())[:300]}") from None
     try:
         yield ray
     finally:

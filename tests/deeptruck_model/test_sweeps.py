@@ -88,7 +88,7 @@ def test_the_job_of_a_killed_worker_is_done_again(jobs, tmp_path, engine):
     folders = [tmp_path / name for name in ("seed-0", jobs.VICTIM)]
     for folder in folders:
         folder.mkdir()
-    with sweeps._cluster(2) if engine == "ray" else nullcontext():
+    with sweeps.cluster(2) if engine == "ray" else nullcontext():
         done = dict(sweeps.run(jobs.die_once, [str(folder) for folder in folders], workers=2, engine=engine))
         with pytest.raises(InputError, match="job 1 cannot be done"):
             list(sweeps.run(jobs.refuse, [0, 1], workers=2, engine=engine))
@@ -142,9 +142,23 @@ def test_ray_stays_on_this_machine_and_reports_to_nobody(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", ray)
     for name in ("RAY_USAGE_STATS_ENABLED", "RAY_ADDRESS"):
         monkeypatch.delenv(name, raising=False)
-    with sweeps._cluster(3):
+    with sweeps.cluster(3):
         assert asked["_node_ip_address"] == "127.0.0.1" and asked["num_cpus"] == 3
         assert os.environ["RAY_USAGE_STATS_ENABLED"] == "0"
+
+
+def test_ray_that_does_not_start_in_time_is_said(monkeypatch):
+    ray = type(sys)("ray")
+    ray.is_initialized = lambda: False
+
+    def init(**settings):
+        raise Exception("The current node timed out during startup.")
+
+    ray.init = init
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    with pytest.raises(InputError, match=r"Ray did not start here: .* timed out"):
+        list(sweeps.run(str, [1], engine="ray"))
 
 
 def test_a_sweep_goes_on_and_ranks(bag, swept):

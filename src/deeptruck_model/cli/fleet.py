@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -11,7 +11,7 @@ from deeptruck_model.cli.inputs import SIMULATOR
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
-    from deeptruck_model.fleet.run import Workers
+    from deeptruck_model.fleet.run import Fleet, Workers
     from deeptruck_model.fleet.storage import Place
 
 STAGES = ("extract", "compare", "pool", "show")
@@ -82,16 +82,23 @@ def fleet(
     from deeptruck_model.fleet.storage import place as at
 
     who = Workers(engine, workers, address)
+    described = None
     if stage in ("", "extract"):
         source, target = at(place, endpoint), at(_needed(out, "--out"), endpoint)
         given = {"trucks": trucks, "topic_map": topic_map, "columns": columns}
-        _extract(source, target, _needed(layout, "--layout"), _needed(simulator, "--simulator"), who, given)
-        place = str(out)
+        described = _described(
+            source, target, _needed(layout, "--layout"), _needed(simulator, "--simulator"), given
+        )
     elif out is not None:
         raise InputError(f"'fleet {stage}' writes into {place}; leave --out out")
-    target = at(place, endpoint)
-    if stage in ("", "compare"):
-        _compare(target, who, hours_per_truck, checked=not stage)
+    else:
+        target = at(place, endpoint)
+    if stage in ("", "extract", "compare"):
+        with who.ready():
+            if described is not None:
+                _extract(described, who)
+            if stage != "extract":
+                _compare(target, who, hours_per_truck)
     if stage in ("", "pool"):
         _pool(target, trucks, level)
     if stage in ("", "show"):
@@ -115,19 +122,20 @@ def _needed(value: str | None, option: str) -> str:
     return value
 
 
-def _extract(
-    source: Place, target: Place, layout: str, simulator: str, who: Workers, given: dict[str, Path | None]
-) -> None:
-    from deeptruck_model.fleet.run import Fleet, extract
+def _described(
+    source: Place, target: Place, layout: str, simulator: str, given: dict[str, Path | None]
+) -> Fleet:
+    from deeptruck_model.fleet.run import Fleet
 
     if target.path == source.path or target.path.startswith(f"{source.path}/"):
         raise InputError(f"--out {target.name} is inside {source.name}, which is read here; choose another")
-    fleet = Fleet.of(source, target, layout, simulator, **given)
-    who.check()
-    _say_extracted(extract(fleet, who), target)
+    return Fleet.of(source, target, layout, simulator, **given)
 
 
-def _say_extracted(index: dict[str, Any], target: Place) -> None:
+def _extract(fleet: Fleet, who: Workers) -> None:
+    from deeptruck_model.fleet.run import extract
+
+    index = extract(fleet, who)
     total, out = index["total"], index["quarantined"] | index["failed"]
     print(
         f"{total['files']} files, {total['bytes'] / 1e6:.1f} MB: {total['hours']:.2f} h of "
@@ -139,14 +147,12 @@ def _say_extracted(index: dict[str, Any], target: Place) -> None:
     for path, why in list(out.items())[:SHOWN]:
         print(f"  left out: {path}: {why}")
     if len(out) > SHOWN:
-        print(f"  and {len(out) - SHOWN} more: see {target.name}/recordings.json")
+        print(f"  and {len(out) - SHOWN} more: see {fleet.target.name}/recordings.json")
 
 
-def _compare(target: Place, who: Workers, hours: float | None, *, checked: bool) -> None:
+def _compare(target: Place, who: Workers, hours: float | None) -> None:
     from deeptruck_model.fleet.run import compare
 
-    if not checked:
-        who.check()
     receipts = compare(target, who, hours)
     out = {r["truck"]: r.get("quarantined") or r["failed"] for r in receipts if "nats_fitted" not in r}
     print(f"{len(receipts) - len(out)} trucks compared, {len(out)} left out")

@@ -16,12 +16,13 @@ from urllib.parse import quote
 import numpy as np
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.fleet.extract import load
+from deeptruck_model.fleet.extract import MEASURED, load
 from deeptruck_model.fleet.plan import week
 from deeptruck_model.fleet.storage import Place, StorageError, code, key
 from deeptruck_model.reading import sha256
 
-VERDICTS, DONE = "verdicts", "compared.json"
+VERDICTS, DONE, PREVIOUS = "verdicts", "compared.json", "previous.json"
+VERDICT = "verdict.json"
 EVERY = 3  # one drive in so many is held out, the second first
 LEAST_DRIVES = 2  # one to fit and one to hold out
 
@@ -130,7 +131,7 @@ def _compared(job: Comparison) -> dict[str, Any]:
     )
     found = find_mismatch(truck, fit, held, seed=job.seed)
     evidence = evidence_by_name(truck, fit, held, seed=job.seed)
-    _remove_earlier(job)
+    _replace_earlier(job)
     with TemporaryDirectory(prefix="deeptruck-fleet-") as temporary:
         draft = Path(temporary) / "found"
         draft.mkdir()
@@ -151,14 +152,18 @@ def _compared(job: Comparison) -> dict[str, Any]:
     }
 
 
-def _remove_earlier(job: Comparison) -> None:
-    """Remove an earlier result of this truck: its receipt, then the files that this names."""
-    path = f"{job.folder}/{DONE}"
+def _replace_earlier(job: Comparison) -> None:
+    """Of an earlier result of this truck keep verdict and receipt as PREVIOUS, and remove it: its receipt,
+    then the files that this names. Killed in between, what was kept is there when it is done again."""
+    path, verdict = f"{job.folder}/{DONE}", f"{job.folder}/{VERDICT}"
     if not job.target.exists(path):
         return
-    names = job.target.read_json(path).get("files", ())
+    receipt = job.target.read_json(path)
+    if "quarantined" not in receipt and job.target.exists(verdict):
+        kept = {n: v for n, v in receipt.items() if n not in MEASURED}
+        job.target.write_json(f"{job.folder}/{PREVIOUS}", kept | {VERDICT: job.target.read_json(verdict)})
     job.target.delete(path)
-    for name in names:
+    for name in receipt.get("files", ()):
         job.target.delete(f"{job.folder}/{name}")
 
 

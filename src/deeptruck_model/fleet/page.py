@@ -15,7 +15,7 @@ from pyarrow import fs
 
 from deeptruck_model import files, pages
 from deeptruck_model.errors import InputError
-from deeptruck_model.fleet.compare import folder
+from deeptruck_model.fleet.compare import VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
 from deeptruck_model.fleet.pool import POOLED
 from deeptruck_model.fleet.storage import Place
@@ -28,7 +28,6 @@ FAMILIES = (*NAMES, UNKNOWN)
 FULL_NATS = 100.0  # of evidence, at which a cell is darkest; the shade is logarithmic
 FIRST = 20  # trucks that are listed to be looked at first
 NOTHING = ("nothing_missing", "undetermined")
-VERDICT = "verdict.json"
 
 
 def show(target: Place) -> str:
@@ -74,6 +73,7 @@ def _fleet(target: Place) -> dict[str, Any]:
             *(_of_class(kind, c, pooled["level"]) for kind, c in pooled["classes"].items()),
         ],
         "first": first,
+        "again": _again(pooled["trucks"]),
         "rows": rows,
         "legend": "Evidence for each family on drives held out, in nats; ● is a discovery within its truck.",
         "weeks": _weeks(trucks),
@@ -114,6 +114,7 @@ def _folder(target: Place) -> dict[str, Any]:
             "Each verdict by itself: whether trucks differ from their siblings is said by 'fleet pool'."
         ],
         "first": first[:FIRST],
+        "again": None,
         "rows": rows,
         "legend": "Probability of each family, in percent, where there is a finding.",
         "weeks": None,
@@ -142,6 +143,35 @@ def _first(name: str, e: Mapping[str, Any]) -> tuple[str, str, str, str, str, st
     link = _link(posixpath.join(folder(name), "report.html"))
     verdict = "differs" if e["differs"] else "not established"
     return (name, link, verdict, _stated(e["stated"]), f"{_number(e['held_out']):.1f}", f"{e['q']:.3g}")
+
+
+def _again(trucks: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Trucks that were compared a second time: how many, and earlier and present result where they differ."""
+    again = {name: e for name, e in trucks.items() if "previous" in e}
+    if not again:
+        return None
+    changed = {n: e for n, e in again.items() if _says(e) != _says(e["previous"])}
+    rows = [
+        {
+            "name": n,
+            "link": _link(posixpath.join(folder(n), "report.html")),
+            "results": [_short(e["previous"]), _short(e)],
+        }
+        for n, e in changed.items()
+    ]
+    return {"count": len(again), "rows": rows}
+
+
+def _says(result: Mapping[str, Any]) -> tuple[str, list[str]]:
+    return result["verdict"], sorted(result["stated"])
+
+
+def _short(result: Mapping[str, Any]) -> tuple[str, str, str]:
+    """The result, the driving it is of, and its evidence."""
+    said = result["verdict"].replace("_", " ")
+    said += f": {_stated(result['stated'])}" if result["stated"] else ""
+    until = f" until {result['last_week']}" if result["last_week"] else ""
+    return said, f"{result['hours']:.1f} h{until}", f"{_number(result['held_out']):.1f}"
 
 
 def _stated(stated: list[str]) -> str:

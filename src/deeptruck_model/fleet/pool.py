@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.fleet.compare import DONE, VERDICTS, folder
+from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, folder
 from deeptruck_model.fleet.plan import Truck
 from deeptruck_model.fleet.statistics import (
     REFERENCE,
@@ -33,11 +33,13 @@ COMMON = 0.5  # of the trucks of a class: a family that as many have is a fault 
 
 def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, Any]:
     """Everything of pool.json, which is written too. Raises InputError where no truck was compared."""
-    receipts = [target.read_json(f.path) for f in target.list(VERDICTS) if f.path.endswith(f"/{DONE}")]
+    there = {f.path for f in target.list(VERDICTS)}
+    receipts = [target.read_json(path) for path in sorted(there) if path.endswith(f"/{DONE}")]
     compared = {r["truck"]: r for r in receipts if "quarantined" not in r}
     if not compared:
         raise InputError(f"{target.name} has no truck that was compared; run 'deeptruck-model fleet compare'")
-    verdicts = {truck: target.read_json(f"{folder(truck)}/verdict.json") for truck in compared}
+    verdicts = {truck: target.read_json(f"{folder(truck)}/{VERDICT}") for truck in compared}
+    previous = {t: target.read_json(p) for t in compared if (p := f"{folder(t)}/{PREVIOUS}") in there}
     kinds: dict[str, list[str]] = {}
     for name in sorted(compared):
         kinds.setdefault(_of(trucks, name).kind, []).append(name)
@@ -56,6 +58,8 @@ def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, 
         tested = siblings(seen, FAMILY, level)
         for n in names:
             entries[n] = _entry(kind, tested[n], compared[n], verdicts[n], _of(trucks, n))
+            if n in previous:
+                entries[n]["previous"] = _result(previous[n], previous[n][VERDICT])
         classes[kind] = _class(tested, [verdicts[n] for n in names], level)
     out = {
         "level": level,
@@ -80,12 +84,22 @@ def _entry(
         "class": kind,
         "traits": dict(truck.traits),
         **{n: v if not isinstance(v, float) or np.isfinite(v) else None for n, v in asdict(tested).items()},
-        "verdict": verdict["verdict"],
-        "stated": [f["stated"] for f in verdict["findings"]],
+        **_result(receipt, verdict),
         "families_nats": _by_family(receipt["nats_held_out"]),
         "tree": {n["node"]: n["probability"] for n in verdict["tree"] if n["parent"] == "mismatch"},
-        "hours": round(receipt["hours_fitted"] + receipt["hours_held_out"], 3),
         "weeks": receipt["weeks"],
+    }
+
+
+def _result(receipt: Mapping[str, Any], verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """A verdict in short: what is stated, of how many hours, up to which week, and its held-out nats."""
+    nats = total(receipt["nats_held_out"])
+    return {
+        "verdict": verdict["verdict"],
+        "stated": [f["stated"] for f in verdict["findings"]],
+        "hours": round(receipt["hours_fitted"] + receipt["hours_held_out"], 3),
+        "last_week": max(receipt["weeks"], default=None),
+        "held_out": nats if np.isfinite(nats) else None,
     }
 
 

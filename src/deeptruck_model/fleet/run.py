@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,15 +34,20 @@ class Workers:
     count: int = 1
     address: str | None = None
 
-    def check(self) -> None:
-        """Raises InputError for workers that cannot be reached, or that have another version of this
-        package."""
-        if self.engine == "ray":
+    @contextmanager
+    def ready(self) -> Iterator[None]:
+        """For the length of a block: Ray is connected once for all stages. Raises InputError for workers that
+        cannot be reached, or that have another version of this package."""
+        if self.engine != "ray":
+            yield
+            return
+        with sweeps.cluster(self.count, self.address):
             for found in self.run(_code_of, [None]):
                 if found != code():
                     raise InputError(
                         f"the Ray workers have deeptruck {found}, this machine {code()}; install one version"
                     )
+            yield
 
     def run(
         self,

@@ -10,13 +10,15 @@ from urllib.parse import unquote
 
 import pytest
 
+from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet import page, pool
-from deeptruck_model.fleet.compare import DONE, VERDICTS, chosen, folder
-from deeptruck_model.fleet.extract import INDEX
+from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, chosen, folder
+from deeptruck_model.fleet.extract import INDEX, RECEIPTS
 from deeptruck_model.fleet.plan import Truck
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
 from deeptruck_model.fleet.storage import place
+from deeptruck_model.recordings import write_bag
 
 LAYOUT = "{truck}/{date}/*.mcap"
 SOUND_NATS = {"drag_area": -1.0, "brake_gain": -1.2, "headwind": -2.0}
@@ -81,6 +83,21 @@ def test_the_page_lists_them_first_and_every_link_leads_to_a_report(result):
     assert len(links) == 44 and all((result / link).is_file() for link in links)
 
 
+def test_the_page_shows_earlier_and_present_result_where_they_differ(result):
+    target = place(str(result))
+    for name, effect in (("truck 11", None), ("truck 22", "drag_area")):
+        earlier = receipt(name, SOUND_NATS) | {"hours_fitted": 1.0, "weeks": {"2026-W10": 0.004}}
+        target.write_json(f"{folder(name)}/{PREVIOUS}", earlier | {VERDICT: verdict(effect)})
+    pool.pool(target, {}, 0.05)
+    page.show(target)
+    text = (result / page.PAGE).read_text()
+    assert "2 trucks have an earlier result" in text and "of 1 the result is another now" in text
+    changed = text[text.index("What changed") : text.index("Trucks by families")]
+    assert "truck 11" in changed and "truck 22" not in changed
+    assert changed.index("nothing missing") < changed.index("parameter error: ")
+    assert "2.0 h until 2026-W10" in changed and "3.0 h until 2026-W11" in changed
+
+
 def test_a_plain_folder_of_verdicts_has_a_page_too(result, tmp_path):
     shutil.copytree(result / VERDICTS, tmp_path / "runs")
     page.show(place(str(tmp_path / "runs")))
@@ -89,6 +106,28 @@ def test_a_plain_folder_of_verdicts_has_a_page_too(result, tmp_path):
     (tmp_path / "runs" / page.PAGE).write_text("mine")
     with pytest.raises(InputError, match="was not written by 'fleet show'"):
         page.show(place(str(tmp_path / "runs")))
+
+
+@pytest.mark.long
+def test_of_a_source_that_grew_the_new_file_and_its_truck_alone_are_done(drives, tmp_path):
+    source, out = tmp_path / "drives", tmp_path / "out"
+    shutil.copytree(drives, source)
+
+    def written() -> dict[str, int]:
+        extract(Fleet.of(place(str(source)), place(str(out)), LAYOUT, "truck:trucksim"), Workers())
+        compare(place(str(out)), Workers())
+        receipts = (p for p in out.rglob("*.json") if p.parent.name == RECEIPTS or p.name in (DONE, PREVIOUS))
+        return {p.relative_to(out).as_posix(): p.stat().st_mtime_ns for p in receipts}
+
+    before = written()
+    drive = driving_cycles.drive(trucks.load("trucksim"), seconds=40, seed=9)
+    write_bag(tmp_path / "bag", [drive], interface=drive.interface)
+    (source / "a" / "2026-03-16").mkdir()
+    next((tmp_path / "bag").glob("*.mcap")).rename(source / "a" / "2026-03-16" / "drive.mcap")
+    after = written()
+    new = {name for name in after.keys() - before.keys() if not name.startswith(RECEIPTS)}
+    assert len(after) == len(before) + 2 and new == {f"{folder('a')}/{PREVIOUS}"}
+    assert {name for name in before if after[name] != before[name]} == {f"{folder('a')}/{DONE}"}
 
 
 def test_hours_are_whole_drives_over_all_dates():

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from deeptruck_model.fleet import page, pool
 from deeptruck_model.fleet.compare import VERDICTS
-from deeptruck_model.fleet.extract import RECEIPTS
+from deeptruck_model.fleet.extract import INDEX, RECEIPTS
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
+from deeptruck_model.fleet.statistics import LEVEL
 from deeptruck_model.fleet.storage import place
 
 LAYOUT = "{truck}/{date}/*.mcap"
@@ -25,18 +27,18 @@ def test_killed_on_ray_and_given_again_it_has_the_bytes_of_this_process(drives, 
     here, there = tmp_path / "here", tmp_path / "there"
     extract(Fleet.of(place(str(drives)), place(str(here)), LAYOUT, "truck:trucksim"), Workers())
     compare(place(str(here)), Workers())
-    on_ray = ["--engine", "ray", "--workers", "2"]
+    pool.pool(place(str(here)), {}, LEVEL)
+    page.show(place(str(here)))
     command = [
-        *COMMAND, "extract", str(drives), "--layout", LAYOUT, "--simulator", "truck:trucksim",
-        "--out", str(there), *on_ray,
+        *COMMAND, str(drives), "--layout", LAYOUT, "--simulator", "truck:trucksim", "--out", str(there),
+        "--engine", "ray", "--workers", "2",
     ]  # fmt: skip
     with subprocess.Popen(command) as run:
         end = time.monotonic() + PATIENCE_S
         while not any(Path(there / RECEIPTS).glob("*.json")) and time.monotonic() < end:
             time.sleep(0.01)
         run.kill()
-    assert not (there / "recordings.json").exists()
+    assert not (there / INDEX).exists()
     subprocess.run(command, check=True)
-    subprocess.run([*COMMAND, "compare", str(there), *on_ray], check=True)
     assert content(there, VERDICTS)
     assert content(there) == content(here)
