@@ -13,7 +13,7 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
-from deeptruck_model import interrupts
+from deeptruck_model import files, interrupts
 from deeptruck_model.errors import InputError
 from deeptruck_model.script_start import INTERRUPTED
 
@@ -39,8 +39,8 @@ def run(app: typer.Typer, program: str, arguments: Sequence[str] | None = None) 
     """Run the commands of `app` on `arguments` (default: the command line) and exit.
 
     Exit codes: 0; 2 for bad input, and for a library of an extra that is not installed; 130 after Ctrl-C,
-    SIGTERM or SIGHUP, with a last line that names --resume where the command has it; 1 for a defect. Every
-    program has --version.
+    SIGTERM or SIGHUP, with a last line that names --resume where there is work to go on from; 1 for a defect.
+    Every program has --version.
     """
     words = sys.argv[1:] if arguments is None else arguments
     if list(words) == ["--version"]:
@@ -48,6 +48,7 @@ def run(app: typer.Typer, program: str, arguments: Sequence[str] | None = None) 
 
         print(f"{program} {version('deeptruck')}")
         sys.exit(0)
+    files.kept.clear()  # of commands that ran before in this process
     with interrupts.heeded(lambda: _last_words(program, _interrupted(app, words), INTERRUPTED)) as interrupt:
         try:
             code = _code(app, program, words)
@@ -87,7 +88,10 @@ def _interrupted(app: typer.Typer, words: Sequence[str]) -> str:
     inside = getattr(command, "commands", {})
     command = next((inside[word] for word in words if word in inside), command)
     resumes = any("--resume" in parameter.opts for parameter in command.params)
-    return "interrupted; the same command with --resume goes on" if resumes else "interrupted"
+    if not resumes:
+        return "interrupted"
+    how = "the same command with --resume goes on" if files.kept else "nothing was saved yet"
+    return f"interrupted; {how}"
 
 
 @cache

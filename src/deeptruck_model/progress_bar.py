@@ -13,13 +13,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, Task, TextColumn, TimeRemainingColumn
+from rich.text import Text
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
 
 A_MINUTE_S = 60.0
+LEAST_STEPS, LEAST_SHARE = (
+    10,
+    0.02,
+)  # done before the time left is estimated: the first steps compile and load
+
+
+def _can_estimate(done: int, total: int) -> bool:
+    return done >= LEAST_STEPS and done >= LEAST_SHARE * total
+
+
+class _TimeLeft(TimeRemainingColumn):
+    def render(self, task: Task) -> Text:
+        first = task.fields["first"]
+        known = _can_estimate(int(task.completed) - first, int(task.total or 0) - first)
+        return super().render(task) if known else Text("-:--:--", style="progress.remaining")
 
 
 @contextmanager
@@ -33,7 +49,7 @@ def bar(label: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[int, int,
         TextColumn(label),
         BarColumn(),
         MofNCompleteColumn(),
-        TimeRemainingColumn(),
+        _TimeLeft(),
         TextColumn("{task.fields[remark]}"),
         console=console,
     )
@@ -41,7 +57,7 @@ def bar(label: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[int, int,
     def show(done: int, total: int, remark: str) -> None:
         if not shown.tasks:
             shown.start()
-            shown.add_task("", remark="")
+            shown.add_task("", remark="", first=done)
         shown.update(shown.task_ids[0], completed=done, total=total, remark=remark)
 
     try:
@@ -62,7 +78,8 @@ def _lines(label: str, every_s: float) -> Callable[[int, int, str], None]:
         if now - last < every_s:
             return
         last = now
-        left = f", {_left(now - begun, done - first, total - done)} left" if done > first else ""
+        known = _can_estimate(done - first, total - first)
+        left = f", {_left(now - begun, done - first, total - done)} left" if known else ""
         print(
             f"{label}: {done} of {total}{left}{f'; {remark}' if remark else ''}", file=sys.stderr, flush=True
         )

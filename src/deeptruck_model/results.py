@@ -14,7 +14,7 @@ TRUCK_FILES = (
     "reference.safetensors",
     "resume.safetensors", "tensorboard/events.out.tfevents.*",
 )  # fmt: skip
-DEEP_TRUCK = Result("a deep truck", TRUCK_FILES)
+DEEP_TRUCK = Result("a deep truck", TRUCK_FILES, resumes_from=("resume.safetensors", MANIFEST))
 CALIBRATED = Result("a calibrated deep truck", TRUCK_FILES)
 PHYSICS_TRUCK = Result("a physics truck", (MANIFEST,))
 SWEEP = Result(

@@ -44,7 +44,7 @@ def outcome(
         (typer.Exit(1), 1, ""),
         (InputError("no such truck; try volvo"), 2, "tool: no such truck; try volvo\n"),
         (PermissionError(13, "Permission denied", "/x"), 2, "tool: /x: Permission denied\n"),
-        (KeyboardInterrupt(), 130, "tool: interrupted; the same command with --resume goes on\n"),
+        (KeyboardInterrupt(), 130, "tool: interrupted; nothing was saved yet\n"),
     ],
 )
 def test_how_a_command_ends(

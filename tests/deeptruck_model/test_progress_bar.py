@@ -22,6 +22,18 @@ def test_a_log_gets_a_line_now_and_then_with_the_time_left(capsys: pytest.Captur
     assert lines[1].endswith(" left; validation 0.1")
 
 
+@pytest.mark.parametrize(
+    ("done", "total", "estimated"), [(1, 500, False), (9, 100, False), (10, 100, True), (19, 1000, False)]
+)
+def test_the_time_left_is_not_estimated_by_the_first_steps(
+    capsys: pytest.CaptureFixture[str], done: int, total: int, estimated: bool
+) -> None:
+    with bar("training", every_s=0.0) as show:
+        show(0, total, "")
+        show(done, total, "")
+    assert (" left" in capsys.readouterr().err) == estimated
+
+
 def test_a_short_one_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
     with bar("training") as show, progress("reading") as say:
         show(1, 2, "")

@@ -31,6 +31,7 @@ POLICY = files.Result(
         *(f"{folder}{name}" for folder in ("", "seeds/*/") for name in _KEPT),
         "checkpoint/state.safetensors",
     ),
+    resumes_from=("checkpoint/state.safetensors",),
 )
 
 

@@ -120,16 +120,11 @@ def default(trainer: str) -> Config:
 
 @contextmanager
 def _draft(out: Path, *, resume: bool, overwrite: bool) -> Iterator[Path]:
-    """The folder to train in, which becomes `out` at the end; one without a checkpoint is worth nothing."""
+    """The folder to train in, which becomes `out` at the end."""
     with POLICY.going_on(out, overwrite=overwrite) as draft:
         if not (resume and begun(out)):
             POLICY.anew(out)
-        try:
-            yield draft
-        except BaseException:
-            if not begun(out):
-                POLICY.forget(out)
-            raise
+        yield draft
 
 
 def _trainer(trainer: str, config: Config) -> Callable[..., MlpPolicy]:

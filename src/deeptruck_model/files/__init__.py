@@ -7,7 +7,7 @@ unfinished, `single` writes one file and removes drafts where the process ends a
 
 from deeptruck_model.files.ledger import LEDGER, is_as_written, renew
 from deeptruck_model.files.lock import ELSEWHERE, free, writing
-from deeptruck_model.files.places import begun, final, left_beside, tell_left_beside, unfinished
+from deeptruck_model.files.places import begun, final, kept, left_beside, tell_left_beside, unfinished
 from deeptruck_model.files.results import OVERWRITE_HELP, Result
 from deeptruck_model.files.single import (
     ADVICE,
@@ -39,6 +39,7 @@ __all__ = [
     "final",
     "free",
     "is_as_written",
+    "kept",
     "left_beside",
     "new_file",
     "removing",

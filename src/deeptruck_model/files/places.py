@@ -43,6 +43,9 @@ def unfinished(out: Path) -> Path:
     return out.parent / f".{out.name}.unfinished"  # '.' has no name that could be exchanged
 
 
+kept: list[Path] = []  # drafts that this process left, with a file to go on from
+
+
 def draft(out: Path) -> Path:
     """A free name for a draft of `out`."""
     return out.with_name(f".{out.name}.{secrets.token_hex(4)}.tmp")

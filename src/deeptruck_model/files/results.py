@@ -34,11 +34,13 @@ class Result:
     `what` names it in messages, with its article: "a mismatch result"; no two commands have the same.
     `names` are the files that it may hold while the command is at work. They are relative to the folder; `*`
     stands for any part of one name, never for a '/'. `elsewhere` is how messages advise another place.
+    `resumes_from` are the files by any of which unfinished work goes on; without one it begins anew.
     """
 
     what: str
     names: tuple[str, ...] = ()
     elsewhere: str = ELSEWHERE
+    resumes_from: tuple[str, ...] = ("**/*",)
 
     def check(self, out: Path, *, overwrite: bool = False) -> bool:
         """Whether an older result of this kind stands at `out`; called before anything is computed or read.
@@ -82,27 +84,34 @@ class Result:
     def going_on(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
         """As `replacing`, but where the block fails or is killed the draft stays, to be gone on with.
 
-        Its name is `unfinished(out)`; a file of somebody else in it refuses the run, by name. Whoever does
-        not want to go on calls `anew` first.
+        It stays if it holds a file of `resumes_from`, and after a kill in any case. Its name is
+        `unfinished(out)`; a file of somebody else in it refuses the run, by name. Whoever does not want to go
+        on calls `anew` first.
         """
         out = places.straight(out)
+        draft = unfinished(out)
+
+        def leave() -> None:
+            if any(found.is_file() for name in self.resumes_from for found in draft.glob(name)):
+                places.kept.append(draft)
+                return
+            with suppress(InputError):  # a file of somebody else came there
+                self.forget(out)
+
         with self._held(out, overwrite):
-            draft = unfinished(out)
             self._tidy(out)
             if draft.is_dir():
                 self._check_gone_on_with(draft)
             try:
-                draft.mkdir(exist_ok=True)
-                (draft / LEDGER).unlink(missing_ok=True)  # of a run that died as it was to publish
-                yield draft
-                self.sign(draft)
-                self._publish(draft, out, overwrite)
+                with removing(leave):
+                    draft.mkdir(exist_ok=True)
+                    (draft / LEDGER).unlink(missing_ok=True)  # of a run that died as it was to publish
+                    yield draft
+                    self.sign(draft)
+                    self._publish(draft, out, overwrite)
             except OSError as error:
                 cure = advice(error, "make room and go on with --resume")
                 raise InputError(f"cannot write {out}: {error.strerror or error}; {cure}") from None
-            finally:
-                with suppress(OSError):
-                    draft.rmdir()  # where nothing was begun
 
     @contextmanager
     def in_place(self, out: Path) -> Iterator[None]:

@@ -28,9 +28,23 @@ def killed(monday: Path, script: Script, tmp_path: Path, monkeypatch: pytest.Mon
 
     with monkeypatch.context() as patch:
         patch.setattr(training.resume, "save", last)
-        code, _, _ = script("train", monday, "--out", tmp_path / "sim", "--budget", 40)
+        code, _, errors = script("train", monday, "--out", tmp_path / "sim", "--budget", 40)
+    assert errors.endswith("interrupted; the same command with --resume goes on\n")
     assert code == 130 and (tmp_path / ".sim.unfinished" / resume.FILE).exists()
     return tmp_path / "sim"
+
+
+def test_before_the_first_checkpoint_nothing_is_left_to_go_on_from(
+    script: Script, monday: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def first(*_: object) -> None:
+        assert any((tmp_path / ".sim.unfinished").iterdir())  # curves, from which nothing goes on
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(training.resume, "save", first)
+    code, _, errors = script("train", monday, "--out", tmp_path / "sim", "--budget", 40)
+    assert code == 130 and errors.endswith("interrupted; nothing was saved yet\n")
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_unfinished_training_is_not_discarded(script: Script, monday: Path, killed: Path) -> None:
