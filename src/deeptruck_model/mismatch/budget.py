@@ -2,8 +2,8 @@
 
 One additive model: the residual is a sum of the families' kernels, of a constant of each drive, of what is
 slow in time and of noise. The variance of each is estimated by maximising the marginal likelihood (EM); the
-parts are posterior means, added up over windows as a free run adds them up, and their intervals those of the
-posterior. It describes the drives that it was fitted to.
+parts are added up over windows as a free run adds them up, for draws of the posterior: a share is their mean,
+and its interval their 5 % and 95 % quantiles. It describes the drives that it was fitted to.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -33,8 +34,8 @@ DIRECTIONS = 40  # leading directions of a family's kernel
 TURNS, STEPS = 3, 25  # of fitting the noise beside the parts, and of EM in each
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 KNOWN = 0.9  # of a window that must be compared
-DRAWS = 200  # of the posterior, for the intervals
-FIRST_VARIANCE, LEAST_VARIANCE = 0.02**2, 1e-9
+SWEEPS, DRAWS = 50, 4  # of the sampler, and draws of the coefficients in each
+FIRST_SD, PRIOR_SD = 0.02, 0.005  # m/s^2: of a part at first; the prior's weight is that of one coefficient
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Budget:
-    """The parts, largest first and what is left over last, of the squared speed error after up to
+    """The parts, largest first and what is unexplained last, of the squared speed error after up to
     `horizon_s`, whose root mean is `speed_rmse`, m/s; `windows` of them. No parts where too few windows are
     unbroken."""
 
@@ -106,7 +107,8 @@ def budget(search: Regression, hidden: Mask) -> Budget:
     names, F = list(blocks), np.concatenate(list(blocks.values()), axis=1)
     ends = np.cumsum([b.shape[1] for b in blocks.values()])
     at = [np.arange(end - b.shape[1], end) for end, b in zip(ends, blocks.values(), strict=True)]
-    mean, covariance = _posterior(search, F, at)
+    draws = _posterior(search, F, at)
+    mean = draws.mean(axis=0)
     e = search.e
     used = np.zeros(len(e), dtype=bool)
     used[search.rows] = True
@@ -125,56 +127,49 @@ def budget(search: Regression, hidden: Mask) -> Budget:
     products = added.T @ added
     squares = float(products[-1, -1])
     rmse = float(np.sqrt(squares / len(added)))
-    rng = np.random.default_rng(0)
-    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(mean)))
-    draws = mean + rng.standard_normal((DRAWS, len(mean))) @ root.T
     groups = [*at, np.array([len(mean)])]
     names.append(HIDDEN)
-    central = _shares(mean, groups, products)
-    spread = np.stack([_shares(b, groups, products) for b in draws])
-    low, high = np.quantile(spread, [0.05, 0.95], axis=0)
+    spread = _shares(draws, groups, products)
+    share, (low, high) = spread.mean(axis=0), np.quantile(spread, [0.05, 0.95], axis=0)
     forces = [F[:, a] @ mean[a] for a in at] + [braked]
     forces.append(residual - np.sum(forces, axis=0))
     names.append(LEFT_OVER)
-    by_drive = _by_drive(search, added, starts, steps, mean, groups)
+    by_drive = _by_drive(search, added, starts, steps, draws, groups)
     counted = used | hidden
     parts = [
         Part(
             name,
-            float(central[i]),
-            float(min(low[i], central[i])),
-            float(max(high[i], central[i])),
+            float(share[i]),
+            float(low[i]),
+            float(high[i]),
             float(np.mean(np.abs(forces[i][counted]) > NOTABLE)) if name != LEFT_OVER else 1.0,
             forces[i],
             tuple((drive, float(s[i])) for drive, s in by_drive.items()),
         )
         for i, name in enumerate(names)
-        if central[i] > 0.0 or name == LEFT_OVER
+        if share[i] > 0.0 or name == LEFT_OVER
     ]
     parts.sort(key=lambda p: (p.part == LEFT_OVER, -p.share))
     return Budget(horizon_s, len(starts), rmse, tuple(parts))
 
 
-def _shares(b: Array, groups: Sequence[NDArray[np.intp]], products: Array) -> Array:
-    """Shares of the squared error, what is left over last, that add up to one: each part's marginal
-    contribution averaged over all orders (Shapley's value of a quadratic form), so that what two correlated
-    parts explain is divided between them; what two parts cancel of each other counts in neither."""
-    b = np.append(b, [1.0, 0.0])
-    each = np.zeros((len(groups), len(products)))
-    for i, a in enumerate(groups):
-        each[i, a] = b[a]
-    total = each.sum(axis=0)
-    left = -total
-    left[-1] += 1.0
-    observed = products[-1]
-    squares = max(float(observed[-1]), 1e-12)  # of a simulator that is exact
-    share = (each @ observed + each @ (products @ left)) / squares
-    rest = float(left @ products @ left) / squares
-    gained = np.maximum(share, 0.0)
-    explained = 1.0 - rest
-    if gained.sum() <= 0.0 or explained <= 0.0:
-        return np.append(np.zeros(len(groups)), 1.0)
-    return np.append(gained * (explained / gained.sum()), rest)
+def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -> Array:
+    """Shares of the squared error (m, parts + 1) for draws (m, k), what is unexplained last, that add up to
+    one: each part's marginal contribution averaged over all orders (Shapley's value of a quadratic form), so
+    that what two correlated parts explain is divided between them; what two parts cancel of each other
+    counts in neither."""
+    one, zero = np.ones((len(draws), 1)), np.zeros((len(draws), 1))
+    parts = np.hstack([draws, one, zero])
+    left = np.hstack([-draws, -one, one])
+    squares = max(float(products[-1, -1]), 1e-12)  # of a simulator that is exact
+    beside = left @ products
+    met = parts * (products[-1] + beside) / squares
+    gained = np.maximum(np.stack([met[:, a].sum(axis=1) for a in groups], axis=1), 0.0)
+    rest = np.sum(left * beside, axis=1) / squares
+    explained, together = 1.0 - rest, gained.sum(axis=1)
+    some = (together > 0.0) & (explained > 0.0)
+    scale = np.where(some, explained / np.where(some, together, 1.0), 0.0)
+    return np.column_stack([gained * scale[:, None], np.where(some, rest, 1.0)])
 
 
 def _by_drive(
@@ -182,7 +177,7 @@ def _by_drive(
     added: Array,
     starts: Sequence[int],
     steps: int,
-    mean: Array,
+    draws: Array,
     groups: Sequence[NDArray[np.intp]],
 ) -> dict[str, Array]:
     """The shares of each drive's own squared error by its name."""
@@ -190,7 +185,7 @@ def _by_drive(
     out = {}
     for i in np.unique(owner):
         own = added[owner == i]
-        out[search.e.stretches[i].name] = _shares(mean, groups, own.T @ own)
+        out[search.e.stretches[i].name] = _shares(draws, groups, own.T @ own).mean(axis=0)
     return out
 
 
@@ -204,14 +199,15 @@ def _blocks(search: Regression) -> dict[str, Array]:
             together = np.concatenate([f / (np.linalg.norm(f[rows]) + 1e-9) for f in own], axis=1)
             known = [out[family]] if family in out else []
             out[family] = np.concatenate([*known, _thin(together, rows)], axis=1)
-    out[EACH_DRIVE] = np.stack([e.record == i for i in range(len(e.stretches))], axis=1).astype(float)
+    drive = np.stack([e.record == i for i in range(len(e.stretches))], axis=1).astype(float)
+    out[EACH_DRIVE] = drive - drive[rows].mean(axis=0)  # what all drives have is not of each
     out[SLOW] = _knots(search)
     if (place := _places(search)) is not None:
         out[PLACE] = place
     kept = {}
     for name, f in out.items():
         f = np.nan_to_num(f)
-        f = f[:, np.any(f[rows] != 0.0, axis=0)]
+        f = f[:, np.any(np.abs(f[rows]) > 1e-9, axis=0)]
         size = np.sqrt(np.mean(np.sum(f[rows] ** 2, axis=1))) if f.shape[1] else 0.0
         if size > 0.0:
             kept[name] = f / size
@@ -263,14 +259,19 @@ def _places(search: Regression) -> Array | None:
     return out
 
 
-def _posterior(search: Regression, F: Array, at: Sequence[NDArray[np.intp]]) -> tuple[Array, Array]:
-    """Posterior mean (k,) and covariance (k, k) of the coefficients, at the variances of the parts that
-    maximise the marginal likelihood, beside the noise of the recordings."""
+def _posterior(search: Regression, F: Array, at: Sequence[NDArray[np.intp]]) -> Array:
+    """Draws (m, k) of the coefficients from their posterior beside the noise of the recordings.
+
+    The noise and the first variances of the parts are those that maximise the marginal likelihood (EM); a
+    Gibbs sampler over variances and coefficients follows, as one value of the variances would decide between
+    parts that the drives do not separate. The prior of a variance is PRIOR_SD^2 over a chi-squared variable
+    of one degree of freedom.
+    """
     beside = _as_recorded(search)
     series, noise = beside.series, beside.background(()).fit
-    v = np.full(len(at), FIRST_VARIANCE)
-    sizes = [len(a) for a in at]
-    mean, C = np.zeros(F.shape[1]), np.eye(F.shape[1])
+    sizes = np.array([len(a) for a in at])
+    v = np.full(len(at), FIRST_SD**2)
+    mean = np.zeros(F.shape[1])
     for turn in range(TURNS):
         if turn:  # beside the parts: noise that was fitted without them holds what is slow of them
             left = np.where(series.valid, series.y - F @ mean, 0.0)
@@ -279,11 +280,25 @@ def _posterior(search: Regression, F: Array, at: Sequence[NDArray[np.intp]]) -> 
         Fw = whiten(F, noise.ar, search.rows, weight)
         G, c = Fw.T @ Fw, Fw.T @ whiten(series.y, noise.ar, search.rows, weight)
         for _ in range(STEPS):
-            C = np.linalg.inv(G + np.diag(1.0 / np.repeat(v, sizes))).astype(np.float64)
+            C = np.linalg.inv(G + np.diag(1.0 / np.repeat(v, sizes)))
             mean = C @ c
-            power = [float(mean[a] @ mean[a] + np.trace(C[np.ix_(a, a)])) / len(a) for a in at]
-            v = np.maximum(power, LEAST_VARIANCE)
-    return mean, C
+            v = (_power(mean, at) + _power(np.sqrt(np.diag(C)), at) + PRIOR_SD**2) / (sizes + 1)
+    rng = np.random.default_rng(0)
+    draws = []
+    for _ in range(SWEEPS):
+        root = np.linalg.cholesky(G + np.diag(1.0 / np.repeat(v, sizes)))
+        spread = rng.standard_normal((len(c), DRAWS))
+        b = solve_triangular(
+            root, solve_triangular(root, c, lower=True)[:, None] + spread, lower=True, trans=1
+        )
+        draws.append(b.T)
+        v = (_power(b[:, 0], at) + PRIOR_SD**2) / rng.chisquare(sizes + 1)
+    return np.concatenate(draws)
+
+
+def _power(b: Array, at: Sequence[NDArray[np.intp]]) -> Array:
+    """Sum of the squared coefficients of each part."""
+    return np.array([float(b[a] @ b[a]) for a in at])
 
 
 def _as_recorded(search: Regression) -> Regression:

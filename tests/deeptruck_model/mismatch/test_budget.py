@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from small_drives import N, evidence
+from scipy.signal import lfilter
+from small_drives import DT, N, evidence
 
 from deeptruck_model.mismatch.budget import Budget, _shares, budget
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -50,6 +53,54 @@ def test_a_force_of_the_brakes_is_a_part_of_the_brakes() -> None:
     assert found.parts[0].part == "brakes"
 
 
+def test_what_all_drives_have_is_not_of_each() -> None:
+    assert of(np.full(N, 0.05)).share(EACH_DRIVE) < 0.01
+
+
+def test_intervals_hold_what_is_known() -> None:
+    """Shares of four known forces beside coloured noise, eight times."""
+    names = ("brakes", EACH_DRIVE, "air_tyres_road", SLOW, LEFT_OVER)
+    inside, unexplained = [], []
+    for seed in range(8):
+        true, found = _known(seed)
+        parts = {p.part: p for p in found.parts}
+        inside += [parts[n].low - 0.005 <= true[n] <= parts[n].high + 0.005 for n in names]
+        unexplained.append(parts[LEFT_OVER].share - true[LEFT_OVER])
+    assert np.mean(inside) > 0.65
+    assert np.max(np.abs(unexplained)) < 0.03
+
+
+def _known(seed: int) -> tuple[dict[str, float], Budget]:
+    """True shares of the squared speed error over the budget's windows, and the budget."""
+    rng = np.random.default_rng(seed)
+    e = evidence()
+    at = np.arange(N)
+    own = rng.normal(0.0, 0.03, 3)
+    slow = np.interp(at * DT, np.arange(0.0, 1300.0, 60.0), rng.normal(0.0, 1.0, 22))
+    forces = {
+        "brakes": rng.normal(0.0, 0.25) * e["brake"] * (1.0 + rng.normal(0.0, 0.3) * np.sin(at / 900.0)),
+        EACH_DRIVE: np.repeat(own - own.mean(), N // 3),
+        "air_tyres_road": rng.normal(0.0, 1e-4) * e["speed"] ** 2,
+        SLOW: rng.normal(0.0, 0.03) * slow,
+    }
+    noise = lfilter([1.0], [1.0, -0.5], rng.normal(0.0, 0.03, N))
+    residual = sum(forces.values()) + noise
+    found = budget(Regression(replace(e, residual=residual)), NOWHERE)
+    steps = round(found.horizon_s / DT)
+    columns = np.column_stack([*forces.values(), residual])
+    added = np.concatenate(
+        [
+            np.cumsum(columns[k : k + steps], axis=0) * DT
+            for s in e.stretches
+            for k in range(s.start, s.stop - steps, steps // 2)
+        ]
+    )
+    ends = np.insert(added, 4, 0.0, axis=1)  # no rows of an unrecorded brake
+    groups = [np.array([k]) for k in range(5)]
+    (shares,) = _shares(np.ones((1, 4)), groups, ends.T @ ends)
+    return {**dict(zip(forces, shares, strict=False)), LEFT_OVER: float(shares[-1])}, found
+
+
 def test_the_speed_error_is_what_a_free_run_adds_up() -> None:
     """A steady 0.05 m/s^2 makes 2 m/s in 40 s, and an rms of 2 / sqrt(3)."""
     assert of(np.full(N, 0.05)).speed_rmse == pytest.approx(2.0 / np.sqrt(3.0), rel=0.1)
@@ -59,5 +110,5 @@ def test_what_two_parts_cancel_counts_in_neither() -> None:
     """Two parts of one shape, 1.3 and -0.3 of what is seen: all of it is the first one's."""
     x = np.sin(np.arange(100.0))
     columns = np.column_stack([x, x, np.zeros(100), x])
-    shares = _shares(np.array([1.3, -0.3]), [np.array([0]), np.array([1])], columns.T @ columns)
+    (shares,) = _shares(np.array([[1.3, -0.3]]), [np.array([0]), np.array([1])], columns.T @ columns)
     assert shares == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
