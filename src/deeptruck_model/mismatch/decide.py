@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch import where
 from deeptruck_model.mismatch.budget import Budget
-from deeptruck_model.mismatch.classify import Named, Names
+from deeptruck_model.mismatch.classify import Named
+from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.detectable import smallest_visible
 from deeptruck_model.mismatch.mechanisms import LIBRARY
@@ -25,7 +26,7 @@ from deeptruck_model.mismatch.road import Road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.sizes import sizes_of
 from deeptruck_model.mismatch.strength import Strength, acts, visible
-from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, ROOT, UNKNOWN, Node
+from deeptruck_model.mismatch.tree import FAMILY, ROOT, UNKNOWN, Node
 from deeptruck_model.mismatch.unrecorded import NotRecorded, contradicted_mass
 from deeptruck_model.mismatch.validate import Validated
 from deeptruck_model.mismatch.witnesses import Witness
@@ -55,99 +56,85 @@ def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
 
 
 def decide(
-    simulator_parameters: dict[str, float],
-    drives: Drives,
-    search: Regression,
-    missing: tuple[NotRecorded, ...],
-    names: Names,
-    again: Road | None,
-    found: Budget,
-    seen: tuple[Witness, ...],
+    c: Compared,
+    road: Road | None,
+    witnesses: tuple[Witness, ...],
     made: Made,
     driven: Validated,
     rules: Rules,
 ) -> Verdict:
     """The verdict from all that was measured."""
-    e = search.e
-    findings = [of_fault(f) for f in drives.faults]
-    of_road = _of_road(e, again, rules)
-    named, matter = accepted(search, names, found, made, driven, simulator_parameters, rules)
+    e = c.search.e
+    findings = [of_fault(f) for f in c.drives.faults]
+    of_road = _of_road(e, road, rules)
+    named, matter = accepted(c, made, driven, rules)
     findings += _with_shares(e, of_road + matter)
-    detected = names.detected and not (named and not matter)
-    kind = _kind(findings, detected, found, driven, rules)
+    detected = c.names.detected and not (named and not matter)
+    kind = _kind(findings, detected, c.budget, driven, rules)
     forces = {i: f.force for i, f in enumerate(findings) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
     validated = driven.fit.validated and kind is not Conclusion.NOTHING  # what is right is not corrected
-    ahead = again.ahead if again is not None else None
+    ahead = road.ahead if road is not None else None
     driven = replace(driven, fit=replace(driven.fit, validated=validated, next_pass=ahead))
-    first = names.found[0].tree if names.found else None
-    first = again.tree if again is not None and of_road else first
+    first = c.names.found[0].tree if c.names.found else None
+    first = road.tree if road is not None and of_road else first
     return Verdict(
         kind,
         tuple(findings),
         tuple(where.segments(e, forces)),
         tuple(where.regimes(e, error)),
         driven.fit,
-        drives.rejected,
-        smallest_visible(search, names.threshold, rules) if not findings else None,
-        (*drives.caveats, *_caveats(e, findings), *_mass(simulator_parameters, drives, search, made)),
-        missing,
-        found,
-        seen,
+        c.drives.rejected,
+        smallest_visible(c.search, c.names.threshold, rules) if not findings else None,
+        (*c.drives.caveats, *_caveats(e), *_mass(c, made)),
+        c.missing,
+        c.budget,
+        witnesses,
         first.nodes() if first is not None else (Node("nothing", ROOT, 1.0),),
-        _advice(drives, missing, kind, found, driven, rules),
+        _advice(c.missing, kind, c.budget, driven, rules),
     )
 
 
-def _of_road(e: Evidence, again: Road | None, rules: Rules) -> list[Finding]:
+def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
     """The road, where what is slow depends on its position and its name is stated."""
-    if again is None or again.tree.stated(rules.stated) == ROOT:
+    if road is None or road.tree.stated(rules.stated) == ROOT:
         return []
-    m = LIBRARY[again.tree.first]
+    m = LIBRARY[road.tree.first]
     return [
         _finding(
             e,
-            again.named(),
+            road.named(),
             Kind(m.kind),
             m.says,
             m.equation,
             {},
             m.depends_on,
             m.separated_by,
-            again.force,
+            road.force,
             rules,
         )
     ]
 
 
 def accepted(
-    search: Regression,
-    names: Names,
-    found: Budget,
-    made: Made | None,
-    driven: Validated | None,
-    own: dict[str, float],
-    rules: Rules,
+    c: Compared, made: Made | None, driven: Validated | None, rules: Rules
 ) -> tuple[list[Finding], list[Finding]]:
-    """The findings of what was named, and those of them that matter; without sizes where nothing was made.
-    `own` are the simulator's parameters."""
-    named = _findings(search, names, made, own, rules)
-    right = _right(found, driven, rules)
+    """The findings of what was named, and those of them that matter; without sizes where nothing was made."""
+    named = _findings(c, made, rules)
+    right = _right(c.budget, driven, rules)
     return named, [
-        f for f in named if _longer_than_sensors(f, search.e) and not (right and f.effect == UNKNOWN)
+        f for f in named if _longer_than_sensors(f, c.search.e) and not (right and f.effect == UNKNOWN)
     ]
 
 
-def _findings(
-    search: Regression, names: Names, made: Made | None, own: dict[str, float], rules: Rules
-) -> list[Finding]:
+def _findings(c: Compared, made: Made | None, rules: Rules) -> list[Finding]:
     """The findings of what was named."""
-    out = []
-    for named in names.found:
+    search, out = c.search, []
+    for named in c.names.found:
         first = named.name
-        by_parameters = named.free <= names.threshold  # free parameters explain it as well
+        by_parameters = named.free <= c.names.threshold  # free parameters explain it as well
         if first in search.parameters and (first not in LIBRARY or by_parameters):
-            f = _of_parameter(search, named, own, rules)
+            f = _of_parameter(search, named, c.parameters, rules)
         else:
             f = _of_name(search, made, named, rules)
             if by_parameters:
@@ -199,7 +186,7 @@ def _with_shares(e: Evidence, findings: Sequence[Finding]) -> list[Finding]:
     ]
 
 
-def _of_parameter(search: Regression, named: Named, own: dict[str, float], rules: Rules) -> Finding | None:
+def _of_parameter(search: Regression, named: Named, own: Mapping[str, float], rules: Rules) -> Finding | None:
     """An error of a parameter; None where it is no larger than that of any simulator may be."""
     name = named.name
     changed = _change(search, name, rules)
@@ -338,19 +325,17 @@ def _kind(
 
 def _right(found: Budget, driven: Validated | None, rules: Rules) -> bool:
     """Whether nothing that matters is left: free runs are off by little, or as a learned simulator is on its
-    own recordings, or by nothing that the budget knows of."""
-    told = driven.fit.errors if driven is not None else None
-    error = told.before.speed if told is not None else found.speed_rmse
+    own recordings."""
+    errors = driven.fit.errors if driven is not None else None
+    error = errors.before.speed if errors is not None else found.speed_rmse
     if not np.isfinite(error):
         return False
     if driven is not None and driven.own_error is not None:
         return error <= min(rules.differs * driven.own_error, rules.largest)
-    if error <= rules.visible:
-        return True
-    return error <= rules.largest and found.share(LEFT_OVER) > rules.visible_slow
+    return error <= rules.visible
 
 
-def _caveats(e: Evidence, findings: Sequence[Finding]) -> list[str]:
+def _caveats(e: Evidence) -> list[str]:
     out = []
     if e.itself is None and not e.known_physics:
         out.append(wording.COUNTS_AS_LEARNED)
@@ -359,19 +344,18 @@ def _caveats(e: Evidence, findings: Sequence[Finding]) -> list[str]:
     return out
 
 
-def _mass(own: dict[str, float], drives: Drives, search: Regression, made: Made) -> Iterator[str]:
+def _mass(c: Compared, made: Made) -> Iterator[str]:
     """A stated mass that the drives contradict, with all parameters free beside what was found."""
-    model = search.model(made.recipe.terms, frozenset(search.parameters))
-    if "mass" not in own or "mass" not in model.free or model.moved_sd("mass") >= 0.5 * FREE["mass"]:
+    model = c.search.model(made.recipe.terms, frozenset(c.search.parameters))
+    if "mass" not in c.parameters or "mass" not in model.free or model.moved_sd("mass") >= 0.5 * FREE["mass"]:
         return
-    about = own["mass"] * (1.0 + search.e.moved.get("mass", 0.0))
+    about = c.parameters["mass"] * (1.0 + c.search.e.moved.get("mass", 0.0))
     value, wide = about * (1.0 + model.moved("mass")), Z95 * about * model.moved_sd("mass")
-    recordings = [p.recording for p in drives.part(held_out=False)]
+    recordings = [p.recording for p in c.drives.part(held_out=False)]
     yield from contradicted_mass(recordings, value, (value - wide, value + wide))
 
 
 def _advice(
-    drives: Drives,
     missing: Sequence[NotRecorded],
     kind: Conclusion,
     found: Budget,
@@ -386,22 +370,22 @@ def _advice(
         data = Advice(Answer.UNSURE, wording.not_recorded(hidden))
     else:
         data = Advice(Answer.YES, wording.ENOUGH)
-    told = driven.fit.errors
-    if told is None:
+    errors = driven.fit.errors
+    if errors is None:
         return {
             "data": data,
             "simulator": Advice(Answer.UNSURE, wording.NOT_DRIVEN),
             "apply": Advice(Answer.NO, wording.NOT_DRIVEN),
         }
     if kind is Conclusion.NOTHING:
-        simulator = Advice(Answer.YES, wording.good(told.before.speed, driven.fit.horizon_s))
-    elif told.before.speed <= rules.visible:
-        simulator = Advice(Answer.YES, wording.off(told.before.speed, driven.fit.horizon_s))
+        simulator = Advice(Answer.YES, wording.good(errors.before.speed, driven.fit.horizon_s))
+    elif errors.before.speed <= rules.visible:
+        simulator = Advice(Answer.UNSURE, wording.off(errors.before.speed, driven.fit.horizon_s))
     else:
-        simulator = Advice(Answer.NO, wording.off(told.before.speed, driven.fit.horizon_s))
+        simulator = Advice(Answer.NO, wording.off(errors.before.speed, driven.fit.horizon_s))
     if driven.fit.validated:
-        apply = Advice(Answer.YES, wording.better(told.before.speed, told.after.speed))
-    elif told.after.speed < told.before.speed:
+        apply = Advice(Answer.YES, wording.better(errors.before.speed, errors.after.speed))
+    elif errors.after.speed < errors.before.speed:
         apply = Advice(Answer.UNSURE, wording.UNSURE_BETTER)
     else:
         apply = Advice(Answer.NO, wording.NOT_BETTER)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -12,21 +12,20 @@ from deeptruck_model import overall_ratios
 from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import decide, unrecorded
-from deeptruck_model.mismatch.budget import Budget, budget
-from deeptruck_model.mismatch.classify import Names, classify
+from deeptruck_model.mismatch.budget import budget
+from deeptruck_model.mismatch.classify import classify
+from deeptruck_model.mismatch.comparison import Compared, Uncompared
 from deeptruck_model.mismatch.data.prepared import too_little
 from deeptruck_model.mismatch.discrepancy import allowed_for
 from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.model import correct
 from deeptruck_model.mismatch.nuisance import about_fitting_parameters
-from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.prepare import Drives, Span, prepared, with_rejection
+from deeptruck_model.mismatch.prepare import Span, prepared, with_rejection
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.mismatch.road import road
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.unrecorded import NotRecorded
 from deeptruck_model.mismatch.validate import validate
 from deeptruck_model.mismatch.witnesses import witnesses
 from deeptruck_model.recordings import Recording
@@ -76,30 +75,8 @@ def find_mismatch(
         say("correcting the simulator and driving it free")
         made = correct(simulator, c.search, c.names, rules)
         driven = validate(simulator, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
-        verdict = decide.decide(
-            simulator.parameters(), c.drives, c.search, c.missing, c.names, again, c.budget, seen, made,
-            driven, rules,
-        )  # fmt: skip
+        verdict = decide.decide(c, again, seen, made, driven, rules)
     return Mismatch(verdict, c.search.e.everywhere(), driven.errors, driven.corrected, c.drives.prepared)
-
-
-@dataclass(frozen=True)
-class Uncompared:
-    """Drives with which nothing can be compared, as `drives.useless` says, and what was not recorded."""
-
-    drives: Drives
-    missing: tuple[NotRecorded, ...]
-
-
-@dataclass(frozen=True)
-class Compared:
-    """A simulator compared with drives: what was not recorded, the regression, the names and the budget."""
-
-    drives: Drives
-    missing: tuple[NotRecorded, ...]
-    search: Regression
-    names: Names
-    budget: Budget
 
 
 def compared(
@@ -149,7 +126,8 @@ def compared(
     say("comparing every mechanism with what the simulator is off by")
     search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
     names = classify(search, unrecorded.names_behind([*recordings, *held_out], missing), rules)
-    return Compared(drives, missing, search, names, budget(search, hidden & ~e.held_out))
+    parts = budget(search, hidden & ~e.held_out)
+    return Compared(dict(simulator.parameters()), drives, missing, search, names, parts)
 
 
 def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:

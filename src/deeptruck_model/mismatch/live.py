@@ -16,7 +16,8 @@ from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import decide
 from deeptruck_model.mismatch.adaptation import adapt, with_constant
-from deeptruck_model.mismatch.find import Uncompared, compared
+from deeptruck_model.mismatch.comparison import Uncompared
+from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.questions import Answer, Names, Own, Question
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
@@ -66,7 +67,7 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
     c = compared(simulator, recordings, sets_aside=False, rules=rules)
     if isinstance(c, Uncompared):
         return Names(c.drives.useless or "")
-    named, matter = decide.accepted(c.search, c.names, c.budget, None, None, simulator.parameters(), rules)
+    named, matter = decide.accepted(c, None, None, rules)
     findings = [*(decide.of_fault(f) for f in c.drives.faults), *matter]
     stated = [f for f in findings if f.stated != ROOT]
     nodes = c.names.found[0].tree.nodes() if c.names.found else (NOTHING,)

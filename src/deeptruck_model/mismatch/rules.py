@@ -118,13 +118,8 @@ class Rules:
     largest: float = _rule(
         1.0,
         "m/s",
-        "speed error of free runs above which something is missing, whatever simulators may do",
-        CHOSEN,
-    )
-    visible_slow: float = _rule(
-        0.5,
-        "1",
-        "share of the squared speed error that a part has which is not left over, and matters",
+        "speed error of free runs above which a learned simulator misses something, "
+        "even if its own recordings show as much",
         CHOSEN,
     )
     differs: float = _rule(

@@ -1,0 +1,33 @@
+"""A simulator compared with drives: what `decide` judges, before any correction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from deeptruck_model.mismatch.budget import Budget
+from deeptruck_model.mismatch.classify import Names
+from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.unrecorded import NotRecorded
+
+
+@dataclass(frozen=True)
+class Uncompared:
+    """Drives with which nothing can be compared, as `drives.useless` says, and what was not recorded."""
+
+    drives: Drives
+    missing: tuple[NotRecorded, ...]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """The simulator's own `parameters`, the drives, what was not recorded, the regression, the names and the
+    budget."""
+
+    parameters: Mapping[str, float]
+    drives: Drives
+    missing: tuple[NotRecorded, ...]
+    search: Regression
+    names: Names
+    budget: Budget
