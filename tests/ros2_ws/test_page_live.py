@@ -122,7 +122,7 @@ def test_names_and_parts_that_hold_a_share_come_once_and_to_whoever_joins() -> N
     run.budget({"speed_rmse": 0.5, "horizon_s": 40.0, "brakes": 0.6, "slow": 0.37, "left_over": 0.03})
     said = batch(run, 0.0)["missing"]
     assert said["names"] == [["brakes", 0.97, [["brake lag", 0.9], ["brake fade", 0.07]]]]
-    assert said["budget"] == [["brakes", 0.6], ["slow, without a carrier", 0.37]]
+    assert said["budget"] == [["brakes", 0.6], ["slow drift", 0.37]]
     assert said["off"] == [0.5, 40.0]
     assert "missing" not in batch(run, 0.1) and json.loads(run.greeting())["missing"] == said
     run.names(dict.fromkeys(("brakes", "brake_lag"), math.nan))

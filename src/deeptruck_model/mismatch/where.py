@@ -18,6 +18,16 @@ Mask = NDArray[np.bool_]
 
 MOST_SEGMENTS = 60
 SMALL = 1e-3  # of the range of a signal: a border so near zero is at zero to whoever reads it
+PRINTED = {  # of a signal in a sentence, where its name is not the word
+    "elapsed": "time since the start",
+    "engine": "engine force per mass",
+    "engine over 3 s": "engine force per mass, mean of about 3 s",
+    "engine over 60 s": "engine force per mass, mean of about 60 s",
+    "brake": "brake force per mass",
+    "ratio": "engine speed per speed",
+    "simulated": "simulated acceleration",
+    "acceleration over 2 s": "simulated acceleration, mean of about 2 s",
+}
 RATIO_STEP = 0.05  # relative; gears are farther apart
 
 
@@ -140,7 +150,10 @@ def _bounds(
         else:
             low_high[0] = max(low_high[0], at)
             node = int(t.children_right[node])
-    return tuple(Bound(name, low, high, unit(name, units)) for name, (low, high) in bounds.items())
+    return tuple(
+        Bound(PRINTED.get(name, name.replace("_", " ")), low, high, unit(name, units))
+        for name, (low, high) in bounds.items()
+    )
 
 
 def _under(t: Any, node: int) -> set[int]:

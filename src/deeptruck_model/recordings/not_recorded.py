@@ -58,7 +58,7 @@ INPUTS = (
     ),
     Input(
         "commands obeyed",
-        "Where control was not engaged, its commands drove nothing and are learned as if they had.",
+        "Commands that the truck did not follow, as without engagement, are compared as if it had.",
         "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`",
         lambda r: r.obeyed or _measured("engine_torque")(r),
     ),

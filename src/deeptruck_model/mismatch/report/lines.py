@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
-from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
-from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.report.wording import PARAMETER_NAMES, ROOT, opened, percent, spoken
+from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, SmallestVisible, Verdict
 from deeptruck_model.mismatch.tree import Node
 
 HEADLINES = {
     Conclusion.NOTHING: "Nothing that matters is missing",
     Conclusion.UNDETERMINED: "Undetermined: no cause is sure",
 }
-LARGE = 0.05  # of the budget: a part that is worth a word
+LARGE = 0.05  # of the budget: a smaller part is not in the sentence
+QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
+
+
+class Light(NamedTuple):
+    """A question with its answer (yes, no, unsure) and the reason."""
+
+    question: str
+    answer: str
+    reason: str
 
 
 def headline(v: Verdict) -> str:
@@ -35,11 +45,11 @@ def what(v: Verdict) -> Iterator[str]:
         large = [f"{spoken(p.part)} {percent(p.share)}" for p in b.parts if p.share >= LARGE]
         yield (
             f"Along the fitted drives the simulator is off by {b.speed_rmse:.2g} m/s after up to "
-            f"{b.horizon_s:.0f} s. Of the square of that: {', '.join(large)}."
+            f"{b.horizon_s:.0f} s. Shares of the squared error: {', '.join(large)}."
         )
     for w in v.witnesses[:3]:
         share, part = percent(w.share), spoken(w.part)
-        yield f"The channel {w.channel} explains {share} of what is {part}, on drives left out."
+        yield f"The channel {w.channel} predicts {share} of the part '{part}' on drives left out."
 
 
 def how_sure(v: Verdict) -> Iterator[str]:
@@ -48,6 +58,16 @@ def how_sure(v: Verdict) -> Iterator[str]:
         yield sure(f)
     if not v.findings and v.tree and v.kind is Conclusion.UNDETERMINED:
         yield unsure(v.tree)
+    if v.smallest_visible is not None:
+        yield smallest(v.smallest_visible)
+
+
+def smallest(s: SmallestVisible) -> str:
+    """What these drives would not have shown."""
+    sizes = [f"{spoken(name)} {percent(size)}" for name, size in s.parameters.items()]
+    newtons = "" if s.mass_kg is None else f" ({s.steady * s.mass_kg:,.0f} N)"
+    sizes.append(f"a steady force {s.steady:.2g} m/s²{newtons}")
+    return f"Smaller errors would not have been detected: {', '.join(sizes)}."
 
 
 def unsure(tree: Sequence[Node]) -> str:
@@ -70,32 +90,43 @@ def sure(f: Finding) -> str:
 
 
 def not_recorded(v: Verdict) -> Iterator[str]:
-    """What was not recorded, what that hides, and the signal to record."""
+    """What was not recorded, what that hides, and the signal to record. The only place that names it."""
     for m in v.not_recorded:
         found = (
             f" It was found to act in {percent(m.share_of_time)} of the time; these rows are not compared."
             if m.share_of_time
             else ""
         )
-        yield f"{opened(m.input)} was not recorded. {m.hides}{found} Record: {m.signal.replace('`', '')}."
+        signal = m.signal.replace("`", "")
+        yield f"{opened(spoken(m.input))} was not recorded. {m.hides}{found} Record: {signal}."
 
 
 def what_to_do(v: Verdict) -> Iterator[str]:
-    """The next step."""
-    apply = v.advice.get("apply")
-    if v.validated and v.fit is not None and v.fit.errors is not None:
-        yield f"Apply the correction: {apply.reason if apply else ''}."
+    """The next steps: the simulator, the sensors, then what to drive and to record."""
+    if v.validated:
+        yield "Apply the correction."
     elif v.kind is Conclusion.NOTHING:
         yield "Use the simulator as it is."
+    for f in v.findings:
+        if f.kind is Kind.SENSOR:
+            yield f"Repair or calibrate {' and '.join(f.depends_on)}, and record again."
+        elif f.kind is Kind.PARAMETER and not v.validated:
+            yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
     manoeuvres = dict.fromkeys(
         f.would_be_told_by for f in v.findings if f.would_be_told_by and f.cannot_be_told_from
     )
     for manoeuvre in list(manoeuvres)[:2]:
         yield f"To separate the names: {manoeuvre}."
-    for m in v.not_recorded[:2]:
-        yield f"Record {m.input}: {m.signal.replace('`', '')}."
+    if v.not_recorded:
+        yield "Record what is listed as not recorded, with the signals named there."
+
+
+def lights(v: Verdict) -> list[Light]:
+    """The three questions of a user with their answers."""
+    return [Light(QUESTIONS[name], a.answer, a.reason) for name, a in v.advice.items()]
 
 
 def lines(v: Verdict) -> list[str]:
     """All of it, for the terminal."""
-    return [headline(v) + ".", *not_recorded(v), *what(v), *how_sure(v), *what_to_do(v)]
+    answers = [f"{one.question} {one.answer} ({one.reason})." for one in lights(v)]
+    return [headline(v) + ".", *not_recorded(v), *what(v), *how_sure(v), *what_to_do(v), *answers]

@@ -26,7 +26,6 @@ MOST_BLOCKS = 20000  # of all drives together: five hours and a half at one seco
 AROUND_S = 20.0  # of a segment that is shown on either side
 LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
 LEAST = 0.02  # of the budget before or after: the same beside another
-QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
 ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}
 
 
@@ -88,7 +87,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "how_sure": list(lines.how_sure(v)),
         "what_to_do": list(lines.what_to_do(v)),
         "command": command if v.validated else "",
-        "lights": [{"question": QUESTIONS[n], **a.to_json()} for n, a in v.advice.items()],
+        "lights": lines.lights(v),
         "budget": [_part(p) for p in v.budget.parts if p.share >= LEAST_SHARE or p.part == LEFT_OVER]
         if v.budget is not None
         else [],
@@ -155,11 +154,12 @@ def errors_say(v: Verdict) -> str:
     """How far the held-out error falls, and whether that is validated; empty where nothing was driven."""
     if v.fit is None or v.fit.improvement is None:
         return ""
-    low, high = v.fit.improvement.ci95
+    low, high = (100.0 * x for x in v.fit.improvement.ci95)
+    change = f"falls by {low:.0f} to {high:.0f} %" if low > 0 else f"changes by {-high:+.0f} to {-low:+.0f} %"
     passed = "validated" if v.fit.validated else "not validated"
     return (
-        f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. The mean error falls by {100 * low:.0f} to "
-        f"{100 * high:.0f} % (95 % interval): {passed}."
+        f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. The mean error {change} (95 % interval): "
+        f"{passed}."
     )
 
 

@@ -42,17 +42,17 @@ def of_parameter(name: str, change: float) -> str:
 
 def not_recorded(inputs: Sequence[str]) -> str:
     """That inputs are missing."""
-    return f"not recorded: {', '.join(inputs)}"
+    return f"not recorded: {', '.join(map(spoken, inputs))}"
 
 
 def good(error: float, horizon_s: float) -> str:
     """That the simulator drives as the truck."""
-    return f"free runs of {horizon_s:.0f} s are off by {error:.2g} m/s, and nothing that matters is left"
+    return f"{off(error, horizon_s)}, and nothing that matters is left"
 
 
 def off(error: float, horizon_s: float) -> str:
     """By how much the simulator is off."""
-    return f"free runs of {horizon_s:.0f} s are off by {error:.2g} m/s"
+    return f"free runs of {horizon_s:.0f} s on held-out drives are off by {error:.2g} m/s"
 
 
 def better(before: float, after: float) -> str:
@@ -68,10 +68,11 @@ PARTS = {
     "air_tyres_road": "air, tyres and road",
     "load": "load",
     "place": "road position",
-    "each_drive": "each drive's own",
-    "slow": "slow, without a carrier",
-    "left_over": "left over",
+    "each_drive": "constant per drive",
+    "slow": "slow drift",
+    "left_over": "unexplained",
     "unknown": "no known mechanism",
+    "commands obeyed": "whether commands were obeyed",
 }
 ROOT = "mismatch"
 
