@@ -26,7 +26,8 @@ app = typer.Typer(
     help="Train a car-following policy on a truck simulator, and show how it drives.",
 )
 PolicyPath = Annotated[
-    str, typer.Argument(metavar="POLICY", help="Policy directory, or baseline:acc|cacc|idm|pi|mpc.")
+    str,
+    typer.Argument(metavar="POLICY", help="Policy directory, baseline:acc|cacc|idm|pi|mpc, or planner:SIM."),
 ]
 SimulatorPath = Annotated[
     str,
@@ -175,7 +176,7 @@ def export(
     from deeptruck_model import checks
     from deeptruck_model.results import apart
 
-    if policy.startswith("baseline:"):
+    if policy.startswith(("baseline:", "planner:")):
         raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
     checks.every(
         lambda: load_trained(Path(policy)), partial(files.check_new, out), partial(apart, out, Path(policy))

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.controllers.law import Law, Seen
+from deeptruck_cacc.controllers.law import Law, Perception, Seen
 from deeptruck_cacc.controllers.mpc import mpc
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Observation
-from deeptruck_cacc.controllers.scaling import FeatureMap, paper_signals
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -61,30 +60,29 @@ class Baseline:
     dt: float = 0.1
     comfort: tuple[float, float] = (-3.5, 1.5)  # m/s^2; the shield, not the law, brakes harder
     correction_per_s: float = 0.3
-    _past: tuple[Array, Array, Array] | None = field(default=None, repr=False)
+    _past: tuple[Array, Array] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        self._perceive = Perception(self.dt)
 
     def reset(self) -> None:
         """Forget the past."""
+        self._perceive.reset()
         self._past = None
 
     def act(self, observation: Observation) -> tuple[Array, Array]:
         """(engine_command, brake_command) in the interface's units, each (batch,)."""
-        signals = paper_signals(observation)
-        features = FeatureMap.default(dt=self.dt)
-        if self._past is None or len(self._past[0]) != len(signals):
-            start = np.zeros(len(signals))
-            self._past = features.start(len(signals)), start, start
-        memory, correction, wanted = self._past
-        seen_features, memory = features(signals, memory)
-        rates = seen_features[:, 6:] * 0.5
+        seen, grade = self._perceive(observation)
+        if self._past is None or len(self._past[0]) != len(grade):
+            self._past = np.zeros(len(grade)), np.zeros(len(grade))
+        correction, wanted = self._past
         # The acceleration asked for one slow constant ago is what the slow ego rate should show now.
-        correction = np.clip(correction + self.correction_per_s * self.dt * (wanted - rates[:, 1]), -1.0, 1.0)
-        leader_speed, speed, gap, target_gap, grade = signals.T
-        seen = Seen(leader_speed, speed, gap, target_gap, rates[:, 0], rates[:, 1], memory[:, 0])
+        off = wanted - seen.acceleration
+        correction = np.clip(correction + self.correction_per_s * self.dt * off, -1.0, 1.0)
         now = np.clip(self.law(seen), *self.comfort)
-        wanted = wanted + self.dt / features.slow_s * (now - wanted)
-        self._past = memory, correction, wanted
-        engine, brake = self.pedals.commands(now + correction, speed, grade)
+        wanted = wanted + self.dt / self._perceive.slow_s * (now - wanted)
+        self._past = correction, wanted
+        engine, brake = self.pedals.commands(now + correction, seen.speed, grade)
         return engine, brake if self.interface.brake_unit else np.zeros_like(brake)
 
 

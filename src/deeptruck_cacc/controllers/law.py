@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.controllers.policy import Observation
+from deeptruck_cacc.controllers.scaling import FeatureMap, paper_signals
+
 Array = NDArray[np.float64]
+
+LEADER_S = 2.0  # time constant with which the leader's acceleration is expected to die away
 
 
 @dataclass(frozen=True)
@@ -28,5 +33,48 @@ class Seen:
         """gap - v Tg, m."""
         return self.gap - self.target_gap
 
+    @property
+    def time_gap(self) -> Array:
+        """Wanted time gap, s; below 0.5 m/s the speed counts as 0.5 m/s."""
+        return np.asarray(self.target_gap / np.maximum(self.speed, 0.5))
+
+    def leader(self, time: Array) -> tuple[Array, Array]:
+        """Expected speed (m/s) and way (m) of the leader after `time` (n,), s; each (batch, n)."""
+        speed, pull = self.leader_speed[:, None], self.leader_acceleration[:, None]
+        gone = LEADER_S * (1 - np.exp(-time / LEADER_S))
+        way = np.maximum(speed * time + pull * LEADER_S * (time - gone), 0.0)
+        return np.maximum(speed + pull * gone, 0.0), np.maximum.accumulate(way, axis=1)
+
 
 Law = Callable[[Seen], Array]
+
+
+@dataclass
+class Perception:
+    """From observations, one each `dt` (s), to what a law may use; it remembers the past for rates."""
+
+    dt: float
+    _memory: Array | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        self._features = FeatureMap.default(dt=self.dt)
+
+    @property
+    def slow_s(self) -> float:
+        """Time constant of the accelerations seen, s."""
+        return self._features.slow_s
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._memory = None
+
+    def __call__(self, observation: Observation) -> tuple[Seen, Array]:
+        """What is seen and the grade, each (batch,)."""
+        signals = paper_signals(observation)
+        if self._memory is None or len(self._memory) != len(signals):
+            self._memory = self._features.start(len(signals))
+        features, self._memory = self._features(signals, self._memory)
+        rates = features[:, 6:] * 0.5
+        leader_speed, speed, gap, target_gap, grade = signals.T
+        seen = Seen(leader_speed, speed, gap, target_gap, rates[:, 0], rates[:, 1], self._memory[:, 0])
+        return seen, grade

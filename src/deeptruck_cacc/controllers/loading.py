@@ -24,13 +24,16 @@ from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 
+PLANNER = "planner:"
+
 
 def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Policy:
-    """A policy directory written by `deeptruck-cacc train`, a policy as ONNX, or `baseline:NAME`.
+    """A policy directory written by `deeptruck-cacc train`, a policy as ONNX, `baseline:NAME`, or
+    `planner:SIM`, which plans on the simulator SIM.
 
     `interface` is the truck a baseline is to drive (default: engine torque in N m, brake in percent), and is
-    checked against a trained policy's own. Raises InputError where the path, a file or the interface is
-    wrong.
+    checked against that of a trained policy or of a planner's simulator. Raises InputError where the path, a
+    file or the interface is wrong.
     """
     text = str(path)
     if interface is not None and not isinstance(interface, TruckInterface):
@@ -39,7 +42,7 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
         )
     if text.startswith("baseline:"):
         return baseline(text.removeprefix("baseline:"), interface or TruckInterface("trucksim"))
-    policy = load_onnx(Path(text)) if text.endswith(SUFFIX) else load_trained(Path(text))
+    policy = _planner(text.removeprefix(PLANNER)) if text.startswith(PLANNER) else _learned(Path(text))
     if interface is not None and (interface.u, interface.engine_unit, interface.brake_unit) != (
         policy.interface.u,
         policy.interface.engine_unit,
@@ -47,9 +50,20 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
     ):
         raise InputError(
             f"policy {path} commands {_units(policy.interface)}, the truck takes {_units(interface)}; "
-            "train one on a simulator of this truck"
+            "give one made with a simulator of this truck"
         )
     return policy
+
+
+def _learned(path: Path) -> Policy:
+    return load_onnx(path) if path.name.endswith(SUFFIX) else load_trained(path)
+
+
+def _planner(simulator: str) -> Policy:
+    from deeptruck_cacc.controllers.planner import Planner  # scipy, and torch with a deep truck
+    from deeptruck_model import simulators
+
+    return Planner(simulators.load(simulator))
 
 
 def _units(interface: TruckInterface) -> str:

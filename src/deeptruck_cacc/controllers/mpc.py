@@ -17,7 +17,6 @@ from deeptruck_cacc.controllers.law import Seen
 Array = NDArray[np.float64]
 
 STEPS, STEP_S = 10, 0.5
-LEADER_S = 2.0  # time constant with which the leader's acceleration is expected to die away
 LIMITS = (-3.5, 1.5)  # m/s^2
 LEAST_GAP_M = 5.0
 # Costs of m^2, (m/s)^2, (m/s^2)^2, a change of acceleration squared, and of a metre below the least gap.
@@ -26,7 +25,7 @@ GAP, SPEED, PULL, CHANGE, TOO_NEAR = 0.3, 1.0, 0.02, 0.5, 100.0
 _LATER = np.arange(1, STEPS + 1)[:, None] - np.arange(STEPS)  # steps from the beginning of a_j to time k
 _SPEED = STEP_S * (_LATER > 0)  # speeds at the ends of the steps, from the accelerations
 _WAY = STEP_S**2 * np.maximum(_LATER - 0.5, 0.0)
-_TIME = STEP_S * np.arange(1.0, STEPS + 1)
+_TIME: Array = STEP_S * np.arange(1.0, STEPS + 1, dtype=float)
 _CHANGE = np.eye(STEPS) - np.eye(STEPS, k=-1)
 _LOWER = np.tril_indices(STEPS)
 
@@ -43,9 +42,9 @@ def mpc(seen: Seen) -> Array:
 def _programmes(seen: Seen) -> tuple[Array, Array, Array]:
     """Hessian (batch, n, n) and linear cost (batch, n) of the accelerations, and the gap (batch, n) above
     LEAST_GAP_M that would be left without any."""
-    time_gap = seen.target_gap / np.maximum(seen.speed, 0.5)
+    time_gap = seen.time_gap
     speed, gap = seen.speed[:, None], seen.gap[:, None]
-    leader_speed, leader_way = _leader(seen)
+    leader_speed, leader_way = seen.leader(_TIME)
     left = gap + leader_way - speed * _TIME
     gap_error, speed_error = left - time_gap[:, None] * speed, leader_speed - speed
     toward = _WAY + time_gap[:, None, None] * _SPEED  # how the accelerations reduce the gap error
@@ -55,14 +54,6 @@ def _programmes(seen: Seen) -> tuple[Array, Array, Array]:
     fixed = SPEED * _SPEED.T @ _SPEED + PULL * np.eye(STEPS) + CHANGE * _CHANGE.T @ _CHANGE
     linear = GAP * np.einsum("bij,bj->bi", turned, gap_error) + SPEED * speed_error @ _SPEED
     return 2 * (GAP * turned @ toward + fixed), -2 * (linear + CHANGE * now @ _CHANGE), left - LEAST_GAP_M
-
-
-def _leader(seen: Seen) -> tuple[Array, Array]:
-    """Expected speed (m/s) and way (m) of the leader, each (batch, n)."""
-    speed, pull = seen.leader_speed[:, None], seen.leader_acceleration[:, None]
-    gone = LEADER_S * (1 - np.exp(-_TIME / LEADER_S))
-    way = np.maximum.accumulate(np.maximum(speed * _TIME + pull * LEADER_S * (_TIME - gone), 0.0), axis=1)
-    return np.maximum(speed + pull * gone, 0.0), way
 
 
 def _solve(hessian: Array, linear: Array, room: Array) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.loading import PLANNER, load_policy
 from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.hard_scenes import HARD
 from deeptruck_model import checks, files
@@ -51,7 +51,7 @@ def check(
         fit,
         partial(checks.simulator, simulator),
         partial(EVALUATION.check, out, overwrite=overwrite),
-        partial(apart, out, Path(policy), Path(simulator)),
+        partial(apart, out, Path(policy.removeprefix(PLANNER)), Path(simulator)),
     )
 
 

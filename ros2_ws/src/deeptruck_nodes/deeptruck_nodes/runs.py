@@ -195,9 +195,16 @@ def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]
     custom = {} if interface is None else {"interface": json.dumps(interface.to_dict())}
     return {
         **custom,
-        "policy": policy if policy.startswith("baseline:") else str(Path(policy).absolute()),
+        "policy": _driver(policy),
         "uses_grade": bool(interface and interface.grade),
     }
+
+
+def _driver(policy: str) -> str:
+    """A policy as the nodes find it, which start where this program did."""
+    if policy.startswith("planner:"):
+        return "planner:" + _named(policy.removeprefix("planner:"))
+    return policy if policy.startswith("baseline:") else str(Path(policy).absolute())
 
 
 def _named(simulator: str) -> str:

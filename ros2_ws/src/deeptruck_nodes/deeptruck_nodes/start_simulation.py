@@ -36,7 +36,9 @@ def main(
             "python:MODULE:FACTORY or fmu:MODEL.fmu."
         ),
     ],
-    policy: Annotated[str, typer.Option(help="Policy directory, policy as ONNX, or baseline:NAME.")],
+    policy: Annotated[
+        str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM.")
+    ],
     record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,
     overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,
     leader: Annotated[

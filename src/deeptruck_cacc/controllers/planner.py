@@ -1,0 +1,181 @@
+"""A planner: model predictive control over a simulator of the truck, its gear changes and lags included.
+
+Every step it runs the simulator HORIZON_S ahead, takes the derivatives of that run by the pedal at KNOTS_S
+and goes one Gauss-Newton step from its last plan: the real-time iteration of Diehl, Bock and Schlöder (2005),
+SIAM J. Control Optim. 43(5). The derivatives are differences between runs side by side in one batch, so that
+any simulator will do and the compiled step of a deep truck is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from deeptruck_cacc.controllers.approach import approach
+from deeptruck_cacc.controllers.law import Perception, Seen
+from deeptruck_cacc.controllers.policy import TYPICAL, Observation
+from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_model.signals import SPEED, TruckInterface
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+
+HORIZON_S = 3.0
+KNOTS_S = np.array([0.0, 0.2, 0.5, 1.0, 1.8, 3.0])  # the plan is straight between them
+NUDGE = 0.05  # of the pedal's reach, for the derivatives: over the noise of a float32 network
+LENGTHS = np.array([0.0, 1.0, 0.7, 0.5, 0.3, 0.15, 0.05])  # of a step tried side by side
+ROWS = len(KNOTS_S) + 1  # runs of a truck side by side
+CLOSING = 1.0  # m/s^2 at which speed differences from far off are taken back (approach.py)
+LEAST_GAP_M = 5.0
+# Costs of (m/s)^2 off the ideal follower, of a pedal change squared per second, and of a metre below the
+# least gap squared; chosen on validation scenes of a deep truck.
+SPEED_COST, CHANGE_COST, TOO_NEAR = 1.0, 0.05, 10.0
+DAMPING = 1e-3  # Levenberg's, of the pedals
+CORRECTION_S = 0.5  # time constant of the acceleration that the truck has beyond the simulator
+
+
+@dataclass
+class Planner:
+    """Plans one signed pedal (1 full engine, -1 full brake) on `simulator` and drives its beginning.
+
+    The simulator runs beside the truck: it is fed the measured speed and the commands given, and what
+    acceleration it then lacks is added to all of its plans. Same contract as Policy.
+    """
+
+    simulator: Simulator
+    _past: _Past | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        self.scale, self.dt = ActionScale.of(self.simulator), self.simulator.dt
+        self._perceive = Perception(self.dt)
+        self._time: Array = self.dt * np.arange(1.0, round(HORIZON_S / self.dt) + 1, dtype=float)
+        self._basis = _straight(self._time - self.dt)  # (n, knots)
+        self._later = _straight(np.minimum(KNOTS_S + self.dt, KNOTS_S[-1]))
+        self._least = -1.0 if self.interface.brake_unit else 0.0
+
+    @property
+    def interface(self) -> TruckInterface:
+        """The simulator's."""
+        return self.simulator.interface
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._perceive.reset()
+        self._past = None
+
+    def act(self, observation: Observation) -> tuple[Array, Array]:
+        """(engine_command, brake_command) in the interface's units, each (batch,); NaN where an observation
+        is."""
+        seen, grade = self._perceive(observation)
+        known = np.isfinite(seen.speed + seen.gap + seen.leader_speed + seen.target_gap)
+        if self._past is None or len(self._past.lack) != len(grade):
+            self._past = self._start(seen.speed)
+        past = self._past
+        off = np.nan_to_num(seen.speed - past.expected) / self.dt
+        lack = past.lack + self.dt / CORRECTION_S * (off - past.lack)
+        state = self.simulator.force(past.state, self._response(seen.speed))
+        now = _Now(seen, grade, state, lack, past.plan[:, 0])
+        plan = self._improved(past.plan @ self._later.T, now)
+        plan = np.where(known[:, None], plan, 0.0)
+        state, speed = self._step(state, np.repeat(plan[:, :1], ROWS, axis=1), grade)
+        self._past = _Past(plan, state, speed[:, 0], lack)
+        engine, brake = np.where(known[:, None], self._commands(plan[:, 0]), np.nan).T
+        return engine, brake
+
+    def _start(self, speed: Array) -> _Past:
+        still = np.nan_to_num(speed, nan=TYPICAL["speed"])
+        nothing = np.zeros(len(speed))
+        state = self.simulator.reset(np.nan_to_num(self._response(still)))
+        return _Past(np.zeros((len(speed), len(KNOTS_S))), state, still, nothing)
+
+    def _response(self, speed: Array) -> Array:
+        """y (batch * ROWS, n_y) of which only the speed (batch,) is known."""
+        y = np.full((len(speed) * ROWS, len(self.interface.y)), np.nan)
+        y[:, SPEED] = np.repeat(speed, ROWS)
+        return y
+
+    def _improved(self, plan: Array, now: _Now) -> Array:
+        """The plan (batch, knots) after one Gauss-Newton step, of the best of LENGTHS."""
+        nudge = np.where(plan + NUDGE > 1.0, -NUDGE, NUDGE)
+        tried = np.repeat(plan[:, None], ROWS, axis=1)
+        tried[:, 1:] += nudge[:, :, None] * np.eye(len(KNOTS_S))
+        residuals = self.residuals(tried, now)
+        jacobian = ((residuals[:, 1:] - residuals[:, :1]) / nudge[:, :, None]).swapaxes(1, 2)
+        step = _bounded_step(jacobian, residuals[:, 0], self._least - plan, 1.0 - plan)
+        tried = plan[:, None] + LENGTHS[:, None] * step[:, None]
+        best = np.square(self.residuals(tried, now)).sum(axis=2).argmin(axis=1)
+        return np.asarray(tried[np.arange(len(plan)), best])
+
+    def residuals(self, plans: Array, now: _Now) -> Array:
+        """What the cost is the sum of squares of, (batch, ROWS, n), from plans (batch, ROWS, knots)."""
+        pedals, state, speeds = plans @ self._basis.T, now.state, []
+        for k in range(len(self._time)):
+            state, speed = self._step(state, pedals[:, :, k], now.grade)
+            speeds.append(speed)
+        seen = now.seen
+        speed = np.maximum(np.stack(speeds, axis=2) + now.lack[:, None, None] * self._time, 0.0)
+        leader, way = (x[:, None] for x in seen.leader(self._time))
+        begun = np.broadcast_to(seen.speed[:, None, None], (*speed.shape[:2], 1))
+        driven = self.dt * np.concatenate([begun, speed[:, :, :-1]], axis=2).cumsum(axis=2)
+        gap = seen.gap[:, None, None] + way - driven
+        time_gap = np.clip(seen.time_gap, 1.0, 6.0)[:, None, None]
+        off = leader + approach(gap - time_gap * leader, time_gap, CLOSING)[0] - speed
+        near = np.maximum(LEAST_GAP_M - gap, 0.0)
+        before = np.broadcast_to(now.pedal[:, None, None], (*plans.shape[:2], 1))
+        changes = np.diff(plans, axis=2, prepend=before) / np.sqrt(np.diff(KNOTS_S, prepend=-self.dt))
+        weighted = [(SPEED_COST * self.dt, off), (TOO_NEAR * self.dt, near), (CHANGE_COST, changes)]
+        return np.nan_to_num(np.concatenate([np.sqrt(cost) * x for cost, x in weighted], axis=2))
+
+    def _step(self, state: Any, pedals: Array, grade: Array) -> tuple[Any, Array]:
+        """One step of the simulator under pedals (batch, ROWS): its state and speed (batch, ROWS)."""
+        u = self._commands(pedals.ravel())[:, : len(self.interface.u)]
+        w = np.repeat(grade[:, None], ROWS, axis=0)[:, : len(self.interface.w)]
+        state, y = self.simulator.step(state, u, w)
+        return state, y[:, SPEED].reshape(pedals.shape)
+
+    def _commands(self, pedals: Array) -> Array:
+        """Commands (n, 2) in the interface's units."""
+        return self.scale.commands(np.column_stack([2 * np.maximum(pedals, 0.0) - 1, -pedals]))
+
+
+class _Past(NamedTuple):
+    """What is kept between calls: plan (batch, knots), the simulator's state and the speed it expects now
+    (batch,), and the acceleration that it lacks (batch,)."""
+
+    plan: Array
+    state: Any
+    expected: Array
+    lack: Array
+
+
+class _Now(NamedTuple):
+    """What a plan begins with, each (batch,); `pedal` is the one in force."""
+
+    seen: Seen
+    grade: Array
+    state: Any
+    lack: Array
+    pedal: Array
+
+
+def _straight(time: Array) -> Array:
+    """Weights (n, knots) by which a plan is straight between its knots, at time (n,)."""
+    return np.stack([np.interp(time, KNOTS_S, unit) for unit in np.eye(len(KNOTS_S))], axis=1)
+
+
+def _bounded_step(jacobian: Array, residuals: Array, low: Array, high: Array) -> Array:
+    """Damped Gauss-Newton steps (batch, knots) within low..high, which hold 0.
+
+    jacobian (batch, n, knots), residuals (batch, n).
+    """
+    turned, damping = jacobian.swapaxes(1, 2), DAMPING * np.eye(jacobian.shape[2])
+    step = -np.linalg.solve(turned @ jacobian + damping, turned @ residuals[..., None])[..., 0]
+    for k in np.flatnonzero(((step < low) | (step > high)).any(axis=1)):
+        rows = np.vstack([jacobian[k], np.sqrt(damping)])
+        aim = np.append(-residuals[k], np.zeros(len(damping)))
+        step[k] = lsq_linear(rows, aim, (low[k] - 1e-9, high[k] + 1e-9), method="bvls").x
+    return np.clip(step, low, high)
