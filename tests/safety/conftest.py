@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from truck_bridge import vehicles
-from truck_bridge.safety import Axis, Received, Safety, State, Table
+from truck_bridge.safety import Axis, Heard, Safety, State, Table
 
 CYCLE = 0.005
 SANE = {
@@ -63,10 +63,10 @@ class Bench:
             return self.value("speed")
         return self.signals.get(name, SANE.get(name, 0.0))
 
-    def said(self, received: Received, **raw: int) -> bytes:
+    def said(self, heard: Heard, **raw: int) -> bytes:
         """A frame of the truck; `raw` overrides single signals bit by bit."""
         word = (1 << 64) - 1
-        for signal in received.signals:
+        for signal in heard.signals:
             f = signal.field
             number = raw.get(signal.name, round((self.value(signal.name) - f.offset) / f.scale))
             word = word & ~(((1 << f.bits) - 1) << f.start) | number << f.start
@@ -74,9 +74,9 @@ class Bench:
 
     def hear(self, only: str | None = None) -> None:
         """All messages of the truck (or one), now."""
-        for received in self.table.received:
-            if received.name not in self.silent and only in (None, received.name):
-                self.safety.rx_hook(received.key | 3 << 26, self.said(received), self.now)
+        for heard in self.table.heard:
+            if heard.name not in self.silent and only in (None, heard.name):
+                self.safety.rx_hook(heard.key | 3 << 26, self.said(heard), self.now)
 
     def frame(self, name: str, demand: float, counter: int | None = None) -> bytes:
         """A commanding frame, or the one that hands back for NaN. Rounds to the wire; counts on."""
@@ -117,9 +117,9 @@ class Bench:
         self.wait(max(motion.time + self.axis(name).period_s - self.now, 0.0))
 
     def _listen(self) -> None:
-        for received in self.table.received:
-            if self._is_due(f"rx {received.name}", received.period_s):
-                self.hear(received.name)
+        for heard in self.table.heard:
+            if self._is_due(f"rx {heard.name}", heard.period_s):
+                self.hear(heard.name)
         if self.commanding and self._is_due("command", 0.01):
             self.command()
         self.safety.tick(self.now)
@@ -164,7 +164,7 @@ class Bench:
         return self
 
     def engage(self, **demands: float) -> Bench:
-        """Armed, received, commanded and engaged."""
+        """Armed, heard, commanded and engaged."""
         self.demands = demands
         self.arm()
         assert self.safety.engage(self.now, person=True, lead_vehicle=True) == ()

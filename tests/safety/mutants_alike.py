@@ -26,7 +26,7 @@ ALIKE: set[tuple[str, str, str]] = {
             ">=",
         ),
         ("motion", "near = abs(self._planned - self.value) <= 0.51 * self.axis.demand.scale", "<=", "<"),
-        ("hearing", "if arrivals.count * received.period_s <= TOO_OFTEN:", "<=", "<"),
+        ("hearing", "if arrivals.count * heard.period_s <= TOO_OFTEN:", "<=", "<"),
         ("core", "return 'too early' if now - motion.time < 0.5 * axis.period_s else ''", "<", "<="),
         ("core", _STEP, ">", ">="),
         ("core", _IDLE, "<", "<="),

@@ -99,8 +99,8 @@ class World(RuleBasedStateMachine):
 
     @rule(number=st.integers(0, 20), gone=st.booleans())
     def message_vanishes(self, number, gone):
-        received = self.bench.table.received[number % len(self.bench.table.received)].name
-        self.bench.silent = {received} if gone else set()
+        heard = self.bench.table.heard[number % len(self.bench.table.heard)].name
+        self.bench.silent = {heard} if gone else set()
 
     @rule(speed=st.floats(0.0, 45.0))
     def truck_speed(self, speed):

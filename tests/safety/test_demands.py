@@ -41,7 +41,7 @@ def demands(bench):
 
 
 def table_of(bench):
-    return replace(bench.table, allowed=ALLOWED, received=(), timing=Timing(stall=STALL))
+    return replace(bench.table, allowed=ALLOWED, heard=(), timing=Timing(stall=STALL))
 
 
 def hold(demands, until, start=0.0, mode=3, can_id=BRAKE, step=MOST):
@@ -207,7 +207,7 @@ LATE = st.sampled_from([0.0, 0.0, 0.0, 0.09])  # s that a message waits for a la
 
 @st.composite
 def inside(draw):
-    """(time, mode) of demands inside of the file, each handed back, some messages received late."""
+    """(time, mode) of demands inside of the file, each handed back, some messages heard late."""
     frames, now = [], 0.0
     for _ in range(draw(st.integers(1, 3))):
         step, end = draw(GAPS), now + draw(st.floats(0.0, LONGEST - STALL))

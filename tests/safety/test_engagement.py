@@ -53,11 +53,11 @@ def test_engagement_needs_a_sane_command(bench):
 
 def test_engagement_needs_every_message(bench):
     bench.arm()
-    for received in bench.table.received:
+    for heard in bench.table.heard:
         later = type(bench)(bench.table, type(bench.safety)(bench.table))
-        later.silent = {received.name}
+        later.silent = {heard.name}
         later.arm()
-        assert f"{received.name} not fresh" in later.safety.engage(later.now, True, True)
+        assert f"{heard.name} not fresh" in later.safety.engage(later.now, True, True)
 
 
 def test_engagement_is_refused_while_the_driver_acts_or_the_truck_forbids(bench):

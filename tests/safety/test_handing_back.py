@@ -13,13 +13,13 @@ def test_the_driver_takes_over_within_one_cycle_by_every_signal(bench):
     for name, threshold in bench.table.override:
         driven = type(bench)(bench.table, type(bench.safety)(bench.table))
         driven.engage(engine=50.0).run(1.0)
-        received = next(h for h in driven.table.received if any(s.name == name for s in h.signals))
-        scale = next(s.field.scale for s in received.signals if s.name == name)
+        heard = next(h for h in driven.table.heard if any(s.name == name for s in h.signals))
+        scale = next(s.field.scale for s in heard.signals if s.name == name)
         driven.signals[name] = threshold - scale
-        driven.hear(received.name)
+        driven.hear(heard.name)
         assert driven.safety.state is State.ENGAGED
         driven.signals[name] = threshold
-        driven.hear(received.name)
+        driven.hear(heard.name)
         assert driven.safety.state is State.RELEASING
         acted = driven.now
         driven.left.clear()

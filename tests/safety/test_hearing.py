@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from truck_bridge.safety import Driveline, Field, Measured, Received
+from truck_bridge.safety import Driveline, Field, Heard, Measured
 from truck_bridge.safety.checks import checksum_ok, counter_ok
 from truck_bridge.safety.hearing import Hearing
 
@@ -18,12 +18,12 @@ KEY = 0xF00400
 ID = 0x0CF00400
 
 
-def table(bench, received, **changes):
-    return replace(bench.table, received=received, **changes)
+def table(bench, heard, **changes):
+    return replace(bench.table, heard=heard, **changes)
 
 
 def hearing(bench, check="none", **changes):
-    message = Received("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 5, 20), Measured("b", WORD, -10, 100)), check)
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 5, 20), Measured("b", WORD, -10, 100)), check)
     refusals: Counter[str] = Counter()
     return Hearing(table(bench, (message,), **changes), refusals), refusals
 
@@ -141,14 +141,14 @@ def test_a_message_at_1_75_times_its_rate_has_a_second_sender(bench):
 @pytest.mark.parametrize(("gap", "doubted"), [(2.0, False), (-2.0, False), (2.125, True), (-2.125, True)])
 def test_two_wheel_speeds(bench, gap, doubted):
     speeds = (Measured("speed", BYTE, 0, 250), Measured("second_speed", WORD, -10, 300))
-    message = Received("M", KEY, 0.1, 0.3, speeds)
+    message = Heard("M", KEY, 0.1, 0.3, speeds)
     ears = Hearing(table(bench, (message,), driveline=None), Counter())
     ears.take(ID, frame(a=20, b=round((20 + gap + 10) / 0.125)), 1.0)
     assert ears.implausible() == (["two wheel speeds"] if doubted else [])
 
 
 def test_one_wheel_speed_alone_is_plausible(bench):
-    message = Received("M", KEY, 0.1, 0.3, (Measured("speed", BYTE, 0, 250),))
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("speed", BYTE, 0, 250),))
     ears = Hearing(table(bench, (message,)), Counter())
     ears.take(ID, frame(a=20), 1.0)
     assert ears.implausible() == []
@@ -159,9 +159,9 @@ GOOD = {"speed": 20, "gear_ratio": 2, "engine_speed": 200, "driveline": 1, "shif
 
 
 def driving(bench, **values):
-    """Ears that received these bytes; line of 0.2 m/rad: 200 rad/s in ratio 2 is 20 m/s."""
+    """Ears that heard these bytes; line of 0.2 m/rad: 200 rad/s in ratio 2 is 20 m/s."""
     signals = tuple(Measured(n, Field(8 * k, 8, 1.0, 0.0, 250), 0, 250) for k, n in enumerate(NAMES))
-    message = Received("M", KEY, 0.1, 0.3, signals)
+    message = Heard("M", KEY, 0.1, 0.3, signals)
     ears = Hearing(table(bench, (message,), driveline=Driveline(0.2, 0.2, 3.0)), Counter())
     data = bytes((GOOD | values)[name] for name in NAMES) + b"\xff\xff"
     ears.take(ID, data, 1.0)
@@ -194,7 +194,7 @@ def test_a_truck_without_lock_up_signal_counts_as_locked(bench):
     names = NAMES[:5]
     signals = tuple(Measured(n, Field(8 * k, 8, 1.0, 0.0, 250), 0, 250) for k, n in enumerate(names))
     ears = Hearing(
-        table(bench, (Received("M", KEY, 0.1, 0.3, signals),), driveline=Driveline(0.2, 0.2, 3.0)), Counter()
+        table(bench, (Heard("M", KEY, 0.1, 0.3, signals),), driveline=Driveline(0.2, 0.2, 3.0)), Counter()
     )
     ears.take(ID, bytes([20, 2, 100, 1, 0, 0xFF, 0xFF, 0xFF]), 1.0)
     assert ears.implausible() == ["wheel and engine speed"]
@@ -218,7 +218,7 @@ def test_doubt_must_last_half_a_second_and_starts_anew(bench):
 
 
 def test_driver_signals_count_at_their_threshold_and_unheard_ones_never(bench):
-    message = Received("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),))
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),))
     ears = Hearing(table(bench, (message,), override=(("a", 10.0), ("never", 0.0))), Counter())
     assert ears.driver_acts() == []
     ears.take(ID, frame(a=9), 1.0)
@@ -228,7 +228,7 @@ def test_driver_signals_count_at_their_threshold_and_unheard_ones_never(bench):
 
 
 def test_forbidding_signals_count_at_their_value_only_and_unheard_ones_never(bench):
-    message = Received("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),))
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),))
     ears = Hearing(table(bench, (message,), forbidden=(("a", 2.0), ("never", 0.0))), Counter())
     assert ears.forbids() == []
     for value, found in ((1, []), (2, ["a"]), (3, [])):

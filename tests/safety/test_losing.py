@@ -66,14 +66,14 @@ def test_a_controller_that_does_not_know_it_is_engaged_is_lost(bench):
 
 @pytest.mark.parametrize("number", range(8))
 def test_losing_any_message_fades(bench, number):
-    if number >= len(bench.table.received):
+    if number >= len(bench.table.heard):
         return
-    received = bench.table.received[number]
+    heard = bench.table.heard[number]
     bench.engage(engine=60.0).run(1.0)
-    bench.silent = {received.name}
+    bench.silent = {heard.name}
     seconds = fades_without_a_step(bench, "engine")
-    assert received.timeout_s - received.period_s - 0.011 <= seconds <= received.timeout_s + 0.021
-    assert bench.safety.losses == {f"{received.name} stale": 1}
+    assert heard.timeout_s - heard.period_s - 0.011 <= seconds <= heard.timeout_s + 0.021
+    assert bench.safety.losses == {f"{heard.name} stale": 1}
 
 
 def test_a_command_that_is_no_number_fades_and_is_counted(bench):
@@ -131,14 +131,14 @@ def test_wheel_and_engine_speed_that_differ_fade_after_half_a_second(bench):
 def test_a_second_sender_of_a_message_fades(bench):
     bench.engage(engine=60.0).run(1.5)
     bench.left.clear()
-    received = bench.table.received[0]
+    heard = bench.table.heard[0]
 
     def spoof():
-        bench.safety.rx_hook(received.key | 3 << 26, bench.said(received), bench.now)
+        bench.safety.rx_hook(heard.key | 3 << 26, bench.said(heard), bench.now)
         return bench.safety.state is not State.ENGAGED
 
     bench.run(1.2, spoof)
-    assert bench.safety.losses == {f"{received.name} too often": 1}
+    assert bench.safety.losses == {f"{heard.name} too often": 1}
     assert bench.safety.state is State.FADING
 
 

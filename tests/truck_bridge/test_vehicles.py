@@ -101,7 +101,7 @@ def test_no_two_messages_share_a_turn(vehicle):
 
 
 def test_speeds_reach_the_core_in_si(vehicle):
-    received = next(h for h in vehicle.table.received if h.name == "CCVS1")
+    received = next(h for h in vehicle.table.heard if h.name == "CCVS1")
     speed = next(s for s in received.signals if s.name == "speed")
     assert speed.field.scale == pytest.approx(1 / 256 / 3.6)
 

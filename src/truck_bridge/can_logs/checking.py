@@ -59,7 +59,7 @@ class _Replay:
     def __init__(self, vehicle: Vehicle) -> None:
         self._override = vehicle.table.override
         self._table: Table = replace(vehicle.table, override=(), needs_lead=False, engage_speed=(0.0, 1e3))
-        self._names = {message.key: message.name for message in vehicle.table.received}
+        self._names = {message.key: message.name for message in vehicle.table.heard}
         self._safety = Safety(self._table)
         self._vehicle, self._faults = vehicle, FaultWatch(vehicle)
         self._now = self._start = 0.0

@@ -9,7 +9,7 @@ from truck_bridge.emulator.messages import SAYS, Truck
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums
 from truck_bridge.j1939.codec import Layout
-from truck_bridge.safety import Received
+from truck_bridge.safety import Heard
 from truck_bridge.vehicles import Vehicle
 
 UNTOLD_S = {"VDS": 0.1}  # periods of messages whose own is 'on request' or 'on change'; else 1 s
@@ -46,9 +46,7 @@ def voices(truck: Truck) -> Iterator[Sender]:
     Raises InputError where the file wants to hear a message that no emulated controller speaks.
     """
     vehicle = truck.vehicle
-    received = {
-        (vehicle.codec.by_pgn[one.key >> 8].name, one.key & 0xFF): one for one in vehicle.table.received
-    }
+    received = {(vehicle.codec.by_pgn[one.key >> 8].name, one.key & 0xFF): one for one in vehicle.table.heard}
     for message, _ in received:
         if message not in SAYS:
             raise InputError(f"the ECU emulator does not speak {message}, which {vehicle.name} wants to hear")
@@ -63,7 +61,7 @@ def _usual(vehicle: Vehicle, message: str, who: str) -> list[int]:
     return [vehicle.addresses[who]] if spoken else []
 
 
-def _sender(truck: Truck, message: str, address: int, received: Received | None) -> Sender:
+def _sender(truck: Truck, message: str, address: int, received: Heard | None) -> Sender:
     layout, says = truck.vehicle.codec[message], SAYS[message][1]
     names = {address: who for who, address in truck.vehicle.addresses.items()}
     period, check = layout.period_s or UNTOLD_S.get(message, 1.0), checksums.NONE

@@ -59,7 +59,7 @@ class Safety:
         self._now = self._engaged_at = self._faded_at = -math.inf
 
     def _listen(self) -> None:
-        """Anew: nothing received yet."""
+        """Anew: nothing heard yet."""
         self.hearing = Hearing(self.table, self.refusals)
         self.others = Demands(self.table, self.refusals)
 
@@ -76,7 +76,7 @@ class Safety:
         return self._link
 
     def arm(self, now: float) -> None:
-        """From silent to standby: the address may be claimed and signals are received; no demand leaves."""
+        """From silent to standby: the address may be claimed and signals are heard; no demand leaves."""
         if self.state is State.SILENT:
             self._forget()
             self.state, self._now = State.STANDBY, now
@@ -193,7 +193,7 @@ class Safety:
                 self.state = State.STANDBY
 
     def _rewind(self, now: float) -> None:
-        """The clock went back: nothing received or sent has a meaningful age any more."""
+        """The clock went back: nothing heard or sent has a meaningful age any more."""
         self.release(now, "clock went back")
         self._listen()
         self._commanded = -math.inf
@@ -218,7 +218,7 @@ class Safety:
     # frames in
 
     def rx_hook(self, can_id: int, data: bytes, now: float) -> None:
-        """A frame was received."""
+        """A frame was heard."""
         if self.state is State.SILENT:
             return
         source, own = can_id & 0xFF, self._motions.get(can_id)
@@ -302,7 +302,7 @@ class Safety:
         if motion.outside(value, self._speed, now):
             return "value"
         if self.state is State.FADING:
-            return "rate" if motion.breaks_release(value, now) else ""
+            return "rate" if motion.strays(value, now) else ""
         return motion.hasty(value, self._rate(axis, now), self._speed, now)
 
     def _rate(self, axis: Axis, now: float) -> float:

@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from truck_bridge.safety.checks import checksum_ok, counter_ok
-from truck_bridge.safety.tables import Received, Table
+from truck_bridge.safety.tables import Heard, Table
 
 NEVER = (math.nan, -math.inf)  # value and time of a signal that has not come yet
 TOO_OFTEN = 1.75  # times the nominal rate: a second sender, or a flood
@@ -23,55 +23,55 @@ class _Arrivals:
 
 
 class Hearing:
-    """Signals of the received messages. A value that is not available or impossible does not refresh its
+    """Signals of the heard messages. A value that is not available or impossible does not refresh its
     signal.
     """
 
     def __init__(self, table: Table, refusals: Counter[str]) -> None:
         self._table = table
         self._refusals = refusals
-        self._messages = {received.key: received for received in table.received}
-        self._arrivals = {received.key: _Arrivals() for received in table.received}
+        self._messages = {heard.key: heard for heard in table.heard}
+        self._arrivals = {heard.key: _Arrivals() for heard in table.heard}
         self._values: dict[str, tuple[float, float]] = {}  # signal: value, time of reception
         self._doubtful: dict[str, float] = {}  # implausible pairs, since when
 
     def take(self, can_id: int, data: bytes, now: float) -> str:
         """Take a frame if it is one of ours to hear. Returns why control must fade, or nothing."""
-        received = self._messages.get(can_id & 0x03FF_FFFF)
-        if received is None:
+        heard = self._messages.get(can_id & 0x03FF_FFFF)
+        if heard is None:
             return ""
-        if not self._sound(received, can_id, data):
+        if not self._sound(heard, can_id, data):
             return ""
         word = int.from_bytes(data, "little")
-        for signal in received.signals:
+        for signal in heard.signals:
             value = signal.field.read(word)
             if value is None or not signal.low <= value <= signal.high:
                 self._refusals[f"{signal.name} invalid"] += 1
             else:
                 self._values[signal.name] = (value, now)
-        return self._count(received, now)
+        return self._count(heard, now)
 
-    def _sound(self, received: Received, can_id: int, data: bytes) -> bool:
+    def _sound(self, heard: Heard, can_id: int, data: bytes) -> bool:
         """Length, checksum and counter."""
         if len(data) != 8:
-            return self._refuse(f"{received.name} length")
-        if received.check == "none":
+            return self._refuse(f"{heard.name} length")
+        if heard.check == "none":
             return True
-        arrivals, word = self._arrivals[received.key], int.from_bytes(data, "little")
-        if not checksum_ok(received.check, can_id, word):
-            return self._refuse(f"{received.name} checksum")
+        arrivals, word = self._arrivals[heard.key], int.from_bytes(data, "little")
+        if not checksum_ok(heard.check, can_id, word):
+            return self._refuse(f"{heard.name} checksum")
         before, arrivals.counter = arrivals.counter, (word >> 56) & 0xF
-        return counter_ok(received.check, word, before) or self._refuse(f"{received.name} counter")
+        return counter_ok(heard.check, word, before) or self._refuse(f"{heard.name} counter")
 
-    def _count(self, received: Received, now: float) -> str:
-        arrivals = self._arrivals[received.key]
+    def _count(self, heard: Heard, now: float) -> str:
+        arrivals = self._arrivals[heard.key]
         if now - arrivals.start >= 1.0:
             arrivals.start, arrivals.count = now, 0
         arrivals.count += 1
-        if arrivals.count * received.period_s <= TOO_OFTEN:
+        if arrivals.count * heard.period_s <= TOO_OFTEN:
             return ""
-        self._refuse(f"{received.name} too often")
-        return f"{received.name} too often"
+        self._refuse(f"{heard.name} too often")
+        return f"{heard.name} too often"
 
     def _refuse(self, reason: str) -> bool:
         self._refusals[reason] += 1
@@ -84,11 +84,10 @@ class Hearing:
     def stale(self, now: float) -> list[str]:
         """Messages of which a signal has not come validly for longer than its time-out."""
         return [
-            received.name
-            for received in self._table.received
+            heard.name
+            for heard in self._table.heard
             if any(
-                now - self._values.get(signal.name, NEVER)[1] > received.timeout_s
-                for signal in received.signals
+                now - self._values.get(signal.name, NEVER)[1] > heard.timeout_s for signal in heard.signals
             )
         ]
 

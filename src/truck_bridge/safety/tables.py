@@ -59,12 +59,12 @@ class Axis:
     limits: Limits
     rest: float = 0.0  # the demand that asks for nothing
     idle_at_rest: bool = False  # rest is sent as the release frame (XBR of 0 would hold the speed)
-    start_from: str = ""  # received signal (same unit) where the demand starts at engagement
+    start_from: str = ""  # heard signal (same unit) where the demand starts at engagement
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One signal of a received message and the range a truck can produce."""
+    """One signal of a heard message and the range a truck can produce."""
 
     name: str
     field: Field
@@ -73,8 +73,8 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Received:
-    """One message that must be received. `key` is parameter group and source address, pgn << 8 | source."""
+class Heard:
+    """One message that must be heard. `key` is parameter group and source address, pgn << 8 | source."""
 
     name: str
     key: int
@@ -124,7 +124,7 @@ class Table:
 
     address: int  # ours
     axes: tuple[Axis, ...]
-    received: tuple[Received, ...]
+    heard: tuple[Heard, ...]
     always: tuple[int, ...]  # identifiers that may leave whenever armed: address claim, and its request
     allowed: tuple[Allowed, ...]  # what transmission, brakes ... may demand of our axes; nobody else anything
     override: tuple[tuple[str, float], ...]  # driver signals, at or above which the driver takes over

@@ -15,7 +15,7 @@ from truck_bridge import j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
 from truck_bridge.j1939.codec import Codec, Layout, Signal
-from truck_bridge.safety import Axis, Driveline, Field, Limits, Measured, Received, Table, Timing
+from truck_bridge.safety import Axis, Driveline, Field, Heard, Limits, Measured, Table, Timing
 from truck_bridge.safety.tables import Allowed
 from truck_bridge.units import to_si
 from truck_bridge.vehicles.schema import VEHICLE, check
@@ -73,7 +73,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
     table = Table(
         address=own,
         axes=tuple(message.axis for message in sent.values()),
-        received=received,
+        heard=received,
         always=_claims(own),
         allowed=tuple(_allowed(data, sent)),
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
@@ -179,7 +179,7 @@ def _pair(key: str, values: list[float]) -> tuple[float, float]:
     return values[0], values[1]
 
 
-def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Received:
+def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:
     """One entry of `receive`: its name is the message's, unless it says `message` itself because two
     controllers send the same one.
     """
@@ -194,7 +194,7 @@ def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec
         low, high = spec.get("range", {}).get(name, (field.offset, field.offset + field.scale * field.last))
         measured.append(Measured(name, field, low, high))
     sender = layout.pgn << 8 | _address(data, spec["from"])
-    return Received(key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
+    return Heard(key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
 
 
 def _room_to_sign(key: str, layout: Layout) -> None:
