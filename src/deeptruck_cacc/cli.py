@@ -136,9 +136,10 @@ def evaluate(
     rollouts: Annotated[int, typer.Option(help="Paths in each set.", min=1, max=10_000)] = 100,
     seed: Annotated[int, typer.Option(help="Of the scenes.", min=0, max=LARGEST_SEED)] = 1000,
     shield: Annotated[bool, typer.Option(help="Put the shield before policy and baselines.")] = False,
-    full: Annotated[
-        bool, typer.Option("--full", help="Add every scene, the baselines' table and the platoons.")
-    ] = False,
+    full: Annotated[bool, typer.Option("--full", help="Add every scene and the platoons.")] = False,
+    planner: Annotated[
+        str, typer.Option(metavar="SIM", help="Add to the baselines a planner on this simulator.")
+    ] = "",
     all_seeds: Annotated[
         bool, typer.Option("--all-seeds", help="Every POLICY/seeds/K, and the worst of them.")
     ] = False,
@@ -153,13 +154,16 @@ def evaluate(
     from deeptruck_cacc import evaluation
     from deeptruck_cacc.evaluation.output import check
 
-    check(policy, simulator, out, all_seeds=all_seeds, overwrite=overwrite)
+    check(policy, simulator, out, all_seeds=all_seeds, overwrite=overwrite, planner=planner)
     drive = evaluation.evaluate_seeds if all_seeds else evaluation.evaluate
     extent: dict[str, Any] = {"rollouts": rollouts, "seed": seed, "shield": shield, "full": full}
+    extent["planner"] = planner
     with progress("loading") as say:
         metrics = drive(policy, simulator, out, overwrite=overwrite, say=say, **extent)
     seen = Console()
-    Console(width=max(seen.width, WIDE)).print(evaluation.table(metrics))
+    wide = Console(width=max(seen.width, WIDE))
+    wide.print(evaluation.table(metrics))
+    wide.print(evaluation.best_table(metrics))
     typer.echo(f"{out}: metrics.json and figures")
 
 

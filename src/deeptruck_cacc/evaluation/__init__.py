@@ -3,16 +3,16 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from deeptruck_cacc.evaluation.overview import table
+    from deeptruck_cacc.evaluation.overview import best_table, table
     from deeptruck_cacc.evaluation.report import evaluate, evaluate_seeds
 
-__all__ = ["evaluate", "evaluate_seeds", "table"]
+__all__ = ["best_table", "evaluate", "evaluate_seeds", "table"]
 
 
 def __getattr__(name: str) -> Any:
-    """The three functions on their first use: what an evaluation writes is known without a figure drawn."""
+    """These functions on their first use: what an evaluation writes is known without a figure drawn."""
     if name not in __all__:
         raise AttributeError(name)
     from deeptruck_cacc.evaluation import overview, report
 
-    return getattr(overview if name == "table" else report, name)
+    return getattr(overview if name.endswith("table") else report, name)

@@ -32,7 +32,13 @@ EVALUATION = files.Result("an evaluation of a policy", (*_FILES, *(f"*/{name}" f
 
 
 def check(
-    policy: str, simulator: str, out: Path, *, all_seeds: bool = False, overwrite: bool = False
+    policy: str,
+    simulator: str,
+    out: Path,
+    *,
+    all_seeds: bool = False,
+    overwrite: bool = False,
+    planner: str = "",
 ) -> None:
     """Called before anything is driven. No torch. Raises InputError with all that cannot be: an `out` that
     holds something else, or an evaluation without `overwrite`; a policy or simulator that is none, or that do
@@ -45,6 +51,8 @@ def check(
         facts = checks.simulator(simulator)
         for path in policies():
             check_dt(load_policy(path, facts.interface), facts.dt)
+        if planner:
+            check_dt(load_policy(f"{PLANNER}{planner}", facts.interface), facts.dt)
 
     checks.every(
         lambda: [load_policy(path) for path in policies()],

@@ -25,6 +25,20 @@ MEANS = (
     "In reach: the worst time-gap error where the engine could have held the gap. Jerk is in m/s³. "
     "Shield %: the share of the time in which it acted."
 )
+BEST: Row = (
+    "scene",
+    "policy (s)",
+    "crashes",
+    "best baseline",
+    "its error (s)",
+    "its crashes",
+    "difference (s)",
+    "95 % interval",
+)
+BEST_MEANS = (
+    "Against the best baseline of each scene: the mean over rollouts of the worst time-gap error where the "
+    "engine could have held the gap. Above zero the policy is worse."
+)
 PLATOON: Row = ("eight trucks", "speed amplification, worst", "at (Hz)")
 
 
@@ -54,6 +68,23 @@ def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
+def best_rows(results: Mapping[str, Any]) -> list[Row]:
+    """A row a scene: the policy, the best baseline, and how much worse the policy is."""
+    return [
+        (
+            name,
+            f"{row['policy_s']:.3f}",
+            str(row["policy_crashes"]),
+            row["best"],
+            f"{row['best_s']:.3f}",
+            str(row["best_crashes"]),
+            f"{row['difference_s']:+z.3f}",
+            f"{row['low_s']:+z.3f} to {row['high_s']:+z.3f}",
+        )
+        for name, row in results.get("against_best", {}).items()
+    ]
+
+
 def platoon_rows(results: Mapping[str, Any]) -> list[Row]:
     """Who drives all eight trucks, and by how much a truck at most enlarges the speed of the one before."""
     out: list[Row] = []
@@ -66,11 +97,20 @@ def platoon_rows(results: Mapping[str, Any]) -> list[Row]:
 
 def table(results: Mapping[str, Any]) -> Any:
     """The rows as a rich table."""
+    return _table(f"{results['policy']} on {results['simulator']}", HEAD, rows(results))
+
+
+def best_table(results: Mapping[str, Any]) -> Any:
+    """`best_rows` as a rich table."""
+    return _table(BEST_MEANS, BEST, best_rows(results))
+
+
+def _table(title: str, heads: Row, cells: list[Row]) -> Any:
     from rich.table import Table
 
-    view = Table(title=f"{results['policy']} on {results['simulator']}")
-    for head in HEAD:
-        view.add_column(head, justify="left" if head == HEAD[0] else "right")
-    for row in rows(results):
+    view = Table(title=title)
+    for head in heads:
+        view.add_column(head, justify="left" if head == heads[0] else "right")
+    for row in cells:
         view.add_row(*row)
     return view

@@ -30,6 +30,8 @@ def page(results: Mapping[str, Any], folder: Path) -> str:
     }
     first = [pictures.pop(FIRST)] if FIRST in pictures else []
     tables = [Table("All scenes, and baselines in them", overview.HEAD, tuple(overview.rows(results)))]
+    if best := overview.best_rows(results):
+        tables.insert(0, Table(overview.BEST_MEANS, overview.BEST, tuple(best)))
     if platoon := overview.platoon_rows(results):
         tables.append(
             Table("A disturbance grows where the amplification is above 1.", overview.PLATOON, tuple(platoon))

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from deeptruck_cacc.controllers.baselines import LAWS, baseline
-from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.loading import PLANNER, load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.hard_scenes import HARD, recorded, recorded_leaders
 from deeptruck_cacc.environments.rollouts import Trace, roll_out
 from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.evaluation import figures, metrics, platoon
+from deeptruck_cacc.evaluation.against_best import against_best
 from deeptruck_cacc.evaluation.output import (
     CURVE,
     EVALUATION,
@@ -42,9 +43,6 @@ from deeptruck_model.simulators import Simulator
 
 Say = Callable[[str], None]
 
-COMPARED = ("paper", "moving", "steps", "stop", "gap_closing")
-BASELINE = "acc"  # is driven always, in those of COMPARED that are; the others with `full`
-
 
 @dataclass(frozen=True)
 class Extent:
@@ -56,6 +54,7 @@ class Extent:
     full: bool = False
     draw: bool = True
     say: Say = lambda step: None
+    planner: str = ""
 
 
 def evaluate(
@@ -70,25 +69,32 @@ def evaluate(
     draw: bool = True,
     overwrite: bool = False,
     say: Say = lambda step: None,
+    planner: str = "",
 ) -> dict[str, Any]:
     """Drive a policy and write `out`/metrics.json and figures; the metrics are returned as well.
 
-    Always: the paper's set, a moving leader on hills and the two field runs, with ACC as a baseline. `full`
-    adds the scenes of hard_scenes.HARD, heavier and lighter trucks where the simulator has a mass, recorded
-    leaders where the data is present, every baseline (on a pedal map of this simulator) and platoons.
+    Always: the paper's set, a moving leader on hills and the two field runs, by the policy and by every
+    baseline (on a pedal map of this simulator). `full` adds the scenes of hard_scenes.HARD, heavier and
+    lighter trucks where the simulator has a mass, recorded leaders where the data is present, and platoons.
+    `planner` is a simulator on which a planner plans, one more baseline.
     `shield` puts the guard before policy and baselines, with a promise measured on the simulator.
     `draw` False leaves the scenes' figures out; `say` is told each step.
     `out` is written as a whole or not at all, and replaces an older evaluation only with `overwrite`.
     Raises InputError for an `out` that cannot be written, and a policy for another truck.
     """
-    extent = Extent(rollouts, seed, shield, full, draw, say)
+    extent = Extent(rollouts, seed, shield, full, draw, say, planner)
     with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
         return _evaluate(policy, simulator, draft, extent)
 
 
 def _evaluate(
-    policy: str | Policy, simulator: str | Simulator, draft: Path, extent: Extent
+    policy: str | Policy,
+    simulator: str | Simulator,
+    draft: Path,
+    extent: Extent,
+    baselines: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
+    """See `evaluate`; `baselines` are those of an earlier one with the same simulator and extent."""
     rollouts, seed, full = extent.rollouts, extent.seed, extent.full
     truck = simulators.load(simulator) if isinstance(simulator, str) else simulator
     driver = load_policy(policy, truck.interface) if isinstance(policy, str) else policy
@@ -108,9 +114,12 @@ def _evaluate(
         "shield": extent.shield,
         "sets": {name: _row(name, trace, own[name]) for name, trace in sets.items()},
     }
-    laws = LAWS if full else (BASELINE,)
-    drivers = {law: _behind(baseline(law, truck.interface, pedals, truck.dt), promise) for law in laws}
-    results["baselines"] = _baselines(truck, pedals, drivers, extent, [s for s in COMPARED if s in cases])
+    bare: dict[str, Policy] = {law: baseline(law, truck.interface, pedals, truck.dt) for law in LAWS}
+    if extent.planner:
+        bare["planner"] = load_policy(f"{PLANNER}{extent.planner}", truck.interface)
+    drivers = {law: _behind(one, promise) for law, one in bare.items()}
+    results["baselines"] = baselines or _baselines(drivers, cases, own, extent)
+    results["against_best"] = against_best(results)
     if full:
         extent.say("driving platoons")
         results["platoon"] = _platoons(truck, driver, drivers)
@@ -134,9 +143,10 @@ def evaluate_seeds(
     """
     folders = seed_folders(Path(policy))
     with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
-        each = {
-            p.name: _evaluate(str(p), simulator, _made(draft / p.name), Extent(**options)) for p in folders
-        }
+        each: dict[str, dict[str, Any]] = {}
+        for p in folders:
+            driven = next(iter(each.values()))["baselines"] if each else None
+            each[p.name] = _evaluate(str(p), simulator, _made(draft / p.name), Extent(**options), driven)
         results = _together(policy, each)
         _draw_learning(Path(policy), draft)
         _write(results, draft, Extent(**options).draw)
@@ -153,17 +163,21 @@ def _together(policy: str | Path, each: dict[str, dict[str, Any]]) -> dict[str, 
     sets = {name: _worst([result["sets"][name] for result in each.values()]) for name in first["sets"]}
     results = {**first, "policy": f"{policy}, worst of {len(each)} seeds", "sets": sets}
     results["seeds"] = {name: result["sets"] for name, result in each.items()}
+    results["against_best"] = against_best(results)
     return results
 
 
 def _worst(rows: list[Any]) -> Any:
-    """Entry by entry, the number furthest from zero of several summaries (least gap, ttc, return)."""
+    """Entry by entry, the number furthest from zero of several summaries (least gap, ttc, return); lists, of
+    a number a rollout, one below the other."""
     if isinstance(rows[0], dict):
         low = ("min_gap_m", "min_ttc_s", "mean_return", "share_within_reach", "rollouts_within_0.1_s")
         return {
             key: min(row[key] for row in rows) if key in low else _worst([row.get(key) for row in rows])
             for key in rows[0]
         }
+    if isinstance(rows[0], list):
+        return rows
     return None if any(row is None for row in rows) else max(rows, key=abs)
 
 
@@ -250,15 +264,16 @@ def _behind(driver: Policy, promise: Promise | None) -> Policy:
 
 
 def _baselines(
-    truck: Simulator, pedals: PedalMap, drivers: dict[str, Policy], extent: Extent, names: Iterable[str]
+    drivers: dict[str, Policy],
+    cases: dict[str, tuple[Simulator, Scene]],
+    pedals: dict[str, PedalMap],
+    extent: Extent,
 ) -> dict[str, Any]:
-    table: dict[str, Any] = {}
-    scenes = {name: _scene(name, extent.rollouts, extent.seed, truck.dt) for name in names}
-    for law in _each(extent, "driving", drivers):
-        driver = drivers[law]
-        traces = {name: _drive(driver, truck, scene) for name, scene in scenes.items()}
-        table[law] = {name: _row(name, trace, pedals) for name, trace in traces.items()}
-    return table
+    """Rows by baseline and case; `pedals` are those of each case's truck."""
+    return {
+        law: {name: _row(name, _drive(drivers[law], *case), pedals[name]) for name, case in cases.items()}
+        for law in _each(extent, "driving", drivers)
+    }
 
 
 def _platoons(truck: Simulator, driver: Policy, drivers: dict[str, Policy]) -> dict[str, Any]:

@@ -9,11 +9,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from deeptruck_cacc.controllers.baselines import baseline
+from deeptruck_cacc.controllers.baselines import LAWS, baseline
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments import hard_scenes
 from deeptruck_cacc.environments.rollouts import Trace, roll_out
-from deeptruck_cacc.evaluation import evaluate, metrics, platoon, report, table
+from deeptruck_cacc.evaluation import best_table, evaluate, metrics, platoon, report, table
+from deeptruck_cacc.evaluation.against_best import against_best, interval
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import sensible
@@ -34,14 +35,39 @@ def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path):
     closing = results["sets"]["gap_closing"]
     assert 0 < closing["closed_s_paper_bounds_median"] <= closing["closed_s_paper_bounds"]
     assert row["crashes"] == 0 and row["time_gap_error_after_10s"]["worst_abs"] < 0.2
-    assert table(results).row_count == 4 + 3  # of the baseline
-    assert list(results["baselines"]["acc"]) == ["paper", "moving", "gap_closing"]
+    assert table(results).row_count == 4 * (1 + len(LAWS))
+    best = results["against_best"]["moving"]
+    means = {law: np.mean(sets["moving"][metrics.EACH]) for law, sets in results["baselines"].items()}
+    assert best["best_s"] == min(means.values()) == means[best["best"]]
+    assert best["difference_s"] == pytest.approx(means["cacc"] - best["best_s"])
+    assert best["low_s"] <= best["difference_s"] <= best["high_s"]
+    assert best_table(results).row_count == 4
     text = (tmp_path / "e" / "evaluation.html").read_text()
     assert f">{sensible(row['time_gap_error_after_10s']['worst_abs'])}<" in text and "crashes" in text
     assert re.search(r"<h1>Mean time-gap error \d\.\d\d s, smallest gap \d+\.\d m, no crash", text)
     assert text.count("data:image/png;base64,") == 4 and "http" not in text.partition("<body>")[2]
     evaluate(cacc, toy, tmp_path / "bare", rollouts=2, draw=False)
     assert {path.name for path in (tmp_path / "bare").iterdir()} == {"metrics.json", files.LEDGER}
+
+
+def test_the_best_baseline_crashes_least_and_then_errs_least():
+    def row(each, crashes=0):
+        return {metrics.EACH: each, "crashes": crashes}
+
+    baselines = {"near": {"stop": row([0.1, 0.2], 1)}, "safe": {"stop": row([0.4, 0.4])}}
+    seeds = [[0.5, 0.6], [0.7, 0.8]]
+    found = against_best({"sets": {"stop": row(seeds), "own": row([1.0])}, "baselines": baselines})
+    assert list(found) == ["stop"] and found["stop"]["best"] == "safe"
+    assert found["stop"]["difference_s"] == pytest.approx(0.25)
+
+
+def test_the_interval_is_that_of_the_mean_and_widens_with_seeds_that_differ():
+    values = np.random.default_rng(0).normal(0.1, 1.0, (1, 400))
+    low, high = interval(values)
+    assert (low + high) / 2 == pytest.approx(values.mean(), abs=0.01)
+    assert high - low == pytest.approx(2 * 1.96 * values.std() / 20, rel=0.1)
+    low_two, high_two = interval(np.vstack([values - 1.0, values + 1.0]))
+    assert high_two - low_two > 5 * (high - low)
 
 
 def test_a_file_in_the_way_is_refused(toy, cacc, tmp_path):
@@ -170,8 +196,8 @@ def test_a_learning_curve_is_drawn_up_to_a_line_cut_short(tmp_path):
 
 @pytest.mark.long
 def test_baselines_stand_behind_the_same_shield_and_steps_are_told(toy, tmp_path, monkeypatch):
-    """The scenes that baselines drive, and pairs of trucks; other tests have the rest."""
-    monkeypatch.setattr(report, "HARD", {name: hard_scenes.HARD[name] for name in report.COMPARED})
+    """Two scenes, and pairs of trucks; other tests have the rest."""
+    monkeypatch.setattr(report, "HARD", {name: hard_scenes.HARD[name] for name in ("paper", "stop")})
     monkeypatch.setattr(platoon, "string_stability", partial(platoon.string_stability, trucks=2, draws=1))
     said = []
     driver = baseline("acc", toy.interface)
