@@ -257,6 +257,11 @@ def test_the_table_and_the_csv(tmp_path):
         can_logs.write_csv(found, tmp_path / "out.csv" / "out.csv")
 
 
+def test_frames_that_are_not_in_the_dbc_are_counted(tmp_path):
+    text = "".join(f"(1.{k}00000) can0 18FF7721#0102030405060708\n" for k in range(3))
+    assert can_logs.decode(written(tmp_path, text)).unknown == {0xFF77: 3}
+
+
 def test_time_that_runs_backwards_is_counted_and_said(tmp_path):
     lines = [f"({at}) can0 0CF00400#219B9BDD2F000F9B\n" for at in (1.0, 1.1, 0.5, 0.6, 0.4)]
     found = can_logs.decode(written(tmp_path, "".join(lines)))

@@ -126,6 +126,15 @@ def test_it_brakes_when_nothing_was_ever_seen_and_soon_when_the_leader_is_lost()
     assert braked_after is not None and braked_after < 3.0
 
 
+@pytest.mark.parametrize(("brake", "share"), [(25.0, 0.25), (100.0, 1.0)])
+def test_the_heat_of_a_step_is_by_formula(brake, share):
+    """dt (share b_max v - heat / tau), docs/cacc_shield.md: at 20.1 m/s, 500 m behind."""
+    shield, per_step = Shield(PROMISE, 0.0, 100.0), 0.1 * share * 7.5 * 20.1
+    for _ in range(2):
+        shield.filter(column(500.0), column(20.0), column(20.0), column(0.0), column(brake))
+    assert shield._seen[3] == pytest.approx(per_step + per_step - 0.1 * per_step / 900.0)
+
+
 def test_hot_brakes_need_more_room():
     shield = Shield(PROMISE, 0.0, 100.0)
     for _ in range(600):

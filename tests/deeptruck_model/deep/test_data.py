@@ -140,3 +140,11 @@ def test_the_card_says_so(drive, small, tmp_path):
     train([drive(60, interface=interface)], tmp_path / "sim", replace(small, updates=6))
     card = (tmp_path / "sim" / "MODEL_CARD.md").read_text()
     assert "- Braking is not recorded: how it brakes is not learned from it." in card
+
+
+def test_a_channel_that_stands_still_is_scaled_by_its_floor(drive):
+    recording = drive(30)
+    for name in ("acceleration", "speed"):
+        recording.channels[name][:] = 10.0
+    scales, n_y = data.measure_scales([recording]), len(recording.interface.y)
+    np.testing.assert_allclose(scales.scale[-n_y:][:2], [0.05, 1.0], rtol=1e-6)  # m/s^2, m/s
