@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pages
 
 from deeptruck_cacc import training
 from deeptruck_cacc.evaluation import figures
@@ -48,7 +49,7 @@ returns of thousands. After a crash, the batch before says nothing of this one."
 
 
 def main() -> None:
-    """Print the tables and write them to docs/results/trpo.md, with the figure in trpo/."""
+    """Print the tables and write its section of docs/results/following.md, with the figure in trpo/."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -63,7 +64,7 @@ def main() -> None:
     lines += [f"deeptruck-cacc train --trainer trpo --seeds {SEEDS} --iterations {args.iterations} \\"]
     lines += [f"  --simulator {SIMULATOR} --out policies/trpo", "```", "", SAYS, "", *seeds(curves), ""]
     lines += [WHY, "", *causes(args.work)]
-    (out / "trpo.md").write_text("\n".join(lines) + "\n")
+    pages.store("following", "\n".join(lines))
     print("\n".join(lines))
 
 
