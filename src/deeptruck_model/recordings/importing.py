@@ -25,7 +25,7 @@ from deeptruck_model.recordings.columns import Column, Columns, load_columns
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, period
-from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import Series, uniform
 from deeptruck_model.recordings.row_times import timed
 from deeptruck_model.results import BAG
@@ -108,7 +108,7 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         if RAGGED in account.total.aside:
             account.remarks.append("rows are the clock: what lies behind one that was left out is too early")
     table, time = timed(table, meaning.time)
-    notes = list(meaning.notes)
+    notes = [f"{TABLE_NOTE}{path.name}", *meaning.notes]
     values = {channel: _values(table, channel, column) for channel, column in meaning.channels.items()}
     cuts = [
         time_of

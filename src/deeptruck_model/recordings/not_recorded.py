@@ -12,11 +12,15 @@ from deeptruck_model.recordings.recording import Recording
 
 @dataclass(frozen=True)
 class Input:
-    """An input of the truck: what stays hidden without it, and where it is found."""
+    """An input of the truck: what stays hidden without it, and where it is found.
+
+    `column` is what COLUMNS.yaml of a table has for it, in the place of the topic that `signal` ends with.
+    """
 
     name: str
     hides: str
     signal: str
+    column: str
     known: Callable[[Recording], bool]
 
 
@@ -30,36 +34,42 @@ INPUTS = (
         "brake",
         "Braking counts as drag, slope or retarder, and no effect of the brakes can be named.",
         "brake pedal position, SPN 521 in EBC1 (PGN 61441); `brake_command` on `/truck/command`",
+        "`brake_command`",
         _measured("brake_command"),
     ),
     Input(
         "gear",
         "Losses and inertia that differ by gear, and the pauses of gear changes, are averaged.",
         "current gear, SPN 523 in ETC2 (PGN 61445); `gear` on `/truck/status`",
+        "`gear`",
         _measured("gear"),
     ),
     Input(
         "slope",
         "The force of a slope, 1 % of the weight for each percent, counts as engine, drag or brake.",
         "pitch or altitude, SPN 583 or 580 in VDS (PGN 65256); `grade` or `elevation` on `/road`",
+        "`grade` or `elevation`",
         _measured("grade", "elevation"),
     ),
     Input(
         "mass",
         "Forces are known in m/s² only, not in newtons, and a change of load is taken for other physics.",
         "gross combination weight, SPN 1760 in CVW (PGN 65136); `mass_kg` in COLUMNS.yaml, or `--mass-kg`",
+        "`mass_kg`",
         lambda r: r.interface.mass_kg is not None,
     ),
     Input(
         "gap",
         "The wake of a vehicle ahead lowers the air drag, which counts as tail wind or a smaller drag area.",
         "distance to the vehicle ahead, SPN 1587 in ACC1 (PGN 65135); `gap` on `/radar/range`",
+        "`gap`",
         _measured("gap"),
     ),
     Input(
         "commands obeyed",
         "Commands that the truck did not follow, as without engagement, are compared as if it had.",
         "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`",
+        "`engine_torque`",
         lambda r: r.obeyed or _measured("engine_torque")(r),
     ),
 )
@@ -67,17 +77,28 @@ INPUTS = (
 
 @dataclass(frozen=True)
 class Missing:
-    """An input that was not recorded: in no bag, or not in `sources`, the names of those without it."""
+    """An input that was not recorded: in no bag, or not in `sources`, the names of those without it.
+
+    `in_tables`: the bags without it were imported from tables.
+    """
 
     input: Input
     sources: tuple[str, ...]
+    in_tables: bool = False
+
+    @property
+    def signal(self) -> str:
+        """What to record: the signal, and its topic, or its name in COLUMNS.yaml where tables lack it."""
+        if not self.in_tables:
+            return self.input.signal
+        return f"{self.input.signal.partition('; ')[0]}; {self.input.column} in COLUMNS.yaml"
 
     def to_dict(self) -> dict[str, object]:
         """Plain data for JSON."""
         found: dict[str, object] = {
             "input": self.input.name,
             "hides": self.input.hides,
-            "signal": self.input.signal,
+            "signal": self.signal,
         }
         return found | ({"sources": list(self.sources)} if self.sources else {})
 
@@ -91,7 +112,8 @@ def not_recorded(recordings: Sequence[Recording]) -> list[Missing]:
     for one in INPUTS:
         without = tuple(name for name, pieces in bags.items() if not any(map(one.known, pieces)))
         if without:
-            missing.append(Missing(one, without if len(without) < len(bags) else ()))
+            in_tables = all(bags[name][0].from_table for name in without)
+            missing.append(Missing(one, without if len(without) < len(bags) else (), in_tables))
     return missing
 
 

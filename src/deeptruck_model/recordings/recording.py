@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+TABLE_NOTE = "imported from the table "  # begins the note of a recording that was imported from one
+
 
 @dataclass(frozen=True, repr=False)
 class Recording:
@@ -44,6 +46,11 @@ class Recording:
         """What it is, in a line: a notebook shows many of them."""
         length = f"{self.dt * len(self):.1f} s at {1 / self.dt:g} Hz"
         return f"<Recording {self.name!r}: {length}; {', '.join(self.channels)}; {self.interface.summary}>"
+
+    @property
+    def from_table(self) -> bool:
+        """Whether it was imported from a table, whose channels are columns and not topics."""
+        return any(note.startswith(TABLE_NOTE) for note in self.notes)
 
     @property
     def time(self) -> Array:

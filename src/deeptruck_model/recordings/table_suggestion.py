@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
@@ -14,15 +16,17 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.reading import plain
-from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate, Proposal, span
+from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate, Proposal, span, yaml_text
 from deeptruck_model.recordings.channel_words import COMMANDED, named_channels, units_by_range
 from deeptruck_model.recordings.header_words import IMPERIAL, METRIC, Header, fits, header, spelled
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.table_form import Form, find_form
+from deeptruck_model.recordings.topic_map import EXTRA
 from deeptruck_model.recordings.unit_evidence import fitting
 from deeptruck_model.recordings.units import conversion
+from deeptruck_model.signals import CHANNELS
 from deeptruck_model.table_file import MOST_ABOVE, TextTable, decimal_mark, read_table
 
 Array = NDArray[np.float64]
@@ -106,7 +110,29 @@ class TableSuggestion(Proposal):
         if self.table.decimal != ".":
             lines.append(f'decimal: "{self.table.decimal}"')
         blocks = (f"  {line}" if line else "" for line in self.blocks())
-        return "\n".join([*lines, "channels:", *blocks]) + "\n"
+        return "\n".join([*lines, "channels:", *blocks, *self._extra()]) + "\n"
+
+    def _extra(self) -> Iterator[str]:
+        """The other columns of numbers as entries of `extra`, to be taken by removing the '# '."""
+        named = {
+            id(one.field)
+            for several in (*self.candidates.values(), *self.commanded.values())
+            for one in several
+        }
+        others = [
+            c.name for c in self.columns if id(c.field) not in named and c.name not in self.clock.columns
+        ]
+        if not others:
+            return
+        yield ""
+        yield "# Other columns of numbers, carried as they are written. To take some,"
+        yield "# remove '# ' from the next line and from theirs."
+        yield f"# {EXTRA}:"
+        taken = set[str]()
+        for column in others:
+            name = _extra_name(column, taken)
+            taken.add(name)
+            yield f"#   {name}: {yaml_text(column)}"
 
     def listing(self) -> list[str]:
         """Every column with its range and what it may be, a line each."""
@@ -122,6 +148,15 @@ class TableSuggestion(Proposal):
             said = "  time" if name in self.clock.columns else said
             lines.append(f"{plain(name) or '(no name)'}  {span(field)}{said}")
         return lines
+
+
+def _extra_name(column: str, taken: Set[str]) -> str:
+    """A name under `extra` for a column: its letters and digits, and a number where another has the same."""
+    stem = re.sub(r"\W+", "_", column, flags=re.ASCII).strip("_").lower()[:50]
+    stem = stem if re.match(r"[a-z]", stem) else f"column_{stem}".rstrip("_")
+    stem = f"{stem}_column" if stem in CHANNELS or stem.startswith(("driver_", "engaged")) else stem
+    names = (stem, *(f"{stem}_{number}" for number in range(2, len(taken) + 3)))
+    return next(name for name in names if name not in taken)
 
 
 def suggest_columns(path: str | Path) -> TableSuggestion:

@@ -43,7 +43,7 @@ def test_every_channel_of_the_contract(tmp_path: Path, kind: str) -> None:
     assert set(recording.channels) == set(expected)
     for name, values in expected.items():
         np.testing.assert_allclose(recording.channels[name], values, rtol=1e-12, err_msg=name)
-    assert recording.notes == ()
+    assert recording.notes == (f"imported from the table {table.name}",)
 
 
 def test_speed_alone_is_enough(tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_speed_alone_is_enough(tmp_path: Path) -> None:
     assert recording.dt == 0.5
     np.testing.assert_array_equal(recording.channels["acceleration"], 2.0)
     assert recording.interface == TruckInterface("drive", brake_unit=None, grade=False, fuel=False)
-    assert recording.notes == ("acceleration derived from speed",)
+    assert recording.notes == ("imported from the table drive.csv", "acceleration derived from speed")
 
 
 def test_a_sensor_that_failed_is_no_slow_one(tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from deeptruck_model import cli
-from deeptruck_model.recordings import Recording, coverage, write_bag
+from deeptruck_model.recordings import Recording, coverage, import_table, read, write_bag
 from deeptruck_model.recordings.not_recorded import INPUTS, not_recorded
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import CHANNELS, TruckInterface
 
 PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
 CHANNELS_OF = {
@@ -65,6 +65,19 @@ def test_bags_are_named_where_only_some_lack_it_and_pieces_are_no_bags(whole: Re
     assert not_recorded([first, second]) == []
     (missing,) = not_recorded([first, second, replace(without(whole, "gear"), name="b")])
     assert missing.to_dict()["sources"] == ["b"]
+
+
+def test_of_a_table_the_columns_are_named_and_no_topics(tmp_path: Path) -> None:
+    rows = [f"{0.1 * k:.1f},{10 + k % 3}" for k in range(50)]
+    (tmp_path / "drive.csv").write_text("\n".join(["t,v", *rows]))
+    columns = {"time": {"column": "t"}, "channels": {"speed": {"column": "v", "unit": "m/s"}}}
+    bag = import_table(tmp_path / "drive.csv", columns, tmp_path / "bag").bag
+    found = coverage(read(bag)).not_recorded
+    assert [m["input"] for m in found] == [one.name for one in INPUTS]
+    for missing, one in zip(found, INPUTS, strict=True):
+        names = re.findall("`(.+?)`", one.column)
+        assert names and {*names} <= {*CHANNELS, "mass_kg"}
+        assert missing["signal"].endswith(f"{one.column} in COLUMNS.yaml") and "/" not in missing["signal"]
 
 
 def test_it_comes_first_on_the_terminal_in_the_numbers_and_on_the_page(

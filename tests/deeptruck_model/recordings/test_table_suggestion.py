@@ -230,6 +230,24 @@ def test_a_proposal_is_imported_as_it_is(tmp_path: Path, table: Callable[[Path],
         assert np.quantile(off, 0.9) < 0.02 * scale + 1e-3, (channel, values[:5], wanted[:5])
 
 
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_every_other_column_of_numbers_is_carried_once_its_line_counts(
+    tmp_path: Path, table: Callable[[Path], Path]
+) -> None:
+    path = table(tmp_path / "drive.csv")
+    found = suggest_columns(path)
+    several = (*found.candidates.values(), *found.commanded.values())
+    likely = [one.field.path for many in several for one in many]
+    others = {c.name for c in found.columns} - {*likely, *found.clock.columns}
+    before, _, after = found.text().partition("# extra:\n")
+    assert bool(after) == bool(others)
+    columns = yaml.safe_load(before + "extra:\n" + after.replace("#   ", "  ")) if others else {}
+    assert {*columns.get("extra", {}).values()} == others
+    if others:
+        (recording,) = import_table(path, columns, tmp_path / "bag").recordings
+        assert columns["extra"].keys() <= recording.channels.keys()
+
+
 NOISE = np.random.default_rng(7).normal(0.0, 0.2, len(TIME))
 
 
