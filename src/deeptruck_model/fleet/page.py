@@ -142,7 +142,8 @@ def _of_class(kind: str, c: Mapping[str, Any], level: float) -> str:
 def _first(name: str, e: Mapping[str, Any]) -> tuple[str, str, str, str, str, str]:
     link = _link(posixpath.join(folder(name), "report.html"))
     verdict = "differs" if e["differs"] else "not established"
-    return (name, link, verdict, _stated(e["stated"]), f"{_number(e['held_out']):.1f}", f"{e['q']:.3g}")
+    stated = _stated(e["stated"]) or e["verdict"].replace("_", " ")
+    return (name, link, verdict, stated, f"{_number(e['held_out']):.1f}", f"{e['q']:.3g}")
 
 
 def _again(trucks: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -83,6 +83,16 @@ def test_the_page_lists_them_first_and_every_link_leads_to_a_report(result):
     assert len(links) == 44 and all((result / link).is_file() for link in links)
 
 
+def test_a_truck_that_differs_without_a_finding_of_its_own_is_listed_with_its_verdict(result):
+    target = place(str(result))
+    target.write_json(f"{folder('truck 33')}/{VERDICT}", verdict(None))
+    pool.pool(target, {}, 0.05)
+    page.show(target)
+    first = (result / page.PAGE).read_text()
+    first = first[first.index("Look at these") : first.index("Trucks by families")]
+    assert "<td>differs</td><td>nothing missing</td>" in first
+
+
 def test_the_page_shows_earlier_and_present_result_where_they_differ(result):
     target = place(str(result))
     for name, effect in (("truck 11", None), ("truck 22", "drag_area")):
