@@ -45,6 +45,11 @@ def test_a_result_stands_whole_and_its_draft_is_gone(tmp_path: Path) -> None:
     assert (tmp_path / "new" / "out" / "b").read_text() == "2"
 
 
+def test_a_draft_is_known_as_the_commands_from_its_beginning(tmp_path: Path) -> None:
+    with KIND.replacing(tmp_path / "out") as draft:
+        assert KIND.signed(draft)
+
+
 def test_a_block_that_fails_leaves_the_older_result_and_nothing_else(tmp_path: Path) -> None:
     publish(tmp_path / "out", a="old")
     with pytest.raises(ZeroDivisionError), KIND.replacing(tmp_path / "out", overwrite=True) as draft:
