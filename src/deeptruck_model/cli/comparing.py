@@ -44,9 +44,9 @@ def compare(
 ) -> None:
     given = _offsets(offset_s or [])
     bags = [_bag(text) for text in sides]
+    checks.every(*(partial(_a_drive, text, sides) for text in sides))  # first: else it is said to be no bag
     checks.every(
         lambda: _several(sides),
-        *(partial(_a_drive, text, sides) for text in sides),
         lambda: results.apart(out, *bags),
         lambda: results.COMPARISON.check(out, overwrite=overwrite),
         *(_inputs(text, topic_map) for text in dict.fromkeys(sides)),
