@@ -198,6 +198,7 @@ def test_a_learning_curve_is_drawn_up_to_a_line_cut_short(tmp_path):
 def test_baselines_stand_behind_the_same_shield_and_steps_are_told(toy, tmp_path, monkeypatch):
     """Two scenes, and pairs of trucks; other tests have the rest."""
     monkeypatch.setattr(report, "HARD", {name: hard_scenes.HARD[name] for name in ("paper", "stop")})
+    monkeypatch.setattr(report, "LEADERS", ())
     monkeypatch.setattr(platoon, "string_stability", partial(platoon.string_stability, trucks=2, draws=1))
     said = []
     driver = baseline("acc", toy.interface)
