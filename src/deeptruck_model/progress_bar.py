@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 
 
 A_MINUTE_S = 60.0
-LEAST_STEPS, LEAST_SHARE = (
-    10,
-    0.02,
-)  # done before the time left is estimated: the first steps compile and load
+LEAST_STEPS, LEAST_SHARE = 10, 0.02  # done before the time left is estimated: first steps compile
 
 
 def _can_estimate(done: int, total: int) -> bool:

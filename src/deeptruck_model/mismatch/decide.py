@@ -324,10 +324,11 @@ def _kind(
 
 
 def _right(found: Budget, driven: Validated | None, rules: Rules) -> bool:
-    """Whether nothing that matters is left: free runs are off by little, or as a learned simulator is on its
-    own recordings."""
+    """Whether nothing that matters is left: free runs along fitted and held-out drives are off by little, or
+    as a learned simulator is on its own recordings."""
     errors = driven.fit.errors if driven is not None else None
-    error = errors.before.speed if errors is not None else found.speed_rmse
+    held = errors.before.speed if errors is not None else found.speed_rmse
+    error = max(held, found.speed_rmse) if np.isfinite(found.speed_rmse) else held
     if not np.isfinite(error):
         return False
     if driven is not None and driven.own_error is not None:

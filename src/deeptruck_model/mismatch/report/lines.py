@@ -109,7 +109,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield "Use the simulator as it is."
     for f in v.findings:
         if f.kind is Kind.SENSOR:
-            yield f"Repair or calibrate {' and '.join(f.depends_on)}, and record again."
+            yield f"Remove the {spoken(f.effect)} at its sensor or clock, and record again."
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
     manoeuvres = dict.fromkeys(
