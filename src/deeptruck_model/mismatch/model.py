@@ -246,7 +246,8 @@ def _added_up(search: Regression, x: Array, counted: Mask) -> Array:
 def _truck(simulator: Simulator, search: Regression, recipe: Recipe, model: Model) -> CorrectedTruck:
     e = search.e
     change = {
-        p: float(np.clip(e.total_change(p, model.moved(p)), *e.vehicle.possible(p))) for p in model.free
+        p: float(np.clip(e.total_change(p, model.moved(p)), *e.vehicle.possible(p)))
+        for p in sorted(model.free)
     }
     change = accepted(simulator, change)
     terms = [

@@ -55,7 +55,7 @@ def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     """
     values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
     acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
-    by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in model.free})
+    by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in sorted(model.free)})
     weights: dict[str, Array] = {}
     told: dict[str, Column] = {}
     for k, part in enumerate(term.parts):
