@@ -30,6 +30,7 @@ from deeptruck_model.errors import InputError
         ("start: {speed: null}\n", "no variable that is known as start: speed"),
         ("dt: 0.1\nstep: 0.03\n", "is no whole number of the FMU's steps"),
         ("dt: -1\n", "dt of the mapping is -1 s"),
+        ("parameters: {drag_area: {variable: drag_area, unit: ft2}}\n", r"is in ft2, ours is in m\^2"),
         ("set: {mass: heavy}\n", "set: mass of the mapping is heavy; give a number"),
         ("- a\n", "must hold 'key: value' pairs"),
     ],

@@ -150,3 +150,13 @@ def test_freightliner_feels_a_grade_it_does_not_report() -> None:
     u, y0 = np.tile([40.0, 0.0], (1, 200, 1)), np.array([[0.0, 15.0, 3.0]])
     level = truck.rollout(u, np.zeros((1, 200, 0)), y0).y[0, -1, 1]
     assert world.rollout(u, np.full((1, 200, 1), 0.03), y0).y[0, -1, 1] < level - 1.0
+
+
+def test_the_load_at_the_start_is_air_drag_and_rolling_resistance() -> None:
+    truck = trucks.load("trucksim")
+    p, speed = truck.parameters(), 25.0
+    y = np.zeros((1, len(truck.interface.y)))
+    y[0, truck.interface.y.index("speed")] = speed
+    drag = 0.5 * p["air_density"] * p["drag_area"] * speed**2
+    rolling = (p["rolling_resistance"] + p["rolling_resistance_speed"] * speed) * p["mass"] * p["gravity"]
+    assert truck.reset(y).records["load"][0] == pytest.approx(drag + rolling, rel=1e-6)
