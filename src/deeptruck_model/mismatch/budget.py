@@ -18,6 +18,7 @@ from scipy.linalg import solve_triangular
 
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior, fit, whiten
 from deeptruck_model.mismatch.strength import NOTABLE
 from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, HIDDEN, LEFT_OVER, NAMES, PLACE, SLOW
@@ -100,10 +101,13 @@ class Budget:
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
 
 
-def budget(search: Regression, hidden: Mask) -> Budget:
-    """Split what the rows that are fitted are off by. `hidden` (n,) are rows in which an input acts that was
-    not recorded, and which the search does not compare."""
+def budget(search: Regression, hidden: Mask, given: Evidence) -> Budget:
+    """Split what the simulator as `given` is off by in the rows that are fitted. The search may be about
+    refitted parameters: what that changed is a part of their families. `hidden` (n,) are rows in which an
+    input acts that was not recorded, and which the search does not compare."""
     blocks = _blocks(search)
+    refitted = _refitted(search.e, given)
+    blocks |= {family: np.zeros((len(given), 0)) for family in refitted if family not in blocks}
     names, F = list(blocks), np.concatenate(list(blocks.values()), axis=1)
     ends = np.cumsum([b.shape[1] for b in blocks.values()])
     at = [np.arange(end - b.shape[1], end) for end, b in zip(ends, blocks.values(), strict=True)]
@@ -113,8 +117,10 @@ def budget(search: Regression, hidden: Mask) -> Budget:
     used = np.zeros(len(e), dtype=bool)
     used[search.rows] = True
     F = np.where(used[:, None], F, 0.0)
-    residual = np.where(used | hidden, e.residual, 0.0)
+    refitted = {family: np.where(used, force, 0.0) for family, force in refitted.items()}
     braked = np.where(hidden, e.residual, 0.0)
+    residual = np.where(used, e.residual, braked) + sum(refitted.values())
+    fixed = [*refitted.values(), braked]  # (n,) each, which are taken as they are
     for horizon_s in HORIZONS_S:
         starts = _starts(search, used | hidden, round(horizon_s / e.dt))
         if len(starts) >= LEAST_WINDOWS:
@@ -122,16 +128,21 @@ def budget(search: Regression, hidden: Mask) -> Budget:
     else:
         return Budget(HORIZONS_S[-1], len(starts), float("nan"), ())
     steps = round(horizon_s / e.dt)
-    columns = np.column_stack([F, braked, residual])
+    columns = np.column_stack([F, *fixed, residual])
     added = np.concatenate([np.cumsum(columns[k : k + steps], axis=0) * e.dt for k in starts])
     products = added.T @ added
     squares = float(products[-1, -1])
     rmse = float(np.sqrt(squares / len(added)))
-    groups = [*at, np.array([len(mean)])]
+    families = list(refitted)
+    groups = [
+        np.append(a, len(mean) + families.index(name)) if name in refitted else a
+        for name, a in zip(names, at, strict=True)
+    ]
+    groups.append(np.array([len(mean) + len(families)]))
     names.append(HIDDEN)
     spread = _shares(draws, groups, products)
     share, (low, high) = spread.mean(axis=0), np.quantile(spread, [0.05, 0.95], axis=0)
-    forces = [F[:, a] @ mean[a] for a in at] + [braked]
+    forces = [F[:, a] @ mean[a] + refitted.get(n, 0.0) for n, a in zip(names, at, strict=False)] + [braked]
     forces.append(residual - np.sum(forces, axis=0))
     names.append(LEFT_OVER)
     by_drive = _by_drive(search, added, starts, steps, draws, groups)
@@ -155,12 +166,13 @@ def budget(search: Regression, hidden: Mask) -> Budget:
 
 def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -> Array:
     """Shares of the squared error (m, parts + 1) for draws (m, k), what is unexplained last, that add up to
-    one: each part's marginal contribution averaged over all orders (Shapley's value of a quadratic form), so
-    that what two correlated parts explain is divided between them; what two parts cancel of each other
-    counts in neither."""
-    one, zero = np.ones((len(draws), 1)), np.zeros((len(draws), 1))
+    one. `products` (K, K) are those of the k columns that are drawn, of those taken as they are, and of the
+    error. A share is each part's marginal contribution averaged over all orders (Shapley's value of a
+    quadratic form), so that what two correlated parts explain is divided between them; what two parts cancel
+    of each other counts in neither."""
+    one, zero = np.ones((len(draws), len(products) - draws.shape[1] - 1)), np.zeros((len(draws), 1))
     parts = np.hstack([draws, one, zero])
-    left = np.hstack([-draws, -one, one])
+    left = np.hstack([-draws, -one, zero + 1.0])
     squares = max(float(products[-1, -1]), 1e-12)  # of a simulator that is exact
     beside = left @ products
     met = parts * (products[-1] + beside) / squares
@@ -170,6 +182,19 @@ def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -
     some = (together > 0.0) & (explained > 0.0)
     scale = np.where(some, explained / np.where(some, together, 1.0), 0.0)
     return np.column_stack([gained * scale[:, None], np.where(some, rest, 1.0)])
+
+
+def _refitted(e: Evidence, given: Evidence) -> dict[str, Array]:
+    """What refitting parameters changed of the residual (n,), m/s^2, by family; what is not linear in them is
+    divided as the linear parts are."""
+    linear = {p: np.nan_to_num(given.sensitivity[p]) * change for p, change in e.moved.items()}
+    total = sum(np.abs(force) for force in linear.values())
+    rest = np.nan_to_num(given.residual - e.residual) - sum(linear.values())
+    out: dict[str, Array] = {}
+    for p, force in linear.items():
+        share = np.abs(force) / np.maximum(total, 1e-12)
+        out[FAMILY[p]] = out.get(FAMILY[p], 0.0) + force + share * rest
+    return out
 
 
 def _by_drive(

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.classify import Names
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -22,12 +25,13 @@ class Uncompared:
 
 @dataclass(frozen=True)
 class Compared:
-    """The simulator's own `parameters`, the drives, what was not recorded, the regression, the names and the
-    budget."""
+    """The simulator's own `parameters`, the drives, what was not recorded, the `residual` (n,), m/s^2, of the
+    simulator as given, the regression, which may be about refitted parameters, the names and the budget."""
 
     parameters: Mapping[str, float]
     drives: Drives
     missing: tuple[NotRecorded, ...]
+    residual: NDArray[np.float64]
     search: Regression
     names: Names
     budget: Budget

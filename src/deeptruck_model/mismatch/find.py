@@ -76,7 +76,8 @@ def find_mismatch(
         made = correct(simulator, c.search, c.names, rules)
         driven = validate(simulator, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
         verdict = decide.decide(c, again, seen, made, driven, rules)
-    return Mismatch(verdict, c.search.e.everywhere(), driven.errors, driven.corrected, c.drives.prepared)
+    evidence = replace(c.search.e.everywhere(), residual=c.residual)
+    return Mismatch(verdict, evidence, driven.errors, driven.corrected, c.drives.prepared)
 
 
 def compared(
@@ -126,8 +127,8 @@ def compared(
     say("comparing every mechanism with what the simulator is off by")
     search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
     names = classify(search, unrecorded.names_behind([*recordings, *held_out], missing), rules)
-    parts = budget(search, hidden & ~e.held_out)
-    return Compared(dict(simulator.parameters()), drives, missing, search, names, parts)
+    parts = budget(search, hidden & ~e.held_out, e)
+    return Compared(dict(simulator.parameters()), drives, missing, e.residual, search, names, parts)
 
 
 def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:

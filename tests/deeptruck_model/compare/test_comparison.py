@@ -202,7 +202,7 @@ def test_the_page_has_the_numbers_of_the_file_and_fetches_nothing(bags: Path, tm
         (["{0}/whole", "{0}/whole"], "is given twice"),
         (["{0}/whole", "{0}/none"], "does not exist"),
         (["{0}/whole", "truck:none@{0}/whole"], "none"),
-        (["{0}/whole", "truck:trucksim@"], "does not exist"),
+        (["{0}/whole", "truck:trucksim@"], "is a simulator, which runs along a drive"),
         (["{0}/whole", "{0}/later", "--offset-s", "later"], "write SIDE=SECONDS"),
         (["{0}/whole", "{0}/later", "--offset-s", "x=1"], "no side x to move"),
     ],

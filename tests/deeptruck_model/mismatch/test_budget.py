@@ -19,7 +19,8 @@ SWELL = 0.06 * np.sin(2 * np.pi * np.arange(N) * 0.2 / 150.0)
 
 
 def of(force: np.ndarray | float) -> Budget:
-    return budget(Regression(evidence(force)), NOWHERE)
+    e = evidence(force)
+    return budget(Regression(e), NOWHERE, e)
 
 
 @pytest.mark.parametrize("force", [0.0, SIDES, SWELL])
@@ -51,6 +52,17 @@ def test_a_force_of_the_brakes_is_a_part_of_the_brakes() -> None:
     e = evidence()
     found = of(-0.4 * e["brake"])
     assert found.parts[0].part == "brakes"
+
+
+def test_what_refitting_took_away_is_a_part_of_its_family() -> None:
+    """Brakes 20 % weaker than the simulator's, about which the search was linearised."""
+    given = evidence()
+    given = replace(given, residual=given.residual + 0.2 * given["brake"])
+    e = replace(evidence(), moved={"brake_gain": -0.2})
+    found = budget(Regression(e), NOWHERE, given)
+    assert found.share("brakes") > 0.95
+    assert found.speed_rmse > 5.0 * of(0.0).speed_rmse
+    assert sum(p.share for p in found.parts) == pytest.approx(1.0)
 
 
 def test_what_all_drives_have_is_not_of_each() -> None:
@@ -85,7 +97,8 @@ def _known(seed: int) -> tuple[dict[str, float], Budget]:
     }
     noise = lfilter([1.0], [1.0, -0.5], rng.normal(0.0, 0.03, N))
     residual = sum(forces.values()) + noise
-    found = budget(Regression(replace(e, residual=residual)), NOWHERE)
+    e = replace(e, residual=residual)
+    found = budget(Regression(e), NOWHERE, e)
     steps = round(found.horizon_s / DT)
     columns = np.column_stack([*forces.values(), residual])
     added = np.concatenate(

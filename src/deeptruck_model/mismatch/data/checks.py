@@ -205,7 +205,8 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
         says = f"speed changes {1 / slope:.3f} times as much as the accelerometer says: {scaled}"
         faults.append(SensorFault("speed_scale", 1 / slope, slope_se / slope**2, "1", says))
     if abs(lag) > rules.clock_offset_s and abs(lag) > rules.sensor_sd * lag_se:
-        says = f"acceleration is stamped {lag:+.2f} s against speed"
+        side = "later" if lag > 0.0 else "earlier"
+        says = f"acceleration is stamped {abs(lag):.2f} s {side} than speed: one of the two is wrong"
         faults.append(SensorFault("clock_offset", lag, lag_se, "s", says))
     return faults
 
