@@ -50,7 +50,7 @@ def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
         advice={
             "data": Advice(Answer.NO, why),
             "simulator": Advice(Answer.UNSURE, "nothing could be compared"),
-            "apply": Advice(Answer.NO, "nothing was corrected"),
+            "apply": Advice(Answer.NO, wording.NOTHING_CORRECTED),
         },
     )
 
@@ -386,6 +386,8 @@ def _advice(
         simulator = Advice(Answer.NO, wording.off(errors.before.speed, driven.fit.horizon_s))
     if driven.fit.validated:
         apply = Advice(Answer.YES, wording.better(errors.before.speed, errors.after.speed))
+    elif not driven.fit.corrected:
+        apply = Advice(Answer.NO, wording.NOTHING_CORRECTED)
     elif errors.after.speed < errors.before.speed:
         apply = Advice(Answer.UNSURE, wording.UNSURE_BETTER)
     else:

@@ -154,6 +154,8 @@ def errors_say(v: Verdict) -> str:
     """How far the held-out error falls, and whether that is validated; empty where nothing was driven."""
     if v.fit is None or v.fit.improvement is None:
         return ""
+    if not v.fit.corrected:
+        return f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. Nothing was corrected."
     low, high = (100.0 * x for x in v.fit.improvement.ci95)
     change = f"falls by {low:.0f} to {high:.0f} %" if low > 0 else f"changes by {-high:+.0f} to {-low:+.0f} %"
     passed = "validated" if v.fit.validated else "not validated"

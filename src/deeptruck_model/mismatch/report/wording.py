@@ -31,6 +31,7 @@ TOO_SHORT = "too few unbroken windows for a budget: record drives without gaps"
 ENOUGH = "every input that matters was recorded"
 NOT_DRIVEN = "no held-out recording is long enough for a free run"
 UNSURE_BETTER = "the held-out error falls, but not surely; record more drives to hold out"
+NOTHING_CORRECTED = "nothing was corrected"
 NOT_BETTER = "the held-out error does not fall"
 
 
