@@ -140,9 +140,14 @@ def test_the_safety_core_and_the_shield_are_shown(
     assert page.get("document.getElementById('why-not').hidden") is False
     run.process.send_signal(signal.SIGINT)
     assert run.finish()[0] == 0
-    again = start("start_vehicle.py", *options, *leader, "--engage", runs="again")
-    page = open_page(address(again))
-    page.wait("document.getElementById('safety').textContent.includes('Engaged')")
+    for attempt in range(3):  # on a machine that stands still for 0.1 s the core hands control back, rightly
+        again = start("start_vehicle.py", *options, *leader, "--engage", runs=f"again{attempt}")
+        page = open_page(address(again))
+        page.wait("/Engaged|handed back/.test(document.getElementById('safety').textContent)")
+        if "Engaged" in page.text("safety"):
+            break
+        again.process.send_signal(signal.SIGINT)
+        assert again.finish()[0] == 0
     assert page.get("document.getElementById('why-not').hidden") is True
     page.wait("document.getElementById('shield').textContent.includes('It acts')")
     assert page.errors == []
