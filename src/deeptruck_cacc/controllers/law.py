@@ -14,6 +14,7 @@ from deeptruck_cacc.controllers.scaling import FeatureMap, paper_signals
 Array = NDArray[np.float64]
 
 LEADER_S = 2.0  # time constant with which the leader's acceleration is expected to die away
+LEAST_GAP_M = 5.0  # which predictive controllers keep wherever the pedals allow
 
 
 @dataclass(frozen=True)

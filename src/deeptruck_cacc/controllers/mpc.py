@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.controllers.law import Seen
+from deeptruck_cacc.controllers.law import LEAST_GAP_M, Seen
 
 Array = NDArray[np.float64]
 
 STEPS, STEP_S = 10, 0.5
 LIMITS = (-3.5, 1.5)  # m/s^2
-LEAST_GAP_M = 5.0
 # Costs of m^2, (m/s)^2, (m/s^2)^2, a change of acceleration squared, and of a metre below the least gap.
 GAP, SPEED, PULL, CHANGE, TOO_NEAR = 0.3, 1.0, 0.02, 0.5, 100.0
 

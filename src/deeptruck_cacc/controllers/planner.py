@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from deeptruck_cacc.controllers.approach import approach
-from deeptruck_cacc.controllers.law import Perception, Seen
+from deeptruck_cacc.controllers.law import LEAST_GAP_M, Perception, Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
-from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.controllers.scaling import SUITED, ActionScale
 from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 
@@ -29,11 +29,9 @@ KNOTS_S = np.array([0.0, 0.2, 0.5, 1.0, 1.8, 3.0])  # the plan is straight betwe
 NUDGE = 0.05  # of the pedal's reach, for the derivatives: over the noise of a float32 network
 LENGTHS = np.array([0.0, 1.0, 0.7, 0.5, 0.3, 0.15, 0.05])  # of a step tried side by side
 ROWS = len(KNOTS_S) + 1  # runs of a truck side by side
-CLOSING = 1.0  # m/s^2 at which speed differences from far off are taken back (approach.py)
-LEAST_GAP_M = 5.0
-# Costs of (m/s)^2 off the ideal follower, of a pedal change squared per second, and of a metre below the
-# least gap squared; chosen on validation scenes of a deep truck.
-SPEED_COST, CHANGE_COST, TOO_NEAR = 1.0, 0.05, 10.0
+# Costs, beside 1 of (m/s)^2 off the ideal follower, of a pedal change squared per second and of a metre below
+# the least gap squared; chosen on validation scenes of a deep truck.
+CHANGE_COST, TOO_NEAR = 0.05, 10.0
 DAMPING = 1e-3  # Levenberg's, of the pedals
 CORRECTION_S = 0.5  # time constant of the acceleration that the truck has beyond the simulator
 
@@ -123,11 +121,11 @@ class Planner:
         driven = self.dt * np.concatenate([begun, speed[:, :, :-1]], axis=2).cumsum(axis=2)
         gap = seen.gap[:, None, None] + way - driven
         time_gap = np.clip(seen.time_gap, 1.0, 6.0)[:, None, None]
-        off = leader + approach(gap - time_gap * leader, time_gap, CLOSING)[0] - speed
+        off = leader + approach(gap - time_gap * leader, time_gap, SUITED["approach"])[0] - speed
         near = np.maximum(LEAST_GAP_M - gap, 0.0)
         before = np.broadcast_to(now.pedal[:, None, None], (*plans.shape[:2], 1))
         changes = np.diff(plans, axis=2, prepend=before) / np.sqrt(np.diff(KNOTS_S, prepend=-self.dt))
-        weighted = [(SPEED_COST * self.dt, off), (TOO_NEAR * self.dt, near), (CHANGE_COST, changes)]
+        weighted = [(self.dt, off), (TOO_NEAR * self.dt, near), (CHANGE_COST, changes)]
         return np.nan_to_num(np.concatenate([np.sqrt(cost) * x for cost, x in weighted], axis=2))
 
     def _step(self, state: Any, pedals: Array, grade: Array) -> tuple[Any, Array]:

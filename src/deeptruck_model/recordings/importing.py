@@ -188,7 +188,7 @@ def _segments(time: Array, cuts: list[float]) -> Array:
 def _on_time(channel: str, series: Series, late_s: float, segments: Array) -> Series:
     """The series with its stamps set right.
 
-    A sample that would leave its segment says nothing of the one beside it and is dropped; a NaN ends every
+    A sample that would leave its segment says nothing of the next segment and is dropped; a NaN ends every
     segment, so that nothing is held on to where the next sample lies in another. Speed is the clock, which
     has no tick behind a segment's last row.
     """

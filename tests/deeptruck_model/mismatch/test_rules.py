@@ -85,4 +85,4 @@ def test_generic_code_asks_for_no_mechanism_by_its_name() -> None:
     assert compared_names("if x.name in ('other', 'brake_lag'): pass", {"brake_lag"}) == {"brake_lag"}
     generic = [p for p in TOOL.rglob("*.py") if p.parent.name != "mechanisms"]
     found = {p.relative_to(TOOL).as_posix(): compared_names(p.read_text(), names) for p in generic}
-    assert {file: asked for file, asked in found.items() if asked} == BY_NAME
+    assert {file: names for file, names in found.items() if names} == BY_NAME
