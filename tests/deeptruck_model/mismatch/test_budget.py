@@ -73,7 +73,7 @@ def test_intervals_hold_what_is_known() -> None:
     """Shares of four known forces beside coloured noise, eight times."""
     names = ("brakes", EACH_DRIVE, "air_tyres_road", SLOW, LEFT_OVER)
     inside, unexplained = [], []
-    for seed in range(8):
+    for seed in range(100, 108):
         true, found = _known(seed)
         parts = {p.part: p for p in found.parts}
         inside += [parts[n].low - 0.005 <= true[n] <= parts[n].high + 0.005 for n in names]
