@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.recordings import Recording
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 
 FIRST_S = 300.0
 CONSTANT = "grade_bias"  # the mechanism of a constant force per mass, as a slope
@@ -47,11 +47,12 @@ def with_constant(simulator: Simulator, acceleration: float) -> CorrectedTruck:
     return CorrectedTruck(simulator, [Term(CONSTANT, Static(), (-acceleration / GRAVITY,))], {}, None, True)
 
 
-def adapt(simulator: Simulator, recordings: Sequence[Recording], first_s: float = FIRST_S) -> Adapted:
+def adapt(simulator: MinimalSimulator, recordings: Sequence[Recording], first_s: float = FIRST_S) -> Adapted:
     """The simulator adapted to the drive that the recordings are the pieces of, by its first `first_s`.
 
     Raises InputError where they do not belong to the simulator, or hold no free run.
     """
+    simulator = completed(simulator)
     drives = begin(simulator, recordings, first_s)
     horizon_s = horizon(drives)
     plain, moved = free_runs([(simulator, drives), (with_constant(simulator, STEP), drives)], horizon_s)

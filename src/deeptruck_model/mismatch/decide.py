@@ -52,6 +52,7 @@ def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
             "simulator": Advice(Answer.UNSURE, "nothing could be compared"),
             "apply": Advice(Answer.NO, wording.NOTHING_CORRECTED),
         },
+        recorded=drives.samples,
     )
 
 
@@ -92,6 +93,8 @@ def decide(
         witnesses,
         first.nodes() if first is not None else (Node("nothing", ROOT, 1.0),),
         _advice(c.missing, kind, c.budget, driven, rules),
+        c.drives.samples,
+        float(e.everywhere().valid.mean()),
     )
 
 
@@ -380,6 +383,8 @@ def _advice(
         }
     if kind is Conclusion.NOTHING:
         simulator = Advice(Answer.YES, wording.good(errors.before.speed, driven.fit.horizon_s))
+    elif kind is Conclusion.SENSOR and errors.before.speed <= rules.visible:
+        simulator = Advice(Answer.YES, wording.without_faults(errors.before.speed, driven.fit.horizon_s))
     elif errors.before.speed <= rules.visible:
         simulator = Advice(Answer.UNSURE, wording.off(errors.before.speed, driven.fit.horizon_s))
     else:

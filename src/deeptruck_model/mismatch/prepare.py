@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
+
+import numpy as np
 
 from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.one_road import on_a_road_of_its_own, on_one_road, without_a_place
@@ -17,8 +20,10 @@ from deeptruck_model.mismatch.data.prepared import (
     with_held_out,
     with_inputs,
 )
+from deeptruck_model.mismatch.residual.forced import forced
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Simulator
 
 OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"
@@ -47,6 +52,11 @@ class Drives:
     rejected: tuple[checks.Rejection, ...]
     caveats: tuple[str, ...]
     useless: str | None
+
+    @property
+    def samples(self) -> int:
+        """Recorded samples of all drives."""
+        return sum(len(p.recording) for p in self.prepared)
 
     def part(self, held_out: bool) -> list[Prepared]:
         """Those that are held out, or the others."""
@@ -77,9 +87,10 @@ def prepared(
     drives, rejected = checks.clean(drives)
     measured = checks.acceleration_is_measured(drives)
     faults = checks.sensor_faults(drives, rules) if measured else []
+    to_fit = [not out for out in flags]
+    faults = _by_commands(simulator, list(compress(drives, to_fit)), faults)
     whole = _corrected(simulator, drives, faults, measured)
-    fitted = [p for p, out in zip(whole, flags, strict=True) if not out]
-    if unusable(fitted, rejected) is None:
+    if unusable(list(compress(whole, to_fit)), rejected) is None:
         speed_unit.check(simulator, whole)
         if scaled := speed_unit.faults(simulator, whole, rules):
             faults = [*faults, *scaled]
@@ -92,7 +103,7 @@ def prepared(
     if marked := sum(int((p.valid & ~q.valid).sum()) for p, q in zip(aligned, kept, strict=True)):
         rejected = sorted([*rejected, checks.Rejection(LEFT_OUT, marked)], key=lambda r: -r.samples)
     aligned = kept
-    useless = unusable([p for p, out in zip(aligned, flags, strict=True) if not out], rejected)
+    useless = unusable(list(compress(aligned, to_fit)), rejected)
     lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(aligned)) else []
     lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(aligned)) else []
     return Drives(
@@ -107,6 +118,25 @@ def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
         if s.recording == p.recording.name:
             valid = valid & ~((time >= s.from_s) & (time <= s.to_s))
     return replace(p, valid=valid)
+
+
+def _by_commands(
+    simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault]
+) -> list[checks.SensorFault]:
+    """The faults, of which a lag between speed and acceleration is put on the one with which the simulator
+    answers the commands better: two sensors alone do not show which of them is late."""
+    if not any(f.is_lag for f in faults):
+        return list(faults)
+    other = [f.of_speed() if f.is_lag else f for f in faults]
+    here, there = (_corrected(simulator, drives, each, measured=True) for each in (faults, other))
+    residuals = [
+        np.concatenate([p.observed - run.y[0, :, ACCELERATION] for p, run in zip(each, runs, strict=True)])
+        for each in (here, there)
+        for runs in [forced(simulator, each, [p.u for p in each])]
+    ]
+    both = np.concatenate([p.valid & q.valid for p, q in zip(here, there, strict=True)])
+    own, others = (float(np.sum(r[both] ** 2)) for r in residuals)
+    return other if others < own else list(faults)
 
 
 def _corrected(

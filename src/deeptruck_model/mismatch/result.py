@@ -233,7 +233,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All that verdict.json says. `fit` and `budget` are None where nothing could be compared."""
+    """All that verdict.json says. `fit` and `budget` are None where nothing could be compared. `recorded` are
+    samples, of which the share `compared` was compared."""
 
     kind: Conclusion
     findings: tuple[Finding, ...] = ()
@@ -248,6 +249,8 @@ class Verdict:
     witnesses: tuple[Witness, ...] = ()
     tree: tuple[Node, ...] = ()
     advice: Mapping[str, Advice] = field(default_factory=dict)
+    recorded: int = 0
+    compared: float = 0.0
 
     @property
     def validated(self) -> bool:
@@ -276,7 +279,11 @@ class Verdict:
         return out
 
     def _data(self) -> dict[str, Any]:
-        out: dict[str, Any] = {"rejected": [vars(r) for r in self.rejected]}
+        out: dict[str, Any] = {
+            "rejected": [vars(r) for r in self.rejected],
+            "recorded": self.recorded,
+            "compared": round(self.compared, 4),
+        }
         if self.smallest_visible is not None:
             out["smallest_visible"] = self.smallest_visible.to_json()
         return out
@@ -300,6 +307,8 @@ class Verdict:
             tuple(Witness(**w) for w in verdict["witnesses"]),
             tuple(Node(**n) for n in verdict["tree"]),
             {name: Advice(Answer(a["answer"]), a["reason"]) for name, a in verdict["advice"].items()},
+            data.get("recorded", 0),
+            data.get("compared", 0.0),
         )
 
 

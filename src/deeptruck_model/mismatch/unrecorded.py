@@ -43,7 +43,7 @@ IDLE = 0.05  # of the command's range above its lowest: the pedal is released
 @dataclass(frozen=True)
 class NotRecorded:
     """An input that was not recorded or not obeyed: what it `hides`, the `signal` to record, the share of the
-    compared time in which it was found to act (None where it cannot be found), and the gain in nats."""
+    compared time in which it was found to act (None where it is not searched), and the gain in nats."""
 
     input: str
     hides: str
@@ -145,9 +145,10 @@ def _passes(states: Array, change: Array, begin: float) -> tuple[Array, Array]:
 def with_braking(
     missing: Sequence[NotRecorded], e: Evidence, hidden: Mask, gain: float
 ) -> tuple[NotRecorded, ...]:
-    """The missing inputs, with the share of the time in which unrecorded braking was found."""
+    """The missing inputs, with the share of the time in which unrecorded braking was found where it was
+    searched."""
     share = float(hidden.sum() / max((e.valid | hidden).sum(), 1))
+    searched = "engine_command" in e.signals and "brake_command" not in e.signals
     return tuple(
-        replace(m, share_of_time=share, gain=gain) if m.input == "brake" and hidden.any() else m
-        for m in missing
+        replace(m, share_of_time=share, gain=gain) if m.input == "brake" and searched else m for m in missing
     )

@@ -274,3 +274,21 @@ def test_apply_takes_over_what_was_validated_once(tmp_path: Path) -> None:
     assert simulators.load(tmp_path / "sim").parameters()["mass"] == pytest.approx(1.1 * MASS)
     with pytest.raises(InputError, match="holds a corrected simulator already"):
         mismatch.apply(found, tmp_path / "sim")
+
+
+def later(r: Recording, channel: str, by_s: float) -> Recording:
+    """A recording of which one channel is stamped later."""
+    x = r.channels[channel]
+    n = round(by_s / r.dt)
+    return replace(r, channels=r.channels | {channel: np.concatenate([np.full(n, x[0]), x[:-n]])})
+
+
+@pytest.mark.parametrize("channel", ["speed", "acceleration"])
+def test_a_late_sensor_is_a_measurement_fault_and_corrects_no_truck(channel: str) -> None:
+    recorded = [later(r, channel, 0.6) for r in drives(TRUCK)]
+    said = run(recorded[:-1], recorded[-1:])
+    assert said["verdict"] == "measurement_fault" and effects(said) == ["clock_offset"]
+    (late,) = said["findings"]
+    assert late["says"].startswith(f"{channel} is stamped") and "later" in late["says"]
+    assert abs(late["parameters"]["value"]["value"]) == pytest.approx(0.6, abs=0.06)
+    assert said["advice"]["apply"]["answer"] == "no"

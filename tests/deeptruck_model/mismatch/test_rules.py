@@ -76,8 +76,8 @@ def compared_names(source: str, names: set[str]) -> set[str]:
     return {value for value in found if isinstance(value, str) and value in names}
 
 
-# The two places that still ask by name: a list that may become shorter, and no longer.
-BY_NAME = {"output.py": {"road_grade"}, "data/checks.py": {"clock_offset"}}
+# The place that still asks by name: a list that may become shorter, and no longer.
+BY_NAME = {"output.py": {"road_grade"}}
 
 
 def test_generic_code_asks_for_no_mechanism_by_its_name() -> None:

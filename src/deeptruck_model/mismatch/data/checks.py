@@ -118,7 +118,7 @@ class Rejection:
 @dataclass(frozen=True)
 class SensorFault:
     """A fault of measurement: effect name, its size with standard error and unit, and one sentence; `between`
-    are the two that were compared, and `equation` is how."""
+    are the two that were compared, `equation` is how, and `channel` is the one that is wrong."""
 
     effect: str
     value: float
@@ -127,6 +127,16 @@ class SensorFault:
     says: str
     equation: str = "accelerometer(t) = slope * dv/dt(t - lag) + offset"
     between: tuple[str, str] = ("speed", "acceleration")
+    channel: str = "acceleration"
+
+    @property
+    def is_lag(self) -> bool:
+        """Whether `value` is by how many seconds acceleration is later than speed."""
+        return self.unit == "s"
+
+    def of_speed(self) -> SensorFault:
+        """The same lag as a fault of speed."""
+        return replace(self, channel="speed", says=_late("speed", "acceleration", -self.value))
 
 
 def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Rejection]]:
@@ -203,28 +213,38 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     if abs(slope - 1) > rules.speed_scale and abs(slope - 1) > rules.sensor_sd * slope_se:
         scaled = units.likely(1 / slope, units.SPEEDS | units.ACCELEROMETERS) or "one of the two is scaled"
         says = f"speed changes {1 / slope:.3f} times as much as the accelerometer says: {scaled}"
-        faults.append(SensorFault("speed_scale", 1 / slope, slope_se / slope**2, "1", says))
+        scale = SensorFault("speed_scale", 1 / slope, slope_se / slope**2, "1", says, channel="speed")
+        faults.append(scale)
     if abs(lag) > rules.clock_offset_s and abs(lag) > rules.sensor_sd * lag_se:
-        side = "later" if lag > 0.0 else "earlier"
-        says = f"acceleration is stamped {abs(lag):.2f} s {side} than speed: one of the two is wrong"
-        faults.append(SensorFault("clock_offset", lag, lag_se, "s", says))
+        faults.append(SensorFault("clock_offset", lag, lag_se, "s", _late("acceleration", "speed", lag)))
     return faults
+
+
+def _late(channel: str, other: str, by_s: float) -> str:
+    side = "later" if by_s > 0.0 else "earlier"
+    return f"{channel} is stamped {abs(by_s):.2f} s {side} than {other}, which fits the commands better"
 
 
 def corrected(r: Recording, faults: Sequence[SensorFault]) -> Recording:
     """The recording without the sensor faults found, so that they are not taken for physics.
 
-    Scale is put on the speed and lag on the accelerometer; an offset of the accelerometer never enters (see
-    kinematics).
+    An offset of the accelerometer never enters (see `observed_acceleration`).
     """
     channels = dict(r.channels)
     for fault in faults:
-        if fault.effect == "speed_scale":
-            channels["speed"] = channels["speed"] / fault.value
-        elif fault.effect == "clock_offset":
-            t = np.arange(len(r)) * r.dt
-            channels["acceleration"] = np.interp(t + fault.value, t, np.nan_to_num(channels["acceleration"]))
+        x = channels[fault.channel]
+        if fault.is_lag:
+            late_s = fault.value if fault.channel == "acceleration" else -fault.value
+            channels[fault.channel] = _sooner(x, late_s / r.dt)
+        elif fault.channel == "speed":
+            channels["speed"] = x / fault.value
     return replace(r, channels=channels)
+
+
+def _sooner(x: Array, samples: float) -> Array:
+    """x (n,) that comes so many samples sooner; NaN where that is not known."""
+    at = np.arange(len(x), dtype=float)
+    return np.interp(at + samples, at, x, left=np.nan, right=np.nan)
 
 
 def _pool(values: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:

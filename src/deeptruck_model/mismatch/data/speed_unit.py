@@ -79,7 +79,7 @@ def _beyond(
     if found is None or abs(found[0] - 1.0) <= rules.speed_scale:
         return []
     scale, se = found
-    return [SensorFault("speed_scale", scale, se, "1", says.format(scale=scale), equation, between)]
+    return [SensorFault("speed_scale", scale, se, "1", says.format(scale=scale), equation, between, "speed")]
 
 
 def _scale(simulator: Simulator, p: Prepared) -> float | None:

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from deeptruck_model.mismatch.data.checks import Rejection
+from deeptruck_model.mismatch.data.prepared import SETTLE_S
 from deeptruck_model.mismatch.report.wording import PARAMETER_NAMES, ROOT, opened, percent, spoken
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, SmallestVisible, Verdict
 from deeptruck_model.mismatch.tree import Node
+from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 HEADLINES = {
     Conclusion.NOTHING: "Nothing that matters is missing",
     Conclusion.UNDETERMINED: "Undetermined: no cause is sure",
 }
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
+NOTABLE = 0.01  # of the recorded samples: what leaves out less is among the details alone
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
 
 
@@ -38,7 +42,14 @@ def headline(v: Verdict) -> str:
 
 
 def what(v: Verdict) -> Iterator[str]:
-    """What is off, and by how much."""
+    """What was compared, what is off, and by how much."""
+    if v.compared:
+        left_out = [f"{r.rule}, {percent(x)}" for r, x in shares_rejected(v) if x >= NOTABLE]
+        because = f" Left out: {'; '.join(left_out)}." if left_out else ""
+        yield (
+            f"{percent(v.compared)} of the recorded time is compared: not the first {SETTLE_S:g} s of a "
+            f"drive, nor below {LEAST_SPEED:g} m/s.{because}"
+        )
     b = v.budget
     if b is not None and b.parts:
         large = [f"{spoken(p.part)} {percent(p.share)}" for p in b.parts if p.share >= LARGE]
@@ -49,6 +60,11 @@ def what(v: Verdict) -> Iterator[str]:
     for w in v.witnesses[:3]:
         share, part = percent(w.share), spoken(w.part)
         yield f"The channel {w.channel} predicts {share} of the part '{part}' on drives left out."
+
+
+def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
+    """What was left out by each rule, with its share of the recorded samples."""
+    return [(r, r.samples / v.recorded) for r in v.rejected] if v.recorded else []
 
 
 def how_sure(v: Verdict) -> Iterator[str]:
@@ -91,10 +107,10 @@ def sure(f: Finding) -> str:
 def not_recorded(v: Verdict) -> Iterator[str]:
     """What was not recorded, what that hides, and the signal to record. The only place that names it."""
     for m in v.not_recorded:
-        found = (
-            f" It was found to act in {percent(m.share_of_time)} of the time; these rows are not compared."
-            if m.share_of_time
-            else ""
+        found = {None: "", 0.0: " It was searched for and not found."}.get(
+            m.share_of_time,
+            f" It was found to act in {percent(m.share_of_time or 0.0)} of the time; "
+            "these rows are not compared.",
         )
         signal = m.signal.replace("`", "")
         yield f"{opened(spoken(m.input))} was not recorded. {m.hides}{found} Record: {signal}."

@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Finding, Mismatch, Segment, Verdict
+from deeptruck_model.mismatch.strength import NOTABLE
 from deeptruck_model.mismatch.tree import LEFT_OVER
 
 Array = NDArray[np.float64]
@@ -91,6 +92,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "budget": [_part(p) for p in v.budget.parts if p.share >= LEAST_SHARE or p.part == LEFT_OVER]
         if v.budget is not None
         else [],
+        "notable": NOTABLE,
         "findings": [_finding(f) for f in v.findings],
         "errors": [
             (name, f"{found.errors[key].rmse().speed:.3f}", f"{np.abs(found.errors[key].speed).mean():.3f}")
@@ -103,7 +105,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
             for n in v.tree
             if n.probability >= LEAST_SHARE
         ],
-        "rejected": v.rejected,
+        "rejected": [(r.rule, f"{r.samples:,}", percent(x)) for r, x in lines.shares_rejected(v)],
         "caveats": v.caveats,
         "where": _where(v),
         "has_data": e is not None,
@@ -122,7 +124,9 @@ def _part(p: Part) -> dict[str, Any]:
         "time": percent(p.time_share) if p.part != LEFT_OVER else "",
         "drives": ", ".join(
             f"{name} ({percent(share)} of its error)" for name, share in most if share > LEAST_SHARE
-        ),
+        )
+        if len(p.drives) > 1
+        else "",
     }
 
 
@@ -132,7 +136,8 @@ def _finding(f: Finding) -> dict[str, Any]:
         rows.append(("equation", f.equation))
     for name, size in f.parameters.items():
         interval = f" ({_digits(size.ci95[0])} to {_digits(size.ci95[1])})" if size.ci95 else ""
-        rows.append((name.replace("_", " "), f"{_digits(size.value)}{interval} {size.unit}"))
+        unit = "" if size.unit == "1" else f" {size.unit}"
+        rows.append((name.replace("_", " "), f"{_digits(size.value)}{interval}{unit}"))
     if f.strength is not None:
         kind, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
         rows.append(

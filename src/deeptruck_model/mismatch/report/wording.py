@@ -51,6 +51,11 @@ def good(error: float, horizon_s: float) -> str:
     return f"{off(error, horizon_s)}, and nothing that matters is left"
 
 
+def without_faults(error: float, horizon_s: float) -> str:
+    """The same with sensors that are corrected."""
+    return f"with the sensor corrected {off(error, horizon_s)}"
+
+
 def off(error: float, horizon_s: float) -> str:
     """By how much the simulator is off."""
     return f"free runs of {horizon_s:.0f} s on held-out drives are off by {error:.2g} m/s"
@@ -87,7 +92,7 @@ def spoken(name: str) -> str:
 
 def percent(share: float) -> str:
     """A share from 0 to 1."""
-    return f"{100.0 * share:.0f} %"
+    return "under 1 %" if 0.0 < share < 0.005 else f"{100.0 * share:.0f} %"
 
 
 def opened(sentence: str) -> str:
