@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from deeptruck_model.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, styled
+from deeptruck_model.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, plain_log, styled
 from examples.demo.following import Following
 
 FOUND = "#D55E00"
@@ -56,6 +56,7 @@ def learning_figure(simulator: Path, policy: Path) -> Figure:
     follower.set(title="policy", xlabel="updates", ylabel="cost of a step")
     for axis in (truck, follower):
         axis.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))  # no curve runs there
+        plain_log(axis.yaxis)
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     return figure
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from deeptruck_model.signals import TruckInterface
 
 SAME_DT_S = 1e-6  # s in which two steps are one
-FULL_BRAKING_BAR = 8.0  # usual pressure of full braking; UN Regulation 13: 650 to 850 kPa at the coupling
+FULL_BRAKING_BAR = 8.0  # usual of air brakes
 IN_PERCENT = (
     f", by 'brake_command: {{column: ..., unit: percent, scale: {100 / FULL_BRAKING_BAR:g}}}' in COLUMNS "
     f"where the column is in bar and {FULL_BRAKING_BAR:g} bar brakes fully"

@@ -50,7 +50,7 @@ def test_lockstep_repeats_itself_to_the_byte(start: Callable[..., Any], tmp_path
         )
         code, out, errors = run.finish()
         assert (code, errors) == (0, "")
-        assert out.splitlines()[-1] == f"ended: truck_sim is through; the bag is {tmp_path / name}"
+        assert out.splitlines()[-1] == f"ended: truck_sim has finished; recorded in {tmp_path / name}"
         bags[name] = content(tmp_path / name)
     assert bags["one"] == bags["two"]
     with (tmp_path / "one" / "one_0.mcap").open("rb") as file:  # Foxglove's reader
@@ -96,7 +96,7 @@ def test_real_time_run_second_run_and_ctrl_c(
     run.process.send_signal(signal.SIGINT)
     code, out, errors = run.finish()
     assert (code, errors) == (0, "") and "stopping" in out
-    assert out.splitlines()[-1] == f"ended: you asked it to; the bag is {tmp_path / 'bag'}"
+    assert out.splitlines()[-1] == f"ended: you asked it to; recorded in {tmp_path / 'bag'}"
     assert all_gone(children)
     with BagSource(tmp_path / "bag") as bag:
         of_monitor = {topic for topic in RECORDED if topic.startswith("/mismatch/")}
@@ -136,7 +136,7 @@ def test_a_dead_node_ends_the_run_with_its_last_words(
     os.kill(children["controller"], signal.SIGKILL)
     code, out, errors = run.finish()
     assert code == 1 and errors.startswith("controller ended (killed by SIGKILL)")
-    assert out.splitlines()[-1] == f"ended: controller failed; the bag is {tmp_path / 'bag'}"
+    assert out.splitlines()[-1] == f"ended: controller failed; recorded in {tmp_path / 'bag'}"
     assert all_gone(children)
     assert content(tmp_path / "bag")  # the recorder still ended in order
 

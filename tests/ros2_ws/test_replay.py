@@ -106,7 +106,7 @@ def test_it_shows_the_recorded_time_pauses_and_moves(
     page.until(lambda state: state["paused"] == 0 and 2.0 < state["position"] < 10.0)
     page.ask(seek=19.8)
     code, out, errors = run.finish()
-    assert (code, errors) == (0, "") and "ended: replay is through" in out
+    assert (code, errors) == (0, "") and "ended: replay has finished" in out
     for line in ("at 0.0 of 19.9 s", "paused at 18.0 of 19.9 s", "paused at 2.0 of 19.9 s"):
         assert f"replay: {line}" in out
 

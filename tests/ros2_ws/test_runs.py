@@ -207,7 +207,7 @@ def test_the_last_line_of_a_run_says_why_and_where(tmp_path: Path) -> None:
     assert "nothing was to be recorded" in runs.recorded(None, None)
     assert runs.recorded(bag, bag) == f"there is no bag {bag}"
     CrashSafeWriter(bag).close()
-    assert runs.recorded(bag, bag) == f"the bag is {bag}"
+    assert runs.recorded(bag, bag) == f"recorded in {bag}"
     assert runs.recorded(bag, newer) == f"nothing was recorded, {bag} is the older bag"
     newer.mkdir()
     assert f"{newer} is not the recorder's" in runs.recorded(bag, newer)  # of a user, who put it there

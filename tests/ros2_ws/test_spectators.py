@@ -66,4 +66,4 @@ def test_one_that_hangs_is_not_waited_for_and_why_the_run_ended_is_written(tmp_p
     code, supervisor = run(tmp_path, program("page", hangs, spectator=True), driving)
     waited = time.monotonic() - float(ended.read_text())
     assert code == 0 and waited < sum(s for _, s in PATIENCE[:-1])  # a node would have been waited for
-    assert (tmp_path / ENDED).read_text() == f"{supervisor.why}\n" == "driving is through\n"
+    assert (tmp_path / ENDED).read_text() == f"{supervisor.why}\n" == "driving has finished\n"

@@ -275,7 +275,7 @@ def test_at_the_end_of_the_road_the_run_ends_in_order(
     code, out, errors = run.finish()
     assert code == 1 and errors.count("\n") == 1
     assert "the truck is at the end of its road; the traffic ends here" in errors
-    assert out.splitlines()[-1] == f"ended: leader failed; the bag is {tmp_path / 'bag'}"
+    assert out.splitlines()[-1] == f"ended: leader failed; recorded in {tmp_path / 'bag'}"
     (recording,) = recordings.read(tmp_path / "bag")
     assert 50 < len(recording) < 150
 

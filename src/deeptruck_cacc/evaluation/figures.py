@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.evaluation import metrics
-from deeptruck_model.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, png, styled
+from deeptruck_model.pages.style import GUIDE, MODELLED, RECORDED, WIDTH_IN, plain_log, png, styled
 from deeptruck_model.signals import TruckInterface, printed
 
 
@@ -86,6 +86,7 @@ def learning_curve(runs: list[list[dict[str, Any]]], path: Path) -> None:
     axis.plot(range(shortest), values.mean(axis=1), color=MODELLED, label=_mean_of(values.shape[1]))
     if key == "cost":
         axis.set_yscale("log")
+        plain_log(axis.yaxis)
     else:
         axis.set_yscale("symlog", linthresh=1.0)
     axis.set(xlabel="iteration", ylabel=key.replace("_", " "))
@@ -102,6 +103,7 @@ def amplification(rows: dict[str, dict[str, Any]], path: Path) -> None:
     for name, row in rows.items():
         for axis, key in zip(axes, ("speed", "gap_error"), strict=True):
             axis.semilogx(row["frequency_hz"], row[f"worst_{key}_amplification"], ".-", label=name)
+    plain_log(axes[0].xaxis)
     for axis, label in zip(axes, ("speed", "gap error"), strict=True):
         axis.axhline(1.0, color=RECORDED, lw=0.8)
         axis.set_ylabel(f"worst amplification\nof {label}")

@@ -231,7 +231,7 @@ def show_coverage(
     for recording in found.recordings:
         print(f"{recording['name']}: {recording['duration_s']:.1f} s at {1 / recording['dt']:g} Hz")
     print(found.judgement)
-    print(f"{found.duration_s / 3600:.3f} h; see {out / 'coverage.html'}")
+    print(f"see {out / 'coverage.html'}")
     for line in found.warnings:
         print(f"warning: {line}", file=sys.stderr)
 

@@ -22,6 +22,7 @@ from deeptruck_model.cli.inputs import (
 )
 from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
+from deeptruck_model.signals import printed, sensible
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording
@@ -70,11 +71,14 @@ def evaluate(
             held = (
                 f", {100 * values['inside_90']:.0f} % in the 90 % interval" if "inside_90" in values else ""
             )
+            unit = printed(truck.interface.unit(name))
             typer.echo(
-                f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
+                f"{name:>13}: mean absolute error {sensible(values['mean_abs'])} {unit}, "
+                f"rmse {sensible(values['rmse'])} {unit}{held}"
             )
     for baseline in metrics["baselines"]:
-        typer.echo(f"{baseline['name']}, for comparison: speed rmse {baseline['speed']['rmse']:.4f}")
+        rmse = sensible(baseline["speed"]["rmse"])
+        typer.echo(f"{baseline['name']}, for comparison: speed rmse {rmse} m/s")
     typer.echo(f"figures and metrics.json in {out}; see {out / 'evaluation.html'}")
     _remarks(truck, recordings, metrics, horizon)
 

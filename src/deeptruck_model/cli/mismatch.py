@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Event
@@ -43,6 +44,13 @@ def mismatch(
         float | None,
         typer.Option(help="Mass of the truck, kg, where the simulator does not state it: forces in newtons."),
     ] = None,
+    no_vehicle_ahead: Annotated[
+        bool,
+        typer.Option(
+            "--no-vehicle-ahead",
+            help="State that no vehicle was near enough ahead for its wake to matter: no gap is missed.",
+        ),
+    ] = False,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
     msg: MessageFiles = None,
@@ -82,6 +90,8 @@ def mismatch(
             rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others, clock=clock, msg=msg or ())
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
+        if no_vehicle_ahead:
+            fit, held = ([replace(r, no_vehicle_ahead=True) for r in part] for part in (fit, held))
         show_accounts([*fit, *held])
         # the libraries take seconds to import: a bag that cannot be read is refused before
         from deeptruck_model.mismatch import find_mismatch

@@ -9,8 +9,11 @@ from io import BytesIO
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 if TYPE_CHECKING:
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 STYLE_FILE = "figure.mplstyle"
@@ -32,3 +35,19 @@ def png(figure: Figure) -> bytes:
     picture = BytesIO()
     figure.savefig(picture, format="png")
     return picture.getvalue()
+
+
+def plain_log(axis: Axis) -> None:
+    """Label a logarithmic axis that has its data by plain numbers: 0.2 and 200, not 2×10^-1.
+
+    Within two decades 1, 2 and 5 of each are labelled, else the decades alone.
+    """
+    low, high = sorted(axis.get_view_interval())
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _plain(value)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _plain(value: float) -> str:
+    """A tick of a logarithmic axis, without an exponent."""
+    return np.format_float_positional(float(f"{value:.6g}"), trim="-")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.pages.document import Folded, Picture, Table, document
-from deeptruck_model.pages.style import MODELLED, WIDTH_IN, png, styled
+from deeptruck_model.pages.style import MODELLED, WIDTH_IN, plain_log, png, styled
 from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.results import COVERAGE
@@ -141,7 +141,7 @@ def _map(ax: Axes, seconds: Array, x: _Axis, y: _Axis) -> None:
     shown = np.where(seconds.T == 0.0, np.nan, seconds.T)
     norm = LogNorm(vmin=max(0.1, float(np.nanmin(shown))), vmax=max(1.0, float(np.nanmax(shown))))
     mesh = ax.pcolormesh(x.edges, y.edges, shown, norm=norm, cmap="viridis")
-    ax.figure.colorbar(mesh, ax=ax, label="time spent [s]")
+    plain_log(ax.figure.colorbar(mesh, ax=ax, label="time spent [s]").ax.yaxis)
 
 
 @styled()

@@ -61,9 +61,10 @@ INPUTS = (
     Input(
         "gap",
         "The wake of a vehicle ahead lowers the air drag, which counts as tail wind or a smaller drag area.",
-        "distance to the vehicle ahead, SPN 1587 in ACC1 (PGN 65135); `gap` on `/radar/range`",
+        "distance to the vehicle ahead, SPN 1587 in ACC1 (PGN 65135); `gap` on `/radar/range`, or "
+        "`--no-vehicle-ahead`",
         "`gap`",
-        _measured("gap"),
+        lambda r: r.no_vehicle_ahead or _measured("gap")(r),
     ),
     Input(
         "commands obeyed",

@@ -28,6 +28,7 @@ class Recording:
     `start_s` is the time of the first sample since the start of the bag, `dt` the sample period in s.
     Channels absent from the source are absent from `channels`, but speed and acceleration are always there.
     `obeyed` says that the commands are known to have driven the truck, or to be the driver's.
+    `no_vehicle_ahead` is the user's statement that none was near enough for its wake to matter.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Recording:
     notes: tuple[str, ...] = field(default=())  # what extraction did: derived channels, rejected samples
     account: Account | None = field(default=None, compare=False)  # of the bag, log or table it came from
     obeyed: bool = False
+    no_vehicle_ahead: bool = False
 
     def __len__(self) -> int:
         return len(self.channels["speed"])

@@ -56,6 +56,12 @@ def test_the_mass_is_missed_where_no_interface_has_it(drive: Recording) -> None:
     assert [m.input.name for m in not_recorded([drive])] == ["mass"]
 
 
+def test_no_gap_is_missed_where_the_user_states_that_no_vehicle_was_ahead(whole: Recording) -> None:
+    lacking = without(whole, "gap")
+    assert [m.input.name for m in not_recorded([lacking])] == ["gap"]
+    assert not_recorded([replace(lacking, no_vehicle_ahead=True)]) == []
+
+
 def test_elevation_serves_for_the_slope(whole: Recording) -> None:
     assert not_recorded([without(whole, "grade")]) == []
 

@@ -319,7 +319,7 @@ def recorded(record: Path | None, bag: Path | None) -> str:
     if record is None or bag is None:
         return "nothing was to be recorded, --record BAG does"
     if bag_place.is_whole(bag):
-        return f"the bag is {record}"
+        return f"recorded in {record}"
     if bag.exists() and not any(bag.glob("*.mcap")):
         return f"nothing was recorded, {bag} is not the recorder's"
     if bag.exists():

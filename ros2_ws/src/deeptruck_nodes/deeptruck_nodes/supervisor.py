@@ -174,7 +174,7 @@ class Supervisor:
             if code is None or child.program.spectator:
                 continue
             if code == 0 and child.program.ends_run:
-                self.why = f"{child.program.name} is through"
+                self.why = f"{child.program.name} has finished"
                 return 0
             self.why = f"{child.program.name} failed"
             return _complain(child.how_it_ended(code), 2 if code == 2 else 1)

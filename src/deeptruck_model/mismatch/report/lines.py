@@ -37,8 +37,11 @@ def headline(v: Verdict) -> str:
     name = spoken(first.effect if first.stated == ROOT else first.stated)
     if first.kind is Kind.SENSOR:
         return opened(f"{name}: a fault of measurement")
-    says = "of the simulator is wrong" if first.kind is Kind.PARAMETER else "is missing"
-    return opened(f"{name} {says}" if first.stated != ROOT else f"{name} is most probable")
+    if first.stated == ROOT:
+        return opened(f"{name} is most probable")
+    if first.kind is Kind.PARAMETER:
+        return opened(f"{name} of the simulator is wrong")
+    return opened(f"{name} is missing" if first.stated == first.effect else f"{name}: an effect is missing")
 
 
 def what(v: Verdict) -> Iterator[str]:
