@@ -104,8 +104,8 @@ def train(
     if resume and not begun:
         typer.echo(f"note: {out} holds nothing to go on from; training from the beginning", err=True)
     policy = _trained(simulator, out, trainer.value, config, resume, overwrite)
-    score = policy.card["validation"]["score"]
-    typer.echo(f"{out}: trained, the best seed is {policy.card['seed']} with a validation cost of {score:.3f}")
+    seed, score = policy.card["seed"], policy.card["validation"]["score"]
+    typer.echo(f"{out}: trained; seed {seed} is best, with a validation cost of {score:.3f}")
 
 
 def _trained(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -228,8 +229,10 @@ def show_coverage(
     for missing in found.not_recorded:
         print(f"not recorded: {sentence(missing)}")
     show_accounts(recordings)
-    for recording in found.recordings:
-        print(f"{recording['name']}: {recording['duration_s']:.1f} s at {1 / recording['dt']:g} Hz")
+    for (bag, dt), pieces in groupby(recordings, lambda r: (r.name.partition("#")[0], r.dt)):
+        lengths = [len(piece) * dt for piece in pieces]
+        several = f" in {len(lengths)} pieces" if len(lengths) > 1 else ""
+        print(f"{bag}: {sum(lengths):.1f} s at {1 / dt:g} Hz{several}")
     print(found.judgement)
     print(f"see {out / 'coverage.html'}")
     for line in found.warnings:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -141,6 +141,9 @@ class Proposal:
                 yield f"{title} NOT FOUND, {NEEDED[channel]}. Fill in:"
                 unit = known_units(channel)[0]
                 yield f"# {channel}: {{{self.BLANK}, unit: {unit}}}"
+                if channel == "engine_command" and (fuel := self.taken("fuel_rate")):
+                    yield "# The fuel rate may stand in where no torque was recorded:"
+                    yield f"# {replace(fuel, channel=channel).line}"
             elif absent := self.absent(channel):
                 yield f"{title} Not found; {absent}."
             elif asked:

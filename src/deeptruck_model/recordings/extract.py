@@ -29,6 +29,7 @@ Index = NDArray[np.int64]
 
 _DRAIN = 200_000  # messages that may wait before they are resampled
 _NO_NUMBER = "without a number in"
+_LISTED = 3  # fields that a reason names
 
 
 def read(
@@ -246,9 +247,11 @@ class _Drain:
         total = self.account.total
         total.used += len(time) - int(blank.sum())
         if blank.any():
-            fields = ", ".join(self.sources[channel].field for channel in self.by_topic[topic])
+            fields = [self.sources[channel].field for channel in self.by_topic[topic]]
+            named, more = ", ".join(fields[:_LISTED]), len(fields) - _LISTED
+            named += f" and {more} more" if more > 0 else ""
             first = f"at {time[int(np.argmax(blank))]:.6g} s"
-            total.set_aside(f"on {topic} {_NO_NUMBER} {fields}", first, int(blank.sum()))
+            total.set_aside(f"on {topic} {_NO_NUMBER} {named}", first, int(blank.sum()))
         if len(part.doubled):
             first = f"at {(int(part.doubled[0]) - (self.start or 0)) / 1e9:.6g} s"
             total.set_aside(f"on {topic} with a repeated stamp", first, len(part.doubled))

@@ -54,7 +54,7 @@ def test_import_then_coverage(
     said = capsys.readouterr().out
     assert "bag: 100.0 s in 1 piece" in said and "note: acceleration derived from speed" in said
     assert run(monkeypatch, "coverage", "bag", "bag", "--out", "coverage") == 0
-    assert "bag: 100.0 s at 1 Hz" in capsys.readouterr().out
+    assert "bag: 200.0 s at 1 Hz in 2 pieces" in capsys.readouterr().out
     assert {p.name for p in (workplace / "coverage").iterdir()} == {
         "coverage.json",
         "coverage.png",
