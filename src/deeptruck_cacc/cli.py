@@ -165,7 +165,7 @@ def evaluate(
     wide = Console(width=max(seen.width, WIDE))
     wide.print(evaluation.table(metrics))
     wide.print(evaluation.best_table(metrics))
-    typer.echo(f"{out}: metrics.json and figures")
+    typer.echo(f"metrics.json and figures in {out}; see {out / 'evaluation.html'}")
 
 
 @app.command()
