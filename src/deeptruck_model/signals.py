@@ -68,8 +68,8 @@ FAULTS = (
 
 
 def printed(unit: str) -> str:
-    """A unit as figures and pages show it: m/s² for m/s^2."""
-    return unit.replace("^2", "²").replace("^3", "³")
+    """A unit as figures and pages show it: m/s² for m/s^2, and %."""
+    return unit.replace("^2", "²").replace("^3", "³").replace("percent", "%")
 
 
 def sensible(value: float) -> str:

@@ -16,13 +16,13 @@ HEAD: Row = (
     "worst",
     "crashes",
     "min gap (m)",
-    "jerk rms",
+    "jerk rms (m/s³)",
     "l/100 km",
     "shield %",
 )
 MEANS = (
     "Time-gap errors count after 10 s, speed errors after 25 s: mean, and the worst of all runs and times. "
-    "In reach: the worst time-gap error where the engine could have held the gap. Jerk is in m/s³. "
+    "In reach: the worst time-gap error where the engine could have held the gap. "
     "Shield %: the share of the time in which it acted."
 )
 BEST: Row = (

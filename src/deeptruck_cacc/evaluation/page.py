@@ -50,13 +50,15 @@ def page(results: Mapping[str, Any], folder: Path) -> str:
 def judgement(results: Mapping[str, Any]) -> str:
     """Time-gap error, smallest gap and crashes over all scenes in one sentence, beside the ACC baseline."""
     scenes = results["sets"]
-    gap = f"{_mean_error(scenes):.2f} s"
+    gap = f"{_mean_error(scenes):.3f} s"
     baseline = results.get("baselines", {}).get("acc")
     beside = ""
-    if baseline:
+    if baseline and baseline.keys() == scenes.keys():
+        gap += f" (ACC: {_mean_error(baseline):.3f} s)"
+    elif baseline:
         shared = {name: scenes[name] for name in baseline if name in scenes}
         ours, theirs = _mean_error(shared), _mean_error(baseline)
-        beside = f" In the {len(shared)} scenes driven by ACC too: {ours:.2f} s, and {theirs:.2f} s with ACC."
+        beside = f" In the {len(shared)} scenes driven by ACC too: {ours:.3f} s, and {theirs:.3f} s with ACC."
     crashes = sum(x["crashes"] for x in scenes.values())
     count = {0: "no crash", 1: "1 crash"}.get(crashes, f"{crashes} crashes")
     least = min(x["min_gap_m"] for x in scenes.values())

@@ -91,7 +91,7 @@ def _other(truck: DeepTruck, recordings: Sequence[Recording], metrics: dict[str,
     return (
         f"the 90 % intervals hold only {100 * min(held):.0f} % of the points of one channel: this is another "
         f"truck or load than in training{named}, which 'mismatch' finds, or too few drives set them, which "
-        "'calibrate' mends"
+        "'calibrate' corrects"
     )
 
 

@@ -140,7 +140,7 @@ def _map(ax: Axes, seconds: Array, x: _Axis, y: _Axis) -> None:
         return
     shown = np.where(seconds.T == 0.0, np.nan, seconds.T)
     norm = LogNorm(vmin=max(0.1, float(np.nanmin(shown))), vmax=max(1.0, float(np.nanmax(shown))))
-    mesh = ax.pcolormesh(x.edges, y.edges, shown, norm=norm, cmap="viridis")
+    mesh = ax.pcolormesh(x.edges, y.edges, shown, norm=norm, cmap="viridis_r")
     plain_log(ax.figure.colorbar(mesh, ax=ax, label="time spent [s]").ax.yaxis)
 
 
@@ -163,8 +163,8 @@ def draw_channels(recordings: Sequence[Recording]) -> bytes:
     for axis, name in zip(axes, names, strict=True):
         unit = next(r.interface.unit(name) for r in recordings if name in r.channels)
         said = "" if unit in ("", "1") else f"\n[{printed(unit)}]"
-        axis.set_ylabel(f"{name.replace('_', ' ')}{said}", rotation=0, ha="right", va="center", fontsize=8)
-        axis.tick_params(labelsize=7)
+        axis.set_ylabel(f"{name.replace('_', ' ')}{said}", rotation=0, ha="right", va="center", fontsize=9)
+        axis.tick_params(labelsize=9)
         axis.set_xlim(0.0, begin)
         axis.locator_params(axis="y", nbins=3)
     axes[-1].set_xlabel("recorded time [min]")
@@ -197,9 +197,15 @@ def page(found: Mapping[str, Any], maps: bytes, channels: bytes) -> str:
             conditions,
             Picture(maps, SHOWS),
             *(Folded(table.says, (table,)) for table in map(_account, found["accounts"])),
-            *(Folded(table.says, (table,)) for table in map(_table, found["recordings"])),
+            *_channels(found["recordings"]),
         ],
     )
+
+
+def _channels(recordings: Sequence[dict[str, Any]]) -> list[Folded]:
+    """The channels of each recording, folded together where there are several."""
+    each = [Folded(table.says, (table,)) for table in map(_table, recordings)]
+    return [Folded(f"Channels of {len(each)} recordings", each)] if len(each) > 1 else each
 
 
 def _account(account: dict[str, Any]) -> Table:

@@ -44,7 +44,9 @@ def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path):
     assert best_table(results).row_count == 4
     text = (tmp_path / "e" / "evaluation.html").read_text()
     assert f">{sensible(row['time_gap_error_after_10s']['worst_abs'])}<" in text and "crashes" in text
-    assert re.search(r"<h1>Mean time-gap error \d\.\d\d s, smallest gap \d+\.\d m, no crash", text)
+    assert re.search(
+        r"<h1>Mean time-gap error \d\.\d{3} s \(ACC: \d\.\d{3} s\), smallest gap \d+\.\d m, no crash", text
+    )
     assert text.count("data:image/png;base64,") == 4 and "http" not in text.partition("<body>")[2]
     evaluate(cacc, toy, tmp_path / "bare", rollouts=2, draw=False)
     assert {path.name for path in (tmp_path / "bare").iterdir()} == {"metrics.json", files.LEDGER}

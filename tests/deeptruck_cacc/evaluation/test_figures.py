@@ -57,7 +57,7 @@ def test_a_run_is_drawn_with_units_and_its_legends_outside(drawn, tmp_path):
     interface = TruckInterface("mine", engine_unit="percent", brake_unit="m/s^2")
     figure = drawn(figures.field_run, trace, tmp_path / "x.png", interface)
     labels = {axis.get_ylabel() for axis in figure.axes}
-    assert {"engine\n[percent]", "brake\n[m/s²]"} <= labels
+    assert {"engine\n[%]", "brake\n[m/s²]"} <= labels
     assert_legends_are_outside(figure)
 
 

@@ -323,7 +323,7 @@ def recorded(record: Path | None, bag: Path | None) -> str:
     if bag.exists() and not any(bag.glob("*.mcap")):
         return f"nothing was recorded, {bag} is not the recorder's"
     if bag.exists():
-        return f"the bag {bag} is not finished, 'deeptruck-model repair {bag}' mends it"
+        return f"the bag {bag} is not finished, 'deeptruck-model repair {bag}' repairs it"
     return (
         f"there is no bag {record}" if bag == record else f"nothing was recorded, {record} is the older bag"
     )

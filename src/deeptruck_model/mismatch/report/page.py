@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.budget import Part
 from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
-from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.result import Finding, Mismatch, Segment, Verdict
 from deeptruck_model.mismatch.strength import NOTABLE
 from deeptruck_model.mismatch.tree import LEFT_OVER
@@ -222,10 +222,16 @@ def _data(found: Mismatch, e: Evidence) -> str:
         "first": _shown(first)
         if first is not None and any(d["name"] == first.recording for d in drives)
         else None,
-        "labels": {n: n.replace("_", " ") for n in channels},
+        "labels": {n: _label(n, e) for n in channels},
         "channel": next((n for n in _of_interest(v) if n in channels), next(iter(channels), "")),
     }
     return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _label(channel: str, e: Evidence) -> str:
+    """A channel as the page names it, with its unit."""
+    of_it = unit(channel, e.command_units)
+    return channel.replace("_", " ") + (f", {of_it}" if of_it else "")
 
 
 def _of_interest(v: Verdict) -> tuple[str, ...]:
