@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from deeptruck_model import files, pages
 from deeptruck_model.pages import style
+from deeptruck_model.signals import sensible
 from examples.demo import figures, following
 from examples.demo.runner import Progress
 from examples.demo.steps import ROOT
@@ -45,6 +46,7 @@ def write(out: Path, progress: Sequence[Progress], seconds: float) -> Path:
         loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
+    environment.filters["sensible"] = sensible
     text = environment.get_template("page.html.jinja").render(content)
     _put(out, "index.html", text.encode())
     return out / "index.html"
