@@ -175,6 +175,12 @@ def _pool(target: Place, trucks: Path | None, level: float) -> None:
             print(f"  all {c['tested']} together could be discoveries with {needed} references or more")
         if c["common"]:
             print(f"  of most trucks, so of the simulator: {', '.join(c['common'])}")
+    if len(found["series"]) > 1:
+        last, every = found["series"][-1], [t for b in found["series"] for t in b["discovered"]]
+        print(
+            f"over {len(found['series'])} runs with new drives: {', '.join(every) or 'no truck'} discovered, "
+            f"in the last {', '.join(last['discovered']) or 'none'}, at its level of {last['level']:.2g}"
+        )
 
 
 def _show(target: Place) -> None:

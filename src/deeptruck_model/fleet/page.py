@@ -74,6 +74,7 @@ def _fleet(target: Place) -> dict[str, Any]:
         ],
         "first": first,
         "again": _again(pooled["trucks"]),
+        "series": [_batch(b) for b in pooled.get("series", ())],
         "rows": rows,
         "legend": "Evidence for each family on drives held out, in nats; ● is a discovery within its truck.",
         "weeks": _weeks(trucks),
@@ -115,6 +116,7 @@ def _folder(target: Place) -> dict[str, Any]:
         ],
         "first": first[:FIRST],
         "again": None,
+        "series": [],
         "rows": rows,
         "legend": "Probability of each family, in percent, where there is a finding.",
         "weeks": None,
@@ -161,6 +163,10 @@ def _again(trucks: Mapping[str, Any]) -> dict[str, Any] | None:
         for n, e in changed.items()
     ]
     return {"count": len(again), "rows": rows}
+
+
+def _batch(b: Mapping[str, Any]) -> tuple[str, ...]:
+    return b["until"] or "", str(len(b["p"])), f"{b['level']:.3g}", ", ".join(b["discovered"]) or "none"
 
 
 def _says(result: Mapping[str, Any]) -> tuple[str, list[str]]:

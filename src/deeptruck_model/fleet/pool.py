@@ -12,6 +12,7 @@ import numpy as np
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, folder
 from deeptruck_model.fleet.plan import Truck
+from deeptruck_model.fleet.series import advance
 from deeptruck_model.fleet.statistics import (
     REFERENCE,
     TESTED,
@@ -68,6 +69,9 @@ def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, 
         "quarantined": {r["truck"]: r["quarantined"] for r in receipts if "quarantined" in r},
         "effects": _effects(entries),
         "sizes": _sizes({n: (entries[n]["class"], verdicts[n]) for n in entries}),
+        "series": advance(
+            target, {n: e["p"] for n, e in entries.items() if e["role"] == TESTED}, compared, level
+        ),
     }
     target.write_json(POOLED, out)
     return out

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import zeta
 from scipy.stats import binomtest, false_discovery_control, median_abs_deviation
 
 Array = NDArray[np.float64]
@@ -26,6 +27,7 @@ OUTLYING = 3.0  # robust standard deviations above the median of fitted evidence
 LEAST_SPREAD = 0.5  # nats: a smaller robust standard deviation is no smaller
 LEAST_SHARE = 0.5  # of the median held-out driving of the siblings, below which a truck is not compared
 LEAST_SIBLINGS = 5  # fewer say nothing of the spread
+DECAY = 1.6  # of the levels of a series of batches, as Ramdas and others (SAFFRON, ICML 2018) advise
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,12 @@ def discovered(p: Sequence[float], level: float) -> NDArray[np.bool_]:
         return np.zeros(0, dtype=bool)
     out: NDArray[np.bool_] = false_discovery_control(np.asarray(p)) <= level + 1e-12
     return out
+
+
+def level_of_batch(level: float, batch: int, tested: int, discoveries: int) -> float:
+    """Level of the procedure of Benjamini and Hochberg in the `batch`-th batch (from 1) of a series, of
+    `tested` hypotheses, after so many discoveries: these pay for later batches."""
+    return level * batch**-DECAY / float(zeta(DECAY)) * (tested + discoveries) / tested
 
 
 def least_references(tested: int, found: int, level: float) -> int:
