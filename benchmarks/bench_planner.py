@@ -1,25 +1,41 @@
-"""CPU time of a step of the planner on a simulator: one truck, and a batch.
+"""The planner on a deep truck: CPU time of a step, and how it drives the truck itself where that is hard.
 
-python benchmarks/bench_planner.py [--simulator runs/following/trucksim/simulator] [--batch 20]
+python benchmarks/bench_planner.py [--work runs/following/trucksim] [--batch 20] [--truck trucksim]
 
-The default is the deep truck that bench_following.py made.
+The simulator and the policy in --work are those of bench_following.py. With --truck nothing is timed:
+planner and chosen policy drive that truck through a radar's noise, along a platoon and behind the shield.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from pathlib import Path
 
+import bench_radar_noise
 import numpy as np
 import pages
 
+from deeptruck_cacc import load_policy
+from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.planner import Planner
+from deeptruck_cacc.controllers.policy import Policy
+from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.hard_scenes import HARD, settled
 from deeptruck_cacc.environments.rollouts import roll_out
-from deeptruck_model import simulators
+from deeptruck_cacc.evaluation import metrics, platoon
+from deeptruck_cacc.safety import truck_limits
+from deeptruck_cacc.safety.guard import guard
+from deeptruck_model import simulators, trucks
 from deeptruck_model.simulators import Simulator
 
 STEPS = 600
+AMPLITUDES = (0.2, 0.5, 1.0)  # m/s, of the first leader's sine
+FREQUENCIES = platoon.FREQUENCIES[::3]  # Hz; a third of them, for the planner's time
+DANGEROUS = ("stop", "cut_in", "cut_out", "moving")
+ROLLOUTS = 8  # of a scene
+SEED = 1000  # of the scenes, those of bench_following.py
 
 
 class Timed(Planner):
@@ -46,22 +62,113 @@ def milliseconds(simulator: Simulator, batch: int) -> tuple[float, float]:
     return float(np.median(each)), float(np.quantile(each, 0.99))
 
 
-def main() -> None:
-    """Print the table and write its section of docs/results/speed.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--simulator", default="runs/following/trucksim/simulator")
-    parser.add_argument("--batch", type=int, default=20)
-    args = parser.parse_args()
-    truck = simulators.load(args.simulator)
+def through_noise(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
+    """Pedals behind steady leaders and errors behind moving ones, by the radar's noise."""
+    steady = settled(ROLLOUTS, 800, np.random.default_rng(SEED).uniform(12.0, 22.0, ROLLOUTS), 2.0)
+    moving = scenes.moving(np.random.default_rng(SEED), ROLLOUTS, 800, truck.dt)
+    reach = metrics.within_reach(moving, PedalMap.calibrate(truck), truck.dt)
+    lines = [
+        "| controller | noise (m, m/s) | steady leader: brake pulses a minute | mean jerk (m/s³) "
+        "| time gap, worst (s) | moving leader: worst (s) | scenes within 0.1 s |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, driver in drivers.items():
+        for noise in bench_radar_noise.NOISE[:2]:
+            quiet, busy = (
+                roll_out(truck, guard(driver, shield=False), bench_radar_noise.noisy(scene, *noise, SEED))
+                for scene in (steady, moving)
+            )
+            pulses, jerk, _, worst = bench_radar_noise.pedals(quiet, ActionScale.of(truck))[2:]
+            row = metrics.summary(busy, reach)
+            lines.append(
+                f"| {name} | {noise[0]:g}, {noise[1]:g} | {pulses:.1f} | {jerk:.2f} | {worst:.3f} "
+                f"| {row['time_gap_worst_within_reach']:.3f} | {row['rollouts_within_0.1_s']} of {ROLLOUTS} |"
+            )
+    return [*lines, ""]
+
+
+def along_a_platoon(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
+    """Amplification of speed, the worst of all frequencies, by the first leader's amplitude."""
+    lines = [f"| eight trucks at 1.5 s, V2V | {' | '.join(f'{a:g} m/s' for a in AMPLITUDES)} |"]
+    lines += ["|---" * (len(AMPLITUDES) + 1) + "|"]
+    keys = {
+        "worst from truck to truck": "worst_speed_amplification",
+        "head to tail": "head_to_tail_speed_amplification",
+    }
+    for name, driver in drivers.items():
+        rows = [
+            platoon.string_stability(truck, driver, amplitude=a, frequencies=FREQUENCIES) for a in AMPLITUDES
+        ]
+        for says, key in keys.items():
+            lines.append(f"| {name}, {says} | {' | '.join(f'{max(row[key]):.3f}' for row in rows)} |")
+    return [*lines, ""]
+
+
+def behind_the_shield(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
+    """Crashes, least gap and how often the shield acts, scene by scene."""
+    promise = truck_limits.measure(truck)
+    lines = ["| scene | controller | crashes bare | least gap (m) | with shield | least gap (m) | acts (%) |"]
+    lines += ["|---|---|---|---|---|---|---|"]
+    for scene_name in DANGEROUS:
+        draw, seconds = HARD[scene_name]
+        scene = draw(np.random.default_rng(SEED), ROLLOUTS, round(seconds / truck.dt), truck.dt)
+        for name, driver in drivers.items():
+            bare, kept = (
+                metrics.summary(roll_out(truck, guard(driver, promise, shield=on), scene))
+                for on in (False, True)
+            )
+            lines.append(
+                f"| {scene_name.replace('_', ' ')} | {name} | {bare['crashes']} | {bare['min_gap_m']:.1f} "
+                f"| {kept['crashes']} | {kept['min_gap_m']:.1f} | {100 * kept['shield_share']:.2f} |"
+            )
+    return lines
+
+
+def speed(simulator: Simulator, count: int) -> list[str]:
+    """The section of docs/results/speed.md."""
     lines = ["# The planner over a deep truck", ""]
     lines += ["`python benchmarks/bench_planner.py`, CPU time of one thread; a default deep truck.", ""]
     lines += ["| trucks | a step of a truck, p50 (ms) | p99 (ms) |", "|---|---|---|"]
-    for batch in (1, args.batch):
-        middle, most = milliseconds(truck, batch)
+    for batch in (1, count):
+        middle, most = milliseconds(simulator, batch)
         lines.append(f"| {batch} | {middle:.2f} | {most:.2f} |")
-    pages.store("speed", "\n".join(lines))
+    return lines
+
+
+def hard(name: str, simulator: Simulator, policy: Path) -> list[str]:
+    """The section of docs/results/following.md."""
+    drivers: dict[str, Policy] = {"policy": load_policy(policy), "planner": Planner(simulator)}
+    truck, sines = trucks.load(name), ", ".join(f"{f:.2f}" for f in FREQUENCIES)
+    return [
+        f"# The planner on {name} in noise, in a platoon and behind the shield",
+        "",
+        f"`python benchmarks/bench_planner.py --work runs/following/{name} --truck {name}`",
+        "",
+        f"Planner and chosen policy on the truck itself, {ROLLOUTS} rollouts a scene. Steady leaders: time",
+        "gap 2 s, after 20 s. Moving leader: on hills, where power suffices, after 10 s.",
+        f"The platoon's leader drives sines of {sines} Hz; the worst of them counts.",
+        "",
+        *through_noise(truck, drivers),
+        *along_a_platoon(truck, drivers),
+        *behind_the_shield(truck, drivers),
+    ]
+
+
+def main() -> None:
+    """Print the tables and write their sections of docs/results/speed.md or following.md."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--work", type=Path, default=Path("runs/following/trucksim"))
+    parser.add_argument("--batch", type=int, default=20)
+    parser.add_argument("--truck", default="", help="drive this truck instead of timing a step")
+    args = parser.parse_args()
+    simulator = simulators.load(str(args.work / "simulator"))
+    if args.truck:
+        page, lines = "following", hard(args.truck, simulator, args.work / "policy")
+    else:
+        page, lines = "speed", speed(simulator, args.batch)
+    pages.store(page, "\n".join(lines))
     print("\n".join(lines))
 
 

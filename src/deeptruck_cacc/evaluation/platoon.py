@@ -68,8 +68,10 @@ def string_stability(
     amplitude: float = 0.5,
     v2v: bool = True,
     draws: int = 8,
+    frequencies: Array = FREQUENCIES,
 ) -> dict[str, Any]:
-    """Amplification of speed and gap error from truck to truck at FREQUENCIES, the worst of the string.
+    """Amplification of speed and gap error from truck to truck at `frequencies` (n,), Hz, the worst of the
+    string, and of speed from the leader to the last truck.
 
     The leader's speed is a sine of `amplitude` m/s about `speed`; the response is read by its Fourier
     coefficient over whole periods in the second half of the run. Gap errors start with truck 1, so theirs
@@ -79,23 +81,23 @@ def string_stability(
     """
     dt, steps = simulator.dt, round(200.0 / simulator.dt)
     t = dt * np.arange(steps)
-    frequencies = np.tile(FREQUENCIES, 1 if v2v else draws)
-    omega = 2 * np.pi * frequencies[:, None]
-    scene = settled(len(frequencies), steps, speed, time_gap)
+    omega = 2 * np.pi * np.tile(frequencies, 1 if v2v else draws)[:, None]
+    scene = settled(len(omega), steps, speed, time_gap)
     pull = np.diff(amplitude * np.sin(omega * np.append(t, t[-1] + dt)), axis=1) / dt
     scene = replace(scene, leader_acceleration=pull)
     traces = drive(simulator, policy, scene, trucks, None if v2v else np.random.default_rng(0))
-    lead = _coefficient(traces[0]["leader_speed"].T, dt)
-    speeds = np.array([lead] + [_coefficient(trace["speed"].T, dt) for trace in traces])
-    gaps = np.array([_coefficient(_gap_error(trace), dt) for trace in traces])
+    lead = _coefficient(traces[0]["leader_speed"].T, dt, frequencies)
+    speeds = np.array([lead] + [_coefficient(trace["speed"].T, dt, frequencies) for trace in traces])
+    gaps = np.array([_coefficient(_gap_error(trace), dt, frequencies) for trace in traces])
     return {
         "trucks": trucks,
         "time_gap_s": time_gap,
         "v2v": v2v,
-        "frequency_hz": FREQUENCIES.tolist(),
+        "frequency_hz": frequencies.tolist(),
         "worst_speed_amplification": (speeds[1:] / np.maximum(speeds[:-1], 0.05 * amplitude))
         .max(axis=0)
         .tolist(),
+        "head_to_tail_speed_amplification": (speeds[-1] / speeds[0]).tolist(),
         "worst_gap_error_amplification": (gaps[1:] / np.maximum(gaps[:-1], 0.05)).max(axis=0).tolist(),
         "crashes": int(sum(trace["crash"].any() for trace in traces)),
     }
@@ -105,11 +107,12 @@ def _gap_error(trace: Trace) -> Array:
     return (trace["gap"] - trace["speed"] * trace.scene.time_gap).T
 
 
-def _coefficient(signals: Array, dt: float) -> Array:
-    """Amplitude at FREQUENCIES of (k * n, T), k runs one below the other, over whole periods at the end."""
-    runs = len(signals) // len(FREQUENCIES)
+def _coefficient(signals: Array, dt: float, frequencies: Array = FREQUENCIES) -> Array:
+    """Amplitude at `frequencies` (n,) of (k * n, T), k runs one below the other, over whole periods at the
+    end."""
+    runs = len(signals) // len(frequencies)
     coefficients = []
-    for frequency, row in zip(np.tile(FREQUENCIES, runs), signals, strict=True):
+    for frequency, row in zip(np.tile(frequencies, runs), signals, strict=True):
         whole = max(np.floor(0.5 * len(row) * dt * frequency), 1.0) / frequency
         tail = row[-round(whole / dt) :]
         t = dt * np.arange(len(tail))

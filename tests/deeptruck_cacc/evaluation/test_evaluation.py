@@ -160,8 +160,12 @@ def test_a_linear_follower_amplifies_as_its_transfer_function_says(toy):
 
     toy = replace(toy, lag=0.1)
     row = platoon.string_stability(toy, Proportional(), trucks=2)
-    omega = 2 * np.pi * np.array(row["frequency_hz"])
-    np.testing.assert_allclose(row["worst_speed_amplification"], 0.5 / np.hypot(0.5, omega), rtol=0.08)
+    gain = 0.5 / np.hypot(0.5, 2 * np.pi * np.array(row["frequency_hz"]))
+    np.testing.assert_allclose(row["worst_speed_amplification"], gain, rtol=0.08)
+    np.testing.assert_allclose(row["head_to_tail_speed_amplification"], gain**2, rtol=0.16)
+    few = platoon.string_stability(toy, Proportional(), trucks=2, frequencies=platoon.FREQUENCIES[::3])
+    for key in ("frequency_hz", "worst_speed_amplification", "head_to_tail_speed_amplification"):
+        np.testing.assert_allclose(few[key], row[key][::3])
 
 
 def test_what_the_radar_adds_is_no_amplification(toy, cacc):
