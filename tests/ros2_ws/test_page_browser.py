@@ -80,7 +80,7 @@ def test_a_run_is_watched_through_all_that_happens_to_it(
         page.wait(is_in(topic, "fresh"))
     page.wait(f"data('speed').t.length > {2 * RATE}")
     assert pauses(page, "speed") == {1000 // RATE}  # every sample, once
-    assert {"m/s", "m", "N m", "percent", "m/s²"} == set(page.get("strips.map(strip => strip.unit)"))
+    assert {"m/s", "m", "N m", "%", "m/s²"} == set(page.get("strips.map(strip => strip.unit)"))
     assert "without a safety core" in page.text("safety")
     second = open_page(where, 390, 844)
     second.wait(CONNECTED)

@@ -24,7 +24,8 @@ function ageOf(name) {
 }
 
 function begin({nodes, links, units, health: said, run, missing: compared}) {
-  if (run) document.title = document.querySelector("h1").textContent = `A run, live: ${run}`;
+  const what = nodes.includes("replay") ? "A replay" : "A run, live";
+  if (run) document.title = document.querySelector("h1").textContent = `${what}: ${run}`;
   [series, topics, ages, newest] = [{}, {}, {}, -Infinity];
   [health, missing] = [said, compared];
   graph.begin(links);
@@ -42,7 +43,7 @@ function makeStrips(units, nodes) {
   add({says: "Gap", unit: "m", least: 2, lines: [{series: "gap", says: "gap", tone: "truck"}]});
   for (const [name, says] of [["engine_command", "engine command"], ["brake_command", "brake command"]]) {
     if (!Object.keys(units).length || units[name]) {
-      add({says, unit: units[name] || "truck's unit", least: 2, spans: held, lines: [{series: name, says, tone: "truck"}]});
+      add({says, unit: (units[name] || "truck's unit").replace("percent", "%"), least: 2, spans: held, lines: [{series: name, says, tone: "truck"}]});
     }
   }
   if (!nodes.includes("mismatch_monitor") && !nodes.includes("replay")) return;
