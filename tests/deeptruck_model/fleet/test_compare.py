@@ -110,16 +110,16 @@ def test_the_page_shows_earlier_and_present_result_where_they_differ(result):
 
 def test_the_page_lists_what_each_run_with_new_drives_discovered(result):
     target = place(str(result))
-    pool.pool(target, {}, 0.05)
+    pool.pool(target, {}, 0.1)
     page.show(target)
     assert "Discovered run by run" not in (result / page.PAGE).read_text()
     later = receipt("truck 05", SOUND_NATS | {"drag_area": 60.0}) | {"key": "later"}
     target.write_json(f"{folder('truck 05')}/{DONE}", later)
-    first, second = pool.pool(target, {}, 0.05)["series"]
+    first, second = pool.pool(target, {}, 0.1)["series"]
     assert len(first["discovered"]) == 4 and list(second["p"]) == ["truck 05"]
     page.show(target)
     rows = re.findall("<tr>(.*?)</tr>", (result / page.PAGE).read_text().partition("run by run</h2>")[2])
-    assert "truck 00, truck 11, truck 22, truck 33" in rows[1] and "<td>none</td>" in rows[2]
+    assert "truck 00, truck 11, truck 22, truck 33" in rows[1] and "<td>truck 05</td>" in rows[2]
 
 
 def test_a_plain_folder_of_verdicts_has_a_page_too(result, tmp_path):
