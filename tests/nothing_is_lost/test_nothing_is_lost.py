@@ -92,9 +92,7 @@ def replaced(here: Place, overwrite: bool, how: str, anew: bool) -> None:
 
 
 def gone_on(here: Place, overwrite: bool, how: str, anew: bool) -> None:
-    with here.kind.going_on(here.out, overwrite=overwrite) as draft:
-        if anew:
-            here.kind.anew(here.out)
+    with here.kind.going_on(here.out, overwrite=overwrite, resume=not anew) as draft:
         compute(here, draft, how)
 
 
@@ -172,8 +170,8 @@ def called(node: ast.Call) -> str:
 # Who else may delete or rename, and what: each its own work of the same run, or what it knows as its own.
 ALLOWED = {
     "deeptruck_model/files/results.py": "the rule itself",
-    "deeptruck_model/files/ledger.py": "the ledger of a folder, which says what is ours",
-    "deeptruck_model/files/single.py": "its own draft; what the user changed, to a name that is free",
+    "deeptruck_model/files/ledger.py": "what the user changed, to a name that is free",
+    "deeptruck_model/files/single.py": "its own draft",
     "deeptruck_model/recordings/crash_safe.py": "metadata.yaml of the bag that it has just made",
     "deeptruck_model/recordings/mcap_repair.py": "the repaired bag; what was cut off or replaced is kept",
     "deeptruck_model/fleet/storage.py": "its own drafts, and a truck's earlier result that its receipt names",

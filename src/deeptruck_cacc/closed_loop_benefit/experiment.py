@@ -57,9 +57,7 @@ def pays(
     out = Path(out)
     check(out, effects, recipes, resume=resume, overwrite=overwrite)
     results: dict[str, Any] = {}
-    with BENEFIT.going_on(out, overwrite=overwrite) as draft:
-        if not resume:
-            BENEFIT.anew(out)
+    with BENEFIT.going_on(out, overwrite=overwrite, resume=resume) as draft:
         for name in effects:
             results[name] = _case(name, CASES[name], draft / WORK, recipes, effort, tell)
             report.write(results, draft)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,7 +59,8 @@ def train(
     run = _trainer(trainer, config)
     import_module("torch")  # the limit reaches only what is loaded
     # one thread: of small matrices a second one only waits, at full load
-    with _draft(out, resume=resume, overwrite=overwrite) as draft, threadpool_limits(1):
+    goes_on = resume and begun(out)
+    with POLICY.going_on(out, overwrite=overwrite, resume=goes_on) as draft, threadpool_limits(1):
         return run(simulator, draft, config, reward=reward, resume=resume, source=source, tell=tell)
 
 
@@ -116,15 +116,6 @@ def default(trainer: str) -> Config:
     if trainer not in TRAINERS:
         raise InputError(f"there is no trainer '{trainer}'; known: {', '.join(TRAINERS)}")
     return AnalyticConfig() if trainer == "analytic" else TrpoConfig()
-
-
-@contextmanager
-def _draft(out: Path, *, resume: bool, overwrite: bool) -> Iterator[Path]:
-    """The folder to train in, which becomes `out` at the end."""
-    with POLICY.going_on(out, overwrite=overwrite) as draft:
-        if not (resume and begun(out)):
-            POLICY.anew(out)
-        yield draft
 
 
 def _trainer(trainer: str, config: Config) -> Callable[..., MlpPolicy]:

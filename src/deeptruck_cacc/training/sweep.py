@@ -44,9 +44,7 @@ def sweep(
     """
     out = Path(out).absolute()
     chosen = check(simulator, out, grid, trainer=trainer, resume=resume, overwrite=overwrite)
-    with SWEEP.going_on(out, overwrite=overwrite) as draft:
-        if not resume:
-            SWEEP.anew(out)
+    with SWEEP.going_on(out, overwrite=overwrite, resume=resume) as draft:
         jobs = [(simulator, str(draft / name), trainer, settings) for name, settings in chosen.items()]
         for name in sweeps.run(_train, jobs, workers=workers, engine=engine):
             tell(f"{name}: trained")

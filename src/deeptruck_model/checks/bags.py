@@ -78,7 +78,7 @@ def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -
     if not path.exists():
         beside = "".join(f"; {line}" for line in files.left_beside(path))
         raise InputError(f"{path} does not exist{beside}")
-    files.tell_left_beside(path)
+    files.print_left_beside(path)
     if path.is_file():
         _check_magic(path)
         return BagFacts(path, None, None, mapped)

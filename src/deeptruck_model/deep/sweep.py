@@ -67,11 +67,9 @@ def sweep(
     goes_on = resumes and SWEEP.signed(out)  # by its names alone it may be somebody else's
     definitions = tuple(str(Path(file).resolve()) for file in msg)
     by_map = None if topic_map is None else str(Path(topic_map).resolve())
-    with SWEEP.going_on(out, overwrite=overwrite or goes_on) as draft:
+    with SWEEP.going_on(out, overwrite=overwrite or goes_on, resume=resumes) as draft:
         if resumes:
             _take_over(out, draft)
-        else:
-            SWEEP.anew(out)
         jobs = [
             Job(
                 paths,

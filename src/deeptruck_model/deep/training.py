@@ -73,9 +73,7 @@ def train(
         return load_directory(out, read_manifest(out))
     if resumes and not overwrite:
         _refuse_another(out, identity)
-    with DEEP_TRUCK.going_on(out, overwrite=overwrite) as working:
-        if not resumes:
-            DEEP_TRUCK.anew(out)
+    with DEEP_TRUCK.going_on(out, overwrite=overwrite, resume=resumes) as working:
         if (working / resume.FILE).exists() or identity_in(working) != identity:  # else killed once complete
             _work(data, arguments, identity, working, out, observe, began)
     loaded = simulators.load(out)
@@ -110,7 +108,7 @@ def _work(
     done = resume.load(working, identity, run.network, run.optimizers, run.best)
     _loop(run, working, done, observe)
     if not np.isfinite(run.best.scores).all():
-        DEEP_TRUCK.forget(out)  # going on with it would only diverge again
+        DEEP_TRUCK.forget(working)  # going on with it would only diverge again
         raise DivergedError(
             "training diverged: take a lower learning rate than "
             f"{peak_rate(arguments):g}, or look at the recordings with 'deeptruck-model coverage'"
@@ -203,9 +201,8 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
     """Rounds of updates, each followed by a validation and a resume point."""
     arguments, per_round = run.arguments, math.ceil(run.updates / run.arguments.rounds)
     judged = np.where(np.arange(len(run.weight)) < run.network.shape.responses, run.weight, np.float32(0.0))
-    curves = board(working / "tensorboard", done)
     score = ""
-    with bar("training") as show:
+    with board(working / "tensorboard", done) as curves, bar("training") as show:
 
         def step(now: int) -> None:
             show(now, run.updates, score)
@@ -228,7 +225,6 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
             resume.save(working, run.identity, run.network, run.optimizers, run.best, done)
             if not finite(run.network).any():
                 break  # such weights never come back
-    curves.close()
 
 
 def _round(

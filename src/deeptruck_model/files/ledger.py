@@ -1,31 +1,35 @@
-"""The ledger of a folder: which command made it, and which files, each as that command left it.
+"""The ledger of a folder: which command made it, with size and SHA-256 of each file that it wrote.
 
     {"what": "a mismatch result", "files": {"verdict.json": {"bytes": 1234, "sha256": "..."}}}
 
-A file with the right name and other content is the user's. In a folder that is still being worked on,
-`at_work` is true or the prints are null: there a file is known by its name.
+A listed file with other content is the user's. While a command works in the folder, `at_work` is true or the
+prints are null: there a file is known by its name.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-LEDGER = ".deeptruck.json"
+from deeptruck_model.errors import InputError
+from deeptruck_model.files.lock import ELSEWHERE
+from deeptruck_model.files.single import RENAME, aside, check_free, write
 
+LEDGER = ".deeptruck.json"
 Print = dict[str, Any]  # of a file: its bytes and its sha256
 
 
 @dataclass(frozen=True)
 class Ledger:
-    """What a folder is, `what`, and the print of each file; None for one that is known by its name alone.
+    """What a folder is, and the print of each file; None for one that is known by its name only.
 
     While the command is `at_work`, its files are those that `Result.names` says, and `prints` are of files
-    that it writes again and again.
+    that it writes more than once.
     """
 
     what: str
@@ -42,18 +46,15 @@ class Ledger:
         """Whether the content of the files is known, as of a folder that was finished."""
         return not self.at_work and any(self.prints.values())
 
-    def is_changed(self, folder: Path, name: str) -> bool:
-        """Whether a listed file is no longer what was written."""
-        known = (self.files or {}).get(name)
-        if known is None:
-            return False
-        path = folder / name
-        return path.stat().st_size != known["bytes"] or print_of(path) != known
+    def changed(self, folder: Path) -> str | None:
+        """The first listed file in `folder` that is not as it was written; None where there is none."""
+        known = ((name, one) for name, one in (self.files or {}).items() if one and (folder / name).is_file())
+        return next((name for name, one in known if print_of(folder / name) != one), None)
 
-    def to_bytes(self) -> bytes:
-        """As it stands in the file."""
-        work = {"at_work": True} if self.at_work else {}
-        return (json.dumps({"what": self.what, "files": self.prints, **work}, indent=1) + "\n").encode()
+    def put(self, folder: Path) -> None:
+        """Write it into a folder. Raises InputError where that fails."""
+        content = {"what": self.what, "files": self.prints} | ({"at_work": True} if self.at_work else {})
+        write(folder / LEDGER, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def read(folder: Path) -> Ledger | None:
@@ -63,86 +64,13 @@ def read(folder: Path) -> Ledger | None:
         if path.is_symlink() or not path.is_file():
             return None
         content = json.loads(path.read_text())
-        prints = {str(name): _print(known) for name, known in content["files"].items()}
+        prints = {
+            str(name): one and {"bytes": int(one["bytes"]), "sha256": str(one["sha256"])}
+            for name, one in content["files"].items()
+        }
         return Ledger(str(content["what"]), prints, bool(content.get("at_work")))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
-
-
-def of(what: str, folder: Path, names: Iterable[str]) -> Ledger:
-    """The ledger of a finished folder, of which these files are the command's."""
-    return Ledger(what, {name: print_of(folder / name) for name in sorted(names)})
-
-
-def put(known: Ledger, folder: Path) -> None:
-    """Replace the ledger of a folder. Raises OSError."""
-    draft = folder / f".{LEDGER}.tmp"
-    draft.write_bytes(known.to_bytes())
-    draft.replace(folder / LEDGER)
-
-
-def listed_inside(folder: Path) -> set[str]:
-    """The files that ledgers further inside a folder list, and these ledgers, relative to it."""
-    found = set()
-    for path in folder.rglob(LEDGER):
-        known = read(path.parent)
-        if path.parent != folder and known is not None and known.files is not None:
-            found |= {(path.parent / name).relative_to(folder).as_posix() for name in (*known.files, LEDGER)}
-    return found
-
-
-def written_last(path: Path) -> Print | None:
-    """The print of a file that a command writes again and again, as it last left it; None where it never did
-    or the folder has no ledger of work that goes on."""
-    known = read(path.parent)
-    return known.prints.get(path.name) if known is not None and known.at_work else None
-
-
-def note_written(path: Path) -> None:
-    """Remember how a command that goes on in this folder left one of its files. Raises OSError."""
-    known = read(path.parent)
-    if known is not None and known.at_work:
-        put(Ledger(known.what, {**known.prints, path.name: print_of(path)}, at_work=True), path.parent)
-
-
-def is_as_written(path: Path) -> bool:
-    """Whether the ledger of a finished folder knows this file as it is."""
-    folder, name = path.absolute().parent, path.name
-    known = read(folder)
-    return known is not None and bool((known.files or {}).get(name)) and not known.is_changed(folder, name)
-
-
-def renew(path: Path) -> None:
-    """Tell the ledgers above a file of ours that this tool has changed it. Raises OSError."""
-    changed = [path.absolute()]  # and the ledgers that tell of it, which those further up know too
-    for folder in path.absolute().parents:
-        known = read(folder)
-        anew = {name: one for one in changed if (name := one.relative_to(folder).as_posix())}
-        if known is None or known.files is None or not anew.keys() & known.files.keys():
-            continue
-        prints = {name: print_of(one) for name, one in anew.items() if name in known.files}
-        put(Ledger(known.what, {**known.files, **prints}), folder)
-        changed.append(folder / LEDGER)
-
-
-def inside(out: Path) -> tuple[Path, str] | None:
-    """The nearest finished result in whose folder `out` lies, and what it is; None where there is none."""
-    for folder in out.absolute().parents:
-        known = read(folder)
-        if known is not None and known.whole:
-            return folder, known.what
-    return None
-
-
-def around(out: Path) -> tuple[Path, str] | None:
-    """The folder above `out` whose ledger lists files in `out`, and what it is; None where there is none."""
-    place = out.absolute()
-    for folder in place.parents:
-        known = read(folder)
-        inside = f"{place.relative_to(folder).as_posix()}/"
-        if known is not None and any(name.startswith(inside) for name in known.files or ()):
-            return folder, known.what
-    return None
 
 
 def print_of(path: Path) -> Print:
@@ -151,6 +79,66 @@ def print_of(path: Path) -> Print:
         return {"bytes": path.stat().st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
-def _print(known: Any) -> Print | None:
-    """Raises TypeError or KeyError for what is no print."""
-    return None if known is None else {"bytes": int(known["bytes"]), "sha256": str(known["sha256"])}
+def prints_of(folder: Path, names: Iterable[str]) -> dict[str, Print | None]:
+    """The prints of these files in a folder."""
+    return {name: print_of(folder / name) for name in sorted(names)}
+
+
+def listed_inside(folder: Path) -> set[str]:
+    """The files that ledgers further inside a folder list, and these ledgers, relative to it."""
+    inner = ((p.parent, read(p.parent)) for p in folder.rglob(LEDGER) if p.parent != folder)
+    listed = ((place, (*known.files, LEDGER)) for place, known in inner if known and known.files is not None)
+    return {(place / name).relative_to(folder).as_posix() for place, names in listed for name in names}
+
+
+def is_as_written(path: Path) -> bool:
+    """Whether the ledger of a finished folder knows this file as it is."""
+    known = read(path.absolute().parent)
+    return known is not None and (known.files or {}).get(path.name) == print_of(path)
+
+
+def renew(path: Path) -> None:
+    """Update the ledgers above a file that this tool has changed. Raises InputError where that fails."""
+    changed = [path.absolute()]  # and the ledgers that list it, which those further up list too
+    for folder in path.absolute().parents:
+        known = read(folder)
+        names = {one.relative_to(folder).as_posix() for one in changed}
+        if known is not None and (names := names & (known.files or {}).keys()):
+            replace(known, prints={**known.prints, **prints_of(folder, names)}).put(folder)
+            changed.append(folder / LEDGER)
+
+
+def rewrite(path: Path, content: bytes) -> None:
+    """Write a file of work that goes on. What stands there and is not as this command left it is the user's:
+    it is kept beside the folder, which is printed. Raises InputError where it cannot be written."""
+    known = read(path.parent)
+    known = known if known is not None and known.at_work else None
+    last = known.prints.get(path.name) if known else None
+    if path.is_file() and path.read_bytes() != content and print_of(path) != last:
+        kept = path.rename(aside(path.parent.with_name(f"{path.parent.name}.{path.name}.before")))
+        print(f"note: {path} was changed since this command wrote it; it is kept as {kept}", file=sys.stderr)
+    write(path, content)
+    if known:
+        replace(known, prints={**known.prints, path.name: print_of(path)}).put(path.parent)
+
+
+def check_new(path: Path) -> None:
+    """Raises InputError where the single file `path` exists, cannot be written, or would be new in a finished
+    result; nothing is touched."""
+    check_free(path)
+    check_outside(path, RENAME)
+
+
+def check_outside(path: Path, elsewhere: str = ELSEWHERE) -> None:
+    """Raises InputError where `path` is a part of a finished result, or would be something new in one."""
+    place = path.absolute()
+    for folder in place.parents:
+        known, inside = read(folder), place.relative_to(folder).as_posix()
+        if known is None or known.files is None:
+            continue
+        if any(name.startswith(f"{inside}/") for name in known.files):
+            raise InputError(f"{path} is part of {known.what}, {folder}; {elsewhere}")
+        if known.whole and not path.exists():
+            raise InputError(
+                f"{path} would lie in {folder}, {known.what}, which holds nothing else; {elsewhere}"
+            )

@@ -27,8 +27,7 @@ def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
 
 @contextmanager
 def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
-    """Hold a name under which nothing stands yet, against other runs of this user on this machine; the hold
-    ends with the block, or with the process. Raises InputError where another run holds it."""
+    """As `writing`, for a name under which nothing stands yet: against runs of this user on this machine."""
     name = hashlib.sha256(os.fsencode(os.path.realpath(out))).hexdigest()
     place = Path(tempfile.gettempdir()) / f"deeptruck-{os.getuid()}" / name
     place.parent.mkdir(mode=0o700, exist_ok=True)
@@ -39,7 +38,7 @@ def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
 
 def free(folder: Path, elsewhere: str = ELSEWHERE) -> None:
     """Raises InputError where a run writes into the folder; one that is not there is free."""
-    if folder.is_dir() and os.access(folder, os.R_OK):
+    if os.access(folder, os.R_OK) and folder.is_dir():
         with writing(folder, elsewhere):
             pass
 

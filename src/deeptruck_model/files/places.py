@@ -1,4 +1,4 @@
-"""What lies beside a result, under which hidden name, and how it is said: drafts, older and newer results.
+"""The names of drafts, older and newer results beside a result.
 
 .NAME.unfinished         work that --resume goes on with
 .NAME.????????.tmp       a draft, which takes the place of NAME when it is whole
@@ -15,40 +15,34 @@ import glob
 import itertools
 import os
 import re
-import secrets
 import sys
 from contextlib import suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.files.lock import free
-from deeptruck_model.files.single import check_length
 
 DRAFT = re.compile(r"^\.(.+?)(\.\w{8}\.tmp|\.tmp|\.unfinished|\.\d+\.(?:old|new|unfinished))$")
-BESIDE = ".." + str(2**22) + ".unfinished"  # what the longest of these names adds to that of the result
+LONGEST = "..{}." + str(2**22) + ".unfinished"  # of these names; 2**22 is the largest number of a process
+_BESIDE = {
+    "old": "an older {name}, which a run that was killed had set aside; rename it or remove it",
+    "new": "another {name}, whose run could not put it in place; 'deeptruck-model repair' mends it if it is "
+    "not whole; rename it or remove it",
+    "unfinished": "begun work on {name} that was set aside; remove it, or rename it to .{name}.unfinished "
+    "and add --resume",
+}
+kept: list[Path] = []  # drafts that this process left, with a file to go on from
 _printed: set[str] = set()  # by this process: several checks look at one bag
 
 
 def straight(out: Path) -> Path:
-    """The same place without '..': 'a/../a' leads nowhere in the moment in which a is renamed.
-
-    Raises InputError for a name that is too long, or would be with what is put beside it.
-    """
-    check_length(out, BESIDE)
+    """The same place without '..': 'a/../a' leads nowhere in the moment in which a is renamed."""
     return Path(os.path.realpath(out.parent)) / out.name if ".." in out.parent.parts else out
 
 
 def unfinished(out: Path) -> Path:
     """Where work that can be gone on with is kept until `out` can be written whole."""
     return out.parent / f".{out.name}.unfinished"  # '.' has no name that could be exchanged
-
-
-kept: list[Path] = []  # drafts that this process left, with a file to go on from
-
-
-def draft(out: Path) -> Path:
-    """A free name for a draft of `out`."""
-    return out.with_name(f".{out.name}.{secrets.token_hex(4)}.tmp")
 
 
 def begun(out: Path) -> bool:
@@ -58,8 +52,8 @@ def begun(out: Path) -> bool:
 
 def beside(out: Path, suffix: str) -> Path:
     """A free name beside `out`, with this process's number; a killed run may have had the same."""
-    names = (f".{out.name}.{os.getpid() + number}.{suffix}" for number in itertools.count())
-    return next(place for name in names if not os.path.lexists(place := out.with_name(name)))
+    names = (out.with_name(f".{out.name}.{os.getpid() + number}.{suffix}") for number in itertools.count())
+    return next(name for name in names if not os.path.lexists(name))
 
 
 def final(path: Path) -> Path:
@@ -69,54 +63,27 @@ def final(path: Path) -> Path:
 
 def left_beside(out: Path) -> list[str]:
     """What killed runs left beside `out` that a user may want back, a sentence each; all of it stays."""
-    if not out.name:  # '.', which nothing is set aside beside
-        return []
-    name = glob.escape(out.name)
-    says = [
-        (
-            "old",
-            f"is an older {out.name}, which a run that was killed had set aside; rename it or remove it",
-        ),
-        (
-            "new",
-            f"is another {out.name}, whose run could not put it in place; 'deeptruck-model repair' mends it "
-            "if it is not whole; rename it or remove it",
-        ),
-        (
-            "unfinished",
-            f"is begun work on {out.name} that was set aside; remove it, or rename it to "
-            f"{unfinished(out).name} and add --resume",
-        ),
-    ]
     return [
-        f"{place} {text}"
-        for suffix, text in says
-        for place in sorted(out.parent.glob(f".{name}.[0-9]*.{suffix}"))
-        if DRAFT.match(place.name) and not _is_used(place)
+        f"{place} is {text.format(name=out.name)}"
+        for suffix, text in _BESIDE.items()
+        for place in sorted(out.parent.glob(f".{glob.escape(out.name)}.[0-9]*.{suffix}"))
+        if DRAFT.match(place.name) and not _is_held(place)
     ]
 
 
-def tell_left_beside(out: Path) -> None:
-    """Say `left_beside` on standard error, each once in a process."""
+def print_left_beside(out: Path) -> None:
+    """Print `left_beside` on standard error, each once in a process."""
     for line in left_beside(out):
         if line not in _printed:
             _printed.add(line)
             print(f"note: {line}", file=sys.stderr)
 
 
-def drafts(out: Path) -> list[Path]:
-    """Drafts of `out`; those of killed runs, where the caller holds `out`."""
-    return sorted(out.parent.glob(f".{glob.escape(out.name)}.????????.tmp"))
-
-
-def _is_used(place: Path) -> bool:
-    """Whether a run is still at work there: it holds the folder, or the process of this number is alive."""
-    if place.suffix == ".new":
-        with suppress(OSError):
-            try:
-                free(place)
-            except InputError:
-                return True
-    if place.suffix == ".old":
-        return Path(f"/proc/{place.name.rsplit('.', 2)[1]}").exists()
+def _is_held(place: Path) -> bool:
+    """Whether a run is still at work there."""
+    with suppress(OSError):
+        try:
+            free(place)
+        except InputError:
+            return True
     return False

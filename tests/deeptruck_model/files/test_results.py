@@ -163,7 +163,7 @@ def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
         (draft / "log").mkdir()
         (draft / "log" / "2.txt").write_text("begun")
         raise ZeroDivisionError
-    KIND.forget(out)
+    KIND.forget(files.unfinished(out))
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
@@ -224,8 +224,7 @@ def test_begun_work_is_set_aside_when_the_user_begins_anew(
         (draft / "log").mkdir()
         (draft / "log" / "1.txt").write_text("hours of work")
         raise ZeroDivisionError
-    with KIND.going_on(out) as draft:
-        KIND.anew(out)
+    with KIND.going_on(out, resume=False) as draft:
         (draft / "log").mkdir()
     (kept,) = set(tmp_path.iterdir()) - {out}
     assert (kept / "log" / "1.txt").read_text() == "hours of work"
@@ -261,6 +260,6 @@ def test_what_another_command_left_unfinished_is_not_gone_on_with(tmp_path: Path
     KIND.claim(draft)
     KIND.sign(draft)
     (draft / "a").write_text("changed")
-    with pytest.raises(InputError, match="holds a, which has changed since it was finished"):
+    with pytest.raises(InputError, match="holds a, which has changed since this command wrote it"):
         KIND.check_begun(out)
     assert (draft / "a").read_text() == "changed"
