@@ -7,38 +7,34 @@ the witness. `--load` adds one busy process a core.
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import subprocess
 import sys
 import time
-import timeit
 from collections.abc import Callable
 from importlib import resources
-from pathlib import Path
 
 import can
 import cantools.database
+import harness
 import numpy as np
-import pages
 
 from truck_bridge import j1939
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "truck_bridge"))
-import fault_processes as processes  # noqa: E402
-import fault_scene  # noqa: E402
+sys.path.insert(0, str(harness.ROOT / "tests" / "truck_bridge"))
+import fault_processes as processes
+import fault_scene
 
 FRAME = bytes.fromhex("219B9BDD2F000F9B")
+CALLS = 20_000
 
 
-def per_second(call: Callable[[], object], number: int = 20_000) -> float:
-    """Best of three."""
-    return number / min(timeit.repeat(call, number=number, repeat=3))
+def per_second(call: Callable[[], object]) -> float:
+    return CALLS / min(harness.cpu_s(lambda: [call() for _ in range(CALLS)]))
 
 
-def codec_rows() -> list[tuple[str, str]]:
+def codec_rows() -> list[str]:
     """Ours beside cantools on the same EEC1 frame, in the same run."""
     text = resources.files("truck_bridge.j1939").joinpath("j1939.dbc").read_text()
     theirs = cantools.database.load_string(text, "dbc").get_message_by_name("EEC1")
@@ -52,11 +48,11 @@ def codec_rows() -> list[tuple[str, str]]:
     ):
         a, b = per_second(mine), per_second(other)
         text = f"{a / 1e3:.0f} k/s; cantools {b / 1e3:.0f} k/s; ratio {a / b:.2f}"
-        rows.append((f"codec {what}, EEC1", text))
+        rows.append(f"codec {what}, EEC1 | {text}")
     return rows
 
 
-def bus_row(frames: int = 2000) -> tuple[str, str]:
+def bus_row(frames: int = 2000) -> str:
     """One way through the loopback bus, 1 kHz, inside one process."""
     channel = f"bench-{os.getpid()}"
     with (
@@ -71,14 +67,14 @@ def bus_row(frames: int = 2000) -> tuple[str, str]:
             taken.append(time.perf_counter() - start)
             time.sleep(0.001)
     p50, p99 = np.percentile(taken, [50, 99]) * 1e3
-    return "loopback bus, send to receive", f"p50 {p50:.2f} ms, p99 {p99:.2f} ms"
+    return f"loopback bus, send to receive | p50 {p50:.2f} ms, p99 {p99:.2f} ms"
 
 
-def jitter_rows(name: str, seconds: float) -> list[tuple[str, str]]:
+def jitter_rows(name: str, seconds: float) -> list[str]:
     """Periods as the witness hears them."""
     with fault_scene.scene(name) as stage:
         if not stage.engaged():
-            return [(f"{name}: periods", "did not engage")]
+            return [f"{name}: periods | did not engage"]
         stage.listen(0.5)
         stage.received.clear()
         stage.listen(seconds)
@@ -91,27 +87,24 @@ def jitter_rows(name: str, seconds: float) -> list[tuple[str, str]]:
             p50, p99 = np.percentile(late, [50, 99])
             worst = f"p50 {p50:.2f}, p99 {p99:.2f}, max {late.max():.2f} ms"
             text = f"{len(times)} frames, off 20 ms by {worst}"
-            rows.append((f"{name}: {message} every 20 ms", text))
+            rows.append(f"{name}: {message} every 20 ms | {text}")
         return rows
 
 
-def override_row(runs: int) -> tuple[str, str]:
+def override_row(runs: int) -> str:
     """First frame that shows the driver's foot to the first frame that hands back, on the bus."""
     outcomes = [processes.play("driver brakes", "volvo") for _ in range(runs)]
     times = [1e3 * o.reaction_s for o in outcomes if not math.isnan(o.reaction_s)]
     late = sum(time > 20 for time in times)
     text = f"{len(times)} runs, p50 {np.median(times):.1f} ms, max {max(times):.1f} ms, {late} above 20 ms"
-    return "driver override to first release frame", text
+    return f"driver override to first release frame | {text}"
 
 
 def main() -> None:
-    """Measure, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--overrides", type=int, default=5)
-    parser.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority of bridge and witness")
-    parser.add_argument("--load", action="store_true")
-    options = parser.parse_args()
+    priority = (0, "SCHED_FIFO priority of bridge and witness")
+    options = harness.options(
+        __doc__, {"--seconds": 20.0, "--overrides": 5, "--priority": priority, "--load": False}
+    )
     if options.priority:
         os.environ["BRIDGE_PRIORITY"] = str(options.priority)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(options.priority))
@@ -128,14 +121,10 @@ def main() -> None:
         for process in busy:
             process.kill()
             process.wait()
-    state = f"{len(busy)} busy processes beside, " if busy else ""
-    load = f"{state}load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores at the end"
-    lines = ["| what | measured |", "| --- | --- |", *(f"| {what} | {text} |" for what, text in rows)]
-    command = " ".join(["python", "benchmarks/bench_bridge.py", *sys.argv[1:]])
     how = " on a loaded machine" * options.load + " with real-time priority" * bool(options.priority)
-    report = [f"# CAN bridge{how}", "", f"`{command}`; {load}.", ""]
-    print("\n".join([*report, *lines]))
-    pages.store("speed", "\n".join([*report, *lines]))
+    state = f"; {len(busy)} busy processes beside" if busy else ""
+    lines = harness.heading(f"CAN bridge{how}", f"{state}; {harness.machine()}.")
+    harness.store("speed", [*lines, *harness.table("what | measured", rows)])
 
 
 if __name__ == "__main__":

@@ -5,13 +5,12 @@ python benchmarks/bench_cacc.py [--simulator truck:trucksim] [--seconds 3]
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from typing import Any
 
+import harness
 import numpy as np
-import pages
 import torch
 from stable_baselines3.common.vec_env import DummyVecEnv
 
@@ -53,32 +52,22 @@ def seconds(truck: Simulator, config: trpo.TrpoConfig) -> float:
 
 def main() -> None:
     """Print the table and write its section of docs/results/speed.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--simulator", default="truck:trucksim")
-    parser.add_argument("--seconds", type=float, default=3.0)
-    parser.add_argument("--iterations", type=int, default=8)
-    args = parser.parse_args()
+    args = harness.options(__doc__, {"--simulator": "truck:trucksim", "--seconds": 3.0, "--iterations": 8})
     torch.set_num_threads(1)
     truck = simulators.load(args.simulator)
     base = rate(DummyVecEnv([lambda: CaccGymEnv(truck) for _ in range(25)]), args.seconds)
-    rows = {"DummyVecEnv 25": base}
+    rates = {"DummyVecEnv 25": base}
     for batch in (1, 25, 250, 1000):
-        rows[f"batched {batch}"] = rate(CaccSb3VecEnv(truck, batch), args.seconds)
-    lines = [f"# The batched environment over {args.simulator}", "", "`python benchmarks/bench_cacc.py`", ""]
-    lines += ["| environment | steps/s | times DummyVecEnv |", "|---|---|---|"]
-    lines += [f"| {name} | {value:,.0f} | {value / base:.1f} |" for name, value in rows.items()]
+        rates[f"batched {batch}"] = rate(CaccSb3VecEnv(truck, batch), args.seconds)
+    rows = [f"{name} | {value:,.0f} | {value / base:.1f}" for name, value in rates.items()]
     cost = trpo_seconds(truck, args.iterations)
     one, ten = cost.values()
-    lines += ["", "TRPO, batches of 20,000 steps:", "", "| trainer | CPU s an iteration |", "|---|---|"]
-    lines += [f"| {name} | {value:.2f} |" for name, value in cost.items()]
-    lines += [
-        "",
-        f"Ten seeds one after another would take {10 * one:.1f} s: {10 * one / ten:.1f} times as long.",
-    ]
-    pages.store("speed", "\n".join(lines))
-    print("\n".join(lines))
+    lines = harness.heading(f"The batched environment over {args.simulator}")
+    lines += [*harness.table("environment | steps/s | times DummyVecEnv", rows), ""]
+    lines += ["TRPO, batches of 20,000 steps:", ""]
+    lines += harness.table("trainer | CPU s an iteration", (f"{k} | {v:.2f}" for k, v in cost.items()))
+    longer = f"{10 * one:.1f} s: {10 * one / ten:.1f} times as long"
+    harness.store("speed", [*lines, "", f"Ten seeds one after another would take {longer}."])
 
 
 if __name__ == "__main__":

@@ -8,11 +8,10 @@ ordinary sensors. The pool's truck is fitted to three of the drives and judged o
 
 from __future__ import annotations
 
-import argparse
 import time
 from dataclasses import dataclass, replace
-from pathlib import Path
 
+import harness
 import numpy as np
 
 from deeptruck_model import driving_cycles, trucks
@@ -37,17 +36,14 @@ Of each truck of the pool {count} are made. Their parameters are off at random: 
 Each drives four times for five minutes, recorded with the noise of ordinary sensors. The pool's truck is
 fitted to three of the drives in {cpu:.0f} CPU s, and judged on the fourth.
 
-{titles}
-{line}
+{table}
 
 Where no grade is recorded, slopes go into the parameters. They are far off then, many intervals do not hold,
 and held-out drives show it.
 """
-LINE = "|---|---|---|---|---|"
-TITLES = (
-    "| truck | 95 % intervals that hold | parameters not identifiable "
-    "| median error of mass, drag area, rolling "
-    f"| speed error of {HORIZONS_S[0]:.0f} s free runs, median, m/s |"
+HEADS = (
+    "truck | 95 % intervals that hold | parameters not identifiable | median error of mass, drag area, "
+    f"rolling | speed error of {HORIZONS_S[0]:.0f} s free runs, median, m/s"
 )
 
 
@@ -65,11 +61,7 @@ class Judged:
 
 def main() -> None:
     """Print the table and write it to docs/results/calibrate_truck.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--trucks", type=int, default=12)
-    count = parser.parse_args().trucks
+    count = harness.options(__doc__, {"--trucks": 12}).trucks
     began, rows = time.process_time(), []
     blind = trucks.load("freightliner")
     pool = {
@@ -83,9 +75,9 @@ def main() -> None:
         print(rows[-1], flush=True)
     cpu = (time.process_time() - began) / (len(pool) * count)
     off = ", ".join(f"{name} {sd:.0%}" for name, sd in OFF.items())
-    text = HEAD.format(count=count, off=off, cpu=cpu, titles=TITLES, line=LINE)
-    text = text.replace(LINE, "\n".join([LINE, *rows]))
-    (Path(__file__).parents[1] / "docs" / "results" / "calibrate_truck.md").write_text(text)
+    table = "\n".join(harness.table(HEADS, rows))
+    text = HEAD.format(count=count, off=off, cpu=cpu, table=table)
+    (harness.RESULTS / "calibrate_truck.md").write_text(text)
 
 
 def judged(pool: trucks.PhysicsTruck, seed: int) -> Judged:
@@ -125,8 +117,8 @@ def row(name: str, all_of: list[Judged]) -> str:
     ]
     before, after = (np.median([getattr(one, at) for one in all_of]) for at in ("before", "after"))
     return (
-        f"| {name} | {sum(holds)} of {len(holds)} | {sum(one.unidentified for one in all_of)} | "
-        f"{', '.join(f'{100 * e:.1f} %' for e in errors)} | {before:.2f} -> {after:.3f} |"
+        f"{name} | {sum(holds)} of {len(holds)} | {sum(one.unidentified for one in all_of)} | "
+        f"{', '.join(f'{100 * e:.1f} %' for e in errors)} | {before:.2f} -> {after:.3f}"
     )
 
 

@@ -9,7 +9,6 @@ table and writes its section of docs/results/speed.md.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -18,15 +17,14 @@ import threading
 import time
 from pathlib import Path
 
+import harness
 import numpy as np
-import pages
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model.recordings import read
 from truck_bridge.bus import open_bus
 
-ROOT = Path(__file__).parents[1]
 LEADER = "steps:speeds=20/23/18/20,every=15,acceleration=0.6"
 TOPICS = {
     "speed": {"topic": "/truck/twist", "field": "twist.linear.x"},
@@ -42,10 +40,8 @@ RUNS = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--policy", default="baseline:acc", help="policy directory, or baseline:NAME")
-    parser.add_argument("--seconds", type=float, default=70.0)
-    arguments = parser.parse_args()
+    policy = ("baseline:acc", "policy directory, or baseline:NAME")
+    arguments = harness.options(__doc__, {"--policy": policy, "--seconds": 70.0})
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as scratch:
         with Listener() as listener:
@@ -54,7 +50,7 @@ def main() -> None:
                 for name, argv in RUNS.items()
             }
         late = latencies(Path(scratch) / "start_vehicle", np.array(listener.times))
-    report(rows, late, Path(arguments.policy).name, load)
+    report(rows, late, load)
 
 
 class Listener(threading.Thread):
@@ -109,7 +105,7 @@ def drive(scratch: Path, argv: tuple[str, ...], policy: str, seconds: float) -> 
     """One run and its errors. Raises CalledProcessError where it fails."""
     bag = scratch / argv[0].removesuffix(".py")
     common = ["--policy", policy, "--leader", LEADER, "--radar", "noisy", "--duration", str(seconds)]
-    script = [sys.executable, str(ROOT / "ros2_ws" / argv[0]), *argv[1:]]
+    script = [sys.executable, str(harness.ROOT / "ros2_ws" / argv[0]), *argv[1:]]
     recorded = ["--record", str(bag), "--runs", str(scratch / "runs")]
     subprocess.run([*script, *common, *recorded], check=True, env={**os.environ, "ROS_DOMAIN_ID": "97"})
     (followed,) = read(bag, topic_map=TOPICS)
@@ -122,28 +118,18 @@ def drive(scratch: Path, argv: tuple[str, ...], policy: str, seconds: float) -> 
     }
 
 
-def report(rows: dict[str, dict[str, float]], late: np.ndarray, policy: str, load: float) -> None:
-    names = list(rows)
-    lines = [
-        "# The same controller, simulated and over CAN",
-        "",
-        f"`python benchmarks/bench_can_loop.py --policy {policy}`; load average {load:.1f} before, on "
-        f"{os.cpu_count()} cores. Goal: within 10 %.",
-        "",
-        f"| after {FROM_S:g} s | {' | '.join(names)} | ratio |",
-        "| --- | --- | --- | --- |",
-    ]
-    for what in rows[names[0]]:
-        direct, can = (rows[name][what] for name in names)
-        lines.append(f"| {what} | {direct:.3f} | {can:.3f} | {can / direct:.2f} |")
+def report(rows: dict[str, dict[str, float]], late: np.ndarray, load: float) -> None:
+    direct, can = rows.values()
+    lines = harness.heading(
+        "The same controller, simulated and over CAN", f"; {harness.machine(load)}. Goal: within 10 %."
+    )
+    lines += harness.table(
+        f"after {FROM_S:g} s | {' | '.join(rows)} | ratio",
+        (f"{what} | {x:.3f} | {can[what]:.3f} | {can[what] / x:.2f}" for what, x in direct.items()),
+    )
     p50, p99 = 1e3 * np.quantile(late, [0.5, 0.99])
-    lines += [
-        "",
-        f"Radar sample to TSC1 frame, {len(late)} samples: p50 {p50:.1f}, p99 {p99:.1f} ms (goal: 25).",
-    ]
-    text = "\n".join(lines) + "\n"
-    print(text)
-    pages.store("speed", text)
+    ages = f"Radar sample to TSC1 frame, {len(late)} samples: p50 {p50:.1f}, p99 {p99:.1f} ms (goal: 25)."
+    harness.store("speed", [*lines, "", ages])
 
 
 if __name__ == "__main__":

@@ -8,13 +8,12 @@ the same two bags.
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-import pages
+import harness
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.recordings import write_bag
@@ -25,14 +24,14 @@ CONSOLE_SCRIPT = "from deeptruck_model.cli import main; main()"
 
 def cpu_s(*arguments: str) -> float:
     """CPU seconds of one command."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    before = harness.children_cpu_s()
     subprocess.run([sys.executable, "-c", CONSOLE_SCRIPT, *arguments], check=True, capture_output=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return harness.children_cpu_s() - before
 
 
 def main() -> None:
     """Print the table and write it to its section of docs/results/speed.md."""
+    harness.options(__doc__, {})
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
         for k, name in enumerate(("monday", "friday")):
@@ -45,21 +44,12 @@ def main() -> None:
             runs = [cpu_s(command, *bags, "--out", out, "--overwrite") for _ in range(REPEATS)]
             times[command] = sorted(runs)[REPEATS // 2]
         size = (folder / "compare" / "compare.html").stat().st_size / 1e6
-    lines = [
-        "# Two hours side by side",
-        "",
-        "`python benchmarks/bench_compare.py`",
-        "",
-        f"Two made-up drives of {HOURS:g} h at 10 Hz. CPU seconds of the whole command, median of {REPEATS};",
-        "the goal is 10.",
-        "",
-        "| command | CPU, s | page, MB |",
-        "| --- | ---: | ---: |",
-        f"| `compare` | {times['compare']:.1f} | {size:.1f} |",
-        f"| `coverage`, which reads the same bags | {times['coverage']:.1f} | |",
-    ]
-    print("\n".join(lines))
-    pages.store("speed", "\n".join(lines))
+    lines = harness.heading("Two hours side by side")
+    lines += [f"Two made-up drives of {HOURS:g} h at 10 Hz. CPU seconds of the whole command, median of"]
+    lines += [f"{REPEATS}; the goal is 10.", ""]
+    rows = [f"`compare` | {times['compare']:.1f} | {size:.1f}"]
+    rows += [f"`coverage`, which reads the same bags | {times['coverage']:.1f} |"]
+    harness.store("speed", [*lines, *harness.table("command | CPU, s | page, MB", rows, right=True)])
 
 
 if __name__ == "__main__":

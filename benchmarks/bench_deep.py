@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import os
 
-import pages
-
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
-from collections.abc import Callable
+from functools import partial
 
+import harness
 import numpy as np
 import torch
 
@@ -34,14 +33,7 @@ def network(members: int, code: int = 0) -> TruckNetwork:
     return TruckNetwork(shape, Scales(MEAN, SCALE), 0.1, tuple(range(members)))
 
 
-def seconds(work: Callable[[], object], repeats: int) -> np.ndarray:
-    work()
-    times = np.empty(repeats)
-    for i in range(repeats):
-        began = time.thread_time()
-        work()
-        times[i] = time.thread_time() - began
-    return times
+seconds = partial(harness.cpu_s, clock=time.thread_time)
 
 
 def gradients() -> tuple[float, float]:
@@ -97,26 +89,24 @@ def free_run(batch: int = 1024, steps: int = 400) -> tuple[float, float]:
 
 
 def main() -> None:
+    harness.options(__doc__, {})
     torch.set_num_threads(1)
     eager, compiled = gradients()
     lstm, ours = one_step()
     run, products = free_run()
     rows = [
-        f"| gradient of {SEEDS} seeds (K {STEPS}, M {SEQUENCES}) | "
-        f"{1e3 * eager:.0f} ms eager, one after another | "
-        f"{1e3 * compiled:.0f} ms | {eager / compiled:.1f}x faster | 8x |",
-        f"| step at batch 1, p50 | {1e6 * lstm[0]:.1f} us nn.LSTM alone | {1e6 * ours[0]:.1f} us | "
-        f"{lstm[0] / ours[0]:.1f}x faster | |",
-        f"| step at batch 1, p99 | {1e6 * lstm[1]:.1f} us nn.LSTM alone | {1e6 * ours[1]:.1f} us | "
-        f"{lstm[1] / ours[1]:.1f}x faster | 10x |",
-        f"| free run, batch 1024, 400 steps | {products:.3f} s its matrix products | {run:.3f} s | "
-        f"{run / products:.2f}x their time | 2x |",
+        f"gradient of {SEEDS} seeds (K {STEPS}, M {SEQUENCES}) | {1e3 * eager:.0f} ms eager, one after "
+        f"another | {1e3 * compiled:.0f} ms | {eager / compiled:.1f}x faster | 8x",
+        *(
+            f"step at batch 1, {name} | {1e6 * theirs:.1f} us nn.LSTM alone | {1e6 * mine:.1f} us | "
+            f"{theirs / mine:.1f}x faster | {wanted}"
+            for name, theirs, mine, wanted in zip(("p50", "p99"), lstm, ours, ("", "10x"), strict=True)
+        ),
+        f"free run, batch 1024, 400 steps | {products:.3f} s its matrix products | {run:.3f} s | "
+        f"{run / products:.2f}x their time | 2x",
     ]
-    head = ["| what | reference | deep truck | ratio | wanted |", "| --- | --- | --- | --- | --- |"]
-    table = "\n".join([*head, *rows])
-    print(table)
-    title = "# Speed of the deep truck\n\n`python benchmarks/bench_deep.py`, CPU time of one thread.\n\n"
-    pages.store("speed", f"{title}{table}")
+    title = harness.heading("Speed of the deep truck", ", CPU time of one thread.")
+    harness.store("speed", [*title, *harness.table("what | reference | deep truck | ratio | wanted", rows)])
 
 
 if __name__ == "__main__":

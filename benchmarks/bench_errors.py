@@ -9,9 +9,7 @@ asserted. Writes its section of docs/results/speed.md.
 
 from __future__ import annotations
 
-import argparse
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -19,15 +17,14 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import harness
 import numpy as np
-import pages
 
 from deeptruck_model import trucks
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.signals import TruckInterface
 
-ROOT = Path(__file__).parents[1]
-SCRIPTS = ROOT / "ros2_ws"
+SCRIPTS = harness.ROOT / "ros2_ws"
 PATIENCE_S = 120.0
 REFUSED = (
     "deeptruck-model import none.csv --columns none.yaml --out out",
@@ -76,7 +73,7 @@ HELP = (
 
 
 @dataclass(frozen=True)
-class Told:
+class Run:
     """What one command said, and what it took: s of the clock and of CPU (user and system)."""
 
     command: str
@@ -87,21 +84,18 @@ class Told:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument(
-        "--repeats", type=int, default=3, help="runs of each command, of which the least counts"
-    )
-    parser.add_argument("--only", default="", help="only commands that hold these words")
-    arguments = parser.parse_args()
+    repeats = (3, "runs of each command, of which the least counts")
+    only = ("", "only commands that hold these words")
+    arguments = harness.options(__doc__, {"--repeats": repeats, "--only": only})
     with tempfile.TemporaryDirectory() as name:
         prepare(Path(name))
         wanted = [command for command in (*REFUSED, *HELP) if arguments.only in command]
-        told = {command: least(command, Path(name), arguments.repeats) for command in wanted}
-    tables = ([told[c] for c in some if c in told] for some in (REFUSED, HELP))
-    page = written(*tables, arguments.repeats)
-    print(page)
-    if not arguments.only:
-        pages.store("speed", page)
+        found = {command: least(command, Path(name), arguments.repeats) for command in wanted}
+    lines = written(*([found[c] for c in some if c in found] for some in (REFUSED, HELP)))
+    if arguments.only:
+        print("\n".join(lines))
+    else:
+        harness.store("speed", lines)
 
 
 def prepare(folder: Path) -> None:
@@ -116,16 +110,16 @@ def prepare(folder: Path) -> None:
     (folder / "link").symlink_to(folder)
 
 
-def least(command: str, folder: Path, repeats: int) -> Told:
+def least(command: str, folder: Path, repeats: int) -> Run:
     """The quickest of some runs."""
-    return min((once(command, folder) for _ in range(repeats)), key=lambda told: told.cpu_s)
+    return min((once(command, folder) for _ in range(repeats)), key=lambda run: run.cpu_s)
 
 
-def once(command: str, folder: Path) -> Told:
+def once(command: str, folder: Path) -> Run:
     """Run a command to its end, in `folder`."""
     program, *words = command.split()
     start = [sys.executable, str(SCRIPTS / program)] if program.endswith(".py") else [_script(program)]
-    before, begin = _cpu_s(), time.perf_counter()
+    before, begin = harness.children_cpu_s(), time.perf_counter()
     try:
         done = subprocess.run(
             [*start, *words],
@@ -139,48 +133,40 @@ def once(command: str, folder: Path) -> Told:
         code, says = done.returncode, (done.stderr if done.returncode else "").strip()
     except subprocess.TimeoutExpired:
         code, says = None, ""
-    return Told(command, code, says, time.perf_counter() - begin, _cpu_s() - before)
+    return Run(command, code, says, time.perf_counter() - begin, harness.children_cpu_s() - before)
 
 
 def _script(program: str) -> str:
     return str(Path(sys.executable).parent / program)
 
 
-def _cpu_s() -> float:
-    """CPU time of all processes that were waited for, s."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-def written(refused: list[Told], helped: list[Told], repeats: int) -> str:
-    """The page."""
+def written(refused: list[Run], helped: list[Run]) -> list[str]:
+    """The section."""
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
-    lines = [
-        "# Time to the error",
+    return [
+        *harness.heading("Time to the error", "; each command in a process of its own."),
+        f"Of its runs the least, start and imports included. The load was {load:.1f} processes a core: CPU",
+        "time is the fairer of the two. The aims on an idle machine: 1 s to an error, 0.5 s of CPU for",
+        "`--help`.",
         "",
-        f"`python benchmarks/bench_errors.py --repeats {repeats}`; each command in a process of its own, the",
-        f"least of its runs, start and imports included. The machine's load was {load:.1f} processes a core: "
-        "CPU time is the",
-        "fairer of the two. The aims on an idle machine: 1 s to an error, 0.5 s of CPU for `--help`.",
+        *harness.table(
+            "command | exit code | lines | s | CPU s",
+            (
+                f"`{r.command}` | {r.code} | {len(r.says.splitlines())} | {r.wall_s:.2f} | {r.cpu_s:.2f}"
+                for r in refused
+            ),
+            right=True,
+        ),
         "",
-        "| command | exit code | lines | s | CPU s |",
-        "| --- | ---: | ---: | ---: | ---: |",
-        *map(_row, refused),
-        "",
-        "| `--help` | exit code | s | CPU s |",
-        "| --- | ---: | ---: | ---: |",
-        *(f"| `{t.command}` | {t.code} | {t.wall_s:.2f} | {t.cpu_s:.2f} |" for t in helped),
+        *harness.table(
+            "`--help` | exit code | s | CPU s",
+            (f"`{r.command}` | {r.code} | {r.wall_s:.2f} | {r.cpu_s:.2f}" for r in helped),
+            right=True,
+        ),
         "",
         "`none` is not there, `link` is a symbolic link, `drive` a bag that fits, and `percent` a bag with",
         "its engine command in percent and without a grade.",
     ]
-    return "\n".join(lines) + "\n"
-
-
-def _row(told: Told) -> str:
-    code = "none" if told.code is None else str(told.code)
-    lines = len(told.says.splitlines())
-    return f"| `{told.command}` | {code} | {lines} | {told.wall_s:.2f} | {told.cpu_s:.2f} |"
 
 
 if __name__ == "__main__":

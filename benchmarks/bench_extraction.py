@@ -8,7 +8,6 @@ with cantools, prints a table and its section of docs/results/speed.md.
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -18,14 +17,13 @@ from pathlib import Path
 
 import can
 import cantools
+import harness
 import numpy as np
-import pages
 
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.signals import TruckInterface
 from truck_bridge import can_logs, j1939
 
-SAYS = "`python benchmarks/bench_extraction.py`, one process, one core"
 PGN = 0x03FF_FF00  # of a message to all, within an identifier
 CHANNELS = {  # on /truck/twist, accel, status, command, /road and /radar/range
     "speed": 20.0,
@@ -42,13 +40,16 @@ CHANNELS = {  # on /truck/twist, accel, status, command, /road and /radar/range
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--hours", type=float, default=4.0)
-    parser.add_argument("--rate", type=float, default=100.0, help="Hz of every topic")
-    parser.add_argument("--frames", type=int, default=100_000, help="of the CAN log")
-    parser.add_argument("--keep", type=Path, help="folder to keep the bag in (and find it again)")
-    parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
+    arguments = harness.options(
+        __doc__,
+        {
+            "--hours": 4.0,
+            "--rate": (100.0, "Hz of every topic"),
+            "--frames": (100_000, "of the CAN log"),
+            "--keep": (Path, "folder to keep the bag in (and find it again)"),
+            "--measure": (Path, harness.HIDDEN),
+        },
+    )
     if arguments.measure:
         print(json.dumps(measure(arguments.measure)))
         return
@@ -150,9 +151,8 @@ def report(found: dict[str, float], written: float | None, decoding: dict[str, f
     rows.append(("decode, frames of candump a CPU second", f"{decoding['frames'] / decoding['decode']:,.0f}"))
     ratio = decoding["decode"] / decoding["peer"]
     rows.append(("decode, CPU time beside python-can with cantools", f"{ratio:.2f}"))
-    table = "\n".join(["| extraction | |", "| --- | --- |", *(f"| {a} | {b} |" for a, b in rows)])
-    print(table)
-    pages.store("speed", f"# Reading bags\n\n{SAYS}\n\n{table}")
+    title = harness.heading("Reading bags", ", one process, one core")
+    harness.store("speed", [*title, *harness.table("extraction | ", (f"{a} | {b}" for a, b in rows))])
 
 
 if __name__ == "__main__":

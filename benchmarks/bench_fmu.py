@@ -7,10 +7,10 @@ compiled costs less. CPU time of whole runs of five minutes, row by row, and of 
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
+import harness
 import numpy as np
 
 from deeptruck_model import driving_cycles, simulators
@@ -20,18 +20,13 @@ SECONDS, STEPS = 300.0, 1000
 
 
 def cost(run: Callable[[], object], steps: int) -> float:
-    """Microseconds of CPU a step, the best of three, after one that compiles."""
-    run()
-    spent = []
-    for _ in range(3):
-        before = time.process_time()
-        run()
-        spent.append(time.process_time() - before)
-    return 1e6 * min(spent) / steps
+    """Microseconds of CPU a step, the least of three."""
+    return 1e6 * float(min(harness.cpu_s(run))) / steps
 
 
 def main() -> None:
     """Print the table."""
+    harness.options(__doc__, {})
     with tempfile.TemporaryDirectory() as place:
         export.export("truck:trucksim", Path(place) / "truck.fmu")
         trucks = {text: simulators.load(text) for text in ("truck:trucksim", f"fmu:{place}/truck.fmu")}
@@ -53,9 +48,8 @@ def main() -> None:
             "forced run": [cost(lambda t=t: simulators.forced_run(t, u, w, y), n) for t in trucks.values()],
             "single steps": [cost(lambda t=t: stepped(t), STEPS) for t in trucks.values()],
         }
-    print("| | truck, µs a step | FMU, µs a step | ratio |\n|---|---:|---:|---:|")
-    for name, (ours, its) in rows.items():
-        print(f"| {name} | {ours:.1f} | {its:.0f} | {its / ours:.0f} |")
+    lines = (f"{name} | {ours:.1f} | {its:.0f} | {its / ours:.0f}" for name, (ours, its) in rows.items())
+    print("\n".join(harness.table(" | truck, µs a step | FMU, µs a step | ratio", lines, right=True)))
 
 
 if __name__ == "__main__":

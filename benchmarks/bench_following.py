@@ -7,7 +7,6 @@ What is done in --work is kept. Settings were chosen on other scenes than those 
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import time
 from functools import partial
@@ -15,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import bench_foresight
+import harness
 import numpy as np
-import pages
 from numpy.typing import NDArray
 
 from deeptruck_cacc import load_policy, training
@@ -28,7 +27,8 @@ from deeptruck_cacc.evaluation import evaluate, evaluate_seeds, metrics, platoon
 from deeptruck_cacc.training.analytic import AnalyticConfig
 from deeptruck_model import deep, driving_cycles, simulators, trucks
 
-DRAWS = 64  # of radar noise; eight are too few to tell 0.997 from 1.003 at 0.2 m/s
+WORK = Path("runs/following")
+DRAWS = 64  # of radar noise; eight are too few to separate 0.997 from 1.003 at 0.2 m/s
 FIGURES = ("learning_curve.png", "paper.png", "moving.png", "gap_closing.png")
 ROWS = {  # what is said: (scene, path into its metrics)
     "paper's set: time gap after 10 s, worst (s)": ("paper", "time_gap_error_after_10s", "worst_abs"),
@@ -52,14 +52,9 @@ HILLS = (
 
 def main() -> None:
     """Print the tables and write them to a section of docs/results/following.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    args = harness.options(
+        __doc__, {"--truck": "trucksim", "--seeds": 10, "--seed": (1000, "of the scenes"), "--work": WORK}
     )
-    parser.add_argument("--truck", default="trucksim")
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--seed", type=int, default=1000, help="of the scenes")
-    parser.add_argument("--work", type=Path, default=Path("runs/following"))
-    args = parser.parse_args()
     work = args.work / args.truck
     learn(args.truck, args.seeds, work)
     simulator = {"deep": str(work / "simulator"), "truck": f"truck:{args.truck}"}
@@ -70,21 +65,15 @@ def main() -> None:
     chosen = evaluate(
         str(work / "policy"), simulator["truck"], work / "chosen", seed=args.seed, full=True, overwrite=True
     )
-    lines = [
-        f"# Following with {args.truck}",
-        "",
-        f"`python benchmarks/bench_following.py --truck {args.truck}`",
-    ]
-    lines += ["", f"{args.seeds} seeds, 100 scenes each; worst over seeds (median of the seeds).", ""]
+    lines = harness.heading(f"Following with {args.truck}")
+    lines += [f"{args.seeds} seeds, 100 scenes each; worst over seeds (median of the seeds).", ""]
     lines += [*table(results), "", *string(args.truck, work / "policy"), ""]
     lines += [*beside_foresight(args.truck, work / "policy", args.seed), ""]
     lines += on_a_road(args.truck, work / "policy", args.seed)
-    lines += beside_baselines(chosen)
-    out = Path(__file__).parents[1] / "docs" / "results" / "following"
-    out.mkdir(parents=True, exist_ok=True)
-    pages.store("following", "\n".join(lines))
-    keep_figures(work, args.truck, out)
-    print("\n".join(lines))
+    harness.store("following", lines + beside_baselines(chosen))
+    (harness.RESULTS / "following").mkdir(exist_ok=True)
+    for name in FIGURES:
+        shutil.copy(work / "chosen" / name, harness.RESULTS / "following" / f"{args.truck}_{name}")
 
 
 def learn(truck: str, seeds: int, work: Path) -> None:
@@ -102,11 +91,9 @@ def learn(truck: str, seeds: int, work: Path) -> None:
 
 def table(results: dict[str, Any]) -> list[str]:
     """Worst and median over the seeds, on the deep truck and on the truck itself."""
-    lines = ["| | deep truck | the truck itself, zero-shot |", "|---|---|---|"]
-    for says, path in ROWS.items():
-        cells = [_cell(result, path) for result in results.values()]
-        lines.append(f"| {says} | {' | '.join(cells)} |")
-    return lines
+    cells = {says: [_cell(result, path) for result in results.values()] for says, path in ROWS.items()}
+    rows = (f"{says} | {' | '.join(found)}" for says, found in cells.items())
+    return harness.table(" | deep truck | the truck itself, zero-shot", rows)
 
 
 def _cell(result: dict[str, Any], path: tuple[str, ...]) -> str:
@@ -124,13 +111,13 @@ def _cell(result: dict[str, Any], path: tuple[str, ...]) -> str:
 def string(truck: str, policy: Path) -> list[str]:
     """Amplification along eight trucks at 1.5 s, of the chosen seed, by the leader's amplitude."""
     simulator, driver = simulators.load(f"truck:{truck}"), load_policy(policy)
-    lines = ["| eight trucks at 1.5 s, chosen seed | 0.2 m/s | 0.5 m/s | 1 m/s |", "|---|---|---|---|"]
+    lines = []
     for v2v in (True, False):
         drive = partial(platoon.string_stability, simulator, driver, v2v=v2v, draws=DRAWS)
         rows = [drive(amplitude=a) for a in (0.2, 0.5, 1.0)]
         cells = [f"{max(row['worst_speed_amplification']):.3f}" for row in rows]
-        lines.append(f"| speed, {'V2V' if v2v else 'radar with noise'} | {' | '.join(cells)} |")
-    return lines
+        lines.append(f"speed, {'V2V' if v2v else 'radar with noise'} | {' | '.join(cells)}")
+    return harness.table("eight trucks at 1.5 s, chosen seed | 0.2 m/s | 0.5 m/s | 1 m/s", lines)
 
 
 def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
@@ -160,20 +147,19 @@ def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
     able[:, hard] = best <= 0.1
     worst = np.where(able, each, 0.0).max(axis=1)  # (seeds, scenes)
     rest = np.median(worst.max(axis=1))
-    return [
-        f"| behind a moving leader, {len(hard)} scenes of 100 in which any seed leaves 0.1 s | |",
-        "|---|---|",
-        f"| scenes of these in which foresight leaves it too | {int((best.max(axis=0) > 0.1).sum())} |",
-        f"| foresight's worst (s) | {best.max():.3f} |",
-        f"| worst while foresight stays within 0.1 s (s) | {worst.max():.3f} ({rest:.3f}) |",
-        f"| scenes of 100 within 0.1 s while foresight is | {_every(worst)} |",
-        "",
-        "Foresight tries its next 3 s on the truck itself, road and leader known (`bench_foresight.py`).",
+    rows = [
+        f"scenes of these in which foresight leaves it too | {int((best.max(axis=0) > 0.1).sum())}",
+        f"foresight's worst (s) | {best.max():.3f}",
+        f"worst while foresight stays within 0.1 s (s) | {worst.max():.3f} ({rest:.3f})",
+        f"scenes of 100 within 0.1 s while foresight is | {_every(worst)}",
     ]
+    heads = f"behind a moving leader, {len(hard)} scenes of 100 in which any seed leaves 0.1 s | "
+    says = "Foresight tries its next 3 s on the truck itself, road and leader known (`bench_foresight.py`)."
+    return [*harness.table(heads, rows), "", says]
 
 
 class Blind:
-    """A policy that is not told the grade."""
+    """A policy that does not get the grade."""
 
     def __init__(self, policy: Policy) -> None:
         self.policy, self.dt, self.reset = policy, policy.dt, policy.reset
@@ -194,11 +180,10 @@ def on_a_road(name: str, policy: Path, seed: int) -> list[str]:
     for path in sorted((policy / "seeds").iterdir()):
         each.append(metrics.summary(roll_out(felt, Blind(load_policy(path)), scene), reach))
     lines = ["This truck has no grade sensor, so all other scenes are on the flat. Behind the moving leader"]
-    lines += ["on hills that are felt and not seen:", "", "| worst of the seeds (median) | |", "|---|---|"]
-    for says, key, worst in HILLS:
-        values = np.array([row[key] for row in each])
-        lines.append(f"| {says} | {worst(values):.3g} ({np.median(values):.3g}) |")
-    return [*lines, ""]
+    found = ((says, worst, [row[key] for row in each]) for says, key, worst in HILLS)
+    rows = (f"{says} | {worst(values):.3g} ({np.median(values):.3g})" for says, worst, values in found)
+    table = harness.table("worst of the seeds (median) | ", rows)
+    return [*lines, "on hills that are felt and not seen:", "", *table, ""]
 
 
 def _every(worst: NDArray[np.float64]) -> str:
@@ -210,28 +195,20 @@ def _every(worst: NDArray[np.float64]) -> str:
 def beside_baselines(result: dict[str, Any]) -> list[str]:
     """Every scene of the chosen seed, and the classical controllers where they were driven."""
     others = result["baselines"]
-    lines = [
-        "Bare controllers, no shield; worst time-gap error after 10 s where power suffices (s) / crashes / "
-        "rms jerk (m/s^3). Baselines drive over a pedal map measured on this truck.",
-        "",
-        f"| scene | chosen seed | {' | '.join(others)} |",
-        f"|---|---|{'---|' * len(others)}",
-    ]
+    rows = []
     for name, row in result["sets"].items():
         cells = [_row(row), *(_row(sets[name]) if name in sets else "" for sets in others.values())]
-        lines.append(f"| {name.replace('_', ' ')} | {' | '.join(cells)} |")
-    return lines
+        rows.append(f"{name.replace('_', ' ')} | {' | '.join(cells)}")
+    says = (
+        "Bare controllers, no shield; worst time-gap error after 10 s where power suffices (s) / crashes / "
+        "rms jerk (m/s^3). Baselines drive over a pedal map measured on this truck."
+    )
+    return [says, "", *harness.table(f"scene | chosen seed | {' | '.join(others)}", rows)]
 
 
 def _row(row: dict[str, Any]) -> str:
     late = row.get("time_gap_worst_within_reach", row["time_gap_error_after_10s"]["worst_abs"])
     return f"{late:.2f} / {row['crashes']} / {row['jerk_rms']:.2f}"
-
-
-def keep_figures(work: Path, truck: str, out: Path) -> None:
-    """The chosen seed's figures on the truck itself, beside the table."""
-    for name in FIGURES:
-        shutil.copy(work / "chosen" / name, out / f"{truck}_{name}")
 
 
 if __name__ == "__main__":

@@ -8,11 +8,10 @@ best. Its plans end after HORIZON steps, so it is a yardstick and no bound: it t
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 
+import harness
 import numpy as np
-import pages
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.pedals import PedalMap
@@ -106,36 +105,25 @@ def rows(scene: Scene, chosen: NDArray[np.intp]) -> Scene:
 
 def main() -> None:
     """Print the table and write its section of docs/results/following.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--truck", default="trucksim")
-    parser.add_argument("--rollouts", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=1000)
-    args = parser.parse_args()
+    args = harness.options(__doc__, {"--truck": "trucksim", "--rollouts": 40, "--seed": 1000})
     truck = simulators.load(f"truck:{args.truck}")
     scene = scenes.moving(np.random.default_rng(args.seed), 100, 800, truck.dt)
     scene = rows(scene, np.arange(args.rollouts))
     reach = metrics.within_reach(scene, PedalMap.calibrate(truck), truck.dt)[100:]
     size = np.abs(drive(truck, scene))[100:]
     worst = np.sort(np.where(reach, size, 0.0).max(axis=0))
-    lines = [
-        "# A controller that tries its next 3 s on the truck itself",
-        "",
-        f"`python benchmarks/bench_foresight.py --truck {args.truck} --rollouts {args.rollouts}`",
-        "",
-        f"The first {args.rollouts} scenes of the moving leader on hills, where power suffices, after 10 s:",
-        "",
-        "| | time-gap error (s) |",
-        "|---|---|",
-        f"| mean | {size[reach].mean():.4f} |",
-        f"| 99 % of the time within | {np.quantile(size[reach], 0.99):.3f} |",
-        f"| worst of a scene, median | {np.median(worst):.3f} |",
-        f"| worst of all | {worst[-1]:.3f} |",
-        f"| scenes within 0.1 s throughout | {int((worst <= 0.1).sum())} of {len(worst)} |",
+    lines = harness.heading("A controller that tries its next 3 s on the truck itself")
+    lines += [
+        f"The first {args.rollouts} scenes of the moving leader on hills, where power suffices, after 10 s:"
     ]
-    pages.store("following", "\n".join(lines))
-    print("\n".join(lines))
+    figures = [
+        f"mean | {size[reach].mean():.4f}",
+        f"99 % of the time within | {np.quantile(size[reach], 0.99):.3f}",
+        f"worst of a scene, median | {np.median(worst):.3f}",
+        f"worst of all | {worst[-1]:.3f}",
+        f"scenes within 0.1 s throughout | {int((worst <= 0.1).sum())} of {len(worst)}",
+    ]
+    harness.store("following", [*lines, "", *harness.table(" | time-gap error (s)", figures)])
 
 
 if __name__ == "__main__":

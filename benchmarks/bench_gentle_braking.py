@@ -7,14 +7,13 @@ The policies are those of bench_following.py.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from pathlib import Path
 
 import bench_following
+import harness
 import numpy as np
-import pages
-from bench_radar_noise import NOISE, noisy
+from bench_radar_noise import NOISE, TRUCKS, beginnings, noisy
 from numpy.typing import NDArray
 
 from deeptruck_cacc import load_policy
@@ -28,7 +27,6 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
-TRUCKS = ("trucksim", "volvo", "freightliner")
 LATE_S = (0.0, 0.1, 0.2)
 SETTLED_S, RUN_S = 5.0, 65.0  # a minute is judged, in which each leader slows once
 RECENT_S = 2.0
@@ -49,33 +47,21 @@ saw in training."""
 
 def main() -> None:
     """Print the tables and write them to a section of docs/results/braking.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--work", type=Path, default=Path("runs/following"))
-    parser.add_argument("--trucks", nargs="+", default=TRUCKS)
-    parser.add_argument("--seed", type=int, default=1000, help="of scenes and noise")
-    args = parser.parse_args()
-    lines = [
-        "# Behind a leader that slows gently",
-        "",
-        "`python benchmarks/bench_gentle_braking.py`",
-        "",
-        SAYS,
-    ]
+    seed = (1000, "of scenes and noise")
+    work = bench_following.WORK
+    args = harness.options(__doc__, {"--work": work, "--trucks": list(TRUCKS), "--seed": seed})
+    lines = [*harness.heading("Behind a leader that slows gently"), SAYS]
     for name in args.trucks:
         bench_following.learn(name, 10, args.work / name)
         policy = args.work / name / "policy"
         lines += ["", f"## {name}", "", *table(trucks.load(name), policy, args.seed)]
-    pages.store("braking", "\n".join(lines))
-    print("\n".join(lines))
+    harness.store("braking", lines)
 
 
 def table(truck: Simulator, policy: Path, seed: int) -> list[str]:
     """As COLUMNS has it, for each delay."""
-    lines = [f"| late (s) | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 1) + "|"]
-    found = rows(truck, sorted(seeds(policy)), seed)
-    return lines + [f"| {late:g} | {cells} |" for late, cells in zip(LATE_S, found, strict=True)]
+    found = zip(LATE_S, rows(truck, sorted(seeds(policy)), seed), strict=True)
+    return harness.table(f"late (s) | {' | '.join(COLUMNS)}", (f"{late:g} | {row}" for late, row in found))
 
 
 def rows(truck: Simulator, folders: list[Path], seed: int) -> list[str]:
@@ -131,11 +117,6 @@ def pedals(trace: Trace, truck: Simulator) -> list[float]:
         float(np.sqrt((trace["jerk"][judged] ** 2).mean())),
         float(np.abs(trace["time_gap_error"][judged]).max()),
     ]
-
-
-def beginnings(flags: NDArray[np.bool_]) -> int:
-    """How often flags (T, batch) become true."""
-    return int(np.count_nonzero(flags[1:] & ~flags[:-1]))
 
 
 def recently(flags: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:

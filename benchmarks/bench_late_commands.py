@@ -7,13 +7,13 @@ Policies are trained on the truck itself. What is done in --work is kept.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import bench_gentle_braking
+import harness
 import numpy as np
-import pages
-from bench_gentle_braking import COLUMNS, LATE_S, TRUCKS, delayed
+from bench_gentle_braking import COLUMNS, LATE_S, delayed
+from bench_radar_noise import TRUCKS
 from numpy.typing import NDArray
 
 from deeptruck_cacc import load_policy, training
@@ -44,14 +44,9 @@ radar that looks past the leader."""
 
 def main() -> None:
     """Print the tables and write them to a section of docs/results/braking.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--work", type=Path, default=Path("runs/late_commands"))
-    parser.add_argument("--trucks", nargs="+", default=TRUCKS)
-    parser.add_argument("--seed", type=int, default=1000, help="of scenes and noise")
-    args = parser.parse_args()
-    lines = ["# Commands that come late", "", "`python benchmarks/bench_late_commands.py`", "", SAYS]
+    work, seed = Path("runs/late_commands"), (1000, "of scenes and noise")
+    args = harness.options(__doc__, {"--work": work, "--trucks": list(TRUCKS), "--seed": seed})
+    lines = [*harness.heading("Commands that come late"), SAYS]
     for name in args.trucks:
         truck, policies = trucks.load(name), {}
         for scene in TRAINED:
@@ -60,8 +55,7 @@ def main() -> None:
         lines += ["", PRICE, "", *price(truck, policies, args.seed)]
         lines += ["", STRING, "", *string(truck, policies)]
         lines += ["", CRASHES.format(count=3 * 25 * len(HARD)), "", *crashes(truck, policies, args.seed)]
-    pages.store("braking", "\n".join(lines))
-    print("\n".join(lines))
+    harness.store("braking", lines)
 
 
 def learn(truck: Simulator, name: str, scene: str, policy: Path) -> list[Path]:
@@ -74,17 +68,17 @@ def learn(truck: Simulator, name: str, scene: str, policy: Path) -> list[Path]:
 
 def pulses(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[str]:
     """As bench_gentle_braking.COLUMNS has it, for each training and delay."""
-    lines = [f"| trained in | late (s) | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 2) + "|"]
+    lines = []
     for scene, folders in policies.items():
         rows = bench_gentle_braking.rows(truck, folders, seed)
-        lines += [f"| `{scene}` | {late:g} | {cells} |" for late, cells in zip(LATE_S, rows, strict=True)]
-    return lines
+        lines += [f"`{scene}` | {late:g} | {cells}" for late, cells in zip(LATE_S, rows, strict=True)]
+    return harness.table(f"trained in | late (s) | {' | '.join(COLUMNS)}", lines)
 
 
 def price(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[str]:
     """The time-gap error of each training in FOLLOWED, by delay."""
     names = [f"{name}, {late:g} s late" for name in FOLLOWED for late in LATE_S]
-    lines = [f"| trained in | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
+    lines = []
     for trained, folders in policies.items():
         cells = []
         for name in FOLLOWED:
@@ -93,28 +87,27 @@ def price(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[
                 slow = delayed(scene, late, truck.dt)
                 worst = np.array([worst_time_gap(truck, folder, slow) for folder in folders])
                 cells.append(f"{np.median(worst):.3f} ({worst.max():.3f})")
-        lines.append(f"| `{trained}` | {' | '.join(cells)} |")
-    return lines
+        lines.append(f"`{trained}` | {' | '.join(cells)}")
+    return harness.table(f"trained in | {' | '.join(names)}", lines)
 
 
 def string(truck: Simulator, policies: dict[str, list[Path]]) -> list[str]:
     """What grows along a platoon of each training."""
-    lines = ["| trained in | speed | gap error |", "|---|---|---|"]
+    lines = []
     for trained, folders in policies.items():
         row = string_stability(truck, load_policy(folders[0]))
         worst = (max(row[f"worst_{name}_amplification"]) for name in ("speed", "gap_error"))
-        lines.append(f"| `{trained}` | {' | '.join(f'{value:.3f}' for value in worst)} |")
-    return lines
+        lines.append(f"`{trained}` | {' | '.join(f'{value:.3f}' for value in worst)}")
+    return harness.table("trained in | speed | gap error", lines)
 
 
 def crashes(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[str]:
     """Crashes in HARD with the shield, by delay."""
-    lines = ["| trained in | " + " | ".join(f"{late:g} s late" for late in LATE_S) + " |"]
-    lines += ["|---" * (len(LATE_S) + 1) + "|"]
+    lines = []
     for trained, folders in policies.items():
         counts = [sum(crashed(truck, folder, late, seed) for folder in folders) for late in LATE_S]
-        lines.append(f"| `{trained}` | {' | '.join(map(str, counts))} |")
-    return lines
+        lines.append(f"`{trained}` | {' | '.join(map(str, counts))}")
+    return harness.table("trained in | " + " | ".join(f"{late:g} s late" for late in LATE_S), lines)
 
 
 def worst_time_gap(truck: Simulator, folder: Path, scene: Scene) -> NDArray[np.float64]:

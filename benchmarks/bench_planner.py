@@ -8,13 +8,12 @@ planner and chosen policy drive that truck through a radar's noise, along a plat
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 
 import bench_radar_noise
+import harness
 import numpy as np
-import pages
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
@@ -67,11 +66,7 @@ def through_noise(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
     steady = settled(ROLLOUTS, 800, np.random.default_rng(SEED).uniform(12.0, 22.0, ROLLOUTS), 2.0)
     moving = scenes.moving(np.random.default_rng(SEED), ROLLOUTS, 800, truck.dt)
     reach = metrics.within_reach(moving, PedalMap.calibrate(truck), truck.dt)
-    lines = [
-        "| controller | noise (m, m/s) | steady leader: brake pulses a minute | mean jerk (m/s³) "
-        "| time gap, worst (s) | moving leader: worst (s) | scenes within 0.1 s |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for name, driver in drivers.items():
         for noise in bench_radar_noise.NOISE[:2]:
             quiet, busy = (
@@ -80,17 +75,20 @@ def through_noise(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
             )
             pulses, jerk, _, worst = bench_radar_noise.pedals(quiet, ActionScale.of(truck))[2:]
             row = metrics.summary(busy, reach)
-            lines.append(
-                f"| {name} | {noise[0]:g}, {noise[1]:g} | {pulses:.1f} | {jerk:.2f} | {worst:.3f} "
-                f"| {row['time_gap_worst_within_reach']:.3f} | {row['rollouts_within_0.1_s']} of {ROLLOUTS} |"
+            rows.append(
+                f"{name} | {noise[0]:g}, {noise[1]:g} | {pulses:.1f} | {jerk:.2f} | {worst:.3f} | "
+                f"{row['time_gap_worst_within_reach']:.3f} | {row['rollouts_within_0.1_s']} of {ROLLOUTS}"
             )
-    return [*lines, ""]
+    heads = (
+        "controller | noise (m, m/s) | steady leader: brake pulses a minute | mean jerk (m/s³) | "
+        "time gap, worst (s) | moving leader: worst (s) | scenes within 0.1 s"
+    )
+    return [*harness.table(heads, rows), ""]
 
 
 def along_a_platoon(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
     """Amplification of speed, the worst of all frequencies, by the first leader's amplitude."""
-    lines = [f"| eight trucks at 1.5 s, V2V | {' | '.join(f'{a:g} m/s' for a in AMPLITUDES)} |"]
-    lines += ["|---" * (len(AMPLITUDES) + 1) + "|"]
+    lines = []
     keys = {
         "worst from truck to truck": "worst_speed_amplification",
         "head to tail": "head_to_tail_speed_amplification",
@@ -100,15 +98,15 @@ def along_a_platoon(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
             platoon.string_stability(truck, driver, amplitude=a, frequencies=FREQUENCIES) for a in AMPLITUDES
         ]
         for says, key in keys.items():
-            lines.append(f"| {name}, {says} | {' | '.join(f'{max(row[key]):.3f}' for row in rows)} |")
-    return [*lines, ""]
+            lines.append(f"{name}, {says} | {' | '.join(f'{max(row[key]):.3f}' for row in rows)}")
+    heads = f"eight trucks at 1.5 s, V2V | {' | '.join(f'{a:g} m/s' for a in AMPLITUDES)}"
+    return [*harness.table(heads, lines), ""]
 
 
 def behind_the_shield(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
     """Crashes, least gap and how often the shield acts, scene by scene."""
     promise = truck_limits.measure(truck)
-    lines = ["| scene | controller | crashes bare | least gap (m) | with shield | least gap (m) | acts (%) |"]
-    lines += ["|---|---|---|---|---|---|---|"]
+    rows = []
     for scene_name in DANGEROUS:
         draw, seconds = HARD[scene_name]
         scene = draw(np.random.default_rng(SEED), ROLLOUTS, round(seconds / truck.dt), truck.dt)
@@ -117,22 +115,21 @@ def behind_the_shield(truck: Simulator, drivers: dict[str, Policy]) -> list[str]
                 metrics.summary(roll_out(truck, guard(driver, promise, shield=on), scene))
                 for on in (False, True)
             )
-            lines.append(
-                f"| {scene_name.replace('_', ' ')} | {name} | {bare['crashes']} | {bare['min_gap_m']:.1f} "
-                f"| {kept['crashes']} | {kept['min_gap_m']:.1f} | {100 * kept['shield_share']:.2f} |"
+            rows.append(
+                f"{scene_name.replace('_', ' ')} | {name} | {bare['crashes']} | {bare['min_gap_m']:.1f} | "
+                f"{kept['crashes']} | {kept['min_gap_m']:.1f} | {100 * kept['shield_share']:.2f}"
             )
-    return lines
+    heads = "scene | controller | crashes bare | least gap (m) | with shield | least gap (m) | acts (%)"
+    return harness.table(heads, rows)
 
 
 def speed(simulator: Simulator, count: int) -> list[str]:
     """The section of docs/results/speed.md."""
-    lines = ["# The planner over a deep truck", ""]
-    lines += ["`python benchmarks/bench_planner.py`, CPU time of one thread; a default deep truck.", ""]
-    lines += ["| trucks | a step of a truck, p50 (ms) | p99 (ms) |", "|---|---|---|"]
-    for batch in (1, count):
-        middle, most = milliseconds(simulator, batch)
-        lines.append(f"| {batch} | {middle:.2f} | {most:.2f} |")
-    return lines
+    found = [(batch, *milliseconds(simulator, batch)) for batch in (1, count)]
+    rows = (f"{batch} | {middle:.2f} | {most:.2f}" for batch, middle, most in found)
+    title = "The planner over a deep truck", ", CPU time of one thread; a default deep truck."
+    table = harness.table("trucks | a step of a truck, p50 (ms) | p99 (ms)", rows)
+    return [*harness.heading(*title), *table]
 
 
 def hard(name: str, simulator: Simulator, policy: Path) -> list[str]:
@@ -140,10 +137,7 @@ def hard(name: str, simulator: Simulator, policy: Path) -> list[str]:
     drivers: dict[str, Policy] = {"policy": load_policy(policy), "planner": Planner(simulator)}
     truck, sines = trucks.load(name), ", ".join(f"{f:.2f}" for f in FREQUENCIES)
     return [
-        f"# The planner on {name} in noise, in a platoon and behind the shield",
-        "",
-        f"`python benchmarks/bench_planner.py --work runs/following/{name} --truck {name}`",
-        "",
+        *harness.heading(f"The planner on {name} in noise, in a platoon and behind the shield"),
         f"Planner and chosen policy on the truck itself, {ROLLOUTS} rollouts a scene. Steady leaders: time",
         "gap 2 s, after 20 s. Moving leader: on hills, where power suffices, after 10 s.",
         f"The platoon's leader drives sines of {sines} Hz; the worst of them counts.",
@@ -156,20 +150,13 @@ def hard(name: str, simulator: Simulator, policy: Path) -> list[str]:
 
 def main() -> None:
     """Print the tables and write their sections of docs/results/speed.md or following.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--work", type=Path, default=Path("runs/following/trucksim"))
-    parser.add_argument("--batch", type=int, default=20)
-    parser.add_argument("--truck", default="", help="drive this truck instead of timing a step")
-    args = parser.parse_args()
+    work, truck = Path("runs/following/trucksim"), ("", "drive this truck instead of timing a step")
+    args = harness.options(__doc__, {"--work": work, "--batch": 20, "--truck": truck})
     simulator = simulators.load(str(args.work / "simulator"))
     if args.truck:
-        page, lines = "following", hard(args.truck, simulator, args.work / "policy")
+        harness.store("following", hard(args.truck, simulator, args.work / "policy"))
     else:
-        page, lines = "speed", speed(simulator, args.batch)
-    pages.store(page, "\n".join(lines))
-    print("\n".join(lines))
+        harness.store("speed", speed(simulator, args.batch))
 
 
 if __name__ == "__main__":

@@ -7,14 +7,14 @@ Steady leaders, time gap 2 s, and the moving leader on hills. The policies are t
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from pathlib import Path
 
 import bench_following
-import matplotlib
+import harness
 import numpy as np
-import pages
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
@@ -29,9 +29,6 @@ from deeptruck_cacc.safety.guard import guard
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 TRUCKS = ("trucksim", "volvo", "freightliner")
 NOISE = ((0.0, 0.0), (0.1, 0.05), (0.2, 0.1))  # m, m/s; the second is the leader node's
@@ -62,30 +59,18 @@ MOVING = {
 
 def main() -> None:
     """Print the tables and write them to a section of docs/results/braking.md, with a figure beside them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--work", type=Path, default=Path("runs/following"))
-    parser.add_argument("--seed", type=int, default=1000, help="of scenes and noise")
-    args = parser.parse_args()
-    out = Path(__file__).parents[1] / "docs" / "results"
-    lines = [
-        "# What a radar's noise does to the pedals",
-        "",
-        "`python benchmarks/bench_radar_noise.py`",
-        "",
-        SAYS,
-        "",
-    ]
+    seed = (1000, "of scenes and noise")
+    args = harness.options(__doc__, {"--work": bench_following.WORK, "--seed": seed})
+    lines = [*harness.heading("What a radar's noise does to the pedals"), SAYS, ""]
     for name in TRUCKS:
         bench_following.learn(name, 10, args.work / name)
         drivers, truck = both(args.work / name / "policy"), trucks.load(name)
         lines += [f"## {name}", "", *behind_steady_leaders(truck, drivers, args.seed), ""]
         for leader, scene in moving(args.seed, truck.dt).items():
             lines += [*behind_moving_leaders(truck, drivers, leader, scene, args.seed), ""]
-    pages.store("braking", "\n".join(lines))
-    draw(trucks.load(TRUCKS[0]), both(args.work / TRUCKS[0] / "policy"), args.seed, out / "radar_noise.png")
-    print("\n".join(lines))
+    harness.store("braking", lines)
+    picture = harness.RESULTS / "radar_noise.png"
+    draw(trucks.load(TRUCKS[0]), both(args.work / TRUCKS[0] / "policy"), args.seed, picture)
 
 
 def both(path: Path) -> dict[str, Policy]:
@@ -106,15 +91,14 @@ def noisy(scene: Scene, range_sd: float, speed_sd: float, seed: int) -> Scene:
 def behind_steady_leaders(truck: Simulator, drivers: dict[str, Policy], seed: int) -> list[str]:
     """As COLUMNS has it, for each driver and noise."""
     scene = steady(seed, truck.dt)
-    lines = [f"| behind a steady leader | noise (m, m/s) | {' | '.join(COLUMNS)} |"]
-    lines += ["|---" * (len(COLUMNS) + 2) + "|"]
+    lines = []
     for name, driver in drivers.items():
         for noise in NOISE:
             trace = roll_out(truck, guard(driver, shield=False), noisy(scene, *noise, seed))
             values = pedals(trace, ActionScale.of(truck))
             cells = [format(x, kind) for x, kind in zip(values, COLUMNS.values(), strict=True)]
-            lines.append(f"| {name} | {noise[0]:g}, {noise[1]:g} | {' | '.join(cells)} |")
-    return lines
+            lines.append(f"{name} | {noise[0]:g}, {noise[1]:g} | {' | '.join(cells)}")
+    return harness.table(f"behind a steady leader | noise (m, m/s) | {' | '.join(COLUMNS)}", lines)
 
 
 def steady(seed: int, dt: float) -> Scene:
@@ -128,7 +112,7 @@ def pedals(trace: Trace, scale: ActionScale) -> list[float]:
     engine = 100 * trace["engine_command"][late:] / scale.engine_high
     braked = trace["brake_command"][late:] > 0.01 * scale.brake_high
     minutes = braked.size * trace.dt / 60
-    pulses = np.count_nonzero(braked[1:] & ~braked[:-1]) / minutes
+    pulses = beginnings(braked) / minutes
     fuel = 1e5 * (trace["fuel"][late:] * 1e-3).sum() / trace["speed"][late:].sum()
     return [
         float(engine.std(axis=0).mean()),
@@ -138,6 +122,11 @@ def pedals(trace: Trace, scale: ActionScale) -> list[float]:
         float(fuel),
         float(np.abs(trace["time_gap_error"][late:]).max()),
     ]
+
+
+def beginnings(flags: NDArray[np.bool_]) -> int:
+    """How often flags (T, batch) become true."""
+    return int(np.count_nonzero(flags[1:] & ~flags[:-1]))
 
 
 def moving(seed: int, dt: float) -> dict[str, Scene]:
@@ -154,22 +143,21 @@ def behind_moving_leaders(
 ) -> list[str]:
     """As MOVING has it, where power suffices, after 10 s."""
     reach = metrics.within_reach(scene, PedalMap.calibrate(truck), truck.dt)
-    lines = [f"| behind {name} ({scene.batch} scenes) | noise (m, m/s) | {' | '.join(MOVING)} |"]
-    lines += ["|---" * (len(MOVING) + 2) + "|"]
+    lines = []
     for driver_name, driver in drivers.items():
         for noise in NOISE[:2]:
             row = metrics.summary(roll_out(truck, driver, noisy(scene, *noise, seed)), reach)
             cells = [f"{row[key]:.3g}" for key in MOVING.values()]
-            lines.append(f"| {driver_name} | {noise[0]:g}, {noise[1]:g} | {' | '.join(cells)} |")
-    return lines
+            lines.append(f"{driver_name} | {noise[0]:g}, {noise[1]:g} | {' | '.join(cells)}")
+    heads = f"behind {name} ({scene.batch} scenes) | noise (m, m/s) | {' | '.join(MOVING)}"
+    return harness.table(heads, lines)
 
 
 def draw(truck: Simulator, drivers: dict[str, Policy], seed: int, path: Path) -> None:
     """Both pedals over 20 s behind a steady leader, with the leader node's noise."""
     scene, scale = noisy(steady(seed, truck.dt), *NOISE[1], seed), ActionScale.of(truck)
-    figure, axes = plt.subplots(
-        len(drivers), 1, figsize=(8, 4), sharex=True, sharey=True, layout="constrained"
-    )
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    axes = figure.subplots(len(drivers), 1, sharex=True, sharey=True)
     for (name, driver), axis in zip(drivers.items(), axes, strict=True):
         trace = roll_out(truck, guard(driver, shield=False), scene)
         shown = slice(round(40.0 / trace.dt), round(60.0 / trace.dt))
@@ -180,7 +168,6 @@ def draw(truck: Simulator, drivers: dict[str, Policy], seed: int, path: Path) ->
     axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes[-1].set_xlabel("time [s]")
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 if __name__ == "__main__":

@@ -10,23 +10,20 @@ from __future__ import annotations
 
 import os
 
-import pages
-
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
+from bench_real_truck import Array, Deep, rms, windows
 
-from deeptruck_model.deep import Arguments, DeepTruck, train
 from deeptruck_model.recordings import Recording, import_table
 
-ROOT = Path(__file__).parents[1]
-DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", ROOT.parent / "shared" / "data")) / "bmw_i3"
-COLUMNS = ROOT / "layouts" / "columns" / "bmw_i3.yaml"
+DATA = harness.DATA / "bmw_i3"
+COLUMNS = harness.ROOT / "layouts" / "columns" / "bmw_i3.yaml"
 TRIPS = ("TripA01", "TripA11", "TripB17")
 TRAINED, EVERY_S, SHORT_S, SEEDS = 0.7, 5, 15, 3
 CHOSEN: dict[str, Any] = {"kind": "grey", "learning_rate": 2e-3}
@@ -37,8 +34,6 @@ CANDIDATES: tuple[dict[str, Any], ...] = (
     {"kind": "grey", "learning_rate": 2e-3},
     {"kind": "grey", "weight_decay": 0.1},
 )
-
-Array = np.ndarray[Any, Any]
 
 
 def trips() -> list[Recording]:
@@ -86,93 +81,70 @@ class LeastSquares:
         return np.stack(v, axis=1)
 
 
-class Deep:
-    """Deep trucks, their mean."""
-
-    def __init__(self, recordings: list[Recording], **settings: Any) -> None:
-        with tempfile.TemporaryDirectory() as folder:
-            arguments = Arguments(members=SEEDS, **settings)
-            self.truck: DeepTruck = train(recordings, Path(folder) / "car", arguments)
-
-    def speed(self, u: Array, w: Array, y0: Array) -> Array:
-        return self.truck.rollout(u, w, y0, None).y[..., 1]
-
-
-def windows(pieces: list[Recording], seconds: int) -> tuple[Array, Array, Array]:
-    """u, w, y (runs, T, n) of every segment of `seconds`, EVERY_S apart."""
-    steps, every = (round(s / pieces[0].dt) for s in (seconds, EVERY_S))
-    chosen = [(p, k) for p in pieces for k in range(0, len(p) - steps, every)]
-    u, w, y = (np.stack([getattr(p, n)[k : k + steps + 1] for p, k in chosen]) for n in ("u", "w", "y"))
-    return u, w, y
+def trained(recordings: list[Recording], **settings: Any) -> Deep:
+    """Deep trucks of some seeds, their mean."""
+    return Deep.trained(recordings, members=SEEDS, **settings)
 
 
 def row(name: str, model: LeastSquares | Deep, pieces: list[Recording]) -> str:
     """One line of the table."""
     cells = []
     for seconds in (SHORT_S, 60):
-        u, w, y = windows(pieces, seconds)
+        u, w, y = windows(pieces, seconds, EVERY_S)
         error = model.speed(u, w, y[:, 0])[:, -1] - y[:, -1, 1]
         cells += [f"{rms(error):.2f}", f"{np.median(np.abs(error)):.2f}"]
         if seconds == SHORT_S:  # a minute in town has no run without a negative torque
             cells.append(f"{rms(error[(u[:, :-1, 0] >= 0).all(axis=1)]):.2f}")
         print(f"{name}, {seconds} s: {len(error)} runs, {cells}", flush=True)
-    return f"| {name} | " + " | ".join(cells) + " |"
-
-
-def rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2)))
+    return f"{name} | {' | '.join(cells)}"
 
 
 def choose(training: list[Recording], validation: list[Recording]) -> None:
     """A row for each candidate."""
     print(row("least squares", LeastSquares(training), validation))
     for settings in CANDIDATES:
-        print(row(f"deep truck, {settings}", Deep(training, **settings), validation), flush=True)
+        print(row(f"deep truck, {settings}", trained(training, **settings), validation), flush=True)
 
 
 def main() -> None:
-    if not DATA.exists():
-        sys.exit(f"{DATA} is not here; docs/recordings.md says where to get it")
+    chooses = harness.options(__doc__, {"--choose": False}).choose
+    harness.check_data(DATA)
     first, rest = parts(trips())
-    if "--choose" in sys.argv:
+    if chooses:
         choose(*parts(first))
         return
-    deep = Deep(first, **CHOSEN)
+    deep = trained(first, **CHOSEN)
     rows = [row("least squares", LeastSquares(first), rest)]
     rows.append(row(f"deep truck, {CHOSEN}", deep, rest))
-    rows.append(row("deep truck, default settings", Deep(first), rest))
-    minutes = [sum(len(p) * p.dt for p in part) / 60 for part in (first, rest)]
+    rows.append(row("deep truck, default settings", trained(first), rest))
+    learned, tested = (sum(len(p) * p.dt for p in part) / 60 for part in (first, rest))
     updates = deep.truck.details["training"]["updates"]
-    text = TEXT.format(
-        rows="\n".join(rows), trained=minutes[0], test=minutes[1], updates=updates, seeds=SEEDS
-    )
-    print(text)
-    pages.store("real_truck", text)
+    above = ABOVE.format(trained=learned, test=tested, updates=updates, every=EVERY_S)
+    lines = [
+        *harness.heading("An electric car: `bmw_i3`"),
+        above,
+        "",
+        *harness.table(HEADS, rows, right=True),
+    ]
+    harness.store("real_truck", [*lines, "", BELOW])
 
 
-TEXT = """# An electric car: `bmw_i3`
-
-`python benchmarks/bench_real_car.py`. An electric car, 10 Hz, motor torque (negative when it recuperates) as
+HEADS = " | 15 s: rms | median | pulling: rms | 60 s: rms | median"
+ABOVE = """An electric car, 10 Hz, motor torque (negative when it recuperates) as
 engine command, grade from the elevation. Trained on the first 70 % of each of three trips, {trained:.0f} min
 and {updates} updates; free runs on the last 30 %, {test:.0f} min, started every {every} s. Speed error at the
-end of the run, m/s; *pulling* are the runs whose torque is never negative.
-
-| | 15 s: rms | median | pulling: rms | 60 s: rms | median |
-| --- | ---: | ---: | ---: | ---: | ---: |
-{rows}
-
-Deep trucks are the mean of {seeds} seeds. The grey kind and a learning rate of 2e-3 were chosen inside the
-first parts, by the rms after 15 s (`--choose` prints every candidate). The car has one gear, so that its
-acceleration is nearly linear in torque, drag and grade; least squares starts there. The friction brake is
-not recorded: a hard stop has no cause in the inputs, and all err there. A trip by hand:
+end of the run, m/s; *pulling* are the runs whose torque is never negative."""
+BELOW = f"""Deep trucks are the mean of {SEEDS} seeds. The grey kind and a learning rate of 2e-3 were chosen
+inside the first parts, by the rms after 15 s (`--choose` prints every candidate). The car has one gear, so
+that its acceleration is nearly linear in torque, drag and grade; least squares starts there. The friction
+brake is not recorded: a hard stop has no cause in the inputs, and all err there. A trip by hand:
 
 ```bash
 deeptruck-model import TripA01.csv --columns layouts/columns/bmw_i3.yaml --out bags/A01
 deeptruck-model import TripA11.csv --columns layouts/columns/bmw_i3.yaml --out bags/A11
 deeptruck-model train bags/A11 --out simulators/i3 --members 3
 deeptruck-model evaluate simulators/i3 bags/A01 --out evaluation
-```
-""".replace("{every}", str(EVERY_S))
+```"""
 
 
 if __name__ == "__main__":

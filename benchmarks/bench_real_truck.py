@@ -9,24 +9,21 @@ from __future__ import annotations
 
 import os
 
-import pages
-
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
 
 from deeptruck_model.deep import Arguments, DeepTruck, train
 from deeptruck_model.deep.data import common_interface, cut, unexplained
 from deeptruck_model.recordings import Recording, import_table
 
-ROOT = Path(__file__).parents[1]
-DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", ROOT.parent / "shared" / "data"))
-LOG, COLUMNS = DATA / "vt_heavy_truck" / "veh002_all.csv", ROOT / "layouts" / "columns" / "veh002.yaml"
+LOG = harness.DATA / "vt_heavy_truck" / "veh002_all.csv"
+COLUMNS = harness.ROOT / "layouts" / "columns" / "veh002.yaml"
 EVERY = 20  # s between starts
 SEEDS = 3
 
@@ -84,10 +81,11 @@ class Deep:
         return self.truck.rollout(u, w, y0, None).y[..., 1]
 
 
-def windows(pieces: list[Recording], seconds: int) -> tuple[Array, Array, Array]:
-    """u, w, y (runs, T, n) of every segment of `seconds`, EVERY s apart."""
-    chosen = [(p, k) for p in pieces for k in range(0, len(p) - seconds, EVERY)]
-    u, w, y = (np.stack([getattr(p, n)[k : k + seconds + 1] for p, k in chosen]) for n in ("u", "w", "y"))
+def windows(pieces: list[Recording], seconds: int, every_s: int = EVERY) -> tuple[Array, Array, Array]:
+    """u, w, y (runs, T, n) of every segment of `seconds`, `every_s` apart."""
+    steps, every = (round(s / pieces[0].dt) for s in (seconds, every_s))
+    chosen = [(p, k) for p in pieces for k in range(0, len(p) - steps, every)]
+    u, w, y = (np.stack([getattr(p, n)[k : k + steps + 1] for p, k in chosen]) for n in ("u", "w", "y"))
     return u, w, y
 
 
@@ -101,7 +99,7 @@ def row(name: str, model: LeastSquares | Deep, pieces: list[Recording]) -> str:
         cells += [f"{rms(error):.2f}", f"{np.median(np.abs(error)):.2f}", f"{rms(error[pulls]):.2f}"]
         runs = f"{len(error)} and {pulls.sum()}"
         print(f"{name}, {seconds} s: {runs} runs, {cells[-3:]}", flush=True)
-    return f"| {name} | " + " | ".join(cells) + " |"
+    return f"{name} | {' | '.join(cells)}"
 
 
 def rms(error: Array) -> float:
@@ -109,8 +107,8 @@ def rms(error: Array) -> float:
 
 
 def main() -> None:
-    if not LOG.exists():
-        sys.exit(f"{LOG} is not here; docs/recordings.md says where to get it")
+    harness.options(__doc__, {})
+    harness.check_data(LOG)
     first, second = halves()
     interface = common_interface(first)
     training, test = ([p for r in part for p in cut(r, interface)] for part in (first, second))
@@ -119,26 +117,18 @@ def main() -> None:
     for kind in ("black", "grey"):
         deep = Deep.trained(first, members=SEEDS, kind=kind)
         rows.append(row(f"deep truck, {kind}, mean of {SEEDS} seeds", deep, test))
-    text = TEXT.format(share=100 * share, rows="\n".join(rows))
-    print(text)
-    pages.store("real_truck", text)
+    lines = [*harness.heading("Half a log: `veh002`"), ABOVE, "", *harness.table(HEADS, rows, right=True)]
+    harness.store("real_truck", [*lines, "", BELOW.format(share=100 * share)])
 
 
-TEXT = """# Half a log: `veh002`
-
-`python benchmarks/bench_real_truck.py`. A heavy diesel on the road, 1 Hz, fuel rate as engine command, grade
+HEADS = " | 15 s: rms | median | pulling: rms | 60 s: rms | median | pulling: rms"
+ABOVE = """A heavy diesel on the road, 1 Hz, fuel rate as engine command, grade
 from the elevation. The first half of the log trains. Free runs on the second start every 20 s wherever
 the next 15 or 60 s can be explained. Speed error at the end of the run, m/s; *pulling* are the runs with fuel
-above 0.5 g/s and speed above 6 m/s throughout.
-
-| | 15 s: rms | median | pulling: rms | 60 s: rms | median | pulling: rms |
-| --- | ---: | ---: | ---: | ---: | ---: | ---: |
-{rows}
-
-Braking is not recorded. {share:.1f} % of the second half slows by more than 0.6 m/s² beyond the grade, which
-no input explains; those rows end a run. Softer braking stays in: it is part of every error above, and no
-model that sees fuel and grade alone can know of it.
-"""
+above 0.5 g/s and speed above 6 m/s throughout."""
+BELOW = """Braking is not recorded. {share:.1f} % of the second half slows by more than 0.6 m/s² beyond the
+grade, which no input explains; those rows end a run. Softer braking stays in: it is part of every error
+above, and no model that sees fuel and grade alone can know of it."""
 
 
 if __name__ == "__main__":

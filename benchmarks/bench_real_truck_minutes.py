@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import os
 
-import pages
-
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
 
+import harness
 import numpy as np
 from bench_real_truck import LOG, Deep, LeastSquares, halves, rms, windows
 from matplotlib.figure import Figure
@@ -87,14 +85,14 @@ def fitted(mine: list[Recording], known: Path) -> Iterator[tuple[tuple[str, int]
                 yield (name, minutes), fit(part)
 
 
-def table(found: Errors) -> str:
+def table(found: Errors) -> list[str]:
     """One row for each way and amount: the mean of the segments, and what they lie between."""
     rows = []
     for (name, minutes), each in found.items():
         low, mean, high = np.min(each, axis=0), np.mean(each, axis=0), np.max(each, axis=0)
         cells = [_cell(*of) for of in zip(low, mean, high, strict=True)]
-        rows.append(f"| {f'{minutes} min, ' if minutes else ''}{name} | " + " | ".join(cells) + " |")
-    return "\n".join(rows)
+        rows.append(f"{f'{minutes} min, ' if minutes else ''}{name} | {' | '.join(cells)}")
+    return harness.table(" | 15 s: rms | median | 60 s: rms | median", rows, right=True)
 
 
 def _cell(low: float, mean: float, high: float) -> str:
@@ -124,34 +122,25 @@ def draw(found: Errors, path: Path) -> None:
 
 def main() -> None:
     """Print the table; write it and the figure."""
-    if not LOG.exists():
-        sys.exit(f"{LOG} is not here; docs/recordings.md says where to get it")
+    harness.options(__doc__, {})
+    harness.check_data(LOG)
     first, second = halves()
     interface = common_interface(first)
     mine, test = ([p for r in part for p in cut(r, interface)] for part in (first, second))
     with tempfile.TemporaryDirectory() as folder:
         found = measure(mine, test, Path(folder))
-    print(table(found))
-    pages.store("real_truck", TEXT.format(rows=table(found), fleet=FLEET))
-    draw(found, pages.RESULTS / "real_truck_minutes.png")
+    lines = [*harness.heading("Minutes of it"), SAYS, "", *table(found), ""]
+    harness.store("real_truck", [*lines, "![minutes of data](real_truck_minutes.png)"])
+    draw(found, harness.RESULTS / "real_truck_minutes.png")
 
 
-TEXT = """# Minutes of it
-
-`python benchmarks/bench_real_truck_minutes.py`. The truck and the free runs of [half a
+SAYS = f"""The truck and the free runs of [half a
 log](#half-a-log-veh002): the test is the second half of the log. 5, 15 and 60 min of the first half train,
 three times each, by segments spread evenly over it; only what can be explained counts as a minute. The
-fleet are {fleet} made-up trucks that drove 20 min each, logged like this truck: 1 Hz, fuel rate as engine
+fleet are {FLEET} made-up trucks that drove 20 min each, logged like this truck: 1 Hz, fuel rate as engine
 command, grade, no brake. Only how steep their roads are comes from the first half; no setting was chosen on
 this truck. Speed error at the end of the run, m/s: the mean of the three segments, in brackets the lowest
-and the highest; where one ran away there is no mean. Deep trucks are of one seed each.
-
-| | 15 s: rms | median | 60 s: rms | median |
-| --- | ---: | ---: | ---: | ---: |
-{rows}
-
-![minutes of data](real_truck_minutes.png)
-"""
+and the highest; where one ran away there is no mean. Deep trucks are of one seed each."""
 
 
 if __name__ == "__main__":

@@ -8,15 +8,14 @@ a table and writes its section of docs/results/speed.md.
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import tempfile
 import time
 from pathlib import Path
 
+import harness
 import numpy as np
-import pages
 import rclpy
 from deeptruck_nodes import environment, messages, parameters, topics
 from deeptruck_nodes.messages import SECOND
@@ -25,23 +24,20 @@ from rclpy.serialization import serialize_message
 
 from deeptruck_model.recordings.bag_source import BagSource
 
-PRIORITY = ", real-time priority (chrt -f 1)" if os.sched_getscheduler(0) == os.SCHED_FIFO else ""
 NAMES = tuple(f"/bench/twist{n}" for n in range(5))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--rate", type=int, default=5000, help="messages a second over all topics")
-    parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--publish", action="store_true", help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
+    rate, publishes = (5000, "messages a second over all topics"), (False, harness.HIDDEN)
+    arguments = harness.options(__doc__, {"--rate": rate, "--seconds": 20.0, "--publish": publishes})
     if arguments.publish:
         publish(arguments.rate, arguments.seconds)
         return
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as scratch:
         rows = measure(Path(scratch), arguments.rate, arguments.seconds)
-    report(rows, f"{os.cpu_count()} cores, load average {load:.1f} before{PRIORITY}")
+    lines = harness.heading("Recorder", f", {harness.machine(load)}.")
+    harness.store("speed", [*lines, *harness.table("what | measured | goal", rows)])
 
 
 def publish(rate: int, seconds: float) -> None:
@@ -64,7 +60,7 @@ def publish(rate: int, seconds: float) -> None:
     time.sleep(1.0)
 
 
-def measure(folder: Path, rate: int, seconds: float) -> list[tuple[str, str, str]]:
+def measure(folder: Path, rate: int, seconds: float) -> list[str]:
     """Record the publisher until it ends, then look at the bag."""
     # The recorder must know the type before a topic appears, so that the first message is not missed.
     domain = 98
@@ -86,7 +82,7 @@ def measure(folder: Path, rate: int, seconds: float) -> list[tuple[str, str, str
     return inspect(folder / "bag", int(rate * seconds / len(NAMES)), (run / "publisher.log").read_text())
 
 
-def inspect(bag: Path, each: int, said: str) -> list[tuple[str, str, str]]:
+def inspect(bag: Path, each: int, said: str) -> list[str]:
     """How many of the numbered messages are there, and how long they took."""
     numbers: dict[str, list[float]] = {name: [] for name in NAMES}
     ages = []
@@ -100,27 +96,12 @@ def inspect(bag: Path, each: int, said: str) -> list[tuple[str, str, str]]:
     missing = sum(each - len(set(found)) for found in numbers.values())
     taken = float(said.partition("published in ")[2].split()[0])
     p50, p99 = np.percentile(ages, [50, 99]) / 1e6
+    count = each * len(NAMES)
     return [
-        (
-            "published",
-            f"{each * len(NAMES)} messages, {each * len(NAMES) / taken:.0f} a second",
-            "5000 a second",
-        ),
-        ("missing in the bag", str(missing), "0"),
-        ("time to the recorder, p50 / p99", f"{p50:.2f} / {p99:.2f} ms", ""),
+        f"published | {count} messages, {count / taken:.0f} a second | 5000 a second",
+        f"missing in the bag | {missing} | 0",
+        f"time to the recorder, p50 / p99 | {p50:.2f} / {p99:.2f} ms |",
     ]
-
-
-def report(rows: list[tuple[str, str, str]], machine: str) -> None:
-    """Print the table and write it under docs/results."""
-    lines = [
-        "| what | measured | goal |",
-        "| --- | --- | --- |",
-        *(f"| {a} | {b} | {c} |" for a, b, c in rows),
-    ]
-    text = "\n".join(lines)
-    print(text)
-    pages.store("speed", f"# Recorder\n\n`python benchmarks/bench_recorder.py`, {machine}.\n\n{text}")
 
 
 if __name__ == "__main__":

@@ -7,14 +7,13 @@ What is done in --work is kept.
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
-import pages
 
 from deeptruck_cacc import training
 from deeptruck_cacc.evaluation import figures
@@ -50,22 +49,14 @@ returns of thousands. After a crash, the batch before says nothing of this one."
 
 def main() -> None:
     """Print the tables and write its section of docs/results/following.md, with the figure in trpo/."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--work", type=Path, default=Path("runs/trpo"))
-    parser.add_argument("--iterations", type=int, default=200)
-    args = parser.parse_args()
+    args = harness.options(__doc__, {"--work": Path("runs/trpo"), "--iterations": 200})
     curves = learn(args.work / "policy", TrpoConfig(seeds=SEEDS, iterations=args.iterations))
-    out = Path(__file__).parents[1] / "docs" / "results"
-    figures.learning_curve(curves, out / "trpo" / "learning_curve.png")
-    lines = [f"# Ten seeds of the paper's TRPO, {args.iterations} iterations", ""]
-    lines += ["`python benchmarks/bench_trpo.py`; its first part is", "", "```bash"]
+    figures.learning_curve(curves, harness.RESULTS / "trpo" / "learning_curve.png")
+    title = f"Ten seeds of the paper's TRPO, {args.iterations} iterations"
+    lines = [*harness.heading(title, "; its first part is"), "```bash"]
     lines += [f"deeptruck-cacc train --trainer trpo --seeds {SEEDS} --iterations {args.iterations} \\"]
     lines += [f"  --simulator {SIMULATOR} --out policies/trpo", "```", "", SAYS, "", *seeds(curves), ""]
-    lines += [WHY, "", *causes(args.work)]
-    pages.store("following", "\n".join(lines))
-    print("\n".join(lines))
+    harness.store("following", [*lines, WHY, "", *causes(args.work)])
 
 
 def learn(policy: Path, config: TrpoConfig) -> list[list[dict[str, Any]]]:
@@ -97,18 +88,15 @@ def seeds(curves: list[list[dict[str, Any]]]) -> list[str]:
         "validations of the second half that follow (%)": [f"{100 * x:.0f}" for x in kept],
         "last validation": [f"{row[-1][1]:.3g}" for row in rows],
     }
-    lines = [f"| seed | {' | '.join(map(str, range(len(curves))))} |", "|---" * (len(curves) + 1) + "|"]
-    lines += [f"| {name} | {' | '.join(cells)} |" for name, cells in table.items()]
+    heads = f"seed | {' | '.join(map(str, range(len(curves))))}"
+    lines = harness.table(heads, (f"{name} | {' | '.join(cells)}" for name, cells in table.items()))
     ends = sum(row[-1][1] <= FOLLOWS for row in rows)
     return [*lines, "", f"{sum(v <= FOLLOWS for _, v in best)} of {len(rows)} follow; at the end {ends} do."]
 
 
 def causes(work: Path) -> list[str]:
     """How many seeds follow early, by baseline and GAE."""
-    lines = [
-        "| baseline, GAE | seeds that follow | validation, median | return, median (worst) |",
-        "|---|---|---|---|",
-    ]
+    rows = []
     for number, (name, settings) in enumerate(CAUSES.items()):
         config = TrpoConfig(seeds=FEW, iterations=EARLY, **settings)
         curves = learn(work / f"cause{number}", config)
@@ -116,8 +104,10 @@ def causes(work: Path) -> list[str]:
         returns = [curve[-1]["return_mean"] for curve in curves]
         follow = sum(v <= FOLLOWS for v in best)
         cells = f"{follow} | {np.median(best):.2g} | {np.median(returns):.0f} ({min(returns):.0f})"
-        lines.append(f"| {name} | {cells} |")
-    return lines
+        rows.append(f"{name} | {cells}")
+    return harness.table(
+        "baseline, GAE | seeds that follow | validation, median | return, median (worst)", rows
+    )
 
 
 def validations(curve: list[dict[str, Any]]) -> list[tuple[int, float]]:

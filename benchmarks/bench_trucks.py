@@ -8,24 +8,20 @@ of its own if you like); without it its row says so. Writes its section of docs/
 
 from __future__ import annotations
 
-import argparse
-import importlib.util
+import importlib
 import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import harness
 import numpy as np
-import pages
 
 from deeptruck_model import driving_cycles, trucks
 
-ROOT = Path(__file__).parents[1]
 BATCH, STEPS = 1000, 400
 FASTSIM = """
 import json, time, fastsim
@@ -44,10 +40,8 @@ print(json.dumps(found))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--fastsim-python", default=sys.executable, help="interpreter that has fastsim")
-    parser.add_argument("--plain", action="store_true", help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
+    fastsim, plain = (sys.executable, "interpreter that has fastsim"), (False, harness.HIDDEN)
+    arguments = harness.options(__doc__, {"--fastsim-python": fastsim, "--plain": plain})
     if arguments.plain:
         print(json.dumps(plain_python()))
         return
@@ -74,14 +68,8 @@ def inputs(batch: int, steps: int) -> tuple[Any, Any, Any]:
 
 
 def cpu(work: Callable[[], Any], repeats: int = 3) -> float:
-    """Least CPU seconds of some repeats, after one to warm up."""
-    work()
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return min(times)
+    """Least CPU seconds of some repeats."""
+    return float(min(harness.cpu_s(work, repeats)))
 
 
 def compiled_batch(batch: int = BATCH, steps: int = STEPS) -> float:
@@ -168,28 +156,22 @@ def seven_hours() -> float:
 
 def from_tests(name: str) -> Any:
     """A module of the truck's tests: its reference in numpy, and how the published figures are measured."""
-    spec = importlib.util.spec_from_file_location(
-        name, ROOT / "tests" / "deeptruck_model" / "trucks" / f"{name}.py"
-    )
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    sys.path.insert(0, str(harness.ROOT / "tests" / "deeptruck_model" / "trucks"))
+    return importlib.import_module(name)
 
 
 def figures() -> list[str]:
     """0-60 mph, speed kept on 6 %, stopping distances cold and hot, and fuel, of each truck of the pool."""
     measure = from_tests("test_figures")
-    rows = ["| truck | t | 0-60 mph, s | 6 % kept, m/s | 60-0 mph, ft: 80 / 300 / 500 degC | mpg at 63 mph |"]
-    rows.append("| --- | ---: | ---: | ---: | ---: | ---: |")
+    rows = []
     for name, mass in (("trucksim", 20e3), ("trucksim", 36287.0), ("freightliner", 8200.0), ("volvo", 30e3)):
         truck = trucks.load(name).with_parameters({"mass": mass})
         climb = measure.on_grade(truck, 300.0, 25.0, engine=1.0, grade=0.06).y[0, -1, 1]
         stops = " / ".join(f"{measure.stopping_feet(truck, t):.0f}" for t in (80.0, 300.0, 500.0))
         sixty, mpg = measure.time_to(truck, 60.0 * measure.MPH), measure.cruise_mpg(truck, 63.0)
-        rows.append(f"| {name} | {mass / 1e3:.1f} | {sixty:.1f} | {climb:.1f} | {stops} | {mpg:.1f} |")
-    return rows
+        rows.append(f"{name} | {mass / 1e3:.1f} | {sixty:.1f} | {climb:.1f} | {stops} | {mpg:.1f}")
+    heads = "truck | t | 0-60 mph, s | 6 % kept, m/s | 60-0 mph, ft: 80 / 300 / 500 degC | mpg at 63 mph"
+    return harness.table(heads, rows, right=True)
 
 
 def fastsim_rate(python: str) -> dict[str, Any] | None:
@@ -199,41 +181,26 @@ def fastsim_rate(python: str) -> dict[str, Any] | None:
 
 def report(rates: dict[str, float], force: float, hours7: float, fastsim: dict[str, Any] | None) -> None:
     best = rates["compiled, batch 1000"]
-    rows = [
-        "| truck `trucksim`, 0.1 s steps of ten substeps | steps / s | simulated s / s | batch is faster by |"
-    ]
-    rows += ["| --- | ---: | ---: | ---: |"]
-    rows += [f"| {name} | {r:,.0f} | {0.1 * r:,.0f} | {best / r:.1f} |" for name, r in rates.items()]
+    rows = [f"{name} | {r:,.0f} | {0.1 * r:,.0f} | {best / r:.1f}" for name, r in rates.items()]
     if fastsim is None:
-        rows.append("| FASTSim 3 | not installed (pip install fastsim) | | |")
+        rows.append("FASTSim 3 | not installed (pip install fastsim) | |")
     else:
         step, second = fastsim["steps"] / fastsim["cpu"], fastsim["simulated"] / fastsim["cpu"]
         rows.append(
-            f"| FASTSim {fastsim['version']}, 1 s steps, one car | {step:,.0f} | {second:,.0f} |"
-            f" {best / step:.1f} per step, {0.1 * best / second:.2f} per simulated second |"
+            f"FASTSim {fastsim['version']}, 1 s steps, one car | {step:,.0f} | {second:,.0f} |"
+            f" {best / step:.1f} per step, {0.1 * best / second:.2f} per simulated second"
         )
-    text = "\n".join(
-        [
-            "# Speed of the physics truck",
-            "",
-            "`python benchmarks/bench_trucks.py`; one core, CPU time, all rows from one run.",
-            "",
-            *rows,
-            "",
-            f"- 7 h of driving data (generator, driver, truck; 252,000 samples): {hours7:.2f} CPU s.",
-            f"- A force from outside costs {force:.1f} us a substep of 10 ms, besides its own time.",
-            "- FASTSim takes one step a simulated second, without gearbox, boost or brakes; ours a hundred.",
-            "",
-            "## Figures of the class",
-            "",
-            "The bands and whose they are: tests/deeptruck_model/trucks/test_figures.py.",
-            "",
-            *figures(),
-            "",
-        ]
-    )
-    pages.store("speed", text)
-    print(text)
+    heads = "truck `trucksim`, 0.1 s steps of ten substeps | steps / s | simulated s / s | batch is faster by"
+    title = "Speed of the physics truck", "; one core, CPU time, all rows from one run."
+    lines = [*harness.heading(*title), *harness.table(heads, rows, right=True), ""]
+    lines += [f"- 7 h of driving data (generator, driver, truck; 252,000 samples): {hours7:.2f} CPU s."]
+    lines += [f"- A force from outside costs {force:.1f} us a substep of 10 ms, besides its own time."]
+    lines += [
+        "- FASTSim takes one step a simulated second, without gearbox, boost or brakes; ours a hundred."
+    ]
+    lines += ["", "## Figures of the class", ""]
+    lines += ["The bands and whose they are: tests/deeptruck_model/trucks/test_figures.py.", "", *figures()]
+    harness.store("speed", lines)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,127 @@
+"""What every benchmark needs: its options, repeated measurements, tables, and the page that it writes.
+
+A measurement is the least (or a quantile) of some repeats in CPU time, since other work on the machine does
+not count there. What is compared is measured in one process or in turn, and given as a ratio.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "docs" / "results"
+DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", ROOT.parent / "shared" / "data"))  # real recordings
+TICK = os.sysconf("SC_CLK_TCK")
+HIDDEN = argparse.SUPPRESS
+
+
+def options(text: str | None, defaults: Mapping[str, Any]) -> argparse.Namespace:
+    """The command line, described by a module's docstring. `defaults` has by option its default, or that and
+    its help: a list takes several values, False is a switch, a type an option without a default."""
+    parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, given in defaults.items():
+        default, says = given if isinstance(given, tuple) else (given, None)
+        if default is False:
+            parser.add_argument(name, action="store_true", help=says)
+        elif isinstance(default, list):
+            parser.add_argument(name, nargs="+", type=type(default[0]), default=default, help=says)
+        elif isinstance(default, type):
+            parser.add_argument(name, type=default, help=says)
+        else:
+            parser.add_argument(name, type=type(default), default=default, help=says)
+    return parser.parse_args()
+
+
+def check_data(path: Path) -> None:
+    """Ends the program where a real recording is not there."""
+    if not path.exists():
+        sys.exit(f"{path} is not here; docs/recordings.md says where to get it")
+
+
+def cpu_s(
+    work: Callable[[], object], repeats: int = 3, clock: Callable[[], float] = time.process_time
+) -> NDArray[np.float64]:
+    """CPU seconds of each repeat, after one that warms up."""
+    work()
+    times = np.empty(repeats)
+    for k in range(repeats):
+        began = clock()
+        work()
+        times[k] = clock() - began
+    return times
+
+
+def children_cpu_s() -> float:
+    """CPU seconds of all processes that this one has waited for."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def processes_cpu_s(pids: Iterable[int]) -> float:
+    """CPU seconds that running processes have used."""
+    total = 0
+    for pid in pids:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        total += int(fields[11]) + int(fields[12])
+    return total / TICK
+
+
+def children(pid: int) -> dict[int, str]:
+    """Command lines of a process's children."""
+    command = ["ps", "--ppid", str(pid), "-o", "pid=,args="]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True)
+    lines = (line.strip().partition(" ") for line in listed.stdout.splitlines())
+    return {int(number): name for number, _, name in lines}
+
+
+def machine(load: float | None = None) -> str:
+    """Cores, load average (of now, or the given one of before) and real-time priority."""
+    high = ", real-time priority (chrt -f 1)" if os.sched_getscheduler(0) == os.SCHED_FIFO else ""
+    when = "at the end" if load is None else "before"
+    load = os.getloadavg()[0] if load is None else load
+    return f"{os.cpu_count()} cores, load average {load:.1f} {when}{high}"
+
+
+def table(heads: str, rows: Iterable[str], *, right: bool = False) -> list[str]:
+    """Lines of a table, its heads and rows as `a | b | c`; `right` sets all columns but the first right."""
+    rule = "|---" + ("|---:" if right else "|---") * heads.count(" | ") + "|"
+    return [f"| {heads} |", rule, *(f"| {row} |" for row in rows)]
+
+
+def command() -> str:
+    """How this benchmark was called, as a page quotes it."""
+    return " ".join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
+
+
+def heading(title: str, facts: str = "") -> list[str]:
+    """The first lines of a section: title, command, and what else is to be known of the measurement."""
+    return [f"# {title}", "", f"`{command()}`{facts}", ""]
+
+
+def store(page: str, lines: Iterable[str]) -> None:
+    """Print a section, which begins with its heading (`# ...`), and put it into docs/results/PAGE.md (`##`).
+
+    It takes the place of the section with this heading, or comes last; the headings in it move down as well.
+    """
+    text = "\n".join(lines).strip()
+    print(text)
+    section = re.sub(r"^#", "##", text, flags=re.M)
+    path = RESULTS / f"{page}.md"
+    parts = [p.strip() for p in re.split(r"^(?=## )", path.read_text(encoding="utf-8"), flags=re.M)]
+    headings = [part.partition("\n")[0] for part in parts]
+    heading = section.partition("\n")[0]
+    at = headings.index(heading) if heading in headings else len(parts)
+    parts[at : at + 1] = [section]
+    path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
