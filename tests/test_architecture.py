@@ -174,6 +174,50 @@ def test_the_command_prove_is_the_only_way_from_the_model_to_the_exam() -> None:
     ]
 
 
+MODEL = (  # the rooms of docs/architecture.md: a row imports from itself and the rows above
+    ("simulators", "protocol_check"),
+    ("trucks", "recordings", "driving_cycles"),
+    ("deep", "fmu", "compare", "mismatch"),
+    ("fleet",),
+    ("cli",),
+)
+MISMATCH = (  # what the steps share, the steps of docs/mismatch_method.md, and what words their result
+    ("mismatch.rules",),
+    ("mismatch.residual.evidence", "mismatch.residual.noise"),
+    ("mismatch.data", "mismatch.expression"),
+    ("mismatch.residual",),
+    ("mismatch.mechanisms",),
+    ("mismatch.posterior",),
+    ("mismatch.correction", "mismatch.tree"),
+    ("mismatch.prepare",),
+    ("mismatch.unrecorded",),
+    ("mismatch.discrepancy",),
+    ("mismatch.nuisance",),
+    ("mismatch.classify",),
+    ("mismatch.budget",),
+    ("mismatch.road",),
+    ("mismatch.witnesses",),
+    ("mismatch.model",),
+    ("mismatch.validate",),
+    ("mismatch.decide",),
+    ("mismatch.find",),
+)
+
+
+@pytest.mark.parametrize("rows", [MODEL, MISMATCH], ids=["model", "mismatch"])
+def test_rooms_import_forward(rows: tuple[tuple[str, ...], ...]) -> None:
+    """No module imports from a row further down; of two rooms that fit it, the longer name is its room."""
+    row_of = {f"deeptruck_model.{room}": at for at, row in enumerate(rows) for room in row}
+
+    def row(name: str) -> int | None:
+        rooms = [room for room in row_of if within(name, room)]
+        return row_of[max(rooms, key=len)] if rooms else None
+
+    placed = {name: at for name in MODULES if (at := row(name)) is not None}
+    assert len(set(placed.values())) == len(rows)
+    assert not {(name, o) for name in placed for o in imports()[name] if placed.get(o, -1) > placed[name]}
+
+
 def circles() -> list[set[str]]:
     """Groups of modules that import each other in a loop (Tarjan), imports inside functions counted."""
     order: dict[str, int] = {}
