@@ -1,8 +1,9 @@
 """What every reader does before it trusts a file of the user's, in one place. Standard library and YAML only.
 
 JSON, YAML and CSV have no checksum: a digit that changed on a disk reads as another number, and nobody can
-see it, unless a manifest beside tells the SHA-256. What can be seen (a pipe in the place of a file, text that
-is none, values that no reader expects) is refused with one line that names the file and says how to mend it.
+see it, unless a manifest in the same folder has the SHA-256. What can be seen (a pipe in the place of a
+file, text that is none, values that no reader expects) is refused with one line that names the file and says
+how to mend it.
 """
 
 from __future__ import annotations

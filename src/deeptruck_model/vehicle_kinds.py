@@ -1,4 +1,4 @@
-"""What is usual of a kind of vehicle, where neither a recording nor a simulator tells it.
+"""What is usual of a kind of vehicle, where neither a recording nor a simulator gives it.
 
 Sizes that no log shows are guessed from the kind: the air drag that a simulator without parameters must have,
 the range of masses that an estimate may have, how much a load can change the mass. A 1.3 t car judged as a
@@ -14,7 +14,7 @@ from deeptruck_model.errors import InputError
 # What no road vehicle does, and what all do.
 IMPOSSIBLE_ACCELERATION = 12.0  # m/s^2: a speed signal that changes faster is faulty there
 SURELY_BRAKING = -1.2  # m/s^2: a mean over a second below it is braking
-NO_COASTING = -0.5  # m/s^2: what slows harder than this brakes, where nothing tells it
+NO_COASTING = -0.5  # m/s^2: what slows harder than this brakes, where no brake is recorded
 LEAST_SPEED = 1.5  # m/s: slower, standstill logic and wheel sensors rule what is recorded
 CLUTCH_CLOSED = 2.5  # m/s: slower, clutches slip and engines idle
 GEARS_APART = 0.18  # log: engine speeds farther apart are of two gears; neighbours are 0.2 to 0.4 apart

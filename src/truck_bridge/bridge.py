@@ -94,7 +94,7 @@ class Bridge:
     def command(self, engine: float, brake: float, now: float, *, engaged: bool) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
 
-        `engaged` is the bit the controller was told last; one that does not know it for long is lost, and
+        `engaged` is the bit the controller received last; one that does not know it for long is lost, and
         control fades. False when the command was refused, NaN or outside the envelope; control then fades.
         """
         with self._lock:

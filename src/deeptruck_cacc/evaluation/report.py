@@ -78,7 +78,7 @@ def evaluate(
     lighter trucks where the simulator has a mass, recorded leaders where the data is present, and platoons.
     `planner` is a simulator on which a planner plans, one more baseline.
     `shield` puts the guard before policy and baselines, with a promise measured on the simulator.
-    `draw` False leaves the scenes' figures out; `say` is told each step.
+    `draw` False leaves the scenes' figures out; `say` is called with each step.
     `out` is written as a whole or not at all, and replaces an older evaluation only with `overwrite`.
     Raises InputError for an `out` that cannot be written, and a policy for another truck.
     """
@@ -252,7 +252,7 @@ def _draw(name: str, trace: Trace, interface: TruckInterface, out: Path) -> None
 
 
 def _each(extent: Extent, doing: str, names: Iterable[str]) -> Iterator[str]:
-    """The names one by one; each is told when its turn comes."""
+    """The names one by one; each is reported when its turn comes."""
     for name in names:
         extent.say(f"{doing} {name}")
         yield name

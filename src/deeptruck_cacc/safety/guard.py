@@ -96,12 +96,12 @@ class Tracker:
 
 @dataclass
 class Guard:
-    """A policy fit for a truck. Same contract as Policy; `acted` tells where the shield overrode.
+    """A policy fit for a truck. Same contract as Policy; `acted` marks where the shield overrode.
 
-    `handed_over` (batch,) tells where the fallback drove: outside the policy's coverage (until 3 s inside
+    `handed_over` (batch,) marks where the fallback drove: outside the policy's coverage (until 3 s inside
     again), or where its commands were not numbers.
 
-    Policy and fallback are told numbers alone, so that none is in their memory that is not one. Where the
+    Policy and fallback get finite numbers only, so that their memory holds no NaN. Where the
     speed is silent for over a second, or a signal was never seen, there is no command of theirs: the shield
     brakes gently.
     """

@@ -45,7 +45,7 @@ class BagFacts:
     """What a bag says of itself.
 
     `interface` is None where none is stored; `messages` is their number by topic, None where only the bag's
-    content tells. `mapped` is the topic map that it is read by, None for our own topics.
+    content shows it. `mapped` is the topic map that it is read by, None for our own topics.
     """
 
     path: Path
@@ -54,14 +54,14 @@ class BagFacts:
     mapped: Mapped | None = None
 
     def lacks(self, channel: str) -> bool:
-        """Whether the channel is certainly not there; False where only the bag's content tells."""
+        """Whether the channel is certainly not there; False where only the bag's content shows it."""
         if self.mapped is not None and channel not in self.mapped.topics:
             return True
         topic = (self.mapped.topics if self.mapped else TOPICS).get(channel)
         return topic is not None and self.messages is not None and not self.messages.get(topic)
 
     def unit(self, channel: str) -> str | None:
-        """The unit of a command; None where it is not told."""
+        """The unit of a command; None where it is unknown."""
         if self.mapped is not None and channel in self.mapped.units:
             return self.mapped.units[channel]
         if self.interface is None or (channel == "brake_command" and self.interface.brake_unit is None):

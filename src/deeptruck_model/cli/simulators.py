@@ -44,8 +44,8 @@ def check_simulator(
     _tell(table)
     if json_file is not None:
         with files.new_file(json_file) as draft:
-            told = {"simulator": simulator, "rows": [row.to_dict() for row in table]}
-            draft.write_text(json.dumps(told, indent=1))
+            content = {"simulator": simulator, "rows": [row.to_dict() for row in table]}
+            draft.write_text(json.dumps(content, indent=1))
     _judge(simulator, table)
     if place is not None:
         saved.accept(place)
@@ -165,11 +165,11 @@ def _calibrated(found: Calibration) -> Iterator[str]:
     from deeptruck_model.trucks.coast_down import UNITS, CoastDown
 
     for p in found.parameters:
-        told = "as given: these drives do not tell it"
+        value = "as given: these drives do not determine it"
         if p.ci95 is not None:
-            told = f"{p.value:.4g}  (95 %: {p.ci95[0]:.4g} to {p.ci95[1]:.4g})"
+            value = f"{p.value:.4g}  (95 %: {p.ci95[0]:.4g} to {p.ci95[1]:.4g})"
         unit = "" if p.unit == "1" else f" {p.unit}"
-        yield f"{p.name:<20} {p.given:.4g}{unit} -> {told}"
+        yield f"{p.name:<20} {p.given:.4g}{unit} -> {value}"
     for one, other in found.alike:
         yield f"note: {one} and {other} are identifiable together only; vary what one of them depends on"
     load = CoastDown.of(found.truck.parameters())

@@ -49,7 +49,7 @@ class Offset:
 
     @property
     def found(self) -> bool:
-        """Whether it was told by the recordings."""
+        """Whether it was estimated from the recordings."""
         return self.by in (By.LEADER, By.SPEED)
 
 
@@ -119,7 +119,7 @@ class _Pair:
 
 
 def _renewed_after(x: Array) -> float:
-    """Samples after which a centred signal tells something new: it is like itself by less than a half."""
+    """Samples after which a centred signal is new information: its autocorrelation is less than a half."""
     own = correlate(x, x)[len(x) - 1 :]
     return float(np.argmax(own < 0.5 * own[0])) or float(len(x))
 
@@ -202,7 +202,7 @@ def _slopes(side: Side) -> Array:
 
 
 def _forward(place: Array, other: Side, by: str) -> Road | str:
-    """The road, if most of it is driven the same way: by distance nothing can be told of the other way."""
+    """The road, if most of it is driven the same way: distance does not align the other way."""
     known = np.isfinite(place)
     steps = np.diff(place[known])
     if known.sum() < 2 or np.abs(steps).sum() < LEAST_M:

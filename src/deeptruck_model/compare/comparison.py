@@ -1,4 +1,4 @@
-"""Several sides aligned with the first one, and what compare.json tells of them."""
+"""Several sides aligned with the first one, and what compare.json contains of them."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class FmuTruck:
 
     @property
     def command_range(self) -> dict[str, tuple[float, float]]:
-        """The reach of commands where the FMU tells it, in the interface's units."""
+        """The reach of commands where the FMU declares it, in the interface's units."""
         out = {}
         for link in self._map.inputs[: len(self.interface.u)]:
             low, high = link.variable.low, link.variable.high
@@ -118,7 +118,7 @@ class FmuTruck:
         return Run(y, self._insides(out))
 
     def _driven(self, inputs: Array, y0: Array, recorded: Array | None) -> tuple[Array, Array]:
-        """What the FMU tells along one row (T, outputs), and the speeds (T-1,) that each step began with."""
+        """Outputs of the FMU along one row (T, outputs), and the speeds (T-1,) that each step began with."""
         instance = self._instances.alone()
         steps, dt, speed_of = inputs.tolist(), self.dt, self._scalar
         speed, acceleration = float(y0[SPEED]), _number(y0[ACCELERATION])

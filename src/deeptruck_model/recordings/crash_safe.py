@@ -19,7 +19,7 @@ class CrashSafeWriter:
     """Writes serialised messages into a new rosbag2 folder; what is older than `flush_s` survives a kill -9.
 
     Every flush ends a chunk, so that `repair` can index it. Until `close` the folder has no
-    metadata.yaml, which is how an unfinished bag is told. Use as a context manager. `into` writes into a
+    metadata.yaml, by which an unfinished bag is recognised. Use as a context manager. `into` writes into a
     folder that is there. Raises InputError
     where the folder exists or cannot be written, where the disk is full, and for unknown message types.
     """

@@ -259,9 +259,9 @@ def repair(path: str | Path) -> str | None:
     returns one line on what was done, None where nothing was wrong. A repaired copy takes its place once
     it is complete, so a kill at any moment leaves the one or the other. What is cut off is kept as
     FILE.mcap.cut, a metadata.yaml that was there as metadata.yaml.before; other files are left alone. Nothing
-    tells a torn file of the recorder from another in its place: the ledger of the folder stays as it was, so
-    that --overwrite refuses the folder or keeps it aside. Raises InputError where there is no MCAP file or an
-    empty one, it is a link or still being written, or the disk cannot be written.
+    distinguishes a torn file of the recorder from another in its place: the ledger of the folder stays as it
+    was, so that --overwrite refuses the folder or keeps it aside. Raises InputError where there is no MCAP
+    file or an empty one, it is a link or still being written, or the disk cannot be written.
     """
     path = Path(path)
     file = _only_mcap(path)

@@ -134,7 +134,7 @@ def _own_words(path: str) -> tuple[frozenset[str], str]:
 
 
 def _unit(channel: str, topic: Topic, field: Field) -> tuple[str, str]:
-    """The unit and by what it is told; '' where it is not."""
+    """The unit and what shows it; '' where nothing does."""
     named = words(topic.name) | words(field.path)
     for word in sorted(named & UNIT_WORDS.keys()):
         try:

@@ -143,7 +143,7 @@ def conversion(channel: str, unit: str | None, density: float | None = None) -> 
     """How values of `channel` in `unit` become canonical; None stands for the canonical unit itself.
 
     Commands become one of signals.ENGINE_UNITS or BRAKE_UNITS, whichever the unit belongs to. A fuel rate by
-    mass needs the fuel's density (g/cm^3 or kg/m^3, told apart by size). Raises InputError for a unit that
+    mass needs the fuel's density (g/cm^3 or kg/m^3, distinguished by size). Raises InputError for a unit that
     does not fit the channel.
     """
     if channel not in CHANNELS:

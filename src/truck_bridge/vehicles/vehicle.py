@@ -35,7 +35,7 @@ class Transmitted:
 
 @dataclass(frozen=True)
 class Blocking:
-    """Faults that forbid control, whichever controller tells them by DM1."""
+    """Faults that forbid control, whichever controller reports them by DM1."""
 
     lamps: frozenset[str] = frozenset({"red_stop_lamp"})
     codes: tuple[tuple[int, int | None], ...] = ()  # SPN, and FMI where only that one counts
