@@ -83,7 +83,7 @@ def train(
     resume: Resume = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Train a policy. About a minute of one core with the default trainer.
+    """Train a policy. About four minutes of one core with the default trainer.
 
     Example: deeptruck-cacc train --simulator simulators/mytruck --out policies/mytruck
     """
