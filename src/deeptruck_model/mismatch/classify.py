@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Named:
-    """One thing that was named, given those before it: the `name`, the tree, the gain (nats) of the best
-    kernel with parameters `held` and `free`, and the posterior mean of the name's force (n,), m/s^2. Only
-    where it is `accepted` it may be a finding.
+    """One thing that was named beside those before it: the `name`, the tree (whose probabilities count that
+    those before may be wrong), the gain (nats) of the best kernel with parameters `held` and `free`, and the
+    posterior mean of the name's force (n,), m/s^2. Only where it is `accepted` it may be a finding.
     """
 
     name: str
@@ -55,7 +55,7 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
     threshold = _threshold(search, rules)
     found: list[Named] = []
     given: list[str] = []
-    gain_free = 0.0
+    gain_free, right = 0.0, 1.0  # the latter of all names that are given
     while len(found) < rules.most_findings:
         seen = evidence.of(y[:, None], given)
         held, free = float(seen.held.nats.max()), float(seen.free.nats.max())
@@ -71,13 +71,15 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
         tree = Tree({n: x / total for n, x in names.items()}).without(behind)
         probable = next(iter(tree.families.values())) >= rules.named
         best = tree.first if probable else UNKNOWN
-        sure = tree.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
+        whole = tree.given(right)
+        sure = whole.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
         explained = best == UNKNOWN and sum(names.get(n, 0.0) for n in behind) >= rules.named * total
         accepted = (sure or search.e.known_physics) and not explained
-        found.append(Named(best, tree, held, free, evidence.force(y, best, given), accepted))
+        found.append(Named(best, whole, held, free, evidence.force(y, best, given), accepted))
         if best == UNKNOWN:
             break
         given.append(best)
+        right *= tree.names[best]
     return Names(tuple(found), gain_free, threshold)
 
 

@@ -92,7 +92,7 @@ def decide(
         c.budget,
         witnesses,
         first.nodes() if first is not None else (Node("nothing", ROOT, 1.0),),
-        _advice(c.missing, kind, c.budget, driven, rules),
+        _advice(c.missing, kind, c.budget, driven, rules, faults=bool(c.drives.faults)),
         c.drives.samples,
         float(e.everywhere().valid.mean()),
     )
@@ -327,8 +327,8 @@ def _kind(
 
 
 def _right(found: Budget, driven: Validated | None, rules: Rules) -> bool:
-    """Whether nothing that matters is left: free runs along fitted and held-out drives are off by little, or
-    as a learned simulator is on its own recordings."""
+    """Whether nothing that matters is left: the budget's windows of fitted drives and free runs along
+    held-out ones are off by little, or hardly more than a learned simulator is on its own recordings."""
     errors = driven.fit.errors if driven is not None else None
     held = errors.before.speed if errors is not None else found.speed_rmse
     error = max(held, found.speed_rmse) if np.isfinite(found.speed_rmse) else held
@@ -365,6 +365,8 @@ def _advice(
     found: Budget,
     driven: Validated,
     rules: Rules,
+    *,
+    faults: bool,
 ) -> dict[str, Advice]:
     """Whether the data are enough, the simulator is good enough, and the correction should be applied."""
     hidden = [m.input for m in missing]
@@ -390,7 +392,8 @@ def _advice(
     else:
         simulator = Advice(Answer.NO, wording.off(errors.before.speed, driven.fit.horizon_s))
     if driven.fit.validated:
-        apply = Advice(Answer.YES, wording.better(errors.before.speed, errors.after.speed))
+        better = wording.better(errors.before.speed, errors.after.speed)
+        apply = Advice(Answer.UNSURE, wording.after_repair(better)) if faults else Advice(Answer.YES, better)
     elif not driven.fit.corrected:
         apply = Advice(Answer.NO, wording.NOTHING_CORRECTED)
     elif errors.after.speed < errors.before.speed:

@@ -69,14 +69,14 @@ def find_mismatch(
         )  # fmt: skip
         if isinstance(c, Uncompared):
             return Mismatch(decide.useless(c.drives, c.missing), None, {}, None, c.drives.prepared)
-        again = road(c.search.e.everywhere())
-        seen = witnesses(c.search, c.drives.prepared, c.budget, rules)
+        slow_road = road(c.search.e.everywhere())
+        seen_by = witnesses(c.search, c.drives.prepared, c.budget, rules)
 
         say("correcting the simulator and driving it free")
         made = correct(simulator, c.search, c.names, rules)
         driven = validate(simulator, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
-        verdict = decide.decide(c, again, seen, made, driven, rules)
-    evidence = replace(c.search.e.everywhere(), residual=c.residual)
+        verdict = decide.decide(c, slow_road, seen_by, made, driven, rules)
+    evidence = replace(c.search.e.everywhere(), residual=c.residual)  # of the simulator as given
     return Mismatch(verdict, evidence, driven.errors, driven.corrected, c.drives.prepared)
 
 

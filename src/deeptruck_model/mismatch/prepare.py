@@ -28,7 +28,7 @@ from deeptruck_model.simulators import Simulator
 
 OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"
 NO_PLACE = "positions of {} are missing or do not fit the speed: their place on the road is not known"
-LEFT_OUT = "left out by whoever marked them"
+LEFT_OUT = "rows that were marked"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
 
 

@@ -115,6 +115,8 @@ class _Handler(local.Handler):
         try:
             marks: Any = self.posted(LARGEST) if rest == "again" else None
             spans = [Span(str(m["drive"]), float(m["from"]), float(m["to"])) for m in marks]
+            if not spans or not all(s.from_s < s.to_s for s in spans):
+                raise ValueError
         except (ValueError, TypeError, KeyError):
             self._json(HTTPStatus.BAD_REQUEST, {})
             return

@@ -90,6 +90,11 @@ class Tree:
                 out += [Node(name, family, own) for name, own in self.of(family).items()]
         return tuple(out)
 
+    def given(self, right: float) -> Tree:
+        """The same, where it holds only with probability `right` and nothing is known otherwise."""
+        kept = {name: right * p for name, p in self.names.items()}
+        return Tree(kept | {UNKNOWN: kept.get(UNKNOWN, 0.0) + 1.0 - right})
+
     def without(self, names: frozenset[str]) -> Tree:
         """The same, where the probability of some names is that of `unknown`."""
         lost = sum(p for name, p in self.names.items() if name in names)

@@ -42,7 +42,8 @@ class Witness:
 def witnesses(
     search: Regression, prepared: Sequence[Prepared], found: Budget, rules: Rules
 ) -> tuple[Witness, ...]:
-    """The channels that predict a part that has no carrier, the best first."""
+    """The channels that predict a constant per drive or a slow drift, the best first, where that part has a
+    share of `rules.witness` or more."""
     e = search.e
     taken = {"speed", "acceleration"}
     for p in prepared:

@@ -6,8 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.vehicle_kinds import NO_COASTING, SURELY_BRAKING
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,24 @@ class Input:
     known: Callable[[Recording], bool]
 
 
+def unrecorded_braking(r: Recording, speed: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where the truck slows (n,), if it brakes though its brake command never moves; `speed` (n,) in m/s."""
+    command = r.channels["brake_command"]
+    slowing = uniform_filter1d(
+        np.nan_to_num(np.diff(speed, prepend=speed[:1]) / r.dt), max(round(1.0 / r.dt), 1)
+    )
+    never_moves = np.isfinite(command).any() and np.nanmin(command) == np.nanmax(command)
+    braked: NDArray[np.bool_] = (slowing < NO_COASTING) & bool(
+        never_moves and (slowing < SURELY_BRAKING).any()
+    )
+    return braked
+
+
+def _brake(r: Recording) -> bool:
+    """Whether the brake command was recorded, and not a constant while the truck braked."""
+    return _measured("brake_command")(r) and not unrecorded_braking(r, r.channels["speed"]).any()
+
+
 def _measured(*channels: str) -> Callable[[Recording], bool]:
     """Whether one of the channels has a valid sample."""
     return lambda r: any(c in r.channels and not np.isnan(r.channels[c]).all() for c in channels)
@@ -35,7 +56,7 @@ INPUTS = (
         "Braking counts as drag, slope or retarder, and no effect of the brakes can be named.",
         "brake pedal position, SPN 521 in EBC1 (PGN 61441); `brake_command` on `/truck/command`",
         "`brake_command`",
-        _measured("brake_command"),
+        _brake,
     ),
     Input(
         "gear",

@@ -43,6 +43,13 @@ def test_names_behind_a_missing_input_are_unknown() -> None:
     assert tree.names[UNKNOWN] == pytest.approx(0.03)
 
 
+def test_what_holds_only_if_another_name_is_right_is_as_probable_as_both() -> None:
+    tree = Tree({"brake_lag": 0.97, "brake_fade": 0.01, UNKNOWN: 0.02}).given(0.41)
+    assert tree.names["brake_lag"] == pytest.approx(0.41 * 0.97)
+    assert sum(tree.names.values()) == pytest.approx(1.0)
+    assert tree.stated(0.9) == ROOT
+
+
 def test_every_name_that_can_be_found_has_a_family() -> None:
     assert set(LIBRARY) <= set(FAMILY)
     assert set(effect_classifier().names) - {"nothing"} <= set(FAMILY)

@@ -52,6 +52,15 @@ def test_no_brake_is_named_where_the_brake_was_not_recorded() -> None:
     assert not unrecorded.names_behind(recorded, [])
 
 
+def test_a_brake_command_that_never_moves_while_the_truck_brakes_was_not_recorded() -> None:
+    other, recorded = drives(TRUCK, 2)
+    stuck = replace(other, name="stuck", channels=other.channels | {BRAKE_COMMAND: np.zeros(len(other))})
+    assert "brake" not in [m.input for m in unrecorded.inputs([recorded, other])]
+    missing = unrecorded.inputs([recorded, stuck])
+    assert "brake" in [m.input for m in missing]
+    assert "engine_brake" in unrecorded.names_behind([recorded, stuck], missing)
+
+
 def test_a_recorded_engine_speed_gives_the_gear() -> None:
     missing = [unrecorded.NotRecorded("gear", "hides", "signal")]
     (drive,) = drives(TRUCK, 1, 30.0)

@@ -183,7 +183,8 @@ class MismatchMonitor(DeeptruckNode):
             self._said["names_cpu_s"] = answer.cpu_s
         if found.stated != self._stated:
             at = (stamp - (self._first or 0)) / SECOND
-            print(f"at {at:.0f} s, of the last {self.p['names_s']:.0f} s: {found.says}", flush=True)
+            last = min(at, self.p["names_s"])
+            print(f"at {at:.0f} s, of the last {last:.0f} s: {found.says}", flush=True)
         self._stated = found.stated
 
     # -- the residual -----------------------------------------------------------------------------

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.not_recorded import unrecorded_braking
 from deeptruck_model.signals import channel_of
-from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION, NO_COASTING, SURELY_BRAKING
+from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 
@@ -159,7 +160,7 @@ def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Reject
         jump = np.abs(derivative(speed, r.dt)) > IMPOSSIBLE_ACCELERATION
         _reject(speed, jump, f"speed jumps by more than {IMPOSSIBLE_ACCELERATION:g} m/s^2", counts)
         if "brake_command" in r.interface.u:
-            _reject(channels["brake_command"], _unrecorded_braking(r, speed), STUCK, counts)
+            _reject(channels["brake_command"], unrecorded_braking(r, speed), STUCK, counts)
         for name in ("speed", *r.interface.u, *r.interface.w):
             missing = int(np.isnan(r.channels[name]).sum())
             if missing:
@@ -172,17 +173,6 @@ def _reject(x: Array, bad: NDArray[np.bool_], rule: str, counts: dict[str, int])
     if bad.any():
         counts[rule] = counts.get(rule, 0) + int(bad.sum())
         x[bad] = np.nan
-
-
-def _unrecorded_braking(r: Recording, speed: Array) -> NDArray[np.bool_]:
-    """Where the truck slows (n,), if it brakes though its brake command never moves."""
-    command = r.channels["brake_command"]
-    slowing = uniform_filter1d(np.nan_to_num(derivative(speed, r.dt)), max(round(1.0 / r.dt), 1))
-    never_moves = np.isfinite(command).any() and np.nanmin(command) == np.nanmax(command)
-    braked: NDArray[np.bool_] = (slowing < NO_COASTING) & bool(
-        never_moves and (slowing < SURELY_BRAKING).any()
-    )
-    return braked
 
 
 def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:

@@ -32,7 +32,7 @@ function draw() {
   const d = data.drives[drives.value], [a, b] = within(d);
   plot.clear({bottom: 42});
   strip(d, a, b, 0.0, 0.28, [d.speed], ["#222222"], "speed, m/s");
-  strip(d, a, b, 0.36, 0.64, [d.residual, d.explained], ["#999999", "#c2185b"], "missing, m/s²");
+  strip(d, a, b, 0.36, 0.64, data.found ? [d.residual, d.explained] : [d.residual], ["#999999", "#c2185b"], "missing, m/s²");
   strip(d, a, b, 0.72, 1.0, [d.channels[channels.value]], ["#0072b2"], data.labels[channels.value] || channels.value, true);
 }
 

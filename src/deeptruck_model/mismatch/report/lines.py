@@ -17,7 +17,7 @@ HEADLINES = {
     Conclusion.UNDETERMINED: "Undetermined: no cause is sure",
 }
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
-NOTABLE = 0.01  # of the recorded samples: what leaves out less is among the details alone
+NOTABLE = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
 
 
@@ -103,7 +103,7 @@ def sure(f: Finding) -> str:
         return f"{opened(spoken(f.effect))}: {f.says}."
     split = f"{spoken(f.effect)} {percent(f.probability)}"
     if f.cannot_be_told_from:
-        split += f", else {', '.join(map(spoken, f.cannot_be_told_from))}"
+        split += f"; else {', '.join(map(spoken, f.cannot_be_told_from))}"
     return f"{opened(spoken(f.family))}, {percent(f.family_probability)}: {split}."
 
 
@@ -121,15 +121,18 @@ def not_recorded(v: Verdict) -> Iterator[str]:
 
 def what_to_do(v: Verdict) -> Iterator[str]:
     """The next steps: the simulator, the sensors, then what to drive and to record."""
-    if v.validated:
-        yield "Apply the correction."
-    elif v.kind is Conclusion.NOTHING:
-        yield "Use the simulator as it is."
+    if v.budget is None and "data" in v.advice:
+        yield f"{opened(v.advice['data'].reason)}."
     for f in v.findings:
         if f.kind is Kind.SENSOR:
             yield f"Remove the {spoken(f.effect)} at its sensor or clock, and record again."
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
+    if v.validated:
+        repaired = any(f.kind is Kind.SENSOR for f in v.findings)
+        yield f"{'Then apply' if repaired else 'Apply'} the correction{_refitted(v)}."
+    elif v.kind is Conclusion.NOTHING:
+        yield "Use the simulator as it is."
     manoeuvres = dict.fromkeys(
         f.would_be_told_by for f in v.findings if f.would_be_told_by and f.cannot_be_told_from
     )
@@ -137,6 +140,13 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield f"To separate the names: {manoeuvre}."
     if v.not_recorded:
         yield "Record what is listed as not recorded, with the signals named there."
+
+
+def _refitted(v: Verdict) -> str:
+    """What a correction changes beside the names, in a subordinate clause."""
+    changes = v.fit.refitted if v.fit is not None else {}
+    large = [f"{PARAMETER_NAMES[n]} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= NOTABLE]
+    return f", which also changes {', '.join(large)}" if large else ""
 
 
 def lights(v: Verdict) -> list[Light]:

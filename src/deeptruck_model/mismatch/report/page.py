@@ -93,6 +93,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         if v.budget is not None
         else [],
         "notable": NOTABLE,
+        "drives": len(v.budget.parts[0].drives) if v.budget is not None and v.budget.parts else 0,
         "findings": [_finding(f) for f in v.findings],
         "errors": [
             (name, f"{found.errors[key].rmse().speed:.3f}", f"{np.abs(found.errors[key].speed).mean():.3f}")
@@ -124,9 +125,7 @@ def _part(p: Part) -> dict[str, Any]:
         "time": percent(p.time_share) if p.part != LEFT_OVER else "",
         "drives": ", ".join(
             f"{name} ({percent(share)} of its error)" for name, share in most if share > LEAST_SHARE
-        )
-        if len(p.drives) > 1
-        else "",
+        ),
     }
 
 
@@ -218,6 +217,7 @@ def _data(found: Mismatch, e: Evidence) -> str:
     content = {
         "step": round(per * e.dt, 4),
         "drives": drives,
+        "found": bool(forces),
         "segments": [{"drive": s.recording, "from": s.start_s, "to": s.end_s} for s in v.segments],
         "first": _shown(first)
         if first is not None and any(d["name"] == first.recording for d in drives)

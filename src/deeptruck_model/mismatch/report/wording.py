@@ -66,6 +66,11 @@ def better(before: float, after: float) -> str:
     return f"the held-out speed error falls from {before:.2g} to {after:.2g} m/s"
 
 
+def after_repair(better: str) -> str:
+    """What a correction is worth that was fitted with a sensor's fault corrected."""
+    return f"{better}, with the sensor corrected: repair it first"
+
+
 PARTS = {
     "sensors": "sensors",
     "timing": "timing of commands",
