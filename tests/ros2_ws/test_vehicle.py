@@ -52,10 +52,10 @@ def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: 
     run.wait_until_ready()
     bus = open_bus("loopback", channel)
     try:
-        engaged = time.monotonic() + 120.0  # a first start on a machine compiles the truck
-        while (driving := sent_by_bridge(bus, 0.5)).count(TSC1) < 20 and time.monotonic() < engaged:
-            pass
-        assert driving.count(TSC1) >= 20  # 20 ms for the engine alone
+        engaged, sent = time.monotonic() + 120.0, list[int]()  # a first start compiles the truck
+        while sent.count(TSC1) < 20 and time.monotonic() < engaged:
+            sent += sent_by_bridge(bus, 0.5)
+        assert sent.count(TSC1) >= 20
         time.sleep(5.0)  # something to record
         run.process.send_signal(signal.SIGINT)
         code, said, errors = run.finish()
@@ -85,13 +85,13 @@ def diagnosed(bag: Path) -> dict[str, str]:
     return last
 
 
-def torque_demands(bus: can.BusABC, seconds: float) -> list[tuple[float, bool]]:
-    """TSC1 frames of the bridge to the engine in that time: when, s, and whether they demand anything."""
+def torque_demands(bus: can.BusABC, seconds: float) -> list[bool]:
+    """TSC1 frames of the bridge to the engine in that time: whether they demand anything."""
     until, found = time.monotonic() + seconds, []
     while (left := until - time.monotonic()) > 0:
         frame = bus.recv(left)
         if frame is not None and frame.arbitration_id == 0x0C000000 | BRIDGE:
-            found.append((time.monotonic(), frame.data[0] & 3 != 0))
+            found.append(frame.data[0] & 3 != 0)
     return found
 
 
@@ -116,9 +116,9 @@ def test_a_controller_that_never_hears_that_it_drives_drives_no_further(domain: 
         for argv in (truck, ["-m", "deeptruck_nodes.can_bridge", *ros], [deaf, "90"]):
             command = [sys.executable, *argv]
             processes.append(subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL))
-        engaged = time.monotonic() + 120.0  # a first start on a machine compiles the truck
-        while not (driven := torque_demands(bus, 0.5)) and time.monotonic() < engaged:
-            pass
+        latest, driven = time.monotonic() + 120.0, list[bool]()  # a first start compiles the truck
+        while not (any(driven) and driven[-4:] == [False] * 4) and time.monotonic() < latest:
+            driven += torque_demands(bus, 0.5)
         driven += torque_demands(bus, 3.0)
     finally:
         for process in processes:
@@ -129,9 +129,8 @@ def test_a_controller_that_never_hears_that_it_drives_drives_no_further(domain: 
             process.kill()
             process.wait()
         bus.shutdown()
-    demanding = [at for at, demands in driven if demands]
-    assert demanding[-1] - demanding[0] < 1.5  # 0.15 s, and the fade
-    assert [demands for _, demands in driven][-4:] == [False] * 4
+    assert 0 < sum(driven) < 75  # 0.15 s and the fade are 1.5 s at most, of a frame each 20 ms
+    assert driven[-4:] == [False] * 4
 
 
 def test_the_bridge_is_silent_until_a_person_engages(domain: int, tmp_path: Path) -> None:
