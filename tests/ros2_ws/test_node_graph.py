@@ -233,7 +233,8 @@ def test_of_a_killed_recorder_all_that_was_written_is_kept_and_replay_repairs_an
     run = start("start_simulation.py", *TRUCK, "--record", tmp_path / "bag")
     run.wait_until_ready()
     growing, before = tmp_path / "bag" / "bag_0.mcap", tmp_path / "before.mcap"
-    eventually(lambda: growing.stat().st_size > RECORDED_BYTES)  # test_crash_safe has how often it writes
+    # test_crash_safe has how often it writes
+    eventually(lambda: growing.exists() and growing.stat().st_size > RECORDED_BYTES)
     shutil.copy(growing, before)
     os.kill(run.children["recorder"], signal.SIGKILL)
     code, _, errors = run.finish()

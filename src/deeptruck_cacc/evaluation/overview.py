@@ -9,10 +9,10 @@ Row = tuple[str, ...]
 
 HEAD: Row = (
     "scene",
-    "time gap (s)",
+    "time-gap error (s)",
     "worst",
     "in reach",
-    "speed (m/s)",
+    "speed error (m/s)",
     "worst",
     "crashes",
     "min gap (m)",
