@@ -52,7 +52,8 @@ def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: 
     run.wait_until_ready()
     bus = open_bus("loopback", channel)
     try:
-        engaged, sent = time.monotonic() + 120.0, list[int]()  # a first start compiles the truck
+        engaged = time.monotonic() + 120.0  # a first start on a machine compiles the truck
+        sent: list[int] = []
         while sent.count(TSC1) < 20 and time.monotonic() < engaged:
             sent += sent_by_bridge(bus, 0.5)
         assert sent.count(TSC1) >= 20
@@ -116,7 +117,8 @@ def test_a_controller_that_never_hears_that_it_drives_drives_no_further(domain: 
         for argv in (truck, ["-m", "deeptruck_nodes.can_bridge", *ros], [deaf, "90"]):
             command = [sys.executable, *argv]
             processes.append(subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL))
-        latest, driven = time.monotonic() + 120.0, list[bool]()  # a first start compiles the truck
+        latest = time.monotonic() + 120.0  # a first start on a machine compiles the truck
+        driven: list[bool] = []
         while not (any(driven) and driven[-4:] == [False] * 4) and time.monotonic() < latest:
             driven += torque_demands(bus, 0.5)
         driven += torque_demands(bus, 3.0)
