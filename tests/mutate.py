@@ -41,11 +41,15 @@ def drawn(rooms: Sequence[str], count: int, seed: int) -> list[Mutant]:
 
 
 def tests_of(file: str) -> Path:
-    """The tests that mirror a source file: test_NAME.py, else the nearest folder of tests above."""
+    """The tests that mirror a source file: test_NAME.py, else the nearest folder of tests above.
+
+    A folder of tests has the path of its source folder, or its name only, as tests/safety.
+    """
     path = Path(file)
-    own = TESTS / path.parent / f"test_{path.stem}.py"
-    folders = (TESTS / folder for folder in path.parents if folder != Path())
-    return own if own.exists() else next(folder for folder in folders if folder.is_dir())
+    nearest = (TESTS / path.parent, TESTS / path.parent.name)
+    above = (TESTS / folder for folder in path.parents if folder != Path())
+    places = (*(folder / f"test_{path.stem}.py" for folder in nearest), *nearest, *above)
+    return next(place for place in places if place.exists())
 
 
 def survives(one: Mutant, copy: Path, moment: int, *, long: bool) -> bool:

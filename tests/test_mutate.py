@@ -27,6 +27,7 @@ def test_the_tests_of_a_file_mirror_it() -> None:
     for file, tests in (
         ("deeptruck_cacc/safety/shield.py", "deeptruck_cacc/safety/test_shield.py"),
         ("deeptruck_cacc/safety/proof.py", "deeptruck_cacc/safety"),
+        ("truck_bridge/safety/motion.py", "safety/test_motion.py"),
         ("truck_bridge/units.py", "truck_bridge"),
     ):
         assert mutate.tests_of(file) == mutate.TESTS / tests
