@@ -123,20 +123,30 @@ def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
 def _by_commands(
     simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault]
 ) -> list[checks.SensorFault]:
-    """The faults, of which a lag between speed and acceleration is put on the one with which the simulator
-    answers the commands better: two sensors alone do not show which of them is late."""
-    if not any(f.is_lag for f in faults):
-        return list(faults)
-    other = [f.of_speed() if f.is_lag else f for f in faults]
-    here, there = (_corrected(simulator, drives, each, measured=True) for each in (faults, other))
-    residuals = [
-        np.concatenate([p.observed - run.y[0, :, ACCELERATION] for p, run in zip(each, runs, strict=True)])
-        for each in (here, there)
-        for runs in [forced(simulator, each, [p.u for p in each])]
-    ]
-    both = np.concatenate([p.valid & q.valid for p, q in zip(here, there, strict=True)])
-    own, others = (float(np.sum(r[both] ** 2)) for r in residuals)
-    return other if others < own else list(faults)
+    """The faults, where a lag or a scale between speed and acceleration is that of the sensor whose
+    correction leaves less of the residual: two sensors alone do not show which of them is wrong."""
+    chosen = list(faults)
+    for i, fault in enumerate(faults):
+        if (other := fault.elsewhere()) is not None:
+            flipped = [*chosen[:i], other, *chosen[i + 1 :]]
+            own, others = _misfits(simulator, drives, (chosen, flipped))
+            chosen = flipped if others < own else chosen
+    return chosen
+
+
+def _misfits(
+    simulator: Simulator, drives: Sequence[Recording], each: Sequence[Sequence[checks.SensorFault]]
+) -> list[float]:
+    """Sum of squares of the residual in rows that are valid in all, for the drives corrected by each of
+    several lists of faults."""
+    prepared = [_corrected(simulator, drives, faults, measured=True) for faults in each]
+    rows = np.all([np.concatenate([p.valid for p in one]) for one in prepared], axis=0)
+    out = []
+    for one in prepared:
+        runs = forced(simulator, one, [p.u for p in one])
+        off = [p.observed - run.y[0, :, ACCELERATION] for p, run in zip(one, runs, strict=True)]
+        out.append(float(np.sum(np.concatenate(off)[rows] ** 2)))
+    return out
 
 
 def _corrected(

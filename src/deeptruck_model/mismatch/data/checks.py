@@ -135,9 +135,18 @@ class SensorFault:
         """Whether `value` is by how many seconds acceleration is later than speed."""
         return self.unit == "s"
 
-    def of_speed(self) -> SensorFault:
-        """The same lag as a fault of speed."""
-        return replace(self, channel="speed", says=_late("speed", "acceleration", -self.value))
+    @property
+    def is_scale(self) -> bool:
+        """Whether `value` is how many times as much speed changes as the accelerometer says."""
+        return self.unit == "1"
+
+    def elsewhere(self) -> SensorFault | None:
+        """The same as a fault of the other sensor; None for a bias, which the derivative of speed has not."""
+        if not (self.is_lag or self.is_scale):
+            return None
+        (other,) = set(self.between) - {self.channel}
+        says = _late(other, self.value) if self.is_lag else _scaled(other, self.value)
+        return replace(self, channel=other, says=says)
 
 
 def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Rejection]]:
@@ -201,18 +210,25 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
         says = f"the accelerometer is {offset:+.3f} m/s^2 off the derivative of speed whatever happens"
         faults.append(SensorFault("acceleration_bias", offset, offset_se, "m/s^2", says))
     if abs(slope - 1) > rules.speed_scale and abs(slope - 1) > rules.sensor_sd * slope_se:
-        scaled = units.likely(1 / slope, units.SPEEDS | units.ACCELEROMETERS) or "one of the two is scaled"
-        says = f"speed changes {1 / slope:.3f} times as much as the accelerometer says: {scaled}"
-        scale = SensorFault("speed_scale", 1 / slope, slope_se / slope**2, "1", says, channel="speed")
-        faults.append(scale)
+        se, says = slope_se / slope**2, _scaled("speed", 1 / slope)
+        faults.append(SensorFault("speed_scale", 1 / slope, se, "1", says, channel="speed"))
     if abs(lag) > rules.clock_offset_s and abs(lag) > rules.sensor_sd * lag_se:
-        faults.append(SensorFault("clock_offset", lag, lag_se, "s", _late("acceleration", "speed", lag)))
+        faults.append(SensorFault("clock_offset", lag, lag_se, "s", _late("acceleration", lag)))
     return faults
 
 
-def _late(channel: str, other: str, by_s: float) -> str:
-    side = "later" if by_s > 0.0 else "earlier"
-    return f"{channel} is stamped {abs(by_s):.2f} s {side} than {other}, which fits the commands better"
+def _late(channel: str, lag_s: float) -> str:
+    """That a channel is the wrong one, where acceleration is later than speed by `lag_s`."""
+    other = "speed" if channel == "acceleration" else "acceleration"
+    side = "later" if (lag_s > 0.0) is (channel == "acceleration") else "earlier"
+    return f"{channel} is stamped {abs(lag_s):.2f} s {side} than {other}, which fits the commands better"
+
+
+def _scaled(channel: str, factor: float) -> str:
+    """That a channel is the wrong one, where speed changes `factor` times as much."""
+    fits = f"{'speed' if channel == 'acceleration' else 'acceleration'} fits the commands better"
+    taken = units.likely(factor, units.SPEEDS | units.ACCELEROMETERS)
+    return f"speed changes {factor:.3f} times as much as the accelerometer says: {taken or fits}"
 
 
 def corrected(r: Recording, faults: Sequence[SensorFault]) -> Recording:
@@ -226,8 +242,8 @@ def corrected(r: Recording, faults: Sequence[SensorFault]) -> Recording:
         if fault.is_lag:
             late_s = fault.value if fault.channel == "acceleration" else -fault.value
             channels[fault.channel] = _sooner(x, late_s / r.dt)
-        elif fault.channel == "speed":
-            channels["speed"] = x / fault.value
+        elif fault.is_scale:
+            channels[fault.channel] = x / fault.value if fault.channel == "speed" else x * fault.value
     return replace(r, channels=channels)
 
 
