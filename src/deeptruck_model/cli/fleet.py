@@ -168,7 +168,7 @@ def _pool(target: Place, trucks: Path | None, level: float) -> None:
     for kind, c in found["classes"].items():
         print(
             f"class {kind}: {c['differ']} of {c['tested']} tested trucks differ from {c['references']} "
-            f"references, at a false discovery rate of {level:g}; the smallest p is {c['smallest_p']:g}"
+            f"references, at a false discovery rate of {level:g}; the smallest p is {c['smallest_p']:.2g}"
         )
         if c["tested"] and not c["differ"]:
             needed = c["references_needed"][str(c["tested"])]

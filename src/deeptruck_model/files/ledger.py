@@ -51,10 +51,14 @@ class Ledger:
         known = ((name, one) for name, one in (self.files or {}).items() if one and (folder / name).is_file())
         return next((name for name, one in known if print_of(folder / name) != one), None)
 
+    def to_bytes(self) -> bytes:
+        """The content of its file."""
+        content = {"what": self.what, "files": self.prints} | ({"at_work": True} if self.at_work else {})
+        return (json.dumps(content, indent=1) + "\n").encode()
+
     def put(self, folder: Path) -> None:
         """Write it into a folder. Raises InputError where that fails."""
-        content = {"what": self.what, "files": self.prints} | ({"at_work": True} if self.at_work else {})
-        write(folder / LEDGER, (json.dumps(content, indent=1) + "\n").encode())
+        write(folder / LEDGER, self.to_bytes())
 
 
 def read(folder: Path) -> Ledger | None:

@@ -154,8 +154,9 @@ class Result:
 
     def claim(self, folder: Path, *files: str) -> None:
         """Write the ledger of a folder in which this command is at work: these `files`, or all of `names`.
-        Raises InputError where it cannot be written."""
-        Ledger(self.what, dict.fromkeys(sorted({*files} - {LEDGER})), at_work=not files).put(folder)
+        Raises OSError, of which the result's own place is said."""
+        begun = Ledger(self.what, dict.fromkeys(sorted({*files} - {LEDGER})), at_work=not files)
+        (folder / LEDGER).write_bytes(begun.to_bytes())
 
     def sign(self, folder: Path) -> None:
         """Write the ledger of a finished folder. Raises InputError where it cannot be written."""

@@ -45,7 +45,7 @@ class Safety:
         self.table = table
         self.state = State.SILENT
         self.reason = ""  # why control was lost last; empty while engaged
-        self.warning = ""  # what is shown to the driver until the next engagement or disarming
+        self.warning = ""  # what the driver must be told, until the next engagement or disarming
         self.refusals: Counter[str] = Counter()
         self.losses: Counter[str] = Counter()
         self._forget()

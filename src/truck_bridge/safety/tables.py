@@ -1,4 +1,4 @@
-"""What the safety core knows of a vehicle: plain numbers, checked when the vehicle is loaded.
+"""What the safety core is told about a vehicle: plain numbers, checked when the vehicle is loaded.
 
 Units are those of the signals: m/s, rad/s, and for an axis the unit of its demand on the wire.
 """
