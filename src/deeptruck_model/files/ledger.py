@@ -98,7 +98,8 @@ def listed_inside(folder: Path) -> set[str]:
 def is_as_written(path: Path) -> bool:
     """Whether the ledger of a finished folder knows this file as it is."""
     known = read(path.absolute().parent)
-    return known is not None and (known.files or {}).get(path.name) == print_of(path)
+    listed = (known.files or {}).get(path.name) if known is not None else None
+    return listed is not None and listed == print_of(path)
 
 
 def renew(path: Path) -> None:

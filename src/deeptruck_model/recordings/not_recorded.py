@@ -42,7 +42,9 @@ def unrecorded_braking(r: Recording, speed: NDArray[np.float64]) -> NDArray[np.b
 
 def _brake(r: Recording) -> bool:
     """Whether the brake command was recorded, and not a constant while the truck braked."""
-    return _measured("brake_command")(r) and not unrecorded_braking(r, r.channels["speed"]).any()
+    if not _measured("brake_command")(r):
+        return False
+    return not (_measured("speed")(r) and unrecorded_braking(r, r.channels["speed"]).any())
 
 
 def _measured(*channels: str) -> Callable[[Recording], bool]:

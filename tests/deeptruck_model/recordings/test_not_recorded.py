@@ -56,6 +56,10 @@ def test_the_mass_is_missed_where_no_interface_has_it(drive: Recording) -> None:
     assert [m.input.name for m in not_recorded([drive])] == ["mass"]
 
 
+def test_a_brake_counts_as_recorded_where_no_speed_shows_that_it_never_moved(whole: Recording) -> None:
+    assert "brake" not in [m.input.name for m in not_recorded([without(whole, "speed")])]
+
+
 def test_no_gap_is_missed_where_the_user_states_that_no_vehicle_was_ahead(whole: Recording) -> None:
     lacking = without(whole, "gap")
     assert [m.input.name for m in not_recorded([lacking])] == ["gap"]

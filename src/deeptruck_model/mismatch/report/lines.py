@@ -17,7 +17,7 @@ HEADLINES = {
     Conclusion.UNDETERMINED: "Undetermined: no cause is sure",
 }
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
-NOTABLE = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
+WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
 
 
@@ -47,7 +47,7 @@ def headline(v: Verdict) -> str:
 def what(v: Verdict) -> Iterator[str]:
     """What was compared, what is off, and by how much."""
     if v.compared:
-        left_out = [f"{r.rule}, {percent(x)}" for r, x in shares_rejected(v) if x >= NOTABLE]
+        left_out = [f"{r.rule}, {percent(x)}" for r, x in shares_rejected(v) if x >= WORTH_SAYING]
         because = f" Left out: {'; '.join(left_out)}." if left_out else ""
         yield (
             f"{percent(v.compared)} of the recorded time is compared: not the first {SETTLE_S:g} s of a "
@@ -110,11 +110,12 @@ def sure(f: Finding) -> str:
 def not_recorded(v: Verdict) -> Iterator[str]:
     """What was not recorded, what that hides, and the signal to record. The only place that names it."""
     for m in v.not_recorded:
-        found = {None: "", 0.0: " It was searched for and not found."}.get(
-            m.share_of_time,
-            f" It was found to act in {percent(m.share_of_time or 0.0)} of the time; "
-            "these rows are not compared.",
-        )
+        found = ""
+        if m.share_of_time:
+            share = percent(m.share_of_time)
+            found = f" It was found to act in {share} of the time; these rows are not compared."
+        elif m.share_of_time is not None:
+            found = " It was searched for and not found."
         signal = m.signal.replace("`", "")
         yield f"{opened(spoken(m.input))} was not recorded. {m.hides}{found} Record: {signal}."
 
@@ -129,8 +130,8 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
     if v.validated:
-        repaired = any(f.kind is Kind.SENSOR for f in v.findings)
-        yield f"{'Then apply' if repaired else 'Apply'} the correction{_refitted(v)}."
+        repair_first = any(f.kind is Kind.SENSOR for f in v.findings)
+        yield f"{'Then apply' if repair_first else 'Apply'} the correction{_refitted(v)}."
     elif v.kind is Conclusion.NOTHING:
         yield "Use the simulator as it is."
     manoeuvres = dict.fromkeys(
@@ -145,7 +146,9 @@ def what_to_do(v: Verdict) -> Iterator[str]:
 def _refitted(v: Verdict) -> str:
     """What a correction changes beside the names, in a subordinate clause."""
     changes = v.fit.refitted if v.fit is not None else {}
-    large = [f"{PARAMETER_NAMES[n]} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= NOTABLE]
+    large = [
+        f"{PARAMETER_NAMES[n]} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= WORTH_SAYING
+    ]
     return f", which also changes {', '.join(large)}" if large else ""
 
 
