@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from small_drives import TRUCK, LazyBrake, drives
 
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.prepare import prepared
 from deeptruck_model.mismatch.rules import Rules
@@ -50,3 +51,52 @@ def test_the_scaled_sensor_is_found_though_the_simulator_is_wrong(truck: Physics
 
 def test_a_sensor_on_time_has_no_lag() -> None:
     assert not prepared(TRUCK, drives(LAZY, 2), [], Rules()).faults
+
+
+def as_simulated_or_wrong(name: str) -> tuple[PhysicsTruck, list[PhysicsTruck]]:
+    """A simulator, and trucks that are as it or have another mass, torque, brake lag or delay."""
+    own = trucks.load(name)
+    p = own.parameters()
+    wrong = [{"mass": 1.2 * p["mass"]}, {"mass": 0.9 * p["mass"]}, {"torque_gain": 0.85 * p["torque_gain"]}]
+    others = [own.with_parameters(one) for one in wrong]
+    return own, [own, *others, own.with_forces([], [LazyBrake()]), own.with_forces([], [LateCommands()])]
+
+
+class LateCommands:
+    """Commands arrive 0.4 s late."""
+
+    def reset(self, batch: int) -> None:
+        self.queue: list[np.ndarray] = []
+
+    def filter(self, u: np.ndarray, time: float, dt: float) -> np.ndarray:
+        n = round(0.4 / dt)
+        self.queue = [u, *(self.queue or [u] * n)][: n + 1]
+        return self.queue[-1]
+
+
+LAGS = [(c, s) for c in ("speed", "acceleration") for s in (0.45, 0.8, -0.5)]
+SCALES = [(c, s) for c in ("speed", "acceleration") for s in (0.95, 1.05)]
+
+
+@pytest.mark.long
+def test_how_often_the_wrong_sensor_is_found() -> None:
+    """The figures of docs/mismatch_method.md."""
+    right: dict[str, list[bool]] = {"lag": [], "scale": []}
+    another = 0  # fault that is not there, reported beside the one that is
+    for name in ("trucksim", "volvo", "freightliner"):
+        simulator, driven = as_simulated_or_wrong(name)
+        for truck in driven:
+            recorded = drives(truck, 2, 300.0)
+            wrong = [("lag", c, [shifted(r, c, s) for r in recorded]) for c, s in LAGS]
+            wrong += [
+                ("scale", c, [replace(r, channels=r.channels | {c: s * r.channels[c]}) for r in recorded])
+                for c, s in SCALES
+            ]
+            for kind, channel, bad in wrong:
+                faults = prepared(simulator, bad, [], Rules()).faults
+                own = [f.channel for f in faults if (f.is_lag if kind == "lag" else f.is_scale)]
+                right[kind].append(own == [channel])
+                another += len(faults) > 1
+    print({kind: (sum(each), len(each)) for kind, each in right.items()}, another)
+    assert np.mean(right["lag"]) > 0.9 and np.mean(right["scale"]) > 0.9
+    assert another <= 0.1 * sum(map(len, right.values()))
