@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 
+import can
 import pytest
 
 from truck_bridge import cli
+from truck_bridge.bus import open_bus
+from truck_bridge.can_logs import read
 
 LINE = "({:.6f}) can0 0CF00400#219B9BDD2F000F9B\n"
 
@@ -60,24 +65,30 @@ def test_a_table_of_frames_is_a_log(monkeypatch, capsys, tmp_path):
 
 
 def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, capsys, log, tmp_path):
-    import threading
-
-    from truck_bridge.can_logs import read, record
-
-    channel, out, counts = f"{os.getpid()}-replay", tmp_path / "copy.asc", []
-    recorder = threading.Thread(target=lambda: counts.append(record(out, "loopback", channel, 5.0)))
-    recorder.start()
-    while not out.exists():  # then its bus is being opened
-        time.sleep(0.01)
-    time.sleep(0.5)
+    channel, out = f"{os.getpid()}-replay", tmp_path / "copy.asc"
     bus = ("--interface", "loopback", "--channel", channel)
-    assert run(monkeypatch, "replay", log, *bus) == 0
-    assert "5 frames sent" in capsys.readouterr().out
-    recorder.join()
-    assert counts == [5]
-    assert {frame.can_id for frame in read(out)} == {0x0CF00400}
-    assert run(monkeypatch, "replay", log, *bus, "--commands") == 0
-    assert "6 frames sent" in capsys.readouterr().out
+    main = "from truck_bridge.cli import main; main()"
+    program = [sys.executable, "-c", main, "record", str(out), *bus]
+    with subprocess.Popen(program) as recorder, open_bus("loopback", channel) as probe:
+
+        def spoken_until(identifier, count):
+            """Frames of another identifier keep the bus busy, so that the recorder writes what it has."""
+            while not out.exists() or out.read_text().count(f" {identifier}x ") < count:
+                assert recorder.poll() is None
+                probe.send(can.Message(arbitration_id=0x18FEF100, data=[0]))
+                time.sleep(0.02)
+
+        spoken_until("18FEF100", 1)
+        assert run(monkeypatch, "replay", log, *bus) == 0
+        assert "5 frames sent" in capsys.readouterr().out
+        assert run(monkeypatch, "replay", log, *bus, "--commands") == 0
+        assert "6 frames sent" in capsys.readouterr().out
+        spoken_until("C00002A", 1)  # the last that was sent
+        recorder.send_signal(signal.SIGINT)
+        assert recorder.wait() == 0
+    frames = Counter(frame.can_id for frame in read(out))
+    assert frames.pop(0x18FEF100) > 0
+    assert frames == {0x0CF00400: 10, 0x0C00002A: 1}
 
 
 def test_check_says_what_was_refused_and_exits_with_1(monkeypatch, capsys, log):
