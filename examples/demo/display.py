@@ -21,7 +21,7 @@ class Display:
     def __init__(self) -> None:
         self._console = Console(stderr=True)
         self._live = Live(console=self._console, refresh_per_second=4, transient=False)
-        self._told: dict[str, str] = {}
+        self._printed: dict[str, str] = {}
 
     def __enter__(self) -> Display:
         if self._console.is_terminal:
@@ -40,9 +40,9 @@ class Display:
             self._live.update(_table(progress))
             return
         for p in progress:
-            if p.state != "waiting" and self._told.get(p.step.name) != p.state:
-                self._told[p.step.name] = p.state
-                which = f"step {list(self._told).index(p.step.name) + 1} of {len(progress)}"
+            if p.state != "waiting" and self._printed.get(p.step.name) != p.state:
+                self._printed[p.step.name] = p.state
+                which = f"step {list(self._printed).index(p.step.name) + 1} of {len(progress)}"
                 took = f" {p.seconds:.0f} s" if p.state == "done" else ""
                 print(f"{which}, {p.step.name}: {p.state}{took}  ({p.step.title})", flush=True)
 

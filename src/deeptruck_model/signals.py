@@ -44,7 +44,7 @@ CHANNELS: dict[str, Channel] = {
         Channel("ambient_temperature", "degC", -60.0, 70.0, "outside air temperature"),
         Channel("latitude", "deg", -90.0, 90.0, "WGS84 latitude"),
         Channel("longitude", "deg", -180.0, 180.0, "WGS84 longitude"),
-        Channel("fault_count", "1", 0.0, 65535.0, "codes of active faults that controllers tell (DM1)"),
+        Channel("fault_count", "1", 0.0, 65535.0, "codes of active faults that controllers report (DM1)"),
         Channel("fault_spn", "1", 0.0, 524287.0, "what is at fault: SPN of the newest active code; 0 none"),
         Channel("fault_fmi", "1", 0.0, 31.0, "how it is at fault: FMI of the newest active code"),
         Channel("derate_active", "1", 0.0, 1.0, "1: the engine says that it holds torque back (SPN 1569)"),

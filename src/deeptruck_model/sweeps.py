@@ -101,7 +101,7 @@ def _until_one_is_killed(
 
 
 def end_with_parent() -> None:
-    """In a worker: end where the parent was killed, which could then tell nobody; else it trains on alone."""
+    """In a worker: end where the parent was killed, which nobody would notice; else it trains on alone."""
     parent = parent_process()
     if parent is not None:
         Thread(target=_end_behind, args=(parent.join,), daemon=True).start()

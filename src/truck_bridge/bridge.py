@@ -48,7 +48,7 @@ class Status:
     frames_received: int
     no_load: bool
     would_send: dict[int, bytes] = field(default_factory=dict)  # no-load mode: last frame by identifier
-    faults: tuple[str, ...] = ()  # that the truck's controllers tell, active now
+    faults: tuple[str, ...] = ()  # that the truck's controllers report, active now
 
 
 class Bridge:

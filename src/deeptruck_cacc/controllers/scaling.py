@@ -89,7 +89,7 @@ class FeatureMap:
     `approach` it has the speed that suits the gap, and comes back from far off at no more than that. Without,
     its speed is remembered: v' = (v_leader - v) / Tg from the leader's own speed on, the one of all that hold
     the time gap in which nothing is left to decay with Tg. Memory (batch, 6) and features end with the slow
-    actions: beside the power that came of them they tell load and wind. The gap error then counts less in the
+    actions: beside the power that came of them they show load and wind. The gap error then counts less in the
     integral the further it lies beyond `knee_m`, so that closing a gap does not wind it up.
 
     With `radar`, which needs `power`, all features are taken of what that filter makes of gap and leader

@@ -60,7 +60,7 @@ def false_statement(score: Score) -> bool:
 
 
 def rare_by_information(results: Iterable[Score]) -> dict[str, float | None]:
-    """Level 'rare' split by how much the recordings tell."""
+    """Level 'rare' split by the information in the recordings."""
     rows = [r for r in results if r.get("level") == "rare" and "broken" not in r]
     enough = [r for r in rows if r["information_nats"] > ENOUGH_NATS]
     few = [r for r in rows if r["information_nats"] < TOO_FEW_NATS]

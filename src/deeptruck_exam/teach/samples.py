@@ -32,7 +32,13 @@ SECOND, SECOND_NAMES = 0.2, 6  # share of samples with a second effect that is k
 STYLES = (0.55, 0.2, 0.25)  # bases driven by people, by cruise control, behind a leader
 FAULTS = ("grade_bias", "clock_offset")  # that are forces to the tool
 LEFT_OVER = 0.1  # share of samples once more, beside names that they may be taken for
-SEEN = {"nats": np.float32, "sign": np.float32, "size": np.int8, "told": np.float32, "noise": np.float32}
+SEEN = {  # of Seen, and the type each is stored as
+    "nats": np.float32,
+    "sign": np.float32,
+    "size": np.int8,
+    "directions": np.float32,
+    "noise": np.float32,
+}
 FAULT_DRAWS = 3
 
 
@@ -68,8 +74,8 @@ class Samples:
 
 
 def _seen(arrays: Mapping[str, Array]) -> Seen:
-    nats, sign, told, noise = (arrays[n].astype(float) for n in ("nats", "sign", "told", "noise"))
-    return Seen(nats, sign, arrays["size"].astype(np.intp), told, noise)
+    nats, sign, directions, noise = (arrays[n].astype(float) for n in ("nats", "sign", "directions", "noise"))
+    return Seen(nats, sign, arrays["size"].astype(np.intp), directions, noise)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def check_simulator(
         bool, typer.Option("--accept", help="Take changed files of what a directory stands for as they are.")
     ] = False,
 ) -> None:
-    """Drive a simulator a few seconds: what it fulfils, what it lacks, what 'mismatch' will tell of it.
+    """Drive a simulator a few seconds: what it fulfils, what it lacks, what 'mismatch' can find in it.
 
     Example: deeptruck-model check-simulator python:examples.shuttle:make
     """
@@ -117,7 +117,7 @@ def calibrate_truck(
     msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Fit a physics truck's parameters to recordings, and say which of them these do not tell.
+    """Fit a physics truck's parameters to recordings, and say which of them these do not identify.
 
     Example: deeptruck-model calibrate-truck truck:trucksim --recordings a b --held-out c --out mine
     """

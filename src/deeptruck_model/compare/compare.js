@@ -1,4 +1,4 @@
-// Panels of several drives over one axis: what is marked in one is marked in all, and told in numbers.
+// Panels of several drives over one axis: what is marked in one is marked in all, and given in numbers.
 "use strict";
 
 const DATA = JSON.parse(document.getElementById("drives").textContent);
@@ -92,7 +92,7 @@ function draw() {
     if (state.mark) plot.span(...state.mark, MARK, 0.15);
     for (const {xs, ys, k} of drawn) plot.line(xs, ys, colour(k), 1.5, dash(k));
   }
-  byId("marked").textContent = told();
+  byId("marked").textContent = described();
 }
 
 // Each pair of values at the same moment, by the clock: [the first side's, that of side k].
@@ -173,7 +173,7 @@ function typed(input) {
 }
 
 // What is marked, in numbers: the mean of each side, and how far the others are from the first.
-function told() {
+function described() {
   if (!state.mark) return "";
   const unit = state.by === "place" ? "m" : "s", [from, to] = state.mark;
   const inside = (xs, ys) => ys.filter((y, i) => known(y) && known(xs[i]) && xs[i] >= from && xs[i] <= to);

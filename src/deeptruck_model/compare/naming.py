@@ -15,6 +15,6 @@ def split_name(text: str) -> tuple[str | None, Path]:
 
 
 def short_names(texts: Sequence[str]) -> list[str]:
-    """The last parts of paths where these tell the sides apart, else all of what was given."""
+    """The last parts of paths where these distinguish the sides, else all of what was given."""
     last = [f"{sim}@{bag.name}" if sim else bag.name for sim, bag in map(split_name, texts)]
     return last if len(set(last)) == len(texts) else list(texts)

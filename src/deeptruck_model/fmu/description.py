@@ -18,7 +18,7 @@ EXPORT_AGAIN = "export it again as FMI 2 or 3 for co-simulation"
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of the FMU; `unit`, `start`, `low` and `high` are None where it does not tell them.
+    """A variable of the FMU; `unit`, `start`, `low` and `high` are None where it does not state them.
 
     `held`: it keeps its value while the FMU runs. `calculated`: its start follows from other variables.
     """

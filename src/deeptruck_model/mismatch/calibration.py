@@ -1,4 +1,4 @@
-"""A physics truck's own parameters from recordings, and which of them these do not tell.
+"""A physics truck's own parameters from recordings, and which of them these do not identify.
 
 All that a truck of the pool has in common with the recorded one is fitted at once, about its own values again
 and again, with the noise and the priors of the mismatch search. Nothing else is looked for: what is missing
@@ -29,7 +29,7 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
 
 PARTS = 10  # of the driving, to see how far they disagree
-TOLD_TOGETHER = 0.9  # correlation above which drives tell two parameters as a pair only
+ONLY_AS_A_PAIR = 0.9  # correlation above which drives identify two parameters only as a pair
 NO_GRADE = (
     "the truck takes no grade: slopes go into its parameters, so that it is fitted on a level road alone"
 )
@@ -37,7 +37,7 @@ NO_GRADE = (
 
 @dataclass(frozen=True)
 class Fitted:
-    """A parameter: as given and as fitted, with a 95 % interval; None where the drives do not tell it."""
+    """A parameter: as given and as fitted, with a 95 % interval; None where the drives do not identify it."""
 
     name: str
     unit: str
@@ -48,7 +48,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The fitted truck, its parameters, pairs of them that these drives tell together only, and the errors of
+    """The fitted truck, its parameters, pairs that these drives identify only as a pair, and the errors of
     free runs of `horizon_s` on the held-out recordings; `better` is the 95 % interval of their relative
     improvement, None without a free run."""
 
@@ -90,31 +90,31 @@ def calibrate(
         e = gather(truck, drives.prepared, drives.held_out, seed=seed, rules=rules)
         say("fitting all parameters")
         search, model = refitted(truck, drives, e, seed, frozenset(e.sensitivity), say)
-        told = frozenset(p for p in search.parameters if model.moved_sd(p) < 0.5 * FREE[p])
-        if told != frozenset(e.sensitivity):
-            say("fitting those that the drives tell")
-            search, model = refitted(truck, drives, e, seed, told, say)
-        return _driven(truck, drives, search, model, told)
+        identified = frozenset(p for p in search.parameters if model.moved_sd(p) < 0.5 * FREE[p])
+        if identified != frozenset(e.sensitivity):
+            say("fitting those that the drives identify")
+            search, model = refitted(truck, drives, e, seed, identified, say)
+        return _driven(truck, drives, search, model, identified)
 
 
 def _driven(
-    truck: PhysicsTruck, drives: Drives, search: Regression, model: Model, told: frozenset[str]
+    truck: PhysicsTruck, drives: Drives, search: Regression, model: Model, identified: frozenset[str]
 ) -> Calibration:
-    change = {p: search.e.total_change(p, model.moved(p)) for p in told}
+    change = {p: search.e.total_change(p, model.moved(p)) for p in identified}
     own = truck.parameters()
     fitted = truck.with_parameters({p: own[p] * (1.0 + x) for p, x in accepted(truck, change).items()})
     held = drives.part(held_out=True)
     long = horizon(held)
     errors = {name: free_windows(t, held, long) for name, t in (("before", truck), ("after", fitted))}
     some = len(errors["before"].speed) > 0
-    spread = _jackknife(search, told)
+    spread = _jackknife(search, identified)
     gained = improvement({**errors, "parameters_only": errors["before"]}).ci95 if some else None
     return Calibration(
         truck=fitted,
         parameters=tuple(
-            _parameter(p, truck, fitted, search, model, told, spread) for p in search.parameters
+            _parameter(p, truck, fitted, search, model, identified, spread) for p in search.parameters
         ),
-        alike=_alike(model, sorted(told)),
+        alike=_alike(model, sorted(identified)),
         held_out=tuple(p.recording.name for p in held),
         horizon_s=long,
         before=errors["before"].rmse() if some else None,
@@ -130,18 +130,18 @@ def _parameter(
     fitted: PhysicsTruck,
     search: Regression,
     model: Model,
-    told: frozenset[str],
+    identified: frozenset[str],
     spread: Mapping[str, float],
 ) -> Fitted:
     given, value = truck.parameters()[name], fitted.parameters()[name]
     about = given * (1.0 + search.e.moved.get(name, 0.0))  # the value whose relative change was fitted
     wide = Z95 * about * max(model.moved_sd(name), spread.get(name, 0.0))
-    interval = (value - wide, value + wide) if name in told else None
+    interval = (value - wide, value + wide) if name in identified else None
     return Fitted(name, PARAMETERS[name].unit, given, value, interval)
 
 
-def _jackknife(search: Regression, told: frozenset[str]) -> dict[str, float]:
-    """Sd of the relative changes as far as parts of the driving disagree, which no noise within them tells.
+def _jackknife(search: Regression, identified: frozenset[str]) -> dict[str, float]:
+    """Sd of the relative changes as far as parts of the driving disagree, which no noise within them shows.
 
     One of PARTS after the other is left out (delete-a-group jackknife: Kott, Journal of Official Statistics
     17, 2001). Few drives would be too few parts, so that these are of equal time.
@@ -149,8 +149,8 @@ def _jackknife(search: Regression, told: frozenset[str]) -> dict[str, float]:
     rows = np.flatnonzero(search.e.valid)
     part = np.full(len(search.e), -1)
     part[rows] = np.arange(len(rows)) * PARTS // max(len(rows), 1)
-    fits = [Regression(search.e, only=part != k).model((), told) for k in range(PARTS)]
-    changes = {p: np.array([fit.moved(p) for fit in fits]) for p in told}
+    fits = [Regression(search.e, only=part != k).model((), identified) for k in range(PARTS)]
+    changes = {p: np.array([fit.moved(p) for fit in fits]) for p in identified}
     wider = float(student_t.ppf(0.975, PARTS - 1)) / Z95
     return {p: wider * float(np.sqrt((PARTS - 1) * np.var(x))) for p, x in changes.items()}
 
@@ -163,5 +163,5 @@ def _alike(model: Model, names: Sequence[str]) -> tuple[tuple[str, str], ...]:
     return tuple(
         (p, q)
         for p, q in combinations(names, 2)
-        if abs(model.fit.covariance[at[p], at[q]]) > TOLD_TOGETHER * sd[at[p]] * sd[at[q]]
+        if abs(model.fit.covariance[at[p], at[q]]) > ONLY_AS_A_PAIR * sd[at[p]] * sd[at[q]]
     )

@@ -63,7 +63,7 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
         if max(held, free) <= threshold:
             break
         by = effect_classifier()
-        p = by.told(seen)[0]
+        p = by.flattened(seen)[0]
         if found and p[by.names.index(NOTHING)] > rules.nothing_more:
             break
         names = {n: float(x) for n, x in zip(by.names, p, strict=True) if n != NOTHING and n not in given}

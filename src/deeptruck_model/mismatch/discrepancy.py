@@ -16,7 +16,7 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
-USUAL = 0.08  # m/s^2, rms, that learned simulators are off by where nothing tells how much this one is
+USUAL = 0.08  # m/s^2, rms, that learned simulators are off by where this one's own error is not known
 JOLTS = 0.02  # of the time, that count for nothing
 
 

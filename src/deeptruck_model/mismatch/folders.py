@@ -54,7 +54,7 @@ def check_road(directory: Path) -> None:
     _check_there(directory)
     try:
         with (directory / "profiles.csv").open(newline="") as file:
-            told = any(row["name"] == PROFILE for row in csv.DictReader(file))
+            found = any(row["name"] == PROFILE for row in csv.DictReader(file))
     except FileNotFoundError:
         said = read_verdict(directory).get("verdict")
         raise InputError(
@@ -64,7 +64,7 @@ def check_road(directory: Path) -> None:
         raise InputError(
             f"{directory} has no readable profiles.csv; {FIND_FIRST.format(directory)}"
         ) from None
-    if not told:
+    if not found:
         raise InputError(f"in {directory} no {PROFILE} was found, so that there is no slope to take over")
 
 

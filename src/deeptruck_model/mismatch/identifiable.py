@@ -57,7 +57,7 @@ def _refitted(s: Simulator) -> Row:
     if idle:
         mend = "make with_parameters act on what drives, or leave them out of parameters()"
         return Row("refitted", State.NO, f"{idle} changes nothing of a drive", mend)
-    mend = "" if moves else f"tell and take any of {', '.join(PARAMETERS)} as parameters"
+    mend = "" if moves else f"report and take any of {', '.join(PARAMETERS)} as parameters"
     return Row("refitted", State.YES if moves else State.NOTE, says, mend)
 
 
@@ -72,12 +72,12 @@ def _moves(s: Simulator, name: str, value: float) -> bool:
 def _components(s: Simulator, seen: set[str]) -> Row:
     lacking = [name for name in FORCES if name not in seen]
     if "traction_force" in seen and lacking:
-        mend = "tell all of these, or no traction_force"
+        mend = "report all of these, or no traction_force"
         return Row("forces", State.NO, f"inside() has traction_force and not {', '.join(lacking)}", mend)
     if not lacking:
         return _balance(s)
     says = "split from its acceleration by recorded engine_torque and engine_speed, else fuel_rate"
-    return Row("forces", State.NOTE, says, f"tell {', '.join(FORCES)} in inside(), in SI")
+    return Row("forces", State.NOTE, says, f"report {', '.join(FORCES)} in inside(), in SI")
 
 
 def _balance(s: Simulator) -> Row:
@@ -93,7 +93,7 @@ def _balance(s: Simulator) -> Row:
         needed = f["mass"] * float(y[0, ACCELERATION])
         if abs(forces - needed) > APART * max(abs(forces), abs(needed)) + APART_M_S2 * f["mass"]:
             doing = next(iter(pedal), "no pedal")
-            mend = "tell all of them in N, and mass in kg; traction is positive forwards"
+            mend = "report all of them in N, and mass in kg; traction is positive forwards"
             says = f"add up to {forces:.0f} N with {doing}, and mass by acceleration is {needed:.0f} N"
             return Row("forces", State.NOTE, says, mend)
     return Row("forces", State.YES, "traction, brake, drag and rolling are its own")
@@ -102,20 +102,20 @@ def _balance(s: Simulator) -> Row:
 def _newtons(seen: set[str], own: dict[str, float], stated_kg: float | None) -> Row:
     if "mass" in own or "traction_force" in seen or stated_kg is not None:
         return Row("forces in N", State.YES, "by its own mass")
-    mend = "tell mass (kg) in parameters(), or state it: mass_kg in COLUMNS.yaml, or --mass-kg"
+    mend = "report mass (kg) in parameters(), or state it: mass_kg in COLUMNS.yaml, or --mass-kg"
     return Row("forces in N", State.NOTE, "given in m/s^2, as no mass is stated", mend)
 
 
 def _gears(seen: set[str]) -> Row:
-    told = [name for name in ("gear", "engine_speed") if name in seen]
-    if told:
-        return Row("gears", State.YES, f"{', '.join(told)} beside what is recorded, where it is")
+    reported = [name for name in ("gear", "engine_speed") if name in seen]
+    if reported:
+        return Row("gears", State.YES, f"{', '.join(reported)} beside what is recorded, where it is")
     says = "driving in another gear than was recorded is not seen"
-    return Row("gears", State.NOTE, says, "tell gear and engine_speed (rad/s) in inside()")
+    return Row("gears", State.NOTE, says, "report gear and engine_speed (rad/s) in inside()")
 
 
 def _learned(s: Simulator) -> Row:
-    """Without parameters and forces it counts as learned: only its own recordings tell its errors."""
+    """Without parameters and forces it counts as learned: only its own recordings show its errors."""
     if getattr(s, "reference", ()):
         return Row("own errors", State.YES, "known from the recordings in its `reference`")
     says = "without parameters and forces it counts as learned, and its own errors count as the truck's"

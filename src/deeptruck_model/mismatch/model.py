@@ -35,7 +35,7 @@ WIDER = 2  # further forms by which a term may be widened
 FEW = 8  # columns of a term that is confined to a regime, or widens another
 LEAST_PART = 0.15  # of a term's squares that must lie in its regime
 ROUNDS = 4  # of weighing the prior against what is left
-TELLS = 2.0  # independent numbers that a free run's error tells: how far off, and where it bends
+FREE_RUN_NUMBERS = 2.0  # independent numbers in a free run's error: its offset and its curvature
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def _by_output_error(search: Regression, model: Model) -> Model:
     b = model.fit.b
     for _ in range(ROUNDS):
         left = max(float(np.mean((y - X @ b) ** 2)), search.rules.noise_floor**2)
-        b, _ = ridge(y, X, np.full(len(y), TELLS / (length * left)), prior)
+        b, _ = ridge(y, X, np.full(len(y), FREE_RUN_NUMBERS / (length * left)), prior)
     return replace(model, fit=replace(model.fit, b=b))
 
 

@@ -31,7 +31,7 @@ SETTING_UNITS = {
 }
 PER_MASS = {"limit_force": "N", "limit_torque": "N m", "limit_power": "W"}
 LIMIT_COMMAND = "limit_command"  # in the unit of the engine's command
-TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
+MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
 
 def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
@@ -48,7 +48,7 @@ def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
 
 
 def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
-    """The most telling parameters by name. Columns of one name, from a widened term, add up to one size.
+    """The main parameters by name. Columns of one name, from a widened term, add up to one size.
 
     What acts on held-out recordings alone was not fitted, and has no size.
     When within a sample a command came nobody knows, so that no delay is known better than that.
@@ -57,27 +57,27 @@ def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
     by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in sorted(model.free)})
     weights: dict[str, Array] = {}
-    told: dict[str, Column] = {}
+    columns: dict[str, Column] = {}
     for k, part in enumerate(term.parts):
         for name, weight in part.course or ((part.name, 1.0),):
             factor = weight * part.factor * (e.unit.scale if part.per_mass else 1.0)
             factor *= carriers.ratio(part, e, by) if e.moved else 1.0
             weights.setdefault(name, np.zeros(len(term.parts)))[k] = factor
-            told[name] = part
+            columns[name] = part
     sizes: dict[str, tuple[float, float, str]] = {
         name: (
             float(g @ values),
-            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + timing(told[name], e))),
-            e.unit.of(told[name].unit) if told[name].per_mass else told[name].unit,
+            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + timing(columns[name], e))),
+            e.unit.of(columns[name].unit) if columns[name].per_mass else columns[name].unit,
         )
         for name, g in weights.items()
         if acts[g != 0.0].any()
     }
-    telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
+    main = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:MAIN_PARAMETERS]
     return {
         name: Size(value, unit, (value - Z95 * sd, value + Z95 * sd) if sd else None)
         for name, (value, sd, unit) in sizes.items()
-        if name in telling
+        if name in main
     }
 
 

@@ -40,26 +40,26 @@ def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted:
     jobs = {"before": simulator, "parameters_only": made.tuned, "after": after}
     driven = free_runs([(truck, held_out) for truck in jobs.values()], horizon_s)
     errors = dict(zip(jobs, driven, strict=True))
-    told = compared(errors)
-    gained = improvement(errors) if told is not None else None
+    compared_errors = compared(errors)
+    gained = improvement(errors) if compared_errors is not None else None
     changed = bool(after.terms or after.moved)
     better = (
-        told is not None
+        compared_errors is not None
         and gained is not None
         and gained.ci95[0] > 0.0
-        and told.after.speed < told.before.speed
+        and compared_errors.after.speed < compared_errors.before.speed
         and np.abs(errors["after"].speed).mean() < np.abs(errors["before"].speed).mean()
     )
     without = _without_exogenous(after, held_out, horizon_s)
-    if told is not None and without is not None:
-        better = better and without.after <= told.before.speed
+    if compared_errors is not None and without is not None:
+        better = better and without.after <= compared_errors.before.speed
     fit = FitResult(
         held_out=tuple(p.recording.name for p in held_out),
         horizon_s=horizon_s,
         windows=len(errors["before"].speed),
         corrected=tuple(sorted({t.effect for t in after.terms} | set(after.moved))),
         validated=changed and bool(better),
-        errors=told,
+        errors=compared_errors,
         improvement=gained,
         refitted={p: round(change, 4) for p, change in after.moved.items()},
         output_error=made.recipe.output_error,

@@ -111,7 +111,7 @@ def _features(e: Evidence) -> dict[str, Array]:
         if e.has(name):
             out[name] = e[name]
     if e.has("ratio"):
-        # engine speed and speed are not sampled at one moment, so that their ratio tells the acceleration
+        # engine speed and speed are not sampled at one moment, so that their ratio shows the acceleration
         coarse = np.log(np.maximum(np.nan_to_num(e["ratio"]), 1e-3)) / RATIO_STEP
         out["ratio"] = np.exp(np.round(coarse) * RATIO_STEP)
         out["engine_speed"] = out["ratio"] * e["speed"]

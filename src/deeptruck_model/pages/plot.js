@@ -181,7 +181,7 @@ class Plot {
     });
   }
 
-  // The bar that tells which colour is which value.
+  // The bar that shows which colour is which value.
   scaleBar(most, text) {
     const {pen, outer} = this, left = outer.right + 10, tall = outer.bottom - outer.top;
     for (let k = 0; k < tall; k++) {

@@ -141,7 +141,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 def _outline(log: Path) -> bytes | int:
-    """What a log holds beside its numbers, which tell the time; of a binary one, its size."""
+    """What a log holds but its numbers, the times among them; of a binary one, its size."""
     data = log.read_bytes()
     return re.sub(rb"\d+", b"0", data) if log.suffix in log_files.LINES else len(data)
 

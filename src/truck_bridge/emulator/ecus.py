@@ -46,7 +46,7 @@ class EcuEmulator:
         self.driver = Driver()
         self._bus = bus
         self._truck = _as_driven(truck if truck is not None else load_truck(vehicle.truck))
-        # what the truck does not tell of itself is on the bus as 'not available'
+        # what the truck does not report is on the bus as 'not available'
         self.parameters: Mapping[str, float] = defaultdict(lambda: math.nan, self._truck.parameters())
         self._grade = grade
         y0 = np.zeros((1, len(self._truck.interface.y)))

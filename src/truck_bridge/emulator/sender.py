@@ -12,7 +12,7 @@ from truck_bridge.j1939.codec import Layout
 from truck_bridge.safety import Heard
 from truck_bridge.vehicles import Vehicle
 
-UNTOLD_S = {"VDS": 0.1}  # periods of messages whose own is 'on request' or 'on change'; else 1 s
+UNSTATED_PERIOD_S = {"VDS": 0.1}  # periods of messages whose own is 'on request' or 'on change'; else 1 s
 
 
 @dataclass
@@ -64,7 +64,7 @@ def _usual(vehicle: Vehicle, message: str, who: str) -> list[int]:
 def _sender(truck: Truck, message: str, address: int, received: Heard | None) -> Sender:
     layout, says = truck.vehicle.codec[message], SAYS[message][1]
     names = {address: who for who, address in truck.vehicle.addresses.items()}
-    period, check = layout.period_s or UNTOLD_S.get(message, 1.0), checksums.NONE
+    period, check = layout.period_s or UNSTATED_PERIOD_S.get(message, 1.0), checksums.NONE
     if received is not None:
         period, check = received.period_s, received.check
     return Sender(layout, names[address], address, period, check, lambda: says(truck))

@@ -21,7 +21,7 @@ SETS = ("a", "b", "c")
 
 
 def made(letter: str, seed: int, count: int = 120) -> Samples:
-    """Laws of brake_lag are, to the evidence, like headwind; only their signs tell them."""
+    """Laws of brake_lag are, to the evidence, like headwind; only their signs distinguish them."""
     rng = np.random.default_rng(seed)
     which = rng.integers(0, 3, count)
     nats = rng.uniform(60.0, 80.0, (3, count))
@@ -29,8 +29,8 @@ def made(letter: str, seed: int, count: int = 120) -> Samples:
     nats[1, which == 1] += 40.0
     nats[2, which == 2] += 40.0
     sign = np.where(np.arange(3)[:, None] == 1, np.where(which == 0, -12.0, 2.0), 0.0)
-    size, told, noise = np.full((3, count), 2), np.full((3, count), 3.0), np.ones(count)
-    seen = Seen(nats, sign, size, told, noise)
+    size, directions, noise = np.full((3, count), 2), np.full((3, count), 3.0), np.ones(count)
+    seen = Seen(nats, sign, size, directions, noise)
     names = np.array(NAMES)[which]
     laws = np.array([f"{letter}{name}-{k % 2}" for k, name in enumerate(names)])
     alone = Given(np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count))
@@ -84,7 +84,7 @@ def test_what_leaves_no_evidence_is_not_learned() -> None:
     part = made("a", 2)
     weak = Seen(
         np.full((3, 120), 5.0),
-        *(getattr(part.kernels.held, n) for n in ("sign", "size", "told", "noise")),
+        *(getattr(part.kernels.held, n) for n in ("sign", "size", "directions", "noise")),
     )
     silent = Samples(replace(part.kernels, held=weak, free=weak), part.names, part.laws)
     assert len(learning.training_set([part, silent], KEYS, NAMES).answer) == len(

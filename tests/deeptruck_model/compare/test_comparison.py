@@ -227,13 +227,13 @@ frame.addEventListener("load", () => {
   w.addEventListener("error", e => seen.errors.push(e.message));
   const key = (k, shiftKey) => d.querySelector("canvas").dispatchEvent(
     new w.KeyboardEvent("keydown", {key: k, shiftKey, bubbles: true, cancelable: true}));
-  const told = () => d.getElementById("marked").textContent;
+  const described = () => d.getElementById("marked").textContent;
   const ink = k => d.querySelectorAll("canvas")[k].toDataURL().length;
   seen.panels = d.querySelectorAll("canvas").length;
-  key("ArrowRight"); seen.begun = told();
-  key("ArrowRight"); seen.moved = told();
-  key("ArrowRight", true); seen.wider = told();
-  key("Escape"); seen.gone = told();
+  key("ArrowRight"); seen.begun = described();
+  key("ArrowRight"); seen.moved = described();
+  key("ArrowRight", true); seen.wider = described();
+  key("Escape"); seen.gone = described();
   const level = ink(1), offset = d.querySelector("#offsets input");
   const type = text => { offset.value = text; offset.dispatchEvent(new w.Event("input")); };
   const page = () => [d.title, ...["h1", ".how", "#apart"].map(s => d.querySelector(s).textContent)];
@@ -244,11 +244,11 @@ frame.addEventListener("load", () => {
   type("0");
   const by = d.getElementById("by");
   by.value = "place"; by.dispatchEvent(new w.Event("change"));
-  key("ArrowRight"); seen.along = told();
+  key("ArrowRight"); seen.along = described();
   const box = d.querySelector("canvas").getBoundingClientRect();
   const at = (type, x) => d.querySelector("canvas").dispatchEvent(
     new w.PointerEvent(type, {clientX: box.left + x, clientY: box.top + 50, button: 0, bubbles: true}));
-  at("pointerdown", 100); at("pointermove", 200); at("pointerup", 300); seen.brushed = told();
+  at("pointerdown", 100); at("pointermove", 200); at("pointerup", 300); seen.brushed = described();
   const pre = document.createElement("pre"); pre.id = "seen"; pre.textContent = JSON.stringify(seen);
   document.body.append(pre);
 });

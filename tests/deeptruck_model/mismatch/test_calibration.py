@@ -1,4 +1,4 @@
-"""A truck of the pool becomes the recorded one, and says which parameters the drives do not tell."""
+"""A truck of the pool becomes the recorded one, and says which parameters the drives do not identify."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_what_differs_is_found_and_drives_held_out_recordings_better(found: Cali
     assert found.held_out == ("drive2",)
 
 
-def test_forces_that_all_go_with_the_mass_are_told_together(found: Calibration) -> None:
+def test_forces_that_all_go_with_the_mass_are_identified_together(found: Calibration) -> None:
     """All of them larger by one factor leave nearly the same accelerations."""
     assert ("mass", "torque_gain") in found.alike
 

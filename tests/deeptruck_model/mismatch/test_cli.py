@@ -68,7 +68,7 @@ def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
         out,
     )
     assert done.returncode == 0 and "Traceback" not in done.stderr
-    assert " s: correcting the simulator and driving it free\n" in done.stderr  # a log tells how far it is
+    assert " s: correcting the simulator and driving it free\n" in done.stderr  # a log shows how far it is
     assert done.stdout.startswith(f"parameter_error: see {out / 'report.html'}")
     said = json.loads((out / "verdict.json").read_text())
     schema = importlib.resources.files(mismatch).joinpath("verdict.schema.json").read_text()

@@ -1,4 +1,4 @@
-"""docs/mismatch_effects.md is the library; the case of docs/mismatch.md runs and ends as told."""
+"""docs/mismatch_effects.md is the library; the case of docs/mismatch.md runs and ends as written there."""
 
 from __future__ import annotations
 

@@ -236,7 +236,7 @@ def test_apply_refuses_without_a_passed_validation(tmp_path: Path, content: str 
 
 @pytest.mark.parametrize("manifest", [None, ""])
 def test_a_corrected_simulator_that_lost_a_file_is_found_anew(tmp_path: Path, manifest: str | None) -> None:
-    """Training, which a simulator directory is told to come from elsewhere, would not mend it."""
+    """Training, which a simulator directory states to come from elsewhere, would not repair it."""
     (tmp_path / "simulator").mkdir()
     (tmp_path / "verdict.json").write_text('{"fit": {"validated": true}}')
     if manifest is not None:

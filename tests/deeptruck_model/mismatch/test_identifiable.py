@@ -1,4 +1,4 @@
-"""What the mismatch tool will tell follows from what a simulator tells; and a foreign one is corrected."""
+"""What is identifiable follows from what a simulator reports; and a foreign one is corrected."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_of_a_physics_truck_everything_is_identifiable() -> None:
     assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as an added force: none"
 
 
-def test_of_a_truck_that_tells_nothing_the_rest_is_guessed(shuttle: Path) -> None:
+def test_of_a_truck_that_reports_nothing_the_rest_is_guessed(shuttle: Path) -> None:
     truck = simulators.load(f"python:{shuttle.stem}:make")
     assert rows(truck)["forces in N"].says == "by its own mass"
     assert rows(truck)["forces"].state is State.NOTE
@@ -36,7 +36,7 @@ def test_of_a_truck_that_tells_nothing_the_rest_is_guessed(shuttle: Path) -> Non
     assert "m/s^2" in found["forces in N"].says and "counts as learned" in found["own errors"].says
 
 
-def test_who_tells_forces_and_no_parameters_is_no_learned_truck() -> None:
+def test_who_reports_forces_and_no_parameters_is_no_learned_truck() -> None:
     truck = trucks.load("trucksim")
     truck.parameters = dict  # type: ignore[method-assign]
     assert "own errors" not in rows(truck)
@@ -123,7 +123,7 @@ def test_an_outside_simulator_is_corrected_kept_and_loaded_again(shuttle: Path) 
         simulators.load("better")
 
 
-def test_a_force_goes_into_a_simulator_that_tells_none_of_its_own(shuttle: Path) -> None:
+def test_a_force_goes_into_a_simulator_that_reports_none_of_its_own(shuttle: Path) -> None:
     truck = simulators.load(f"python:{shuttle.stem}:make")
     *fit, held, also = drives(Limited(truck, 900.0), 8)
     found = mismatch.find_mismatch(truck, fit, [held, also])

@@ -1,4 +1,4 @@
-"""A simulator that has nothing to refit but tells its forces is nobody's learned one: what lasts is seen."""
+"""A simulator that has nothing to refit but reports its forces is no learned one: what lasts is seen."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class NothingToRefit:
         return self
 
 
-class TellsNothing(NothingToRefit):
+class ReportsNothing(NothingToRefit):
     """Nor what acts inside it."""
 
     def inside(self, state: Any) -> dict[str, np.ndarray]:
@@ -55,10 +55,10 @@ class TellsNothing(NothingToRefit):
         return replace(self._truck.rollout(*given, **more), inside={})
 
 
-def test_what_tells_neither_parameters_nor_forces_is_told_what_it_costs() -> None:
+def test_what_neither_parameters_nor_forces_cost_is_said() -> None:
     plain = trucks.load("trucksim")
     drives = [driving_cycles.drive(plain, seconds=120, seed=k) for k in range(2)]
-    result = find_mismatch(TellsNothing(plain), drives[:1], drives[1:]).result  # type: ignore[arg-type]
+    result = find_mismatch(ReportsNothing(plain), drives[:1], drives[1:]).result  # type: ignore[arg-type]
     assert COUNTS_AS_LEARNED in result.caveats and result.kind is Conclusion.NOTHING
 
 

@@ -24,7 +24,7 @@ class Controller(DeeptruckNode):
 
     In real time the command is also repeated every `repeat_every_s`: the bridge takes it as a heartbeat,
     which must not depend on the radar's own rate. What counts is the age of the last whole observation: one
-    topic that goes on alone keeps no command alive. With each command goes the engaged bit as the bridge told
+    topic that goes on alone keeps no command alive. With each command goes the engaged bit as the bridge sent
     it last; a simulated truck obeys every command, so that before one it is 1.
     """
 

@@ -129,7 +129,7 @@ class Supervisor:
         return _Child(program, process, log, lifeline)
 
     def _until_ready(self) -> int | None:
-        """None when every process is ready and has been told to go, else the run's exit code."""
+        """None when every process is ready and was started, else the run's exit code."""
         begun = time.monotonic()
         while waiting := [child for child in self._children if not child.is_ready()]:
             code = self._verdict()

@@ -142,12 +142,12 @@ class TruckWithForces:
         return y
 
     def force(self, state: State, y: Array) -> State:
-        told = y[:, SPEED]
-        speed = np.where(np.isnan(told), state.speed, told)  # its own goes on where nothing is told
+        measured = y[:, SPEED]
+        speed = np.where(np.isnan(measured), state.speed, measured)  # NaN: its own goes on
         return replace(state, base=self._feed(state.base, y), speed=speed)
 
     def _feed(self, inner: Any, y: Array) -> Any:
-        """The base truck's state, told y (batch, n_y); as along the recordings its forces were fitted to."""
+        """The base truck's state, corrected by y (batch, n_y), as where its forces were fitted."""
         return self.base.force(inner, heard(self.base, y))
 
     def inside(self, state: State) -> dict[str, Array]:

@@ -86,8 +86,8 @@ class CorrectedTruck:
     def needs_beyond(self) -> tuple[str, ...]:
         """Signals that its terms are made of and that the protocol does not carry, such as a gap."""
         inside = self.base.inside(self.base.reset(np.zeros((1, len(self.interface.y)))))
-        told, asked = {*self.interface.u, *self.interface.w, *inside}, self.added.signals()
-        return tuple(name for name in EXOGENOUS if name in asked and name not in told)
+        known, asked = {*self.interface.u, *self.interface.w, *inside}, self.added.signals()
+        return tuple(name for name in EXOGENOUS if name in asked and name not in known)
 
     @property
     def interface(self) -> TruckInterface:

@@ -46,8 +46,8 @@ def free_runs(
     jobs: Sequence[tuple[Simulator, Sequence[Prepared]]], horizon_s: float, *, exogenous: bool = True
 ) -> list[Errors]:
     """Free runs of `horizon_s` of each simulator one after another along its recordings, with a forced
-    stretch before each, and once more from halfway between their beginnings: what a run tells hangs on
-    where it happens to begin.
+    stretch before each, and once more from halfway between their beginnings: a run's error depends on
+    where it begins.
 
     Without `exogenous` a corrected simulator gets no channel that the protocol does not carry.
     The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole
@@ -56,7 +56,7 @@ def free_runs(
     steps = [round(horizon_s / simulator.dt) for simulator, _ in jobs]
     rows = [_rows(prepared, n) for (_, prepared), n in zip(jobs, steps, strict=True)]
     found = [_errors((), np.zeros((0, 0, 2)), n) for n in steps]
-    channels = [_told(own) for own in rows]
+    channels = [_common(own) for own in rows]
     for simulator, members in side_by_side.groups([s for s, _ in jobs], list(map(len, rows)), channels):
         predicted = _run(simulator, [row for k in members for row in rows[k]], steps[members[0]], exogenous)
         ends = np.cumsum([len(rows[k]) for k in members])
@@ -101,7 +101,7 @@ def horizon(prepared: Sequence[Prepared]) -> float:
 def _run(
     simulator: Simulator | TruckWithForces, rows: Sequence[_Row], horizon: int, exogenous: bool
 ) -> Array:
-    """Responses (rows, T, n_y): free within the windows, told the recorded ones outside."""
+    """Responses (rows, T, n_y): free within the windows, corrected by the recorded ones outside."""
     length = max(len(row.prepared.recording) for row in rows)
     u, w, y = (np.stack([padded(getattr(r.prepared, f), length) for r in rows]) for f in ("u", "w", "y"))
     free = np.zeros(u.shape[:2], dtype=bool)
@@ -124,14 +124,14 @@ def _run(
     return out
 
 
-def _told(rows: Sequence[_Row]) -> tuple[str, ...]:
+def _common(rows: Sequence[_Row]) -> tuple[str, ...]:
     """Channels beyond the protocol that all these recordings have."""
     return tuple(n for n in EXOGENOUS if all(n in row.prepared.recording.channels for row in rows))
 
 
 def _exogenous(rows: Sequence[_Row], length: int) -> dict[str, Array]:
     drives = [row.prepared for row in rows]
-    out = {n: np.stack([padded(p.recording.channels[n], length) for p in drives]) for n in _told(rows)}
+    out = {n: np.stack([padded(p.recording.channels[n], length) for p in drives]) for n in _common(rows)}
     out["place"] = np.stack([padded(p.place(), length) for p in drives])
     if "engine_speed" in out:
         driven = np.stack([padded(p.y[:, SPEED], length) for p in drives])

@@ -20,12 +20,12 @@ from deeptruck_model.recordings import Recording
 
 Array = NDArray[np.float64]
 
-LEAST = 10  # seconds told of a recording, of which less is no road
+LEAST = 10  # seconds of a recording with a slope, of which less is no road
 
 
 @dataclass(frozen=True)
-class Told:
-    """Where a slope was told of a recording, (m,) each: seconds since its bag began, metres since the
+class RecoveredSlope:
+    """The slope recovered along a recording, (m,) each: seconds since its bag began, metres since the
     recording began, and the slope."""
 
     time: Array
@@ -35,9 +35,9 @@ class Told:
 
 @dataclass(frozen=True)
 class Roads:
-    """The slopes that were told, by the recording's name."""
+    """The slopes that were recovered, by the recording's name."""
 
-    slopes: Mapping[str, Told]
+    slopes: Mapping[str, RecoveredSlope]
 
     @staticmethod
     def read(found: Path) -> Roads:
@@ -48,13 +48,13 @@ class Roads:
         try:
             with (found / "profiles.csv").open(newline="") as file:
                 rows = [row for row in csv.DictReader(file) if row["name"] == PROFILE]
-            told: dict[str, list[list[float]]] = {}
+            places_of: dict[str, list[list[float]]] = {}
             for row in rows:
                 place = [float(row[name]) for name in ("time_s", "distance_m", "value")]
-                told.setdefault(row["recording"], []).append(place)
+                places_of.setdefault(row["recording"], []).append(place)
         except (OSError, KeyError, TypeError, ValueError):
             raise InputError(f"{found} has no readable profiles.csv; {FIND_FIRST.format(found)}") from None
-        slopes = {name: Told(*np.array(places).T) for name, places in told.items()}
+        slopes = {name: RecoveredSlope(*np.array(places).T) for name, places in places_of.items()}
         twice = [name for name, there in slopes.items() if (np.diff(there.time) <= 0.0).any()]
         if twice:
             raise InputError(
@@ -63,7 +63,7 @@ class Roads:
         return Roads(slopes)
 
     def along(self, recording: Recording) -> Array | None:
-        """Slope (n,) of a recording, interpolated where none was told; None where next to none was."""
+        """Slope (n,) of a recording, interpolated where none was recovered; None where next to none was."""
         if recording.name not in self.slopes:
             return None
         time, slope = self.slopes[recording.name].time, self.slopes[recording.name].slope
@@ -77,7 +77,7 @@ class Roads:
 
 
 def with_road(roads: Roads, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
-    """The recordings with their slope as grade, and the names of those of which none was told.
+    """The recordings with their slope as grade, and the names of those for which none was recovered.
 
     Raises InputError where a recording has a grade, two are of different trucks, or none has a slope.
     """

@@ -1,4 +1,4 @@
-"""The slope that one vehicle's residual told, as the grade of another vehicle's recordings.
+"""The slope recovered from one vehicle's residual, as the grade of another vehicle's recordings.
 
 Both slopes were recovered blind. Where 6 km of them agree better than chance, the other vehicle was on the
 same road, and its slope there is evidence that this vehicle's own residual has no part in.
@@ -105,19 +105,19 @@ def with_road_of_another(
     and how much of each recording that is.
 
     `roads` are the recordings' own recovered slopes, by which places are found. Raises InputError where a
-    recording has a grade of its own, no slope was told of any, or no stretch is shared.
+    recording has a grade of its own, no slope was recovered for any, or no stretch is shared.
     """
     graded = [r.name for r in recordings if "grade" in r.channels]
     if graded:
         raise InputError(f"recording '{graded[0]}' has a grade of its own; give recordings without one")
-    told = [(r, slope) for r in recordings if (slope := roads.along(r)) is not None]
-    if not told:
+    sloped = [(r, slope) for r in recordings if (slope := roads.along(r)) is not None]
+    if not sloped:
         raise InputError("no slope was found for these recordings; give those that mismatch was run on")
-    along = [_distance(r) for r, _ in told]
-    own = Windows.of([(d, slope) for d, (_, slope) in zip(along, told, strict=True)])
+    along = [_distance(r) for r, _ in sloped]
+    own = Windows.of([(d, slope) for d, (_, slope) in zip(along, sloped, strict=True)])
     found = shared(own, Windows.of([(t.distance, t.slope) for t in other.slopes.values()]))
     pieces, covered = [], []
-    for i, (recording, _) in enumerate(told):
+    for i, (recording, _) in enumerate(sloped):
         grid = steps(along[i])
         slope, turned_share = _overlaid(own, found, i, grid)
         known = np.isfinite(slope)

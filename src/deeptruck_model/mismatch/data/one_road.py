@@ -23,23 +23,23 @@ AXIS_M, FLAT = 6378137.0, 0.00669437999  # of the ellipsoid WGS84: half its long
 STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 500.0  # between two roads: knots of one do not reach the other
-NOWHERE = -1.0  # the place of whoever does not tell it
-BELIEVED = 0.5  # of the way that was driven, or its inverse, that positions tell at least
+NOWHERE = -1.0  # the place of a drive without positions
+BELIEVED = 0.5  # of the way that was driven, or its inverse, that positions give at least
 CHORD_M, PIECE_M = 30.0, 600.0  # a receiver's error lengthens short chords, bends shorten long ones
 LAP_M = 200.0  # a road that is met again sooner was not left
 
 
 def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
-    """The drives with their `road` where two or more tell positions, NOWHERE along the others; as they are
+    """The drives with their `road` where two or more have positions, NOWHERE along the others; as they are
     where fewer do."""
     ways = [_way(p, _position(p)) if _positions(p) else None for p in drives]
-    told = [p for p, way in zip(drives, ways, strict=True) if way is not None and _as_driven(way)]
-    if len(told) < min(2, len(drives)):
+    placed = [p for p, way in zip(drives, ways, strict=True) if way is not None and _as_driven(way)]
+    if len(placed) < min(2, len(drives)):
         return tuple(drives)
-    known, places, end, about = np.zeros((0, 4)), np.zeros(0), 0.0, _position(told[0])
+    known, places, end, about = np.zeros((0, 4)), np.zeros(0), 0.0, _position(placed[0])
     out = []
     for p in drives:
-        if not any(p is other for other in told):
+        if not any(p is other for other in placed):
             out.append(replace(p, road=np.full(len(p.recording), NOWHERE)))
             continue
         way = _way(p, about)
@@ -64,20 +64,20 @@ def _between(driven: Array, own: Array) -> Array:
 
 
 def without_a_place(drives: Sequence[Prepared]) -> list[str]:
-    """Names of the drives whose positions are missing or not believed, where others tell theirs."""
+    """Names of the drives whose positions are missing or not believed, where others have theirs."""
     return [p.recording.name for p in drives if p.road is not None and (p.road == NOWHERE).all()]
 
 
 def on_a_road_of_its_own(drives: Sequence[Prepared]) -> list[str]:
     """Names of the drives whose positions are nowhere near those of any other, where two others do meet."""
-    told = [p for p in drives if p.road is not None and (p.road != NOWHERE).any()]
-    passed = [set(np.floor_divide(p.place(), STEP_M).tolist()) for p in told]
+    placed = [p for p in drives if p.road is not None and (p.road != NOWHERE).any()]
+    passed = [set(np.floor_divide(p.place(), STEP_M).tolist()) for p in placed]
     apart = [
         p.recording.name
-        for k, p in enumerate(told)
+        for k, p in enumerate(placed)
         if not any(passed[k] & other for j, other in enumerate(passed) if j != k)
     ]
-    return apart if len(apart) < len(told) else []
+    return apart if len(apart) < len(placed) else []
 
 
 def _positions(p: Prepared) -> bool:
@@ -86,7 +86,7 @@ def _positions(p: Prepared) -> bool:
 
 
 def _position(p: Prepared) -> tuple[float, float]:
-    """Latitude and longitude (rad), the first that a drive tells."""
+    """Latitude and longitude (rad), the first of a drive."""
     first = (np.radians(p.recording.channels[name]) for name in ("latitude", "longitude"))
     latitude, longitude = (float(x[np.isfinite(x)][0]) for x in first)
     return latitude, longitude
@@ -123,14 +123,14 @@ def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
     return AXIS_M * east_m * fill(east), AXIS_M * north_m * fill(north)
 
 
-def driven_by_told(p: Prepared) -> Array:
-    """Metres by the recorded speed for each metre that positions tell, over every PIECE_M of a drive, (m,);
-    none where it tells no positions. Chords are not smoothed, which would cut bends short."""
+def driven_by_positions(p: Prepared) -> Array:
+    """Metres by the recorded speed for each metre by positions, over every PIECE_M of a drive, (m,);
+    none where it has no positions. Chords are not smoothed, which would cut bends short."""
     if not _positions(p):
         return np.zeros(0)
     track = _track(p, _position(p), CHORD_M)
-    told = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=1)))])
-    gone = np.diff(told[:: round(PIECE_M / CHORD_M)])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=1)))])
+    gone = np.diff(along[:: round(PIECE_M / CHORD_M)])
     out: Array = PIECE_M / gone[gone > 0.0]
     return out
 

@@ -198,7 +198,7 @@ class Prepared:
     valid: Mask
     speed_noise: float
     measured_acceleration: bool
-    road: Array | None = None  # metres along the roads that all drives share (n,), where positions tell
+    road: Array | None = None  # metres along the roads that all drives share (n,), by positions
 
     @property
     def dt(self) -> float:
@@ -209,7 +209,7 @@ class Prepared:
         return np.cumsum(self.y[:, SPEED]) * self.dt
 
     def place(self) -> Array:
-        """Metres along the road (n,): drives whose positions nobody tells start at one place."""
+        """Metres along the road (n,): drives without recorded positions start at one place."""
         return self.distance() if self.road is None else self.road
 
 
@@ -229,8 +229,8 @@ def prepare(
     dt = recording.dt
     needed = (*recording.interface.u, *recording.interface.w, "speed")
     bad = ~np.isfinite(recording.columns(needed).sum(axis=1))
-    told = {n for n in recording.interface.y if np.isfinite(recording.channels.get(n, np.nan)).any()}
-    filled = {name: fill(recording.channels[name]) for name in {*needed, *told}}
+    recorded = {n for n in recording.interface.y if np.isfinite(recording.channels.get(n, np.nan)).any()}
+    filled = {name: fill(recording.channels[name]) for name in {*needed, *recorded}}
     speed = filled["speed"]
     noise = noise_of(recording.channels["speed"])
     width = float(np.clip(noise / 0.02, 0.0, 3.0)) * 0.15 / dt if dt < 0.5 else 0.0

@@ -1,4 +1,4 @@
-"""Unit and scale of speed, beside positions, or engine speed in the gears of a simulator that tells them."""
+"""Unit and scale of speed by positions, or by engine speed in the gears of a simulator that reports them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.data.checks import SensorFault
-from deeptruck_model.mismatch.data.one_road import driven_by_told
+from deeptruck_model.mismatch.data.one_road import driven_by_positions
 from deeptruck_model.mismatch.data.prepared import Prepared, fed
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import SPEED
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 GEARS_AT_MOST = 2.0  # a simulator may drive a gear or two apart, which is no unit
 NEAR, MOSTLY = 0.01, 0.6  # so near its median, relative, so often: a converter that slips has no one ratio
 SAME = 0.5  # gears are whole
-FEWEST = 5  # pieces of road that tell a scale: one alone may be all bends
+FEWEST = 5  # pieces of road that give a scale: one alone may be all bends
 BETWEEN, BY_PLACE = ("speed", "engine_speed"), ("speed", "latitude")
 PLACED = "speed is {scale:.3f} times what positions give: it is scaled"
 SCALED = (
@@ -34,25 +34,25 @@ SCALED = (
 def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
     """Raises InputError where speed and engine speed of the first drive with both are a unit apart. Other
     factors are no proof: tyres and axles differ."""
-    told = next((p for p in prepared if "engine_speed" in p.recording.channels), None)
-    scale = _scale(simulator, told) if told is not None else None
-    if told is None or scale is None or 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
+    first = next((p for p in prepared if "engine_speed" in p.recording.channels), None)
+    scale = _scale(simulator, first) if first is not None else None
+    if first is None or scale is None or 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
         return
     if unit := units.likely(scale, units.SPEEDS):
         raise InputError(
-            f"speed of '{told.recording.name}' is {scale:.3g} times what its engine speed gives by the "
+            f"speed of '{first.recording.name}' is {scale:.3g} times what its engine speed gives by the "
             f"simulator's gear; {unit}"
         )
 
 
 def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> list[SensorFault]:
-    """That speed is off by a factor where no accelerometer speaks for it; none where it is not, or nothing
-    tells. Positions tell it whatever the truck is; without them engine speed does, if tyres and axles are the
+    """That speed is off by a factor where no accelerometer confirms it; none where it is not, or nothing
+    shows it. Positions show it for any truck; without them engine speed does, if tyres and axles are the
     simulator's."""
     if any(p.measured_acceleration for p in prepared):
         return []
-    told = [driven_by_told(p) for p in prepared]
-    by_place = _scaled(told) if sum(map(len, told)) >= FEWEST else None
+    ratios = [driven_by_positions(p) for p in prepared]
+    by_place = _scaled(ratios) if sum(map(len, ratios)) >= FEWEST else None
     if by_place is not None:
         return _beyond(by_place, rules, PLACED, "speed = k * speed by positions", BY_PLACE)
     by_engine = _scaled([_ratios(simulator, p, same_gear=True) for p in prepared])
@@ -83,14 +83,14 @@ def _beyond(
 
 
 def _scale(simulator: Simulator, p: Prepared) -> float | None:
-    """By how much speed is too large; None where the simulator or the recording does not tell."""
+    """By how much speed is too large; None where the simulator or the recording lacks a channel."""
     ratios = _ratios(simulator, p)
     return float(np.median(ratios)) if len(ratios) else None
 
 
 def _ratios(simulator: Simulator, p: Prepared, same_gear: bool = False) -> Array:
     """Simulated engine speed by the recorded one (m,) where the truck moves, in the `same_gear` alone; none
-    where the simulator or the recording does not tell."""
+    where the simulator or the recording lacks a channel."""
     recorded, gear = (p.recording.channels.get(name) for name in ("engine_speed", "gear"))
     if recorded is None:
         return np.zeros(0)

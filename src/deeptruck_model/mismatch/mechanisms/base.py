@@ -53,7 +53,7 @@ GATES: dict[str, tuple[Expression, tuple[str, ...]]] = {  # what borders run thr
 
 @dataclass(frozen=True)
 class Column:
-    """One coefficient: what it multiplies, its prior, and how people are told it (unit, factor into it)."""
+    """One coefficient: what it multiplies, its prior, and how it is reported (unit, factor into it)."""
 
     expression: Expression
     sd: float

@@ -109,7 +109,7 @@ def _shifts(e: Evidence) -> Iterator[Static]:
 
 
 def _shift(v: Simple) -> list[Column]:
-    """A share of the pull missing throughout a window, or as much as each part of it tells."""
+    """A share of the pull missing throughout a window, or in each part of it separately."""
     since = Since((absolute(Change((GEAR,))) > 0.5,))
     force = maximum(Lag((PULL,), 1.5), PULL)
     match v.constants:

@@ -41,7 +41,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 
 @dataclass(frozen=True)
 class Boost(Constants):
-    """Torque above what the engine gives without boost comes late. Torques are told as forces at the gear
+    """Torque above what the engine gives without boost comes late. Torques are reported as forces at the gear
     ratio `reference` (rad/m); without it gears are not known."""
 
     tau_s: float
@@ -176,7 +176,7 @@ def _limits(e: Evidence) -> Iterator[Static]:
     torque = pull * reference / np.maximum(e["ratio"], 0.05 * reference) if reference else pull
     limited: list[tuple[Literal["torque", "power", "command"], Array]]
     limited = [("torque", torque), ("power", pull * speed)]
-    if reference is None and e.has("engine_command"):  # a torque that no gear ratio tells
+    if reference is None and e.has("engine_command"):  # a torque that no gear ratio gives
         limited.append(("command", e["engine_command"]))
     for by, x in limited:
         most = quantile(e, x, pull > 0.02, 0.98)

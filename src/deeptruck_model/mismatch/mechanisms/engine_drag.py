@@ -44,7 +44,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 @dataclass(frozen=True)
 class Demanded(Constants):
     """Braking by a negative engine command, `full` at most: a force, or a torque that follows engine speed to
-    `order` and is told as a force at the gear ratio `reference` (rad/m)."""
+    `order` and is reported as a force at the gear ratio `reference` (rad/m)."""
 
     full: float
     order: int = 0
@@ -58,7 +58,7 @@ LINGERS = 0.02  # of the time
 @dataclass(frozen=True)
 class Overrun(Constants):
     """Braking while the engine command is below `small`, from `after_s` later on. A torque that follows
-    engine speed is told as a force at the gear ratio `reference` (rad/m)."""
+    engine speed is reported as a force at the gear ratio `reference` (rad/m)."""
 
     by: Literal["engine_speed", "speed", "nothing"]
     small: float
@@ -69,7 +69,7 @@ class Overrun(Constants):
 
 @dataclass(frozen=True)
 class Staged(Constants):
-    """By hand, or by whatever else the simulator is not told, while the engine command is below `small`."""
+    """By hand, or by a command the simulator does not get, while the engine command is below `small`."""
 
     small: float
 

@@ -145,11 +145,11 @@ def in_each(v: PerRecording) -> Iterator[tuple[str, Expression]]:
 
 
 def spline_columns(
-    v: Variant, carrier: Expression, name: str, unit: str, *, sign: int, steady: bool = True, **told: Any
+    v: Variant, carrier: Expression, name: str, unit: str, *, sign: int, steady: bool = True, **options: Any
 ) -> list[Column]:
     """A coefficient for every knot of a spline, beside one that holds always where `steady`.
 
-    A simulation of another drive is left with the mean over the knots. `told` goes on to Column. Raises
+    A simulation of another drive is left with the mean over the knots. `options` go on to Column. Raises
     TypeError for what is no spline.
     """
     if not isinstance(v, Spline):
@@ -162,7 +162,7 @@ def spline_columns(
             return AtPlace((PLACE,), at, v.spacing, v.mean)
         return Knot(along, i, at, v.spacing, v.mean)
 
-    always = [Column(carrier, 2.0 * v.sd, name, unit, sign=sign, **told)] if steady or alone else []
+    always = [Column(carrier, 2.0 * v.sd, name, unit, sign=sign, **options)] if steady or alone else []
     unit_of_knots = "s" if v.along == ELAPSED else "m"
     where = [""] if v.shared else [f"{recording}, " for recording in v.names]
     return always + [
@@ -172,7 +172,7 @@ def spline_columns(
             f"{name}[{where[i]}{k * v.spacing:.0f} {unit_of_knots}]",
             unit,
             sign=sign,
-            **told,
+            **options,
         )
         for i, count in enumerate(v.knots)
         for k in range(count)

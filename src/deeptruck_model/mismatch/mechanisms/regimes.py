@@ -53,7 +53,7 @@ class Products:
 
 def between_gears(edges: Array, gears: Sequence[float]) -> Array:
     """The borders (at most as many) between gears (rad/m, ascending) that are next above the edges: through a
-    gear itself none runs, where noise alone would tell the sides."""
+    gear itself none runs, where noise alone would decide the side."""
     at = np.asarray(gears)
     between = np.sqrt(at[1:] * at[:-1])
     above = np.searchsorted(between, edges)

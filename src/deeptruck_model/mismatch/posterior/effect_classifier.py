@@ -72,9 +72,9 @@ class EffectClassifier:
         out: Array = np.mean(members, axis=0)
         return out
 
-    def told(self, f: KernelFeatures) -> Array:
-        """The same of trucks that were driven with what is missing, which are less like the lessons: which
-        name it is is less sure there; whether anything more is missing is not."""
+    def flattened(self, f: KernelFeatures) -> Array:
+        """The same for trucks driven with what is missing, which differ more from the training data:
+        less probable that it is the first name, as probable that anything is missing at all."""
         p = self.probabilities(f)
         more = np.array([name != NOTHING for name in self.names])
         out = np.where(more, p**SURE, 0.0)

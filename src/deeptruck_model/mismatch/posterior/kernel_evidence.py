@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 SIGNED_ROWS = 150  # at which a sign is looked at, where the force is ...
-ACTING = 0.2  # ... of its largest, or more; and it tells nothing by ...
+ACTING = 0.2  # ... of its largest, or more; and it counts for nothing by ...
 FEW_ROWS = 20  # ... fewer
 
 
@@ -171,8 +171,8 @@ def _seen(directions: list[_Directions], along: list[Array], squares: Array, qui
     noise = np.minimum(quiet / np.maximum(_left(directions, along, squares, nats), 1e-9), 1.0)
     nats = _nats(directions, along, noise)
     size = np.argmax(nats, axis=1)
-    told, sign = (np.stack(x) for x in zip(*_signs(directions, along, size, noise), strict=True))
-    return Seen(logsumexp(nats, axis=1) - np.log(len(SIZES)), sign, size, told, noise)
+    identified, sign = (np.stack(x) for x in zip(*_signs(directions, along, size, noise), strict=True))
+    return Seen(logsumexp(nats, axis=1) - np.log(len(SIZES)), sign, size, identified, noise)
 
 
 def _nats(directions: list[_Directions], along: list[Array], noise: Array) -> Array:
@@ -200,19 +200,19 @@ def _left(directions: list[_Directions], along: list[Array], squares: Array, nat
 def _signs(
     directions: list[_Directions], along: list[Array], size: NDArray[np.intp], noise: Array
 ) -> list[tuple[Array, Array]]:
-    """How many directions of each kernel the data tell, and what its sign is worth in nats, each (N,): the
-    share of its posterior that has it, by the rows where it acts, for as many directions as are told."""
+    """How many directions of each kernel the data identify, and the evidence of its sign in nats, each (N,):
+    the share of its posterior that has it, by the rows where it acts, for each identified direction."""
     out = []
     for d, a, best in zip(directions, along, size, strict=True):
         s = SIZES[best]
         precision = 1.0 + noise * s**2 * d.power[:, None]
-        told = np.maximum(np.sum(1.0 - 1.0 / precision, axis=0), 1.0)
+        identified = np.maximum(np.sum(1.0 - 1.0 / precision, axis=0), 1.0)
         if d.signed is None:
-            out.append((told, np.zeros(len(noise))))
+            out.append((identified, np.zeros(len(noise))))
             continue
         mean = d.signed @ (noise * s * a / precision) * s
         sd = np.sqrt(d.signed**2 @ (1.0 / precision)) * s + 1e-9
-        out.append((told, told * np.mean(log_ndtr(mean / sd) - np.log(0.5), axis=0)))
+        out.append((identified, identified * np.mean(log_ndtr(mean / sd) - np.log(0.5), axis=0)))
     return out
 
 

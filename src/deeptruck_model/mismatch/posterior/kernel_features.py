@@ -28,14 +28,14 @@ class Seen:
     """What each of k kernels says of each of N residuals, all (k, N).
 
     `nats`: log evidence beside noise alone, over all sizes; `sign`: what the signs of its forces are worth,
-    nats; `size`: the place of the best in SIZES; `told`: how many of its directions the data tell.
+    nats; `size`: the place of the best in SIZES; `directions`: how many of its directions the data identify.
     `noise` (N,): the precision of the noise beside the best kernel, relative to the noise model's, at most
     one."""
 
     nats: Array
     sign: Array
     size: Places
-    told: Array
+    directions: Array
     noise: Array
 
     @property
@@ -50,12 +50,12 @@ class Seen:
         kernels: NDArray[np.bool_] | slice = slice(None),
     ) -> Seen:
         """Of some of the residuals, by some of the kernels."""
-        nats, sign, told = (x[kernels][:, rows] for x in (self.nats, self.sign, self.told))
-        return Seen(nats, sign, self.size[kernels][:, rows], told, self.noise[rows])
+        nats, sign, directions = (x[kernels][:, rows] for x in (self.nats, self.sign, self.directions))
+        return Seen(nats, sign, self.size[kernels][:, rows], directions, self.noise[rows])
 
     def features(self, at: Sequence[int], known: Sequence[int], wide: int) -> Array:
         """By how much each kernel is worse than the best, its share of what that explains, its sign, size and
-        directions, at the places `at` of the `known` ones among `wide`; and how much is told at all, (d, N).
+        directions, at the places `at` of the `known` ones among `wide`; and how much is explained, (d, N).
         """
         most = self.nats.max(axis=0)
         each = np.stack(
@@ -64,7 +64,7 @@ class Seen:
                 np.clip(self.nats / np.maximum(most, 1.0), -0.3, 1.0),
                 np.clip(self.sign / self.unit, -FURTHEST, 2.0),
                 self.size / (len(SIZES) - 1.0) - 0.5,
-                np.log(self.told) / 3.0,
+                np.log(self.directions) / 3.0,
             ]
         )
         out = np.zeros((len(each), wide, len(most)))
@@ -141,13 +141,13 @@ class KernelFeatures:
 
     def _gaps(self, part: Seen, names: Sequence[str]) -> Array:
         """The same by one part, (names, N)."""
-        told = (part.nats + part.sign + np.log(self.chance)[:, None]) / part.unit
-        out = np.full((len(names), told.shape[1]), -np.inf)
+        evidence = (part.nats + part.sign + np.log(self.chance)[:, None]) / part.unit
+        out = np.full((len(names), evidence.shape[1]), -np.inf)
         out[[name == NOTHING for name in names]] = 0.0
         for k, key in enumerate(self.keys):
             name = key.partition(",")[0]
             if name in names:
                 at = list(names).index(name)
-                out[at] = np.logaddexp(out[at], told[k])
+                out[at] = np.logaddexp(out[at], evidence[k])
         out -= out.max(axis=0)
         return out

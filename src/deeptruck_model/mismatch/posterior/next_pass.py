@@ -1,4 +1,4 @@
-"""What one pass over a road tells of another: the slope ahead, beyond the stretch by which it was found.
+"""What one pass over a road predicts of another: the slope ahead, beyond the stretch by which it was found.
 
 Windows of 6 km find the place. How well they agree proves nothing, as they were picked for that. The 2 km
 that follow were not: there the force of the other pass is taken for the slope of this one.
@@ -54,8 +54,8 @@ class NextPass:
 
 
 def next_pass(windows: Windows, here: Indices, there: Indices, reverse: NDArray[np.bool_]) -> NextPass | None:
-    """What the pass of windows `there` (k,) tells ahead of windows `here`, which were found again there, the
-    other way where `reverse`. None where hardly one of the roads goes on."""
+    """What the pass of windows `there` (k,) predicts ahead of windows `here`, which were found again there,
+    the other way where `reverse`. None where hardly one of the roads goes on."""
     both: list[tuple[int, Array, Array]] = []
     last = -AHEAD  # stretches of one road do not overlap
     for i, j, back in zip(here, there, reverse, strict=True):

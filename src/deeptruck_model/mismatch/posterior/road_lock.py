@@ -29,7 +29,7 @@ class RoadLock:
     other_way_km: float
     agreement: float
     by_chance: float
-    ahead: NextPass | None = None  # what the other pass tells of the road beyond
+    ahead: NextPass | None = None  # what the other pass predicts of the road beyond
 
     def to_json(self) -> dict[str, float]:
         """`road` of a finding in verdict.json; what lies ahead stands in `fit`."""

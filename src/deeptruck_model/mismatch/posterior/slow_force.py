@@ -1,8 +1,8 @@
-"""What a road adds, told beside a learned truck: from the recordings alone.
+"""What a road adds, estimated from the recordings alone, without a learned truck's own answer.
 
 A learned truck that sees its own speed follows a slope as it follows everything slow, so that little of it is
 left in its residual. A line through the recordings does not, but slopes and pulling come together, and an
-ordinary fit takes part of one for the other. Fast changes tell them apart: no road changes within seconds, so
+ordinary fit takes part of one for the other. Fast changes distinguish them: no road changes within seconds:
 what engine and friction do is fitted to those, and the slow rest is the road's, the wind's, or a gain's.
 """
 
@@ -26,7 +26,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
 
-LINE_S = 300.0  # s of driving, from which a slow force, or a line through the recordings, can be told
+LINE_S = 300.0  # s of driving, from which a slow force, or a line through the recordings, is identifiable
 LINE_R2 = 0.4  # share of the fast changes: a line through the recordings that explains less is no truck
 LINE_GAIN_DOUBT = 0.1  # relative error that such a line's factor of the engine's force may have
 BRAKE_S, BRAKING = 2.0, 0.02  # braking is left out until it has let go, s and share of the hardest

@@ -1,7 +1,7 @@
 """What the simulated acceleration is made of: read from a physics truck, asked of a deep one.
 
 A deep truck cannot be opened. Its answers are split by regression on what was recorded beside them; where
-nothing tells the engine's force, it is asked: the engine command of the last LOOK_BACK_S is silenced, and the
+nothing recorded gives the engine's force, the engine command of the last LOOK_BACK_S is silenced, and the
 change of the answer is the engine's share.
 """
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 KNOTS = 7
-TOLD = "modelled_torque"  # a signal of simulators alone that tell their own forces
+MODELLED_TORQUE = "modelled_torque"  # only simulators that report their own forces have this signal
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Shares:
     @classmethod
     def if_unreported(cls, e: Evidence) -> Shares | None:
         """The maps of a simulator that does not report its own forces; None where it does."""
-        return None if TOLD in e.signals else cls.of(e)
+        return None if MODELLED_TORQUE in e.signals else cls.of(e)
 
     @classmethod
     def of(cls, e: Evidence) -> Shares:
@@ -144,7 +144,7 @@ def signals(
     mass_kg: float | None = None,
 ) -> tuple[dict[str, Array], float, bool]:
     """The stacked signals mechanisms are made of, the mass (kg) that turns specific forces into N, and
-    whether it is known: stated, or told by the simulator."""
+    whether it is known: stated, or reported by the simulator."""
     out: dict[str, Array] = {
         "speed": grid.stack([p.y[:, SPEED] for p in prepared]),
         "acceleration": grid.stack([p.observed for p in prepared]),
@@ -166,7 +166,7 @@ def signals(
         out[f"extra: {name}"] = grid.stack(
             [p.recording.channels.get(name, nan) for p, nan in zip(prepared, unknown, strict=True)]
         )
-    if tells_forces(runs[0]):
+    if reports_forces(runs[0]):
         mass, is_known = _from_inside(out, simulator, runs, grid), True
     else:
         known = simulator.parameters().get("mass", mass_kg)
@@ -181,14 +181,14 @@ def _places(grid: Grid, parts: Sequence[Array]) -> Array:
     return np.where(np.abs(mean - last) < NEAR_M, mean, last)
 
 
-def tells_forces(run: Run) -> bool:
+def reports_forces(run: Run) -> bool:
     """Whether a simulator says what acts inside it: its physics is somebody's, and was not learned."""
     return "traction_force" in run.inside
 
 
 def _known(name: str, prepared: Sequence[Prepared], grid: Grid) -> bool:
     """Whether any recording that is fitted has the channel. What only those held out have, as another logger
-    made them, would stand as unknown for what a simulator tells instead."""
+    made them, would stand as unknown for what a simulator reports instead."""
     fitted = [p for p, s in zip(prepared, grid.stretches, strict=True) if not s.held_out]
     return any(np.isfinite(p.recording.channels.get(name, np.nan)).any() for p in fitted)
 
@@ -215,7 +215,7 @@ def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run
         out[name] = np.abs(grid.stack(inside(force))) / mass
     out.setdefault("gear", grid.last(inside("gear")))
     out.setdefault("engine_speed", grid.stack(inside("engine_speed")))
-    out[TOLD] = grid.stack(inside("engine_torque"))
+    out[MODELLED_TORQUE] = grid.stack(inside("engine_torque"))
     radius = simulator.parameters().get("wheel_radius")
     if radius and "ratio" in runs[0].inside:
         out["ratio in gear"] = grid.stack(inside("ratio")) / radius
@@ -235,7 +235,7 @@ def _from_questions(
     Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and
     rolling, with the grade as known. Traction is the first of these that is recorded: power over speed from
     measured torque, from commanded torque, from fuel; without engine speed or fuel, the answer to
-    counterfactual runs. A mass that the simulator tells is the mass.
+    counterfactual runs. A mass that the simulator reports is the mass.
     """
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     speed = np.maximum(out["speed"], 1.0)
@@ -276,7 +276,7 @@ def _asked(simulator: Simulator, p: Prepared) -> Array:
     """Acceleration (n,) that the engine command gives: what is missing of the answer where it is silent.
 
     At some moments the last LOOK_BACK_S are silenced, so that the truck is in the gear it was in. Where a
-    drive that is silent throughout answers the same there, it tells every step in between too.
+    drive that is silent throughout answers the same there, it gives every step in between too.
     """
     back, warm = max(1, round(LOOK_BACK_S / p.dt)), round(WARM_UP_S / p.dt)
     length = warm + back + 1

@@ -89,7 +89,7 @@ def acceleration_of(x: Expression, column: Array, e: Evidence) -> tuple[Array, C
 
 
 def free(inside: Mapping[str, Array]) -> Array | None:
-    """Mass over mass with all that turns, where a simulator's inside tells it."""
+    """Mass over mass with all that turns, where a simulator's inside gives it."""
     return inside["mass"] / inside["effective_mass"] if "effective_mass" in inside else None
 
 

@@ -47,7 +47,7 @@ def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
 
 def overall_ratio(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
     """The gear's own turns per metre near one of the `known`. Elsewhere a clutch slips: what it would be
-    `in_gear`, where a simulator tells, or the ratio, but never beyond the lowest."""
+    `in_gear`, where a simulator reports it, or the ratio, but never beyond the lowest."""
     if not known:
         return ratio
     centres = np.log(np.asarray(known))
@@ -96,7 +96,7 @@ def unit(name: str, commands: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class ForceUnit:
-    """How forces are told: `scale` of them is one m/s^2. Without a mass they are told per kilogram."""
+    """How forces are reported: `scale` of them is one m/s^2. Without a mass they are per kilogram."""
 
     name: str
     scale: float
@@ -106,7 +106,7 @@ class ForceUnit:
         """Of such a force in an equation."""
         return "F" if self.scale > 1.0 else "F/m"
 
-    def told(self, acceleration: float, sign: str = "") -> str:
+    def worded(self, acceleration: float, sign: str = "") -> str:
         """A force per mass (m/s^2) with its unit; `sign` as in a format, "+" for always."""
         digits = 0 if self.scale > 1.0 else 3
         return f"{acceleration * self.scale:{sign}.{digits}f} {self.name}"
@@ -172,7 +172,7 @@ class Evidence:
     sooner: Array | None = None  # (n,) m/s^2 more for deciding, as when to shift, a sample sooner
     rules: Rules = field(default_factory=Rules)  # by which all of this is judged
     mass_known: bool = True
-    known_physics: bool = True  # the simulator tells parameters or forces: it is nobody's learned one
+    known_physics: bool = True  # the simulator reports parameters or forces, so that it is no learned one
     vehicle: VehicleKind = UNSTATED  # what is usual of what drove
     whole: Mask | None = None  # `valid` with held-out recordings, where it is without
 
@@ -180,7 +180,7 @@ class Evidence:
         return len(self.residual)
 
     def to_fit(self) -> Evidence:
-        """The same evidence, of which the held-out recordings tell nothing."""
+        """The same evidence without the held-out recordings."""
         return replace(self, valid=self.valid & ~self.held_out, whole=self.valid)
 
     def everywhere(self) -> Evidence:
@@ -208,7 +208,7 @@ class Evidence:
 
     @property
     def unit(self) -> ForceUnit:
-        """In which forces are told to people."""
+        """In which forces are reported."""
         return ForceUnit("N", self.mass) if self.mass_known else PER_KILOGRAM
 
     def newtons(self, acceleration: Array) -> Array:

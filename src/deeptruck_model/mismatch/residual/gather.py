@@ -47,7 +47,7 @@ def gather(
     """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters.
 
     `moved` are relative changes already made to parameters the simulator was given with. `mass_kg` is stated
-    for a simulator that does not tell its mass; else the recordings or what taught it may state it. Where not
+    for a simulator that does not report its mass; else the recordings or its training data may. Where not
     `reruns_held_out`, other command paths are run along the fitted drives alone, and are zero along others.
     """
     driven = _driven(simulator, prepared, held_out)
@@ -86,7 +86,7 @@ class _Driven:
 
 def _driven(simulator: Simulator, prepared: Sequence[Prepared], held_out: Sequence[bool]) -> _Driven:
     runs = forced(simulator, prepared, [p.u for p in prepared])
-    known_physics = bool(simulator.parameters()) or components.tells_forces(runs[0])
+    known_physics = bool(simulator.parameters()) or components.reports_forces(runs[0])
     block = max(1, round((BLOCK_S if known_physics else BLOCK_LEARNED_S) / prepared[0].dt))
     return _Driven(simulator, prepared, runs, known_physics, Grid(prepared, held_out, block))
 
@@ -132,7 +132,7 @@ def _compared(
 
 def _with_parameters(d: _Driven, e: Evidence) -> Evidence:
     """The evidence with what each parameter changes, and what a force gives. Brakes that hold a deceleration
-    answer more rolling resistance as they answer any force, so that their gain is told anew in the end."""
+    answer more rolling resistance as they answer any force, so that their gain is computed last."""
     holds, turning = e.has("brake_command") and effective_mass.holds(d.simulator), d.turning()
     e.signals["effective_mass_gain"] = effective_mass.rows(d.simulator, e, turning, holds)
     left = effective_mass.held(holds).rows(e)

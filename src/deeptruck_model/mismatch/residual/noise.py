@@ -89,7 +89,7 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
     """
     use = series.usable()
     if not use.any():
-        return _untold(series, prior)
+        return _without_samples(series, prior)
     ar, sigma = (start.ar, start.sigma) if start else (np.zeros(ORDER), _spread(series.y[use]))
     b = prior.mean.copy()
     weight = np.ones(len(series.y))
@@ -149,7 +149,7 @@ def log_orthant(mean: Array, covariance: Array) -> float:
     return out
 
 
-def _untold(series: Series, prior: Prior) -> Fit:
+def _without_samples(series: Series, prior: Prior) -> Fit:
     """What is known where not one sample counts, as in a part of the recordings: the prior."""
     n, k = len(series.y), len(prior.mean)
     covariance, zero = np.diag(prior.sd**2), np.zeros(n)
@@ -199,7 +199,7 @@ def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> A
     """Sd of the coefficients from the gradients of the log likelihood (m, k), summed over each recording.
 
     Where a form is not quite right every drive asks for another size of it, which no noise within a drive
-    tells: the cluster-robust variance of Liang and Zeger, widened by Student's t for few recordings.
+    shows: the cluster-robust variance of Liang and Zeger, widened by Student's t for few recordings.
     """
     drive = np.cumsum(series.starts)[use]
     count = len(np.unique(drive))

@@ -1,4 +1,4 @@
-"""Where a simulator drives in another gear than was recorded: there it tells nothing of forces."""
+"""Where a simulator drives in another gear than was recorded: there it says nothing of forces."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def other_gear(
 ) -> tuple[list[Mask], list[Mask]]:
     """Native samples (n,) of each recording where the simulator's gear is another one; for long, and at all.
 
-    By the recorded gear, else by the recorded engine speed; all False where neither tells.
+    By the recorded gear, else by the recorded engine speed; all False where neither is recorded.
     """
     apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
     if apart is None and "engine_speed" in runs[0].inside:

@@ -64,7 +64,7 @@ def _rerun_slope(
     simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, e: Evidence, name: str
 ) -> Array:
     """The slope between two reruns. Where these shift one may be a little sooner, and the shift is all that
-    they tell: there it is the slope of the components, as far off as before and after."""
+    they show: there it is the slope of the components, as far off as before and after."""
     value = simulator.parameters()[name]
     us = [p.u for p in prepared]
     low, high = (

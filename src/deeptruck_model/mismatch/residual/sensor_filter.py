@@ -49,11 +49,11 @@ def _late_slope(e: Evidence) -> list[Array]:
     turns, over = np.zeros(len(e)), max(1, round(SMOOTH_S / e.dt))
     for s in e.stretches:
         grade, at = e["grade"][s.rows], np.arange(s.stop - s.start)
-        told = np.isfinite(grade)
+        recorded = np.isfinite(grade)
         if (
-            told.any() and len(grade) > over
+            recorded.any() and len(grade) > over
         ):  # straight on over what is missing: a hole is no turn of the road
-            whole = np.interp(at, at[told], grade[told])
+            whole = np.interp(at, at[recorded], grade[recorded])
             turns[s.rows] = np.gradient(uniform_filter1d(whole, over)) / e.dt
     gain = e.signals.get("effective_mass_gain", np.ones(len(e)))
     return [-GRAVITY * gain * turns]

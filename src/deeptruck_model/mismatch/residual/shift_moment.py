@@ -17,7 +17,7 @@ from deeptruck_model.simulators import Simulator
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TELLS, FEWEST = 1e-3, 5  # m/s^2 that a sample makes, and rows, to tell how far apart truck and simulator are
+LEAST_CHANGE, FEWEST = 1e-3, 5  # m/s^2 by a shift of one sample, and rows, to estimate the shift by
 
 
 def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid: Grid) -> Array:
@@ -38,13 +38,13 @@ def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid:
 
 def samples_apart(residual: Array, sooner: Array, valid: Mask) -> float:
     """How far speed strays in the doubt, in samples, one at most: the residual beside what a sample sooner
-    makes, by a median in which a row counts as much as it tells. So no force behind each shift is taken for
-    it. A shift a whole sample sooner tells 2, as `sooner` is the half of two steps: half a sample is the most
-    that is told apart."""
-    told = valid & (np.abs(sooner) > TELLS)
-    if told.sum() < FEWEST:
+    makes, by a median weighted by that change. So no force behind each shift is taken for
+    it. A shift a whole sample sooner gives 2, as `sooner` is the half of two steps: half a sample is the most
+    that is distinguished."""
+    informative = valid & (np.abs(sooner) > LEAST_CHANGE)
+    if informative.sum() < FEWEST:
         return 0.0
-    ratio, weight = residual[told] / sooner[told], np.abs(sooner[told])
+    ratio, weight = residual[informative] / sooner[informative], np.abs(sooner[informative])
     order = np.argsort(ratio)
     sums = np.cumsum(weight[order])
     return min(abs(float(ratio[order][np.searchsorted(sums, sums[-1] / 2.0)])), 1.0)

@@ -44,7 +44,7 @@ class Windows:
         return Windows(np.concatenate(parts), np.concatenate(which), np.concatenate(at))
 
     def centred(self) -> Array:
-        """Without their means, which no two recordings tell alike: sensors and loads shift them."""
+        """Without their means, which differ between recordings: sensors and loads shift them."""
         out: Array = self.values - self.values.mean(axis=1, keepdims=True)
         return out
 

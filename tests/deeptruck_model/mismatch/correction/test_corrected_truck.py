@@ -52,31 +52,31 @@ class BlackBox:
         return {}
 
 
-Told = tuple[object, np.ndarray]  # a truck's state, and what it was last told
+Measured = tuple[object, np.ndarray]  # a truck's state, and the response it was last given
 
 
 class Tracker(BlackBox):
-    """Half of the acceleration it answers with is the one it was last told: so do learned trucks."""
+    """Half of the acceleration it answers with is the one it was last given: so do learned trucks."""
 
     def __init__(self, truck: trucks.PhysicsTruck) -> None:
         super().__init__(truck)
-        self.reset, self.step, self.force = self._reset, self._step, self._told
+        self.reset, self.step, self.force = self._reset, self._step, self._force
 
-    def _reset(self, y0: np.ndarray) -> Told:
+    def _reset(self, y0: np.ndarray) -> Measured:
         return self._truck.reset(y0), y0
 
     def _step(
         self, state: tuple[object, np.ndarray], u: np.ndarray, w: np.ndarray
     ) -> tuple[object, np.ndarray]:
-        inner, told = state
+        inner, given = state
         inner, y = self._truck.step(inner, u, w)
-        acceleration = 0.5 * (y[:, ACCELERATION] + told[:, ACCELERATION])
+        acceleration = 0.5 * (y[:, ACCELERATION] + given[:, ACCELERATION])
         y = y.copy()
-        y[:, SPEED] = told[:, SPEED] + self.dt * acceleration
+        y[:, SPEED] = given[:, SPEED] + self.dt * acceleration
         y[:, ACCELERATION] = acceleration
         return (self._truck.force(inner, y), y), y
 
-    def _told(self, state: Told, y: np.ndarray) -> Told:
+    def _force(self, state: Measured, y: np.ndarray) -> Measured:
         heard = np.where(np.isnan(y), state[1], y)
         return (self._truck.force(state[0], heard), heard)
 
@@ -138,15 +138,15 @@ def test_stepping_keeps_speed_the_integral_of_acceleration_and_old_states_usable
 FADE = Static(Heating(120.0, "from", 0.0))
 
 
-def test_where_nothing_is_told_its_own_response_goes_on() -> None:
+def test_where_nothing_is_measured_its_own_response_goes_on() -> None:
     plain = trucks.load("trucksim")
     truck = CorrectedTruck(
         plain, (Term("engine_friction", Static(Friction(5.0, 0)), (0.1,)),), {}, None, validated=True
     )
     u, w = np.array([[600.0, 0.0]]), np.zeros((1, 1))
     state, y = truck.step(truck.reset(np.array([[0.0, 15.0, 5.0]])), u, w)
-    told_nothing = truck.force(state, np.full_like(y, np.nan))
-    np.testing.assert_allclose(truck.step(told_nothing, u, w)[1], truck.step(state, u, w)[1])
+    without_measurement = truck.force(state, np.full_like(y, np.nan))
+    np.testing.assert_allclose(truck.step(without_measurement, u, w)[1], truck.step(state, u, w)[1])
 
 
 def test_a_command_path_moves_the_command() -> None:
@@ -184,8 +184,8 @@ def test_parameters_a_black_box_has_not_act_as_forces() -> None:
     assert gained == pytest.approx(0.2 * 1e-3 * u[0, :-1, 0].mean() * 3.0, rel=0.1)
 
 
-def test_a_learned_truck_is_not_told_the_acceleration_that_was_corrected() -> None:
-    """Its forces were fitted along recordings of which it heard the speed alone; told the acceleration too,
+def test_a_learned_truck_is_not_given_the_acceleration_that_was_corrected() -> None:
+    """Its forces were fitted along recordings of which it heard the speed alone; given the acceleration too,
     it would pass the correction on and have it twice."""
     u, w, y0 = inputs(20.0, 1)
     y0[:, SPEED] = 25.0

@@ -40,8 +40,8 @@ def hill(name: str, seconds: range) -> list[tuple[object, ...]]:
 def test_the_slope_is_the_grade_at_its_time_and_interpolated_between(
     drives: list[Recording], tmp_path: Path
 ) -> None:
-    told = [*hill("drive0", range(20)), *hill("drive0", range(40, 60)), ("drive0", 1.0, 0.0, "headwind", 9.0)]
-    (made,), left_out = with_road(Roads.read(found(tmp_path / "found", told)), drives)
+    rows = [*hill("drive0", range(20)), *hill("drive0", range(40, 60)), ("drive0", 1.0, 0.0, "headwind", 9.0)]
+    (made,), left_out = with_road(Roads.read(found(tmp_path / "found", rows)), drives)
     assert left_out == ["drive1"] and made.name == "drive0" and made.interface.grade
     time = made.dt * np.arange(len(made))
     where = (time < 19.0) | ((time > 40.0) & (time < 59.0))
@@ -58,7 +58,7 @@ def test_the_name_of_the_truck_makes_no_other_truck(drives: list[Recording], tmp
     assert len(with_road(roads, named)[0]) == 2
 
 
-def test_what_tells_no_slope_is_refused(drives: list[Recording], tmp_path: Path) -> None:
+def test_what_holds_no_slope_is_refused(drives: list[Recording], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no readable verdict"):
         Roads.read(tmp_path)
     (tmp_path / "verdict.json").write_text('{"verdict": "undetermined", "fit": {}}')

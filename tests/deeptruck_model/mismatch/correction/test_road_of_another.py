@@ -7,7 +7,7 @@ import pytest
 
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.correction.recovered_road import Roads, Told
+from deeptruck_model.mismatch.correction.recovered_road import RecoveredSlope, Roads
 from deeptruck_model.mismatch.correction.road_of_another import with_road_of_another
 from deeptruck_model.recordings import Recording
 
@@ -24,19 +24,21 @@ def hills(seed: int) -> np.ndarray:
     return slope
 
 
-def driven(name: str, slope: np.ndarray, speed: float, seed: int) -> tuple[Recording, Told]:
-    """A drive over a profile, and the slope told of it: with noise, and with another zero."""
+def driven(name: str, slope: np.ndarray, speed: float, seed: int) -> tuple[Recording, RecoveredSlope]:
+    """A drive over a profile, and its recovered slope: with noise, and with another zero."""
     n = int(len(slope) / speed / DT) - 1
     channels = {"speed": np.full(n, speed), "acceleration": np.zeros(n)}
     recording = Recording(name, DT, channels, TRUCK.interface)
     distance = speed * DT * np.arange(1, n + 1)
     rng = np.random.default_rng(seed)
-    told = np.interp(distance, np.arange(len(slope)), slope) + 0.003 * rng.standard_normal(n) + 0.002 * seed
-    return recording, Told(DT * np.arange(n), distance, told)
+    recovered = (
+        np.interp(distance, np.arange(len(slope)), slope) + 0.003 * rng.standard_normal(n) + 0.002 * seed
+    )
+    return recording, RecoveredSlope(DT * np.arange(n), distance, recovered)
 
 
-def roads(*drives: tuple[Recording, Told]) -> Roads:
-    return Roads({recording.name: told for recording, told in drives})
+def roads(*drives: tuple[Recording, RecoveredSlope]) -> Roads:
+    return Roads({recording.name: recovered for recording, recovered in drives})
 
 
 def test_the_slope_of_the_other_is_the_grade_on_what_both_drove() -> None:
@@ -90,12 +92,12 @@ def test_unrelated_hills_are_seldom_alike() -> None:
     assert by_chance <= 4
 
 
-def test_a_recording_with_a_grade_or_without_a_told_slope_is_refused() -> None:
-    recording, told = driven("own", hills(8), 20.0, 0)
+def test_a_recording_with_a_grade_or_without_a_recovered_slope_is_refused() -> None:
+    recording, recovered = driven("own", hills(8), 20.0, 0)
     graded = Recording(
         "own", DT, recording.channels | {"grade": recording.channels["speed"]}, TRUCK.interface
     )
     with pytest.raises(InputError, match="grade of its own"):
-        with_road_of_another(Roads({"own": told}), Roads({"own": told}), [graded])
+        with_road_of_another(Roads({"own": recovered}), Roads({"own": recovered}), [graded])
     with pytest.raises(InputError, match="no slope was found for these recordings"):
-        with_road_of_another(Roads({}), Roads({"own": told}), [recording])
+        with_road_of_another(Roads({}), Roads({"own": recovered}), [recording])

@@ -37,10 +37,10 @@ def drive(
 
 
 @pytest.mark.parametrize(
-    ("moves", "slows", "told"), [(False, True, True), (True, True, False), (False, False, False)]
+    ("moves", "slows", "rejects"), [(False, True, True), (True, True, False), (False, False, False)]
 )
 def test_braking_with_a_command_that_never_moves_was_not_recorded(
-    moves: bool, slows: bool, told: bool
+    moves: bool, slows: bool, rejects: bool
 ) -> None:
     r = drive(1)
     r.channels["speed"] = np.full(N, 20.0)
@@ -49,8 +49,8 @@ def test_braking_with_a_command_that_never_moves_was_not_recorded(
     r.channels["brake_command"][2000:2100] = 30.0 if moves else 0.0
     (cleaned,), rejected = checks.clean([r])
     lost = np.flatnonzero(np.isnan(cleaned.channels["brake_command"]))
-    assert (checks.STUCK in {item.rule for item in rejected}) == told == bool(len(lost))
-    if told:
+    assert (checks.STUCK in {item.rule for item in rejected}) == rejects == bool(len(lost))
+    if rejects:
         assert lost[0] in range(990, 1001) and lost[-1] in range(1095, 1111)
 
 
@@ -126,7 +126,7 @@ def test_without_an_accelerometer_nothing_is_said() -> None:
     assert checks.sensor_faults([r], Rules()) == []
 
 
-def test_a_minute_without_speed_is_told_though_it_cuts_the_drive_in_two() -> None:
+def test_a_minute_without_speed_is_reported_though_it_cuts_the_drive_in_two() -> None:
     r = drive(0)
     before, after = r.piece(0, 900), r.piece(1500, len(r))
     _, rejected = checks.clean([replace(before, name="a#0"), replace(after, name="a#1")])

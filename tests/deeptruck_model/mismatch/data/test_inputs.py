@@ -40,7 +40,7 @@ def test_a_drive_that_is_fitted_and_held_out_is_held_out(drives: list[Recording]
     ]
 
 
-def test_cruises_at_one_speed_are_told_by_their_commands(drives: list[Recording]) -> None:
+def test_cruises_at_one_speed_are_distinguished_by_their_commands(drives: list[Recording]) -> None:
     other = drives[0].channels["engine_command"] + 1.0
     uphill = replace(drives[0], name="uphill", channels=drives[0].channels | {"engine_command": other})
     fit, _, said = each_once([drives[0], uphill], [])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.data.one_road import (
-    driven_by_told,
+    driven_by_positions,
     on_a_road_of_its_own,
     on_one_road,
     without_a_place,
@@ -31,11 +31,14 @@ def drives() -> list[Recording]:
 
 
 def at(drive: Recording, east: Array, north: Array) -> Prepared:
-    """A drive whose receiver, with an error, tells these metres about 48 N, 11 E."""
+    """A drive whose receiver, with an error, gives these metres about 48 N, 11 E."""
     rng = np.random.default_rng(0)
     east, north = (x + NOISE_M * rng.standard_normal(len(x)) for x in (east, north))
-    told = {"latitude": 48.0 + north / DEGREE_M, "longitude": 11.0 + east / DEGREE_M / np.cos(np.radians(48))}
-    return prepare(replace(drive, channels=drive.channels | told), False)
+    positions = {
+        "latitude": 48.0 + north / DEGREE_M,
+        "longitude": 11.0 + east / DEGREE_M / np.cos(np.radians(48)),
+    }
+    return prepare(replace(drive, channels=drive.channels | positions), False)
 
 
 def far(drive: Recording) -> Array:
@@ -81,10 +84,10 @@ def test_speed_is_judged_by_the_way_that_positions_tell(drives: list[Recording],
     latitude = np.radians(48.0)
     radius = 6378137.0 / np.sqrt(1.0 - 0.00669437999 * np.sin(latitude) ** 2)  # of the prime vertical
     longitude = begins + np.degrees(driven / 1.05 / radius / np.cos(latitude))
-    told = {"latitude": np.full(len(driven), 48.0), "longitude": (longitude + 180.0) % 360.0 - 180.0}
-    p = prepare(replace(drives[0], channels=drives[0].channels | told), False)
-    assert np.median(driven_by_told(p)) == pytest.approx(1.05, abs=0.002)
-    assert np.array_equal(driven_by_told(prepare(drives[0], False)), [])
+    positions = {"latitude": np.full(len(driven), 48.0), "longitude": (longitude + 180.0) % 360.0 - 180.0}
+    p = prepare(replace(drives[0], channels=drives[0].channels | positions), False)
+    assert np.median(driven_by_positions(p)) == pytest.approx(1.05, abs=0.002)
+    assert np.array_equal(driven_by_positions(prepare(drives[0], False)), [])
     (placed,) = on_one_road([p])
     assert np.diff(placed.place()).max() < 50.0
 
@@ -92,7 +95,7 @@ def test_speed_is_judged_by_the_way_that_positions_tell(drives: list[Recording],
 def test_bends_of_a_test_track_scale_no_speed(drives: list[Recording]) -> None:
     driven, radius = far(drives[0]), 80.0
     p = at(drives[0], radius * np.cos(driven / radius), radius * np.sin(driven / radius))
-    assert np.median(driven_by_told(p)) == pytest.approx(1.0, abs=0.01)
+    assert np.median(driven_by_positions(p)) == pytest.approx(1.0, abs=0.01)
 
 
 def test_whoever_drives_on_beyond_the_end_makes_the_road_longer(drives: list[Recording]) -> None:
@@ -144,11 +147,11 @@ def test_a_drive_that_meets_no_other_is_named(drives: list[Recording]) -> None:
     """As where latitude and longitude are mixed up."""
     first, other = far(drives[0]), far(drives[1])
     swapped = at(drives[1], other, np.zeros_like(other)).recording
-    told = {
+    positions = {
         "latitude": swapped.channels["longitude"],
         "longitude": swapped.channels["latitude"],
     }
-    mixed_up = prepare(replace(swapped, name="mixed up", channels=swapped.channels | told), False)
+    mixed_up = prepare(replace(swapped, name="mixed up", channels=swapped.channels | positions), False)
     met = [at(drives[0], first, np.zeros_like(first)), at(drives[1], other, np.zeros_like(other))]
     assert on_a_road_of_its_own(on_one_road([*met, mixed_up])) == ["mixed up"]
     assert on_a_road_of_its_own(on_one_road(met)) == []

@@ -1,4 +1,4 @@
-"""Units that were taken for others are told by their factor, and by recorded engine speed."""
+"""Units that were taken for others are found by their factor, and by recorded engine speed."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class OneGear:
 
     interface, dt = TRUCK.interface, TRUCK.dt
 
-    def __init__(self, *, tells: bool = True) -> None:
-        self.tells = tells
+    def __init__(self, *, reports: bool = True) -> None:
+        self.reports = reports
 
     def parameters(self) -> dict[str, float]:
         return {}
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array) -> Run:
-        return Run(recorded, {"engine_speed": RATIO * recorded[:, :, SPEED]} if self.tells else {})
+        return Run(recorded, {"engine_speed": RATIO * recorded[:, :, SPEED]} if self.reports else {})
 
 
 def drive(scale: float, *, tyres: float = 1.0, positions: bool = False) -> Prepared:
@@ -61,7 +61,7 @@ def test_tyres_another_gear_and_what_is_no_unit_are_not(scale: float) -> None:
 
 
 @pytest.mark.parametrize("scale", [0.95, 1.05])
-def test_a_scale_without_an_accelerometer_is_told_by_engine_speed(scale: float) -> None:
+def test_a_scale_without_an_accelerometer_is_found_by_engine_speed(scale: float) -> None:
     (found,) = speed_unit.faults(OneGear(), [drive(scale)] * 2, Rules())  # type: ignore[arg-type]
     assert found.effect == "speed_scale" and found.value == pytest.approx(scale) and found.se < 1e-3
     assert found.between == ("speed", "engine_speed") and "accelerometer" not in found.equation
@@ -74,13 +74,13 @@ def test_what_tyres_may_be_and_another_unit_are_no_scale(scale: float) -> None:
     assert speed_unit.faults(OneGear(), [drive(scale)], Rules()) == []  # type: ignore[arg-type]
 
 
-def test_an_engine_that_slips_or_shifts_otherwise_tells_no_scale() -> None:
+def test_an_engine_that_slips_or_shifts_otherwise_gives_no_scale() -> None:
     given = drive(1.05)
     slips = given.recording.channels["engine_speed"] * (1.0 + 0.1 * np.sin(np.arange(len(given.recording))))
     other = given.recording.channels | {"engine_speed": slips}
     slipping = replace(given, recording=replace(given.recording, channels=other))
     assert speed_unit.faults(OneGear(), [slipping], Rules()) == []  # type: ignore[arg-type]
-    measured = replace(given, measured_acceleration=True)  # then the accelerometer tells
+    measured = replace(given, measured_acceleration=True)  # then the accelerometer decides
     assert speed_unit.faults(OneGear(), [measured], Rules()) == []  # type: ignore[arg-type]
 
 
@@ -90,7 +90,7 @@ def test_positions_tell_the_scale_whatever_tyres_are() -> None:
     assert found.value == pytest.approx(1.05, abs=0.005) and "positions" in found.says
     assert speed_unit.faults(truck, [drive(1.0, tyres=1.05, positions=True)] * 2, Rules()) == []
     (blind,) = speed_unit.faults(truck, [drive(1.0, tyres=1.05)] * 2, Rules())
-    assert "tyres and axles" in blind.says  # nothing tells the two apart there
+    assert "tyres and axles" in blind.says  # nothing distinguishes the two there
 
 
 def test_what_does_not_tell_is_not_asked() -> None:
@@ -98,13 +98,13 @@ def test_what_does_not_tell_is_not_asked() -> None:
     channels = {n: x for n, x in bare.recording.channels.items() if n != "engine_speed"}
     unmeasured = replace(bare, recording=replace(bare.recording, channels=channels))
     speed_unit.check(OneGear(), [unmeasured])  # type: ignore[arg-type]
-    speed_unit.check(OneGear(tells=False), [bare])  # type: ignore[arg-type]
+    speed_unit.check(OneGear(reports=False), [bare])  # type: ignore[arg-type]
     assert speed_unit.faults(OneGear(), [unmeasured], Rules()) == []  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("scale", "told"), [(3.598, "km/h read as m/s"), (9.79, "accelerometer in g"), (1.04, ""), (3.4, "")]
+    ("scale", "cause"), [(3.598, "km/h read as m/s"), (9.79, "accelerometer in g"), (1.04, ""), (3.4, "")]
 )
-def test_a_factor_is_told_as_what_it_comes_of(scale: float, told: str) -> None:
+def test_a_factor_is_named_by_its_cause(scale: float, cause: str) -> None:
     said = units.likely(scale, units.SPEEDS | units.ACCELEROMETERS)
-    assert told in said and bool(said) == bool(told)
+    assert cause in said and bool(said) == bool(cause)

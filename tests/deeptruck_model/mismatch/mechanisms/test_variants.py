@@ -55,7 +55,7 @@ def test_a_sum_is_confined_to_a_regime_only_where_all_of_it_is() -> None:
     assert Sum((gated, Static())).gate is None
 
 
-def test_constants_are_told_with_those_of_every_summand() -> None:
+def test_constants_are_reported_with_those_of_every_summand() -> None:
     both = Sum((Static(Keeps(30.0)), Gated(LATER, UPHILL)))
     assert dict(both.numbers()) == {"keeps_s": 30.0, "after_s": 30.0}
 

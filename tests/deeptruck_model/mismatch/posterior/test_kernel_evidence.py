@@ -65,8 +65,8 @@ def test_the_evidence_is_the_density_of_a_gaussian_process(nothing_missing: Evid
 def test_a_law_between_two_forms_of_a_name_bears_it(nothing_missing: Evidence, effect: str) -> None:
     mixed = force(law(nothing_missing, effect, 0), 0.03) + force(law(nothing_missing, effect, -1), 0.03)
     found = of(nothing_missing, mixed)
-    told = dict(zip(LIBRARY, found.by_evidence(list(LIBRARY))[0], strict=True))
-    assert effect in sorted(told, key=lambda name: -told[name])[:2]
+    evidence = dict(zip(LIBRARY, found.by_evidence(list(LIBRARY))[0], strict=True))
+    assert effect in sorted(evidence, key=lambda name: -evidence[name])[:2]
     assert nats(found, effect) > 100.0
 
 
@@ -125,6 +125,6 @@ def test_features_are_where_a_network_looks_for_them(nothing_missing: Evidence) 
     assert fewer.features(keys)[0, -len(keys) + 1] == 0.0
 
 
-def test_a_wrong_parameter_tells_nothing_beside_free_ones(nothing_missing: Evidence) -> None:
+def test_a_wrong_parameter_has_no_evidence_beside_free_ones(nothing_missing: Evidence) -> None:
     found = of(nothing_missing, 0.3 * nothing_missing.sensitivity["torque_gain"])
     assert found.held.nats.max() > 100.0 > 10.0 * found.free.nats.max()

@@ -50,7 +50,7 @@ def test_another_road_beyond_shows_nothing() -> None:
     assert found.left > found.rms
 
 
-def test_a_road_that_ends_tells_nothing() -> None:
+def test_a_road_that_ends_predicts_nothing() -> None:
     w = windows(road(0), road(0))
     here, there, reverse = places(w, 1)
     assert next_pass(w, here[-1:], there[-1:], reverse[-1:]) is None

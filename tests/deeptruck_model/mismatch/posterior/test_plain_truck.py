@@ -55,15 +55,15 @@ def test_slopes_come_back_in_shape_and_size(seed: int) -> None:
     assert line is not None
     known = np.isfinite(line.left)
     assert known.mean() > 0.8
-    told = -line.left[known] / GRAVITY
-    assert np.corrcoef(told, hills[known])[0, 1] > 0.95
-    assert abs(np.polyfit(hills[known], told, 1)[0] - 1.0) < 0.15
+    recovered = -line.left[known] / GRAVITY
+    assert np.corrcoef(recovered, hills[known])[0, 1] > 0.95
+    assert abs(np.polyfit(hills[known], recovered, 1)[0] - 1.0) < 0.15
 
 
-def test_a_recorded_slope_is_not_told_again() -> None:
-    told, _ = drive(2, 0.015, grade_recorded=True)
+def test_a_recorded_slope_is_not_recovered_again() -> None:
+    recovered, _ = drive(2, 0.015, grade_recorded=True)
     flat, _ = drive(2, 0.0)
-    left = [plain_truck(e) for e in (told, flat)]
+    left = [plain_truck(e) for e in (recovered, flat)]
     assert left[0] is not None and left[1] is not None
     rms = [float(np.nanstd(line.left)) for line in left if line]
     assert rms[0] < 1.5 * rms[1] + 0.01

@@ -30,7 +30,7 @@ def drives(nothing_missing: Evidence, count: int) -> Evidence:
 
 
 def road(seed: int) -> np.ndarray:
-    """A slope's force along 30 km, smooth over some 200 m, and as a recording tells it: not quite."""
+    """A slope's force along 30 km, smooth over some 200 m, and as a recording shows it: not quite."""
     return 0.1 * gaussian_filter1d(np.random.default_rng(seed).normal(size=ROWS), 50) * np.sqrt(100)
 
 
@@ -38,7 +38,7 @@ def seen(force: np.ndarray, seed: int) -> np.ndarray:
     return force + 0.3 * road(1000 + seed)
 
 
-def test_the_same_way_and_the_other_way_are_told_apart(nothing_missing: Evidence) -> None:
+def test_the_same_way_and_the_other_way_are_distinguished(nothing_missing: Evidence) -> None:
     e = drives(nothing_missing, 6)
     there, back = road(0), -road(0)[::-1]
     found = road_lock(e, np.concatenate([seen(there, 1), seen(back, 2), *(road(k) for k in range(3, 7))]))
@@ -65,5 +65,5 @@ def test_a_force_that_pushes_alike_both_ways_is_no_slope(nothing_missing: Eviden
     assert found is None or found.other_way_km == 0.0
 
 
-def test_a_short_log_tells_nothing(nothing_missing: Evidence) -> None:
+def test_a_short_log_shows_nothing(nothing_missing: Evidence) -> None:
     assert road_lock(nothing_missing, np.zeros(len(nothing_missing))) is None

@@ -1,4 +1,4 @@
-"""A slow force is told by its size, and its name by the size each name would need."""
+"""A slow force is found by its size, and its name by the size each name would need."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_minutes_are_too_short() -> None:
     assert slow_force(short, 0.5 * SLOW, WEIGHT, SIGMA) is None
 
 
-def test_where_nothing_is_known_nothing_is_told() -> None:
+def test_where_nothing_is_known_nothing_is_identified() -> None:
     weight = WEIGHT.copy()
     weight[1000:1100] = 0.0  # braking, say
     left = np.where(weight > 0.0, 0.3 * SLOW, 9.0)

@@ -18,10 +18,10 @@ def without_fuel(r: Recording) -> Recording:
     return replace(r, channels=channels, interface=replace(r.interface, fuel=False))
 
 
-def test_a_log_without_fuel_tells_the_mass_too() -> None:
+def test_a_log_without_fuel_identifies_the_mass_too() -> None:
     drives = [driving_cycles.drive(HEAVY, seconds=200.0, seed=k, name=f"d{k}") for k in range(3)]
     bare = [without_fuel(r) for r in drives]
     found = mismatch.find_mismatch(TRUCK, bare[:2], bare[2:]).verdict
     assert found["findings"][0]["effect"] == "mass" and found["fit"]["validated"]
-    told = found["findings"][0]["parameters"]["mass"]["value"]
-    assert told == pytest.approx(HEAVY.parameters()["mass"], rel=0.02)
+    mass = found["findings"][0]["parameters"]["mass"]["value"]
+    assert mass == pytest.approx(HEAVY.parameters()["mass"], rel=0.02)

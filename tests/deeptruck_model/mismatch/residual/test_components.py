@@ -54,7 +54,7 @@ def test_the_noise_of_two_sensors_moves_no_lever() -> None:
     assert out["engine_speed"] == pytest.approx(out["lever"] * out["speed"])
 
 
-def test_a_simulator_tells_the_lever_of_a_slipping_clutch() -> None:
+def test_a_simulator_reports_the_overall_ratio_of_a_slipping_clutch() -> None:
     ratio, gears = np.array([12.0, 60.0, 30.0]), (12.0, 24.0)
     assert overall_ratio(ratio, gears).tolist() == [12.0, 24.0, 24.0]
     assert overall_ratio(ratio, gears, np.array([11.9, 48.0, 24.1])).tolist() == [12.0, 48.0, 24.1]

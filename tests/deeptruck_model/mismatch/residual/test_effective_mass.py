@@ -111,7 +111,7 @@ def test_what_changes_while_brakes_hold_acts_until_they_have_made_up_for_it() ->
     y0[:, SPEED] = 27.0
     a, b = (free_run(truck, u, w, y0).y[0, :, ACCELERATION] for truck in (true, plain))
     force = 2500.0 / 30000.0 * np.sin(2.5 * 0.1 * np.arange(400))
-    stream, memory, told = Stream([effective_mass.with_effective_mass(Signal("force"))]), None, []
+    stream, memory, added = Stream([effective_mass.with_effective_mass(Signal("force"))]), None, []
     steady = Stream([effective_mass.held(effective_mass.holds(believed))])
     memory, braked = stream.begin(1), steady.begin(1)
     for k in range(400):
@@ -119,8 +119,8 @@ def test_what_changes_while_brakes_hold_acts_until_they_have_made_up_for_it() ->
         (left,), braked = steady.step(braked, now, 0.1)
         now |= {"effective_mass_gain": left} | effective_mass.holding(True, now, left)
         (value,), memory = stream.step(memory, now, 0.1)
-        told.append(value[0])
+        added.append(value[0])
     braking = slice(200, 400)
-    left = (a - b)[braking] - np.array(told)[braking]
+    left = (a - b)[braking] - np.array(added)[braking]
     assert np.std((a - b)[braking]) > 0.3 * np.std(force[braking])  # far from nothing, as a steady one gives
     assert np.std(left) < 0.5 * np.std((a - b)[braking])

@@ -157,7 +157,7 @@ def test_recordings_that_disagree_widen_the_interval() -> None:
     apart, alike = found(each, starts), found(0.3, starts)
     assert apart.between[0] > 2.0 * alike.between[0]
     assert abs(apart.b[0] - 0.3) < 1.96 * apart.between[0]
-    assert found(each, np.arange(N) % (N // 2) == 0).between[0] == 0.0  # two drives cannot tell
+    assert found(each, np.arange(N) % (N // 2) == 0).between[0] == 0.0  # two drives are too few
 
 
 def test_where_no_sample_counts_the_prior_is_all_that_is_known() -> None:

@@ -38,7 +38,7 @@ def test_where_the_simulator_shifts_later(recorded: dict[str, np.ndarray[Any, An
 
 
 @pytest.mark.parametrize("recorded", [{"gear": GEAR}, {"engine_speed": ENGINE_SPEED}, {}])
-def test_nothing_is_marked_where_gears_agree_or_nothing_tells(
+def test_nothing_is_marked_where_gears_agree_or_none_is_recorded(
     recorded: dict[str, np.ndarray[Any, Any]],
 ) -> None:
     ((marked,), _) = other_gear([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
@@ -53,7 +53,7 @@ def test_a_truck_with_other_ratios_is_not_rejected_as_a_whole() -> None:
 def test_gears_numbered_alike_are_compared_as_they_are() -> None:
     """A truck that learned the recorded numbers may hold another gear than the recorded one throughout."""
     ((marked,), _) = other_gear([drive(gear=GEAR + 1.0)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
-    assert not marked.any()  # all of the time: then nothing tells
+    assert not marked.any()  # all of the time: then nothing decides
     seldom = np.where(np.arange(N) < 300, GEAR, GEAR + 1.0)
     ((marked,), _) = other_gear([drive(gear=seldom)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
     assert marked[300:].all() and not marked[:294].any()
@@ -94,7 +94,7 @@ def test_a_simulator_that_was_taught_no_gears_believes_nothing() -> None:
     assert believed(truck, [p])[0].inside == {}
 
 
-def test_a_logger_that_tells_engine_speed_otherwise_leaves_something_to_fit() -> None:
+def test_a_logger_with_another_engine_speed_leaves_something_to_fit() -> None:
     """Of two recordings the one to be fitted has rpm for rad/s; the one held out is of another logger."""
     parts = [drive(engine_speed=ENGINE_SPEED / 9.55), drive(engine_speed=ENGINE_SPEED)]
     runs = [run(GEAR, ENGINE_SPEED)] * 2

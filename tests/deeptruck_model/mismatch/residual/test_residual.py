@@ -80,8 +80,8 @@ def weighed(recording: Recording, mass_kg: float | None, vehicle: str | None = "
     return replace(recording, interface=replace(recording.interface, mass_kg=mass_kg, vehicle=vehicle))
 
 
-def test_what_no_channel_tells_is_usual_of_the_kind_of_vehicle(drives: list[Recording]) -> None:
-    """No torque and no fuel: nothing tells how heavy it is."""
+def test_what_no_channel_shows_is_usual_of_the_kind_of_vehicle(drives: list[Recording]) -> None:
+    """No torque and no fuel: its mass is not identifiable."""
     unfuelled = replace(TRUCK.specification, interface=replace(TRUCK.interface, fuel=False))
     box = BlackBox(trucks.PhysicsTruck(unfuelled))
     for vehicle, mass in (("truck", 20000.0), ("car", 1500.0), (None, 20000.0)):

@@ -68,7 +68,7 @@ class Strip {
     return value;
   }
 
-  // `age` tells how old the newest value of a series is, s, where it should be newer.
+  // `age` is how old the newest value of a series is, s, where it should be newer.
   draw(data, end, seconds, age = () => 0) {
     const from = end - seconds * 1000;
     this.lines.forEach((line, k) => {
