@@ -48,6 +48,9 @@ RUN_BY = {  # the snippets of other pages need what their own tests have at hand
 WORDS = {  # what control engineers do not say: and what they do
     "untold": "without the exogenous inputs, not identified",
     r"(?<!must be )told(?! about)|tells": "distinguished, identified, reported",  # of data; people are told
+    "surely|how sure": "significantly, uncertainty",
+    "likeness": "similarity",
+    "strange": "outside the training domain",
     "recogniser": "effect classifier",
     "likest|liker": "most probable",
     "fingerprint": "kernel evidence features, hash",

@@ -79,7 +79,7 @@ def bends(s: Signals, size: float, rng: Rng) -> Array:
 
 
 def oscillation(s: Signals, size: float, rng: Rng) -> Array:
-    """Weight by a sine, with time or with the way; its size comes and goes."""
+    """Weight by a sine, with time or with the way; its size varies slowly."""
     period, metres = np.exp(rng.uniform(np.log(0.8), np.log(20.0))), rng.uniform(10.0, 200.0)
     turns = s.time / period if rng.random() < 0.6 else s.distance / metres
     swell = 1.0 + 0.5 * ou_series(rng, s.speed.shape, s.dt, 20.0)

@@ -63,7 +63,7 @@ def compare(
         typer.echo(f"{c.side.name}: moved by {c.offset.seconds:g} s, {off}")
         if c.offset.by is By.NOTHING:
             typer.echo(
-                f"note: no offset of {c.side.name} was sure, so that it begins with the first; {SET_ONE}"
+                f"note: no offset of {c.side.name} was significant: it begins with the first; {SET_ONE}"
             )
     typer.echo(f"see {out / 'compare.html'}")
 

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 LEAST_SHARED = 0.5  # of the shorter side, that an offset must leave to compare
 AGREES = 0.8  # correlation of speeds below which no offset is believed: drives of other roads reach 0.6
-SURE = 8.0  # standard deviations: pieces of unrelated drives reached 6.5 in 334 trials, pieces of one 35
+SIGNIFICANT = 8.0  # standard deviations: unrelated drives reached 6.5 in 334 trials, pieces of one 35
 NEARLY = 0.002  # of correlation: a leader that repeats itself agrees with itself at several offsets
 EARTH_M = 6371e3
 NEAR_M = 30.0  # two lanes and the error of an ordinary GPS
@@ -32,7 +32,7 @@ class By(StrEnum):
     SPEED = "speed"
     GIVEN = "given"
     ONE_BAG = "one bag"  # a simulator along the bag that it is compared with
-    NOTHING = "nothing"  # no offset was sure
+    NOTHING = "nothing"  # no offset was significant
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Offset:
     """By how much a side is moved to meet the first one, s, and how well that agrees.
 
     `correlation` is of the leaders' speeds where these decided, else of their own; that of the best offset,
-    where none was sure.
+    where none was significant.
     """
 
     seconds: float
@@ -64,7 +64,7 @@ def offset(first: Side, other: Side) -> Offset:
     for channel, by in channels.items():
         pair = _Pair.of(first, other, channel)
         shift, correlation = pair.best() if pair.known else (0, 0.0)
-        if correlation >= AGREES and pair.beyond_chance(shift) > SURE:
+        if correlation >= AGREES and pair.beyond_chance(shift) > SIGNIFICANT:
             return Offset(shift * first.step_s, correlation, by)
     return Offset(0.0, correlation, By.NOTHING)
 

@@ -66,7 +66,7 @@ HOW = {
     By.SPEED: "where the speeds agree best, with a correlation of {:.2f}",
     By.GIVEN: "as given; correlation of the speeds {:.2f}",
     By.ONE_BAG: "on the clock of one bag; correlation of the speeds {:.2f}",
-    By.NOTHING: "begun together, as no offset was sure (the best had a correlation of {:.2f})",
+    By.NOTHING: "begun together, as no offset was significant (the best had a correlation of {:.2f})",
 }
 
 

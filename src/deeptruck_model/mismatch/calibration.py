@@ -64,7 +64,7 @@ class Calibration:
 
     @property
     def validated(self) -> bool:
-        """Whether the fitted truck surely drives better where it was not fitted."""
+        """Whether the fitted truck drives significantly better where it was not fitted."""
         return self.better is not None and self.better[0] > 0.0
 
 

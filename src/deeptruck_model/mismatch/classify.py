@@ -72,9 +72,9 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
         probable = next(iter(tree.families.values())) >= rules.named
         best = tree.first if probable else UNKNOWN
         whole = tree.given(right)
-        sure = whole.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
+        stated = whole.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
         explained = best == UNKNOWN and sum(names.get(n, 0.0) for n in behind) >= rules.named * total
-        accepted = (sure or search.e.known_physics) and not explained
+        accepted = (stated or search.e.known_physics) and not explained
         found.append(Named(best, whole, held, free, evidence.force(y, best, given), accepted))
         if best == UNKNOWN:
             break

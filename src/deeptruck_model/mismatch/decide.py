@@ -397,7 +397,7 @@ def _advice(
     elif not driven.fit.corrected:
         apply = Advice(Answer.NO, wording.NOTHING_CORRECTED)
     elif errors.after.speed < errors.before.speed:
-        apply = Advice(Answer.UNSURE, wording.UNSURE_BETTER)
+        apply = Advice(Answer.UNSURE, wording.NOT_SIGNIFICANT)
     else:
         apply = Advice(Answer.NO, wording.NOT_BETTER)
     return {"data": data, "simulator": simulator, "apply": apply}

@@ -72,9 +72,9 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
     stated = [f for f in findings if f.stated != ROOT]
     nodes = c.names.found[0].tree.nodes() if c.names.found else (NOTHING,)
     if stated:
-        says = " ".join(lines.sure(f) for f in stated)
+        says = " ".join(lines.cause(f) for f in stated)
     elif matter or (c.names.detected and not named):
-        says = lines.unsure(nodes)
+        says = lines.candidates(nodes)
     else:
         says, nodes = NOT_DETECTED, (NOTHING,)
     return Names(

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import noise_of
-from deeptruck_model.mismatch.data.prepared import SETTLE_S, heard, quantum
+from deeptruck_model.mismatch.data.prepared import SETTLE_S, fed_back, quantum
 from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -185,7 +185,7 @@ class Monitor:
         response = np.tile(self._response(acceleration, speed), (JITTER_RUNS + 1, 1))
         response[1:, SPEED] += self._rng.normal(0.0, max(noise[0], LEAST_NOISE), JITTER_RUNS)
         response[:, SPEED] = np.maximum(response[:, SPEED], 0.0)
-        self._state = self._simulator.force(self._state, heard(self._simulator, response))
+        self._state = self._simulator.force(self._state, fed_back(self._simulator, response))
         return np.asarray(y[:, ACCELERATION])
 
     def _noise(self) -> Array:

@@ -29,7 +29,7 @@ from deeptruck_model.simulators import Simulator
 OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"
 NO_PLACE = "positions of {} are missing or do not fit the speed: their place on the road is not known"
 LEFT_OUT = "rows that were marked"
-STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
+OUTSIDE_TRAINING = "the simulator has learned from no driving at such speeds, commands and slopes"
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,9 @@ def prepared(
             faults = [*faults, *scaled]
             whole = _corrected(simulator, drives, faults, measured)
     aligned = on_one_road([learned(simulator, p) for p in whole])
-    strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, aligned, strict=True))
-    if strange:
-        rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
+    outside = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, aligned, strict=True))
+    if outside:
+        rejected = sorted([*rejected, checks.Rejection(OUTSIDE_TRAINING, outside)], key=lambda r: -r.samples)
     kept = tuple(_without(p, without) for p in aligned)
     if marked := sum(int((p.valid & ~q.valid).sum()) for p, q in zip(aligned, kept, strict=True)):
         rejected = sorted([*rejected, checks.Rejection(LEFT_OUT, marked)], key=lambda r: -r.samples)

@@ -33,7 +33,7 @@ class Validated:
 
 
 def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted: list[Prepared]) -> Validated:
-    """What the correction is worth: it is validated where the held-out error surely falls, in root mean
+    """The benefit of the correction, validated where the held-out error falls significantly, in root mean
     square and in mean absolute value, without signals beyond the protocol too."""
     horizon_s = horizon(held_out or fitted)
     after = made.corrected

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.data.prepared import heard
+from deeptruck_model.mismatch.data.prepared import fed_back
 from deeptruck_model.mismatch.expression import Expression, Stream
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.command_path import CommandPath
@@ -148,7 +148,7 @@ class TruckWithForces:
 
     def _feed(self, inner: Any, y: Array) -> Any:
         """The base truck's state, corrected by y (batch, n_y), as where its forces were fitted."""
-        return self.base.force(inner, heard(self.base, y))
+        return self.base.force(inner, fed_back(self.base, y))
 
     def inside(self, state: State) -> dict[str, Array]:
         return self.base.inside(state.base)

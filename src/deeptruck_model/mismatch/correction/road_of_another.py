@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.residual.stretches import (
     STEP_M,
     WIDTH,
     Windows,
-    likeness,
+    similarity,
     steps,
     turned,
 )
@@ -70,8 +70,8 @@ def shared(own: Windows, other: Windows) -> Shared:
     a, b = own.centred(), other.centred()
     if not len(a) or not len(b):
         return Shared(np.zeros(0, dtype=np.intp), np.zeros((0, WIDTH)), np.zeros(0, dtype=bool))
-    pairs = Votes(own, other, likeness(a, b), -1.0), Votes(own, other, likeness(turned(a), b), 1.0)
-    none = Votes(own, other, likeness(-a, b), -1.0), Votes(own, other, likeness(-turned(a), b), 1.0)
+    pairs = Votes(own, other, similarity(a, b), -1.0), Votes(own, other, similarity(turned(a), b), 1.0)
+    none = Votes(own, other, similarity(-a, b), -1.0), Votes(own, other, similarity(-turned(a), b), 1.0)
     limit = max(float(v.best.max()) for v in none)
     same, back = (np.where(v.votes(limit) >= ROAD_SHARED, v.best, -1.0) for v in pairs)
     reverse = back > same

@@ -183,7 +183,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
-STRANGE_S = 1.0  # in which a learned simulator gets over driving that it never learned from
+RECOVERY_S = 1.0  # in which a learned simulator recovers from driving outside its training domain
 
 
 @dataclass(frozen=True)
@@ -254,22 +254,22 @@ def prepare(
 
 
 def learned(simulator: Simulator, p: Prepared) -> Prepared:
-    """The recording, invalid too where a learned simulator has learned from nothing like it."""
+    """The recording, invalid too outside a learned simulator's training domain."""
     driven = getattr(simulator, "driven", None)
     if driven is None:
         return p
-    strange = ~driven.covers(p.y[:, SPEED], p.u, p.w)
-    return replace(p, valid=p.valid & ~widen(strange, 0, round(STRANGE_S / p.dt)))
+    outside = ~driven.covers(p.y[:, SPEED], p.u, p.w)
+    return replace(p, valid=p.valid & ~widen(outside, 0, round(RECOVERY_S / p.dt)))
 
 
 def fed(simulator: Simulator, y: Array) -> Array:
     """What of a recorded drive y (..., T, n_y) the simulator is fed; it starts from all of it."""
-    out = heard(simulator, y).copy()
+    out = fed_back(simulator, y).copy()
     out[..., 0, :] = y[..., 0, :]
     return out
 
 
-def heard(simulator: Simulator, y: Array) -> Array:
+def fed_back(simulator: Simulator, y: Array) -> Array:
     """What of responses y (..., n_y) that are not its own the simulator is fed.
 
     A learned simulator that sees the acceleration it is to predict passes it on, and the mismatch with it; so

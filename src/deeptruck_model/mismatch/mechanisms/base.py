@@ -64,7 +64,7 @@ class Column:
     sign: int = 1  # +1: never negative; 0: free
     mean: float = 0.0
     course: tuple[tuple[str, float], ...] = ()  # of a piece of a curve: what it adds at each place, by name
-    most: float = np.inf  # coefficient times factor: one that is surely larger is none of this
+    most: float = np.inf  # coefficient times factor: one that is significantly larger is none of this
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,10 @@ Array = NDArray[np.float64]
 WEIGHTS = Path(__file__).with_name("effect_classifier.npz")
 PER_KERNEL, WHOLE = 5, 2  # features of each kernel, and of all together, in either part of its input
 GIVEN = 2  # features of names that are given
-FARTHEST = 3.0  # sds of a feature from its mean in the lessons: beyond, it says no more
-SURE = 0.7  # exponent of probabilities on whole trucks; fitted to development cases of families left out
+FARTHEST = 3.0  # sds of a feature from its mean in training: beyond, it says no more
+FLATTENING = (
+    0.7  # exponent of probabilities on driven trucks; chosen on development cases of left-out families
+)
 NOWHERE = -30.0  # log probability of a name that cannot be
 
 
@@ -77,7 +79,7 @@ class EffectClassifier:
         less probable that it is the first name, as probable that anything is missing at all."""
         p = self.probabilities(f)
         more = np.array([name != NOTHING for name in self.names])
-        out = np.where(more, p**SURE, 0.0)
+        out = np.where(more, p**FLATTENING, 0.0)
         out *= p[:, more].sum(axis=1, keepdims=True) / out.sum(axis=1, keepdims=True)
         return np.where(more, out, p)
 

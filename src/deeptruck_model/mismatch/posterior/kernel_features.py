@@ -19,7 +19,8 @@ Places = NDArray[np.intp]
 Rows = NDArray[np.bool_] | Sequence[int]
 
 SIZES = np.array([0.05, 0.15, 0.4, 1.0, 2.5])  # of a kernel beside its prior sd, equally likely
-TEMPER, COARSE = 3.0, 0.05  # nats between names count by the larger of TEMPER and COARSE of the most
+TEMPERATURE = 3.0  # nats between names count by the larger of this and ...
+FORM_ERROR = 0.05  # ... this share of the most
 FURTHEST = 8.0  # of such, by which a kernel may be worse
 
 
@@ -41,7 +42,7 @@ class Seen:
     @property
     def unit(self) -> Array:
         """By how many nats (N,) one name beats another by one."""
-        out: Array = np.maximum(TEMPER, COARSE * self.nats.max(axis=0))
+        out: Array = np.maximum(TEMPERATURE, FORM_ERROR * self.nats.max(axis=0))
         return out
 
     def of(

@@ -36,7 +36,7 @@ class NextPass:
 
     @property
     def shown(self) -> bool:
-        """Whether the other pass surely predicts it."""
+        """Whether the other pass predicts it significantly better."""
         return self.smaller_ci95[0] > 0.0
 
     def to_json(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.posterior.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.stretches import LENGTH_M, STEP_M, Windows, likeness, turned
+from deeptruck_model.mismatch.residual.stretches import LENGTH_M, STEP_M, Windows, similarity, turned
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -47,7 +47,7 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
 
     def found(sought: Array) -> tuple[Array, Indices]:
         """How well each agrees with the most alike elsewhere, and which that is."""
-        alike = _elsewhere(windows, picked, likeness(sought, all_of_them))
+        alike = _elsewhere(windows, picked, similarity(sought, all_of_them))
         return alike.max(axis=1), alike.argmax(axis=1)
 
     (same, there), (other, back) = found(a), found(turned(a))
@@ -84,7 +84,7 @@ def _windows(e: Evidence, force: Array) -> Windows:
 
 
 def _elsewhere(windows: Windows, picked: Indices, alike: Array) -> Array:
-    """The likeness (p, m) of `picked` windows with all, but with those that overlap them."""
+    """The similarity (p, m) of `picked` windows with all, but with those that overlap them."""
     for row, i in enumerate(picked):
         here = (windows.profile == windows.profile[i]) & (np.abs(windows.at - windows.at[i]) < LENGTH_M)
         alike[row, here] = -1.0

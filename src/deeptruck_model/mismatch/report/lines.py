@@ -70,12 +70,12 @@ def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
     return [(r, r.samples / v.recorded) for r in v.rejected] if v.recorded else []
 
 
-def how_sure(v: Verdict) -> Iterator[str]:
+def how_probable(v: Verdict) -> Iterator[str]:
     """Each finding with its probabilities."""
     for f in v.findings:
-        yield sure(f)
+        yield cause(f)
     if not v.findings and v.tree and v.kind is Conclusion.UNDETERMINED:
-        yield unsure(v.tree)
+        yield candidates(v.tree)
     if v.smallest_visible is not None:
         yield smallest(v.smallest_visible)
 
@@ -88,7 +88,7 @@ def smallest(s: SmallestVisible) -> str:
     return f"Smaller errors would not have been detected: {', '.join(sizes)}."
 
 
-def unsure(tree: Sequence[Node]) -> str:
+def candidates(tree: Sequence[Node]) -> str:
     """The most probable families, none of which is stated."""
     top = [n for n in tree if n.parent == ROOT][:3]
     if len(top) == 1:
@@ -97,7 +97,7 @@ def unsure(tree: Sequence[Node]) -> str:
     return f"No part of the truck is at 90 %: {split}."
 
 
-def sure(f: Finding) -> str:
+def cause(f: Finding) -> str:
     """The stated node and the split below it."""
     if f.kind is Kind.SENSOR or f.family == f.effect:
         return f"{opened(spoken(f.effect))}: {f.says}."
@@ -160,4 +160,4 @@ def lights(v: Verdict) -> list[Light]:
 def lines(v: Verdict) -> list[str]:
     """All of it, for the terminal."""
     answers = [f"{one.question} {one.answer} ({one.reason})." for one in lights(v)]
-    return [headline(v) + ".", *not_recorded(v), *what(v), *how_sure(v), *what_to_do(v), *answers]
+    return [headline(v) + ".", *not_recorded(v), *what(v), *how_probable(v), *what_to_do(v), *answers]

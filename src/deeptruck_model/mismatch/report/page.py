@@ -55,7 +55,7 @@ def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
     parts = [p for p in named if max(s.get(p, 0.0) for s in shares) >= LEAST]
     return {
         "headline": lines.headline(v),
-        "lines": [*lines.what(v), *lines.how_sure(v), *lines.what_to_do(v), errors_say(v)],
+        "lines": [*lines.what(v), *lines.how_probable(v), *lines.what_to_do(v), errors_say(v)],
         "budget": [[spoken(p), *(percent(s.get(p, 0.0)) for s in shares)] for p in parts],
         "errors": [
             [name, *(_error(m, key) for m in (before, found))]
@@ -85,7 +85,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "kind": opened(v.kind.replace("_", " ")),
         "not_recorded": list(lines.not_recorded(v)),
         "what": list(lines.what(v)),
-        "how_sure": list(lines.how_sure(v)),
+        "how_probable": list(lines.how_probable(v)),
         "what_to_do": list(lines.what_to_do(v)),
         "command": command if v.validated else "",
         "lights": lines.lights(v),
@@ -130,7 +130,7 @@ def _part(p: Part) -> dict[str, Any]:
 
 
 def _finding(f: Finding) -> dict[str, Any]:
-    rows = [("probability", lines.sure(f))]
+    rows = [("probability", lines.cause(f))]
     if f.equation:
         rows.append(("equation", f.equation))
     for name, size in f.parameters.items():

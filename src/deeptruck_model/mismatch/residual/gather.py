@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.residual.command_path import changed
 from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence
 from deeptruck_model.mismatch.residual.forced import accelerations, forced
 from deeptruck_model.mismatch.residual.grid import Grid
-from deeptruck_model.mismatch.residual.other_gear import believed, other_gear
+from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
 from deeptruck_model.mismatch.residual.sensitivity import sensitivities
 from deeptruck_model.mismatch.residual.shift_moment import (
     at_another_moment,
@@ -75,7 +75,7 @@ class _Driven:
         """Native samples of each drive in which the simulator's gear is another for long, and at all."""
         if self.known_physics:
             return other_gear(self.prepared, self.runs, held_out=held_out)
-        return other_gear(self.prepared, believed(self.simulator, self.prepared), True, held_out)
+        return other_gear(self.prepared, with_predicted_gears(self.simulator, self.prepared), True, held_out)
 
     def turning(self) -> Array:
         """What a force gives in each block without brakes, for a force per mass of one."""
@@ -99,7 +99,7 @@ def _compared(
     mass_kg: float | None,
     rerun_along: Sequence[bool],
 ) -> Evidence:
-    """What the simulator as it is says along the drives, and how sure of it it is."""
+    """What the simulator as it is says along the drives, and its uncertainty of that."""
     simulator, prepared, grid = d.simulator, d.prepared, d.grid
     stated = _stated_mass(simulator, prepared, mass_kg)
     signals, mass, mass_known = components.signals(simulator, prepared, d.runs, grid, stated)
@@ -145,7 +145,7 @@ def _with_parameters(d: _Driven, e: Evidence) -> Evidence:
 
 
 def _stated_mass(simulator: Simulator, prepared: Sequence[Prepared], mass_kg: float | None) -> float | None:
-    """Mass (kg) as the user, the recordings or what taught the simulator state it, in this order."""
+    """Mass (kg) as the user, the recordings or the simulator's training data state it, in this order."""
     recorded = [p.recording.interface.mass_kg for p in prepared]
     known = [m for m in recorded if m is not None]
     if mass_kg is not None or not known:

@@ -50,9 +50,9 @@ def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
     return any(np.concatenate(part).mean() > 0.5 for part in (apart, fitted))
 
 
-def believed(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:
-    """Runs whose inside is what a learned simulator makes of gear and engine speed, where it was taught these
-    for its own sake. Most of what it does wrong it does in the wrong gear."""
+def with_predicted_gears(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:
+    """Runs whose inside is a learned simulator's prediction of gear and engine speed, where it was trained on
+    these. Most of its error arises in the wrong gear."""
     believes = getattr(simulator, "believes", None)
     longest = max(len(p.recording) for p in prepared)
     parts = [(p.u, p.w, fed(simulator, p.y)) for p in prepared]

@@ -37,10 +37,10 @@ def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid:
 
 
 def samples_apart(residual: Array, sooner: Array, valid: Mask) -> float:
-    """How far speed strays in the doubt, in samples, one at most: the residual beside what a sample sooner
-    makes, by a median weighted by that change. So no force behind each shift is taken for
-    it. A shift a whole sample sooner gives 2, as `sooner` is the half of two steps: half a sample is the most
-    that is distinguished."""
+    """How far apart the two shifts may be, in samples, one at most: the residual over its change by a sample
+    sooner, by a median weighted by that change. So no force behind each shift is taken for it. A shift a
+    whole sample sooner gives 2, as `sooner` is the half of two steps: half a sample is the most that is
+    distinguished."""
     informative = valid & (np.abs(sooner) > LEAST_CHANGE)
     if informative.sum() < FEWEST:
         return 0.0

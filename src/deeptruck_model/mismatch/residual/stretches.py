@@ -59,9 +59,9 @@ def turned(windows: Array) -> Array:
     return -windows[:, ::-1]
 
 
-def likeness(sought: Array, among: Array) -> Array:
+def similarity(sought: Array, among: Array) -> Array:
     """How well windows (a, k) agree with others (b, k), both without means, (a, b): 1 for the same, 0 for no
-    likeness, as size counts too."""
+    similarity, as size counts too."""
     size = np.sum(sought**2, axis=1)[:, None] + np.sum(among**2, axis=1)[None]
     out: Array = 2.0 * (sought @ among.T) / (size + 1e-12)
     return out

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.residual.other_gear import believed, other_gear
+from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -81,7 +81,7 @@ def test_recordings_of_any_length_are_asked_about_at_once() -> None:
         p.recording = [None] * length
         parts.append(p)
     truck: Any = Believer()
-    runs = believed(truck, parts)
+    runs = with_predicted_gears(truck, parts)
     assert truck.rows == 2
     assert [r.inside["gear"].shape for r in runs] == [(1, N), (1, N // 2)]
     assert [float(r.inside["gear"][0, 0]) for r in runs] == [5.0, 6.0]
@@ -91,7 +91,7 @@ def test_a_simulator_that_was_taught_no_gears_believes_nothing() -> None:
     p = drive()
     p.u, p.w, p.y = np.zeros((N, 2)), np.zeros((N, 1)), np.zeros((N, 3))
     truck: Any = SimpleNamespace(parameters=dict)
-    assert believed(truck, [p])[0].inside == {}
+    assert with_predicted_gears(truck, [p])[0].inside == {}
 
 
 def test_a_logger_with_another_engine_speed_leaves_something_to_fit() -> None:
