@@ -14,14 +14,15 @@ if TYPE_CHECKING:
     from deeptruck_model.fleet.run import Fleet, Workers
     from deeptruck_model.fleet.storage import Place
 
-STAGES = ("extract", "compare", "pool", "show")
+STAGES = ("extract", "compare", "pool", "roads", "show")
 SHOWN = 10  # quarantined files or trucks that the terminal lists
 _HELP = """Compare a fleet's recordings with a simulator, truck by truck, and say which trucks differ.
 
 All stages in order: extract (read each file once), compare (the mismatch tool on each truck), pool (which
-trucks differ from their siblings, false discoveries controlled) and show (the page). Each is a command of its
-own, too: 'fleet extract SOURCE', and 'fleet compare', 'fleet pool' or 'fleet show' with the folder that was
-written. The same command goes on where it was stopped. Folders may be file://, s3:// and gs:// addresses.
+trucks differ from their siblings, false discoveries controlled), roads (slopes of roads that several trucks
+drove) and show (the page). Each is a command of its own, too: 'fleet extract SOURCE', and 'fleet compare',
+'fleet pool', 'fleet roads' or 'fleet show' with the folder that was written. The same command goes on where
+it was stopped. Folders may be file://, s3:// and gs:// addresses.
 
 Examples:
 
@@ -101,6 +102,8 @@ def fleet(
                 _compare(target, who, hours_per_truck)
     if stage in ("", "pool"):
         _pool(target, trucks, level)
+    if stage in ("", "roads"):
+        _roads(target)
     if stage in ("", "show"):
         _show(target)
 
@@ -181,6 +184,12 @@ def _pool(target: Place, trucks: Path | None, level: float) -> None:
             f"over {len(found['series'])} runs with new drives: {', '.join(every) or 'no truck'} discovered, "
             f"in the last {', '.join(last['discovered']) or 'none'}, at its level of {last['level']:.2g}"
         )
+
+
+def _roads(target: Place) -> None:
+    from deeptruck_model.fleet.roads import roads, said
+
+    print(said(roads(target)))
 
 
 def _show(target: Place) -> None:

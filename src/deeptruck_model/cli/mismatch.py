@@ -194,8 +194,13 @@ def adapt(
 
 
 def road(
-    directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
-    recordings: Annotated[list[Path], typer.Argument(help="The bags it was run on, without a grade.")],
+    directory: Annotated[
+        Path, typer.Argument(help="Folder that 'mismatch' wrote, or roads.csv that 'fleet roads' wrote.")
+    ],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="Bags without a grade: those it was run on, or any on the roads of a fleet."),
+    ],
     out: Annotated[Path, typer.Option(help="New bag.")],
     other: Annotated[
         Path | None,
@@ -211,23 +216,26 @@ def road(
     """Write recordings again with the slope that was recovered as their grade, to train a truck on it.
 
     Example: deeptruck-model road found a b c --out with_road
+    Example: deeptruck-model road result/roads.csv a b c --out with_road
     """
-    folders_given = [directory, *([other] if other else [])]
+    fleet = directory.is_file()
+    if fleet and other is not None:
+        raise InputError("--other is for a folder that 'mismatch' wrote; roads.csv finds roads by positions")
+    given = [directory, *([other] if other else [])]
     checks.every(
         lambda: BAG_WITH_ROAD.check(out, overwrite=overwrite),
-        lambda: apart(out, *folders_given, *recordings),
-        *(partial(folders.check_road, folder) for folder in folders_given),
+        lambda: apart(out, *given, *recordings),
+        *(partial(folders.check_road, folder) for folder in given if not fleet),
         lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
     from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
     from deeptruck_model.mismatch.correction.road_of_another import with_road_of_another
+    from deeptruck_model.mismatch.correction.shared_roads import SharedRoads
 
-    roads, read = (
-        Roads.read(directory),
-        rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ()),
-    )
-    if other is None:
+    roads = SharedRoads.read(directory) if fleet else Roads.read(directory)
+    read = rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ())
+    if other is None or isinstance(roads, SharedRoads):
         made, left_out = with_road(roads, read)
         notes = [f"left out, as no slope was found for them: {', '.join(left_out)}"] if left_out else []
     else:

@@ -114,6 +114,7 @@ def lost(job: Comparison, why: str) -> dict[str, Any]:
 
 def _compared(job: Comparison) -> dict[str, Any]:
     from deeptruck_model import simulators
+    from deeptruck_model.fleet.slopes import COLUMNS, SLOPES, slopes, written
     from deeptruck_model.mismatch import find_mismatch
     from deeptruck_model.mismatch.evidence_by_name import evidence_by_name
     from deeptruck_model.mismatch.folders import apply_command
@@ -139,6 +140,13 @@ def _compared(job: Comparison) -> dict[str, Any]:
         files = {
             p.relative_to(draft).as_posix(): p.read_bytes() for p in sorted(draft.rglob("*")) if p.is_file()
         }
+    no_slopes: dict[str, str] = {}
+    try:
+        if found.evidence is None:
+            raise InputError("nothing could be compared")
+        files[SLOPES] = written(COLUMNS, slopes(found.evidence, found.prepared))
+    except InputError as why:
+        no_slopes = {"no_slopes": str(why)}
     for name, content in files.items():
         job.target.write(f"{job.folder}/{name}", content)
     return {
@@ -149,6 +157,7 @@ def _compared(job: Comparison) -> dict[str, Any]:
         "nats_fitted": _rounded(evidence[0]),
         "nats_held_out": _rounded(evidence[1]),
         "weeks": _by_week(found, drives),
+        **no_slopes,
     }
 
 
@@ -184,6 +193,15 @@ def _by_week(found: Any, drives: Sequence[Mapping[str, Any]]) -> dict[str, float
         if of is not None:
             squares.setdefault(of, []).extend((e.residual[rows][e.valid[rows]] ** 2).tolist())
     return {of: round(float(np.sqrt(np.mean(x))), 5) for of, x in sorted(squares.items()) if x}
+
+
+def receipts(target: Place) -> list[dict[str, Any]]:
+    """Of all trucks, by name. Raises InputError where none was compared."""
+    paths = [f.path for f in target.list(VERDICTS) if f.path.endswith(f"/{DONE}")]
+    found = [target.read_json(path) for path in sorted(paths)]
+    if all("quarantined" in r for r in found):
+        raise InputError(f"{target.name} has no truck that was compared; run 'deeptruck-model fleet compare'")
+    return found
 
 
 def is_done(job: Comparison) -> dict[str, Any] | None:

@@ -17,7 +17,9 @@ from deeptruck_model import files, pages
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.compare import VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
+from deeptruck_model.fleet.map import road_map
 from deeptruck_model.fleet.pool import POOLED
+from deeptruck_model.fleet.roads import ROADS, TABLE, said
 from deeptruck_model.fleet.storage import Place
 from deeptruck_model.mismatch.report.wording import opened, spoken
 from deeptruck_model.mismatch.tree import NAMES, UNKNOWN
@@ -75,6 +77,7 @@ def _fleet(target: Place) -> dict[str, Any]:
         "first": first,
         "again": _again(pooled["trucks"]),
         "series": [_batch(b) for b in pooled.get("series", ())],
+        "roads": _roads(target),
         "rows": rows,
         "legend": "Evidence for each family on drives held out, in nats; ● is a discovery within its truck.",
         "weeks": _weeks(trucks),
@@ -117,6 +120,7 @@ def _folder(target: Place) -> dict[str, Any]:
         "first": first[:FIRST],
         "again": None,
         "series": [],
+        "roads": None,
         "rows": rows,
         "legend": "Probability of each family, in percent, where there is a finding.",
         "weeks": None,
@@ -167,6 +171,14 @@ def _again(trucks: Mapping[str, Any]) -> dict[str, Any] | None:
 
 def _batch(b: Mapping[str, Any]) -> tuple[str, ...]:
     return b["until"] or "", str(len(b["p"])), f"{b['level']:.3g}", ", ".join(b["discovered"]) or "none"
+
+
+def _roads(target: Place) -> dict[str, Any] | None:
+    """What is said of shared roads, and their map where there are some; None before the stage was run."""
+    if not target.exists(ROADS):
+        return None
+    found = target.read_json(ROADS)
+    return {"says": said(found), "map": road_map(target.read_table(TABLE)) if found["km"] else None}
 
 
 def _says(result: Mapping[str, Any]) -> tuple[str, list[str]]:

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.errors import InputError
-from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, folder
+from deeptruck_model.fleet.compare import PREVIOUS, VERDICT, folder, receipts
 from deeptruck_model.fleet.plan import Truck
 from deeptruck_model.fleet.series import advance
 from deeptruck_model.fleet.statistics import (
@@ -34,13 +33,10 @@ COMMON = 0.5  # of the trucks of a class: a family that as many have is a fault 
 
 def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, Any]:
     """Everything of pool.json, which is written too. Raises InputError where no truck was compared."""
-    there = {f.path for f in target.list(VERDICTS)}
-    receipts = [target.read_json(path) for path in sorted(there) if path.endswith(f"/{DONE}")]
-    compared = {r["truck"]: r for r in receipts if "quarantined" not in r}
-    if not compared:
-        raise InputError(f"{target.name} has no truck that was compared; run 'deeptruck-model fleet compare'")
+    every = receipts(target)
+    compared = {r["truck"]: r for r in every if "quarantined" not in r}
     verdicts = {truck: target.read_json(f"{folder(truck)}/{VERDICT}") for truck in compared}
-    previous = {t: target.read_json(p) for t in compared if (p := f"{folder(t)}/{PREVIOUS}") in there}
+    previous = {t: target.read_json(p) for t in compared if target.exists(p := f"{folder(t)}/{PREVIOUS}")}
     kinds: dict[str, list[str]] = {}
     for name in sorted(compared):
         kinds.setdefault(_of(trucks, name).kind, []).append(name)
@@ -66,7 +62,7 @@ def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, 
         "level": level,
         "classes": classes,
         "trucks": dict(sorted(entries.items())),
-        "quarantined": {r["truck"]: r["quarantined"] for r in receipts if "quarantined" in r},
+        "quarantined": {r["truck"]: r["quarantined"] for r in every if "quarantined" in r},
         "effects": _effects(entries),
         "sizes": _sizes({n: (entries[n]["class"], verdicts[n]) for n in entries}),
         "series": advance(

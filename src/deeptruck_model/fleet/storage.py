@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import json
 import posixpath
 import re
@@ -85,6 +87,10 @@ class Place:
         if not isinstance(data, dict):
             raise InputError(f"{self.name}/{path} is damaged; remove it, and run the stage again")
         return data
+
+    def read_table(self, path: str) -> tuple[dict[str, str], ...]:
+        """The rows of a CSV file by its header. Raises InputError where it cannot be read."""
+        return tuple(csv.DictReader(io.StringIO(self.read(path).decode())))
 
     def write(self, path: str, content: bytes) -> None:
         """A whole file: written under a temporary name, then renamed. Raises InputError where that fails."""

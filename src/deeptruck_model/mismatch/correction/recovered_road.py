@@ -10,6 +10,7 @@ import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,15 @@ from deeptruck_model.recordings import Recording
 Array = NDArray[np.float64]
 
 LEAST = 10  # seconds of a recording with a slope, of which less is no road
+
+
+class Slopes(Protocol):
+    """Slopes that were recovered, and what to give where they are of other recordings."""
+
+    cure: ClassVar[str]
+
+    def along(self, recording: Recording) -> Array | None:
+        """Slope (n,) of a recording, NaN where it is not known; None where next to none is."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +48,7 @@ class Roads:
     """The slopes that were recovered, by the recording's name."""
 
     slopes: Mapping[str, RecoveredSlope]
+    cure: ClassVar[str] = "give those that mismatch was run on"
 
     @staticmethod
     def read(found: Path) -> Roads:
@@ -76,7 +87,7 @@ class Roads:
         return np.interp(distance, there, slope[inside])
 
 
-def with_road(roads: Roads, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
+def with_road(roads: Slopes, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
     """The recordings with their slope as grade, and the names of those for which none was recovered.
 
     Raises InputError where a recording has a grade, two are of different trucks, or none has a slope.
@@ -97,5 +108,5 @@ def with_road(roads: Roads, recordings: Sequence[Recording]) -> tuple[list[Recor
         if s is not None
     ]
     if not out:
-        raise InputError("no slope was found for these recordings; give those that mismatch was run on")
+        raise InputError(f"no slope was found for these recordings; {roads.cure}")
     return out, [r.name for r, s in zip(recordings, slopes, strict=True) if s is None]

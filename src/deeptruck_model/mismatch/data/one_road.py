@@ -85,6 +85,21 @@ def _positions(p: Prepared) -> bool:
     return all(np.isfinite(channels.get(name, np.nan)).any() for name in ("latitude", "longitude"))
 
 
+def headed(p: Prepared) -> Array | None:
+    """Latitude, longitude and heading (clockwise from north), degrees, every STEP_M of a drive (k, 3); None
+    without positions, and where they do not go as far as was driven."""
+    if not _positions(p):
+        return None
+    about = _position(p)
+    way = _way(p, about)
+    if not _as_driven(way):
+        return None
+    (latitude, longitude), (east_m, north_m) = about, _metres_a_radian(about[0])
+    north = np.degrees(latitude + way[:, 1] / north_m)
+    east = (np.degrees(longitude + way[:, 0] / east_m) + 180.0) % 360.0 - 180.0
+    return np.stack([north, east, np.degrees(np.arctan2(way[:, 2], way[:, 3])) % 360.0], axis=1)
+
+
 def _position(p: Prepared) -> tuple[float, float]:
     """Latitude and longitude (rad), the first of a drive."""
     first = (np.radians(p.recording.channels[name]) for name in ("latitude", "longitude"))
@@ -111,16 +126,20 @@ def _track(p: Prepared, about: tuple[float, float], step_m: float) -> Array:
 
 
 def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
-    """East and north of a position (rad), (n,) each, on the ellipsoid WGS84: a sphere is off by up to half a
-    percent. Longitude may pass 180 degrees."""
+    """East and north of a position (rad), (n,) each. Longitude may pass 180 degrees."""
     latitude, longitude = about
-    left = 1.0 - FLAT * float(np.sin(latitude)) ** 2
     east = (
         np.remainder(np.radians(p.recording.channels["longitude"]) - longitude + np.pi, 2.0 * np.pi) - np.pi
     )
     north = np.radians(p.recording.channels["latitude"]) - latitude
-    east_m, north_m = float(np.cos(latitude)) / left**0.5, (1.0 - FLAT) / left**1.5
-    return AXIS_M * east_m * fill(east), AXIS_M * north_m * fill(north)
+    east_m, north_m = _metres_a_radian(latitude)
+    return east_m * fill(east), north_m * fill(north)
+
+
+def _metres_a_radian(latitude: float) -> tuple[float, float]:
+    """Of longitude and of latitude (rad), on the ellipsoid WGS84: a sphere is off by up to half a percent."""
+    left = 1.0 - FLAT * float(np.sin(latitude)) ** 2
+    return AXIS_M * float(np.cos(latitude)) / left**0.5, AXIS_M * (1.0 - FLAT) / left**1.5
 
 
 def driven_by_positions(p: Prepared) -> Array:

@@ -1,0 +1,45 @@
+"""A map of shared roads as SVG: each cell a stroke along its heading, coloured by its slope."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG
+
+EDGES = (-0.02, -0.005, 0.005, 0.02)  # slopes between the colours
+LABELS = ("below -2 %", "-2 to -0.5 %", "level", "0.5 to 2 %", "above 2 %")
+COLOURS = ("#0072B2", "#56B4E9", "#8a8a8a", "#E69F00", "#D55E00")  # after Okabe and Ito: seen by all
+WIDTH, MARGIN = 400.0, 8.0  # units of the drawing, which is drawn on a page as wide as there is room
+LEAST_STROKE, ASIDE = 4.0, 1.5  # units: a cell is drawn so long at least, and so far right of its heading
+
+
+def road_map(rows: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+    """What the page draws of the rows of roads.csv: its `size`, a path for each colour, and how many `km` it
+    is wide. At a scale at which cells fall on each other, each stroke is drawn once."""
+    first = float(rows[0]["longitude"])
+    squeeze = math.cos(math.radians(sum(float(r["latitude"]) for r in rows) / len(rows)))
+    x = [((float(r["longitude"]) - first + 180.0) % 360.0 - 180.0) * squeeze for r in rows]
+    y = [-float(r["latitude"]) for r in rows]
+    across = max(max(x) - min(x), max(y) - min(y), CELL_DEG)
+    scale = (WIDTH - 2 * MARGIN) / across
+    half = max(CELL_DEG * scale, LEAST_STROKE) / 2
+    strokes: list[dict[str, None]] = [{} for _ in COLOURS]
+    for row, east, south in zip(rows, x, y, strict=True):
+        heading = math.radians(float(row["heading"]))
+        right, down = math.sin(heading), -math.cos(heading)
+        at = (
+            MARGIN + (east - min(x)) * scale - down * ASIDE,
+            MARGIN + (south - min(y)) * scale + right * ASIDE,
+        )
+        begin = f"M{at[0] - right * half:.1f} {at[1] - down * half:.1f}"
+        stroke = f"{begin}l{2 * right * half:.1f} {2 * down * half:.1f}"
+        strokes[sum(float(row["slope"]) > edge for edge in EDGES)][stroke] = None
+    size = [2 * MARGIN + (max(v) - min(v)) * scale for v in (x, y)]
+    colours = zip(COLOURS, LABELS, map("".join, strokes), strict=True)
+    return {
+        "size": [f"{v:.0f}" for v in size],
+        "km": f"{across * 0.1 / CELL_DEG:.3g}",
+        "colours": list(colours),
+    }

@@ -1,0 +1,91 @@
+"""Roads: slopes that several trucks recovered on the same cells of road, merged. roads.csv and roads.json.
+
+A simulator without a grade input leaves the slope in its residual. What one truck's residual has in a cell,
+over its passages, is one estimate of the slope there; its errors of mass, drag and rolling resistance are
+another truck's with another size, so that trucks are pooled as studies of different means are (DerSimonian
+and Laird, Controlled Clinical Trials 7, 1986).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from deeptruck_model.fleet.compare import folder, receipts
+from deeptruck_model.fleet.slopes import SLOPES, mean_heading, written
+from deeptruck_model.fleet.statistics import pooled
+from deeptruck_model.fleet.storage import Place, code, key
+from deeptruck_model.mismatch.correction.shared_roads import CELL_M
+
+ROADS, TABLE = "roads.json", "roads.csv"
+MERGED = ("cell", "latitude", "longitude", "heading", "slope", "low", "high", "trucks", "drives")
+LEAST_TRUCKS = 2  # of a shared cell
+INTERVAL = 0.9
+EARLIER = "compared by an earlier version, which kept no slopes"
+
+
+def merged(trucks: Mapping[str, Sequence[Mapping[str, str]]]) -> list[dict[str, Any]]:
+    """Rows as MERGED of the cells that LEAST_TRUCKS of these drove; a truck's rows are those of SLOPES."""
+    by_cell: dict[str, dict[str, list[Mapping[str, str]]]] = {}
+    for truck, rows in sorted(trucks.items()):
+        for row in rows:
+            by_cell.setdefault(row["cell"], {}).setdefault(truck, []).append(row)
+    out = []
+    for cell, passed in sorted(by_cell.items()):
+        if len(passed) < LEAST_TRUCKS:
+            continue
+        own = [
+            np.array([(float(r["slope"]), float(r["variance"])) for r in rows]) for rows in passed.values()
+        ]
+        mean = pooled([x[:, 0].mean() for x in own], [x[:, 1].sum() ** 0.5 / len(x) for x in own])
+        half = float(student.ppf(0.5 + INTERVAL / 2, len(own) - 1)) * mean.error
+        rows = [r for each in passed.values() for r in each]
+        heading = mean_heading(np.array([float(r["heading"]) for r in rows]))
+        where = {c: float(np.mean([float(r[c]) for r in rows])) for c in ("latitude", "longitude")}
+        sizes = {"slope": mean.mean, "low": mean.mean - half, "high": mean.mean + half}
+        out.append(
+            {"cell": cell, "heading": heading, "trucks": len(own), "drives": len(rows)} | where | sizes
+        )
+    return out
+
+
+def roads(target: Place) -> dict[str, Any]:
+    """Everything of roads.json, which is written last; of the same receipts it is written once. Raises
+    InputError where no truck was compared."""
+    compared = {r["truck"]: r for r in receipts(target) if "quarantined" not in r}
+    own = key(code(), sorted((truck, r["key"]) for truck, r in compared.items()))
+    if target.exists(ROADS) and (known := target.read_json(ROADS))["key"] == own:
+        return known
+    left_out = {
+        t: r.get("no_slopes", EARLIER) for t, r in compared.items() if SLOPES not in r.get("files", ())
+    }
+    trucks = {t: target.read_table(f"{folder(t)}/{SLOPES}") for t in compared if t not in left_out}
+    rows = merged(trucks)
+    shared = {row["cell"] for row in rows}
+    half = [(row["high"] - row["low"]) / 2 for row in rows]
+    out = {
+        "key": own,
+        "km": round(len(rows) * CELL_M / 1000.0, 1),
+        "trucks": sum(any(row["cell"] in shared for row in own) for own in trucks.values()),
+        "half_width": float(np.median(half)) if half else None,
+        "left_out": dict(sorted(left_out.items())),
+    }
+    target.write(TABLE, written(MERGED, rows))
+    target.write_json(ROADS, out)
+    return out
+
+
+def said(found: Mapping[str, Any]) -> str:
+    """One sentence of roads.json: how much road is shared, or why none is."""
+    left_out = "; ".join(
+        f"{n} trucks left out: {why}" for why, n in Counter(found["left_out"].values()).items()
+    )
+    if not found["km"]:
+        return f"No road is shared: {left_out or 'no cell was driven by two trucks'}."
+    shared = f"{found['km']:g} km of road are shared by {found['trucks']} trucks"
+    half = f"the slope is known to ±{100 * found['half_width']:.2g} % (90 % interval, median)"
+    return f"{shared}; {half}{'; ' if left_out else ''}{left_out}."

@@ -1,0 +1,87 @@
+"""Slopes of roads that several trucks drove, by cells that are the same for every vehicle: roads.csv."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model import reading
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.data.one_road import STEP_M, headed
+from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.recordings import Recording
+
+Array = NDArray[np.float64]
+Cell = tuple[int, int, str]
+
+CELL_M = 100.0
+CELL_DEG = 0.0009  # of latitude: 99.5 m at the equator, 100.5 m at the poles
+WAYS = "NESW"  # a heading is that of its quarter: the other way along a road is another cell
+GAP_M = 300.0  # between known cells, over which a slope is interpolated
+LEAST_KM = 0.5  # known of a recording, of which less is no road
+FLEET_FIRST = "give roads.csv as 'deeptruck-model fleet roads' wrote it"
+
+
+def cells(headed: Array) -> list[Cell]:
+    """The cell of each latitude, longitude and heading, degrees (n, 3): squares of about CELL_M."""
+    latitude, longitude, heading = headed.T
+    row = np.floor(latitude / CELL_DEG)
+    column = np.floor(longitude * np.cos(np.radians((row + 0.5) * CELL_DEG)) / CELL_DEG)
+    way = np.floor((heading + 45.0) / 90.0) % 4
+    keys = np.stack([row, column, way], axis=1).astype(int).tolist()
+    return [(r, c, WAYS[w]) for r, c, w in keys]
+
+
+@dataclass(frozen=True)
+class SharedRoads:
+    """Slope, rise over run, by cell."""
+
+    slopes: Mapping[Cell, float]
+    cure: ClassVar[str] = "give recordings with positions on these roads"
+
+    @staticmethod
+    def read(path: Path) -> SharedRoads:
+        """Of roads.csv. Raises InputError where it is none."""
+        rows = csv.DictReader(io.StringIO(reading.text(path, FLEET_FIRST)))
+        try:
+            slopes = {named(row["cell"]): float(row["slope"]) for row in rows}
+        except (KeyError, TypeError, ValueError):
+            raise InputError(f"{path} is no table of shared roads; {FLEET_FIRST}") from None
+        if not slopes or not np.isfinite(list(slopes.values())).all():
+            raise InputError(f"{path} holds no slope, or one that is no number; {FLEET_FIRST}")
+        return SharedRoads(slopes)
+
+    def along(self, recording: Recording) -> Array | None:
+        """Slope (n,) of a recording, interpolated over gaps and NaN off the shared roads; None where less
+        than LEAST_KM of it is known, or it has no positions."""
+        p = prepare(recording, False)
+        places = headed(p)
+        if places is None:
+            return None
+        slope = np.array([self.slopes.get(cell, np.nan) for cell in cells(places)])
+        known = np.flatnonzero(np.isfinite(slope))
+        if len(known) * STEP_M < 1000.0 * LEAST_KM:
+            return None
+        driven = p.distance() - p.distance()[0]
+        ahead = np.clip(np.searchsorted(known * STEP_M, driven), 1, len(known) - 1)
+        before, after = known[ahead - 1] * STEP_M, known[ahead] * STEP_M
+        near = (after - before <= GAP_M) & (driven >= before - STEP_M) & (driven <= after + STEP_M)
+        return np.where(near, np.interp(driven, known * STEP_M, slope[known]), np.nan)
+
+
+def named(text: str) -> Cell:
+    """The cell of its name as in roads.csv. Raises ValueError for another text."""
+    row, column, way = text.split(":")
+    return int(row), int(column), way
+
+
+def name(cell: Cell) -> str:
+    """Of a cell in roads.csv."""
+    return ":".join(map(str, cell))

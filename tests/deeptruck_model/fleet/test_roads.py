@@ -1,0 +1,244 @@
+"""Slopes of trucks on one road: merged they are nearer to the true slope, and reach other recordings."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.cli.mismatch import road as road_command
+from deeptruck_model.errors import InputError
+from deeptruck_model.fleet import page
+from deeptruck_model.fleet.compare import DONE, VERDICT, folder
+from deeptruck_model.fleet.extract import INDEX
+from deeptruck_model.fleet.pool import pool
+from deeptruck_model.fleet.roads import INTERVAL, ROADS, TABLE, merged, roads, said
+from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
+from deeptruck_model.fleet.slopes import COLUMNS, NO_POSITIONS, ONCE, SLOPES, slopes, written
+from deeptruck_model.fleet.storage import place
+from deeptruck_model.mismatch.correction.recovered_road import with_road
+from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG, SharedRoads
+from deeptruck_model.mismatch.prepare import prepared
+from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.recordings import Recording, read, write_bag
+from deeptruck_model.trucks import PhysicsTruck
+
+Array = NDArray[np.float64]
+
+TRUCK = trucks.load("freightliner")  # has no grade sensor
+SPREAD = {"mass": 0.05, "drag_area": 0.05, "rolling_resistance": 0.1}  # relative sd between trucks
+LATITUDE, LONGITUDE = 48.0003, 11.0  # where the road begins, which goes east in the middle of its cells
+DEGREE_M = np.radians(1.0) * 6371e3
+EAST_M = DEGREE_M * np.cos(np.radians(LATITUDE))  # a degree of longitude
+POSITION_M, SPEED_NOISE = 2.0, 0.003  # sd of a receiver, m, and of the speed, m/s
+SPACING_M = driving_cycles.RoadSettings().spacing
+SECONDS = 240.0
+
+
+def sibling(seed: int) -> PhysicsTruck:
+    """A truck as the simulator, up to what differs between trucks of a class."""
+    rng, own = np.random.default_rng(seed), TRUCK.parameters()
+    return TRUCK.with_parameters({p: own[p] * (1.0 + sd * rng.standard_normal()) for p, sd in SPREAD.items()})
+
+
+def drive(truck: PhysicsTruck, seed: int, monkeypatch: pytest.MonkeyPatch, road: Array) -> Recording:
+    """Along the road, with the positions of a receiver that has an error."""
+    rng = np.random.default_rng(seed)
+    with monkeypatch.context() as m:
+        m.setattr(driving_cycles, "road_grade", lambda *_, **__: road)
+        driven = driving_cycles.drive(truck, seconds=SECONDS, seed=seed, name=f"drive{seed}")
+    way = np.cumsum(driven.channels["speed"]) * driven.dt
+    east, north = way + POSITION_M * rng.standard_normal(len(way)), POSITION_M * rng.standard_normal(len(way))
+    told = {"latitude": LATITUDE + north / DEGREE_M, "longitude": LONGITUDE + east / EAST_M}
+    told["speed"] = driven.channels["speed"] + rng.normal(0.0, SPEED_NOISE, len(way))
+    return replace(driven, channels=driven.channels | told)
+
+
+def hills(seed: int) -> Array:
+    return driving_cycles.road_grade(40.0 * SECONDS + 2000.0, seed=seed)
+
+
+def true_slope(row: dict[str, object], road: Array) -> float:
+    """Mean along the cell."""
+    index, column, way = str(row["cell"]).split(":")
+    assert way == "E"
+    squeeze = np.cos(np.radians((int(index) + 0.5) * CELL_DEG))
+    west, east = ((int(column) + k) * CELL_DEG / squeeze for k in (0, 1))
+    metres = (np.linspace(max(west, LONGITUDE), east, 50) - LONGITUDE) * EAST_M
+    return float(np.interp(metres / SPACING_M, np.arange(len(road)), road).mean())
+
+
+def recovered(drives: list[Recording]) -> list[dict[str, str]]:
+    """Rows of slopes.csv."""
+    p = prepared(TRUCK, drives[:-1], drives[-1:], Rules())
+    rows = slopes(gather(TRUCK, p.prepared, p.held_out), p.prepared)
+    return [{c: str(value) for c, value in row.items()} for row in rows]
+
+
+@pytest.fixture(scope="module")
+def fleet() -> tuple[Array, dict[str, list[dict[str, str]]], list[Recording]]:
+    """A road, the slopes of four trucks of three drives on it, and the drives of the last."""
+    road, found, drives = hills(5), {}, []
+    with pytest.MonkeyPatch.context() as m:
+        for k in range(4):
+            drives = [drive(sibling(k), 10 * k + n, m, road) for n in range(3)]
+            found[f"truck{k}"] = recovered(drives)
+    return road, found, drives
+
+
+def test_merged_slopes_are_nearer_to_the_true_ones_than_one_trucks(fleet) -> None:
+    road, found, _ = fleet
+    rows = [row for row in merged(found) if row["trucks"] == len(found)]
+    assert len(rows) > 20
+    off = {row["cell"]: row["slope"] - true_slope(row, road) for row in rows}
+    one = [float(r["slope"]) - true_slope(r, road) for t in found.values() for r in t if r["cell"] in off]
+    rms = [float(np.sqrt(np.mean(np.square(x)))) for x in (list(off.values()), one)]
+    assert rms[0] < 0.8 * rms[1] and rms[1] < 0.005
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    """Trucks whose errors are as large as those of simulated ones: of the truck, and of each passage."""
+    rng, of_truck, of_passage, held = np.random.default_rng(0), 1.5e-3, 5e-4, []
+    for k in (2, 3, 6):
+        inside = []
+        for _ in range(600):
+            own = rng.normal(0.02, of_truck, k)
+            where = {"cell": "1:2:E", "latitude": "48", "longitude": "11", "heading": "90"}
+            found = {
+                f"{t}": [
+                    where | {"slope": str(x), "variance": str(of_passage**2)}
+                    for x in mean + rng.normal(0.0, of_passage, 3)
+                ]
+                for t, mean in enumerate(own)
+            }
+            (row,) = merged(found)
+            inside.append(row["low"] <= 0.02 <= row["high"])
+        held.append(float(np.mean(inside)))
+    assert min(held) > INTERVAL - 0.04 and max(held) < INTERVAL + 0.06
+
+
+def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, capsys) -> None:
+    road, found, drives = fleet
+    others = {truck: rows for truck, rows in found.items() if truck != "truck3"}
+    rows = merged(others)
+    (tmp_path / "result").mkdir()
+    table = tmp_path / "result" / TABLE
+    table.write_bytes(written(tuple(rows[0]), rows))
+    (made, *_), left_out = with_road(SharedRoads.read(table), drives)
+    known = np.isfinite(made.channels["grade"])
+    way = np.cumsum(made.channels["speed"]) * made.dt
+    truth = np.interp(way / SPACING_M, np.arange(len(road)), road)
+    assert not left_out and known.mean() > 0.8
+    assert np.abs(made.channels["grade"] - truth)[known].mean() < 0.3 * np.abs(truth).mean()
+    elsewhere = replace(
+        drives[0], channels=drives[0].channels | {"latitude": drives[0].channels["latitude"] + 1}
+    )
+    with pytest.raises(InputError, match="positions on these roads"):
+        with_road(SharedRoads.read(table), [elsewhere])
+    write_bag(tmp_path / "bag", drives[:1], interface=TRUCK.interface)
+    road_command(table, [tmp_path / "bag"], tmp_path / "out")
+    (again,) = read(tmp_path / "out")
+    assert "1 recordings with a grade" in capsys.readouterr().out and again.interface.grade
+    np.testing.assert_allclose(again.channels["grade"][known], made.channels["grade"][known])
+    (tmp_path / "bad.csv").write_text("cell,slope\n1:2,0.1\n")
+    with pytest.raises(InputError, match="no table of shared roads"):
+        SharedRoads.read(tmp_path / "bad.csv")
+
+
+def test_trucks_that_share_no_slope_say_why(fleet) -> None:
+    *_, drives = fleet
+    blind = [replace(d, channels={n: x for n, x in d.channels.items() if n != "latitude"}) for d in drives]
+    with pytest.raises(InputError, match=NO_POSITIONS):
+        recovered(blind)
+    away = [
+        replace(d, channels=d.channels | {"latitude": d.channels["latitude"] + k})
+        for k, d in enumerate(drives)
+    ]
+    with pytest.raises(InputError, match=ONCE):
+        recovered(away)
+
+
+@pytest.fixture
+def result(fleet, tmp_path: Path) -> Path:
+    """What compare leaves of four trucks, and of a fifth without positions."""
+    target = place(str(tmp_path / "result"))
+    for truck, rows in (*fleet[1].items(), ("blind", None)):
+        receipt = {
+            "truck": truck, "key": truck, "simulator": "truck:freightliner", "hours_fitted": 1.0,
+            "hours_held_out": 1.0, "nats_fitted": {}, "nats_held_out": {}, "weeks": {},
+        }  # fmt: skip
+        if rows is not None:
+            target.write(f"{folder(truck)}/{SLOPES}", written(COLUMNS, rows))
+        receipt |= {"files": []} | ({"no_slopes": NO_POSITIONS} if rows is None else {"files": [SLOPES]})
+        target.write_json(
+            f"{folder(truck)}/{VERDICT}", {"verdict": "nothing_missing", "findings": [], "tree": []}
+        )
+        target.write_json(f"{folder(truck)}/{DONE}", receipt)
+    total = {"files": 9, "bytes": 1, "hours": 9.0}
+    target.write_json(INDEX, {"total": total, "failed": {}, "trucks": {}, "quarantined": {}})
+    return tmp_path / "result"
+
+
+def test_the_stage_is_done_once_and_counts_who_has_no_positions(result: Path) -> None:
+    target = place(str(result))
+    found = roads(target)
+    assert found["left_out"] == {"blind": NO_POSITIONS} and found["trucks"] == 4 and found["km"] > 2.0
+    before = {n: (result / n).stat().st_mtime_ns for n in (ROADS, TABLE)}
+    content = (result / TABLE).read_bytes()
+    assert roads(target) == found
+    assert {n: (result / n).stat().st_mtime_ns for n in before} == before
+    (result / ROADS).unlink()  # killed before it was written
+    assert roads(target) == found and (result / TABLE).read_bytes() == content
+
+
+def test_the_page_has_a_map_of_them_or_says_why_not(result: Path) -> None:
+    target = place(str(result))
+    pool(target, {}, 0.05)
+    found = roads(target)
+    page.show(target)
+    text = (result / page.PAGE).read_text()
+    assert said(found) in text and "1 trucks left out: no positions" in text
+    drawn = re.findall(r'<path stroke="#\w+" d="([^"]+)"', text)
+    assert sum(d.count("M") for d in drawn) == round(10 * found["km"]) and len(drawn) > 1
+    width, height = map(float, re.search(r'viewBox="0 0 (\S+) (\S+)"', text).groups())
+    for x, y in re.findall(r"M(\S+) (\S+)l", " ".join(drawn)):
+        assert 0.0 <= float(x) <= width and 0.0 <= float(y) <= height
+    for truck in ("truck1", "truck2", "truck3"):
+        path = f"{folder(truck)}/{DONE}"
+        target.write_json(
+            path, target.read_json(path) | {"files": [], "no_slopes": NO_POSITIONS, "key": "new"}
+        )
+    roads(target)
+    page.show(target)
+    text = (result / page.PAGE).read_text()
+    assert "No road is shared: 4 trucks left out: no positions" in text and "<svg" not in text
+
+
+@pytest.mark.long
+def test_from_bags_to_shared_roads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    road = hills(7)
+    for truck, k in (("a", 0), ("b", 1), ("blind", 2)):
+        for n, day in enumerate(("2026-03-02", "2026-03-09", "2026-03-16")):
+            driven = drive(sibling(k), 10 * k + n, monkeypatch, road)
+            if truck == "blind":
+                kept = {c: x for c, x in driven.channels.items() if c not in ("latitude", "longitude")}
+                driven = replace(driven, channels=kept)
+            bag = tmp_path / f"bag{k}{n}"
+            write_bag(bag, [driven], interface=TRUCK.interface)
+            at = tmp_path / "drives" / truck / day
+            at.mkdir(parents=True)
+            next(bag.glob("*.mcap")).rename(at / "drive.mcap")
+    source, out = place(str(tmp_path / "drives")), place(str(tmp_path / "out"))
+    extract(Fleet.of(source, out, "{truck}/{date}/*.mcap", "truck:freightliner"), Workers())
+    compare(out, Workers())
+    found = roads(out)
+    assert found["left_out"] == {"blind": NO_POSITIONS} and found["trucks"] == 2 and found["km"] > 1.0
+    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "out").rglob("*")}
+    compare(out, Workers())
+    assert roads(out) == found and {p: p.stat().st_mtime_ns for p in before} == before
