@@ -82,7 +82,7 @@ def roads(target: Place) -> dict[str, Any]:
 def said(found: Mapping[str, Any]) -> str:
     """One sentence of roads.json: how much road is shared, or why none is."""
     left_out = "; ".join(
-        f"{n} trucks left out: {why}" for why, n in Counter(found["left_out"].values()).items()
+        f"{n} truck{'s' * (n > 1)} left out: {why}" for why, n in Counter(found["left_out"].values()).items()
     )
     if not found["km"]:
         return f"No road is shared: {left_out or 'no cell was driven by two trucks'}."

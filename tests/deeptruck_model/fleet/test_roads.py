@@ -81,15 +81,45 @@ def recovered(drives: list[Recording]) -> list[dict[str, str]]:
     return [{c: str(value) for c, value in row.items()} for row in rows]
 
 
-@pytest.fixture(scope="module")
-def fleet() -> tuple[Array, dict[str, list[dict[str, str]]], list[Recording]]:
-    """A road, the slopes of four trucks of three drives on it, and the drives of the last."""
-    road, found, drives = hills(5), {}, []
+Made = tuple[Array, dict[str, list[dict[str, str]]], list[Recording]]
+
+
+def made(seed: int, trucks_: int) -> Made:
+    """A road, the slopes of trucks of three drives each on it, and the drives of the last."""
+    road, found, drives = hills(seed), {}, []
     with pytest.MonkeyPatch.context() as m:
-        for k in range(4):
-            drives = [drive(sibling(k), 10 * k + n, m, road) for n in range(3)]
-            found[f"truck{k}"] = recovered(drives)
+        for k in range(1000 * seed, 1000 * seed + 10 * trucks_, 10):
+            drives = [drive(sibling(k), k + n, m, road) for n in range(3)]
+            found[f"truck{k % 1000 // 10}"] = recovered(drives)
     return road, found, drives
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Made:
+    return made(5, 4)
+
+
+@pytest.mark.long
+def test_intervals_of_simulated_fleets_hold_the_true_slope() -> None:
+    """The table of docs/fleet.md; -s prints it."""
+    fleets = [made(seed, 6) for seed in range(100, 112)]
+    for count in (2, 3, 6):
+        off, half, one = [], [], []
+        for road, found, _ in fleets:
+            some = dict(list(found.items())[:count])
+            rows = {row["cell"]: row for row in merged(some) if row["trucks"] == count}
+            off += [row["slope"] - true_slope(row, road) for row in rows.values()]
+            half += [row["high"] - row["slope"] for row in rows.values()]
+            one += [
+                float(r["slope"]) - true_slope(r, road) for t in some.values() for r in t if r["cell"] in rows
+            ]
+        held = float(np.mean(np.abs(off) <= half))
+        rms = [100.0 * float(np.sqrt(np.mean(np.square(x)))) for x in (one, off)]
+        print(f"{count} trucks, {len(off)} cells: one truck {rms[0]:.3f} %, merged {rms[1]:.3f} %,")
+        print(
+            f"  intervals of ±{100.0 * np.median(half):.3f} % (median) hold the truth in {100 * held:.0f} %"
+        )
+        assert rms[1] < rms[0] and held > INTERVAL - 0.07
 
 
 def test_merged_slopes_are_nearer_to_the_true_ones_than_one_trucks(fleet) -> None:
@@ -162,6 +192,10 @@ def test_trucks_that_share_no_slope_say_why(fleet) -> None:
     ]
     with pytest.raises(InputError, match=ONCE):
         recovered(away)
+    with_grade = driving_cycles.drive(trucks.load("trucksim"), seconds=60.0, seed=0)
+    with pytest.raises(InputError, match="takes the recorded slope"):
+        p = prepared(trucks.load("trucksim"), [with_grade], [], Rules())
+        slopes(gather(trucks.load("trucksim"), p.prepared, p.held_out), p.prepared)
 
 
 @pytest.fixture
@@ -203,7 +237,7 @@ def test_the_page_has_a_map_of_them_or_says_why_not(result: Path) -> None:
     found = roads(target)
     page.show(target)
     text = (result / page.PAGE).read_text()
-    assert said(found) in text and "1 trucks left out: no positions" in text
+    assert said(found) in text and "1 truck left out: no positions" in text
     drawn = re.findall(r'<path stroke="#\w+" d="([^"]+)"', text)
     assert sum(d.count("M") for d in drawn) == round(10 * found["km"]) and len(drawn) > 1
     width, height = map(float, re.search(r'viewBox="0 0 (\S+) (\S+)"', text).groups())
