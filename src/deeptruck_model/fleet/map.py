@@ -10,7 +10,7 @@ from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG
 
 EDGES = (-0.02, -0.005, 0.005, 0.02)  # slopes between the colours
 LABELS = ("below -2 %", "-2 to -0.5 %", "-0.5 to 0.5 %", "0.5 to 2 %", "above 2 %")
-COLOURS = ("#0072B2", "#56B4E9", "#8a8a8a", "#E69F00", "#D55E00")  # after Okabe and Ito: seen by all
+COLOURS = ("#0072B2", "#56B4E9", "#8a8a8a", "#E69F00", "#D55E00")  # Okabe and Ito's, for colour blindness too
 WIDTH, MARGIN = 400.0, 8.0  # units of the drawing, which is drawn on a page as wide as there is room
 LEAST_STROKE, ASIDE = 4.0, 1.5  # units: a cell is drawn so long at least, and so far right of its heading
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.fleet.compare import PREVIOUS, VERDICT, folder, receipts
+from deeptruck_model.fleet.compare import PREVIOUS, VERDICT, VERDICTS, folder, receipts
 from deeptruck_model.fleet.plan import Truck
 from deeptruck_model.fleet.series import advance
 from deeptruck_model.fleet.statistics import (
@@ -33,10 +33,10 @@ COMMON = 0.5  # of the trucks of a class: a family that as many have is a fault 
 
 def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, Any]:
     """Everything of pool.json, which is written too. Raises InputError where no truck was compared."""
-    every = receipts(target)
+    there, every = {f.path for f in target.list(VERDICTS)}, receipts(target)
     compared = {r["truck"]: r for r in every if "quarantined" not in r}
     verdicts = {truck: target.read_json(f"{folder(truck)}/{VERDICT}") for truck in compared}
-    previous = {t: target.read_json(p) for t in compared if target.exists(p := f"{folder(t)}/{PREVIOUS}")}
+    previous = {t: target.read_json(p) for t in compared if (p := f"{folder(t)}/{PREVIOUS}") in there}
     kinds: dict[str, list[str]] = {}
     for name in sorted(compared):
         kinds.setdefault(_of(trucks, name).kind, []).append(name)
