@@ -69,6 +69,9 @@ def observed_acceleration(speed: Array, accelerometer: Array | None, dt: float) 
     return out
 
 
+SHIFTS = 4  # of fitting what is linear in the lag to an accelerometer that is shifted by the lag so far
+
+
 def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
     """Fit accelerometer(t) = slope * dv/dt(t - lag) + offset over smoothed signals."""
     nan = float("nan")
@@ -83,7 +86,11 @@ def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
     moving &= np.abs(speed) > 0.5
     if moving.sum() < 100 or np.std(d[moving]) < 0.02:
         return Kinematics(speed_noise, nan, nan, nan, nan, nan, nan)
-    slope, offset, lag, se = _errors_in_both(a, d, np.gradient(d, dt), moving, width)
+    jerk, lag = np.gradient(d, dt), 0.0
+    for _ in range(SHIFTS):
+        shifted = _sooner(a, lag / dt)
+        slope, offset, more, se = _errors_in_both(shifted, d, jerk, moving & np.isfinite(shifted), width)
+        lag += more
     return Kinematics(speed_noise, slope, se[0], offset, se[1], lag, se[2])
 
 
