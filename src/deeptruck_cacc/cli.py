@@ -297,7 +297,7 @@ def sweep(
         *(partial(sweeping.combinations, kind, one) for one in map(read_grid, ([text] for text in set_))),
         partial(apart, out, Path(simulator)),
         partial(checks.simulator, simulator),
-        partial(sweeping.check_place, out, **again),
+        partial(sweeping.SWEEP.check_start, out, **again),
     )
     sweeping.sweep(
         simulator,

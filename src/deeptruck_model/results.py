@@ -64,21 +64,6 @@ FOUND = Result(
 )
 
 
-def check_start(kind: Result, out: Path, *, resume: bool, overwrite: bool) -> None:
-    """Whether work that can be gone on with may begin at `out`; nothing is touched.
-
-    Raises InputError as `Result.check`, and for unfinished work there without `resume` or `overwrite`.
-    """
-    kind.check(out, overwrite=overwrite)
-    kind.check_begun(out)
-    draft = files.unfinished(out)
-    if draft.exists() and not resume and not overwrite:
-        raise InputError(
-            f"{out} was begun and not finished (in {draft}); add --resume to go on with it, or "
-            "--overwrite to begin anew"
-        )
-
-
 def apart(out: Path, *inputs: Path, elsewhere: str = files.ELSEWHERE) -> None:
     """Raises InputError where `out` is one of the inputs or lies inside one."""
     place = out.resolve()

@@ -235,7 +235,7 @@ def test_a_killed_training_goes_on_only_where_asked_and_ends_as_an_undisturbed_o
     assert [p.name for p in unfinished.iterdir()] == [".p.unfinished"]  # no policy by halves
     before = content(unfinished)
     assert run(*training(unfinished)) == 2
-    assert "p is an unfinished training; add --resume to go on with it, or --overwrite" in last_line(capsys)
+    assert "add --resume to go on with it, or --overwrite to begin anew" in last_line(capsys)
     assert content(unfinished) == before
     assert run(*training(unfinished), "--resume") == 0
     assert [p.name for p in unfinished.iterdir()] == ["p"]

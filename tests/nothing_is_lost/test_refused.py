@@ -223,13 +223,13 @@ def test_begun_work_with_a_file_of_the_user_is_refused_at_once(here: Path) -> No
     begun = files.unfinished(here / "out")
     begun.write_text("mine")
     with pytest.raises(InputError, match="is a file, where this command keeps unfinished work"):
-        results.check_start(results.DEEP_TRUCK, here / "out", resume=True, overwrite=True)
+        results.DEEP_TRUCK.check_start(here / "out", resume=True, overwrite=True)
     begun.unlink()
     begun.mkdir()
     results.DEEP_TRUCK.claim(begun)
     (begun / "mine.txt").write_text("mine")
     with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a deep truck"):
-        results.check_start(results.DEEP_TRUCK, here / "out", resume=True, overwrite=True)
+        results.DEEP_TRUCK.check_start(here / "out", resume=True, overwrite=True)
 
 
 @pytest.mark.parametrize(

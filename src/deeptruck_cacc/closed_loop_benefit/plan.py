@@ -73,19 +73,10 @@ def check(
     checks.every(
         partial(_known, "effect", effects, EFFECTS),
         partial(_known, "recipe", recipes, tuple(RECIPES)),
-        partial(_check_place, out, resume, overwrite),
+        partial(BENEFIT.check_start, out, resume=resume, overwrite=overwrite),
     )
 
 
 def _known(kind: str, given: Sequence[str], known: Sequence[str]) -> None:
     if unknown := [f"'{name}'" for name in given if name not in known]:
         raise InputError(f"there is no {kind} {', '.join(unknown)}; known: {', '.join(known)}")
-
-
-def _check_place(out: Path, resume: bool, overwrite: bool) -> None:
-    BENEFIT.check(out, overwrite=overwrite)
-    BENEFIT.check_begun(out)
-    if files.begun(out) and not (resume or overwrite):
-        raise InputError(
-            f"{out} is an unfinished experiment; add --resume to go on with it, or --overwrite to begin anew"
-        )

@@ -13,7 +13,6 @@ from deeptruck_cacc.controllers.loading import load_trained
 from deeptruck_cacc.controllers.policy import MANIFEST, POLICY, MlpPolicy
 from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.training.identity import (
-    CHECKPOINT,
     differences,
     facts_of,
     finished,
@@ -98,17 +97,12 @@ def check_place(out: Path, *, resume: bool = False, overwrite: bool = False) -> 
     """
     if resume and not begun(out) and (out / MANIFEST).exists():
         return
-    POLICY.check(out, overwrite=overwrite)
-    POLICY.check_begun(out)
-    if begun(out) and not (resume or overwrite):
-        raise InputError(
-            f"{out} is an unfinished training; add --resume to go on with it, or --overwrite to begin anew"
-        )
+    POLICY.check_start(out, resume=resume, overwrite=overwrite)
 
 
 def begun(out: Path) -> bool:
     """Whether a training into `out` was stopped after its first checkpoint."""
-    return (unfinished(out) / CHECKPOINT).exists()
+    return POLICY.begun(out)
 
 
 def default(trainer: str) -> Config:

@@ -70,21 +70,11 @@ def check(
     without `overwrite`, and an unfinished one without `resume` or `overwrite`, or of another simulator.
     """
     chosen, draft = combinations(trainer, grid), files.unfinished(out)
-    check_place(out, resume=resume, overwrite=overwrite)
+    SWEEP.check_start(out, resume=resume, overwrite=overwrite)
     for name, settings in chosen.items() if resume else ():
         config = CONFIGS[trainer](**settings)
         training.check(draft / name, trainer=trainer, config=config, source=simulator, resume=True)
     return chosen
-
-
-def check_place(out: Path, *, resume: bool = False, overwrite: bool = False) -> None:
-    """Raises InputError for an older sweep without `overwrite`, or an unfinished one without either."""
-    SWEEP.check(out, overwrite=overwrite)
-    SWEEP.check_begun(out)
-    if files.begun(out) and not (resume or overwrite):
-        raise InputError(
-            f"{out} is an unfinished sweep; add --resume to go on with it, or --overwrite to begin anew"
-        )
 
 
 def combinations(trainer: str, grid: Mapping[str, Sequence[Any]]) -> dict[str, Settings]:

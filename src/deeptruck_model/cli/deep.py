@@ -79,7 +79,7 @@ def train(
     """
     checks.every(
         lambda: results.apart(out, *bags, *([start] if start else [])),
-        lambda: results.check_start(results.DEEP_TRUCK, out, resume=resume, overwrite=overwrite or resume),
+        lambda: results.DEEP_TRUCK.check_start(out, resume=resume, overwrite=overwrite or resume),
         lambda: checks.same_truck(bags, mapped=mapped(topic_map)),
         *([lambda: checks.adapted(str(start), bags, mapped=mapped(topic_map))] if start else []),
     )
@@ -159,7 +159,7 @@ def sweep(
 
     checks.every(
         lambda: results.apart(out, *bags),
-        lambda: results.check_start(results.SWEEP, out, resume=resume, overwrite=overwrite or resume),
+        lambda: results.SWEEP.check_start(out, resume=resume, overwrite=overwrite or resume),
         lambda: combinations(sweeps.read_grid(set_ or [])),
         lambda: checks.same_truck(bags, mapped=mapped(topic_map)),
     )

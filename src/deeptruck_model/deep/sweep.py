@@ -17,7 +17,7 @@ from deeptruck_model import recordings, sweeps
 from deeptruck_model.checks import MANIFEST, Clock
 from deeptruck_model.deep.arguments import OPTIONS, Arguments
 from deeptruck_model.errors import InputError
-from deeptruck_model.results import DEEP_TRUCK, SWEEP, check_start
+from deeptruck_model.results import DEEP_TRUCK, SWEEP
 
 METRICS_FILE = "metrics.json"
 RANKED_BY = "speed"  # its mean absolute error in held-out free runs, m/s, mean over the seeds
@@ -62,7 +62,7 @@ def sweep(
     chosen = combinations(grid)
     out = Path(out).absolute()
     if not resumes:
-        check_start(SWEEP, out, resume=False, overwrite=overwrite)
+        SWEEP.check_start(out, overwrite=overwrite)
     paths = tuple(str(Path(bag).resolve()) for bag in bags)
     goes_on = resumes and SWEEP.signed(out)  # by its names alone it may be somebody else's
     definitions = tuple(str(Path(file).resolve()) for file in msg)

@@ -35,7 +35,7 @@ from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
 from deeptruck_model.progress_bar import bar, board
 from deeptruck_model.recordings import Recording
-from deeptruck_model.results import DEEP_TRUCK, check_start
+from deeptruck_model.results import DEEP_TRUCK
 from deeptruck_model.simulators import read_manifest
 
 Observer = Callable[[int, TruckNetwork], None]
@@ -64,7 +64,7 @@ def train(
     """
     began, out = time.monotonic(), Path(out)
     if not resumes:
-        check_start(DEEP_TRUCK, out, resume=False, overwrite=overwrite)
+        DEEP_TRUCK.check_start(out, overwrite=overwrite)
     DEEP_TRUCK.check(out, overwrite=True)  # whether it is this run's own is known with the data
     torch.set_num_threads(1)
     data = prepare(recordings, arguments)

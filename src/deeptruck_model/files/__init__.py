@@ -6,7 +6,7 @@
 
 from deeptruck_model.files.ledger import LEDGER, check_new, check_outside, is_as_written, renew, rewrite
 from deeptruck_model.files.lock import ELSEWHERE, free, writing
-from deeptruck_model.files.places import begun, final, kept, left_beside, print_left_beside, unfinished
+from deeptruck_model.files.places import final, kept, left_beside, print_left_beside, unfinished
 from deeptruck_model.files.results import OVERWRITE_HELP, Result
 from deeptruck_model.files.single import advice, aside, new_file, removing, write
 
@@ -17,7 +17,6 @@ __all__ = [
     "Result",
     "advice",
     "aside",
-    "begun",
     "check_new",
     "check_outside",
     "final",

@@ -45,11 +45,6 @@ def unfinished(out: Path) -> Path:
     return out.parent / f".{out.name}.unfinished"  # '.' has no name that could be exchanged
 
 
-def begun(out: Path) -> bool:
-    """Whether a run that was to write `out` left work behind; a folder without a file is none."""
-    return any(not path.is_dir() for path in unfinished(out).rglob("*"))
-
-
 def beside(out: Path, suffix: str) -> Path:
     """A free name beside `out`, with this process's number; a killed run may have had the same."""
     names = (out.with_name(f".{out.name}.{os.getpid() + number}.{suffix}") for number in itertools.count())

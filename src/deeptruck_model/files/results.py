@@ -78,7 +78,7 @@ class Result:
         out = places.straight(out)
         draft = unfinished(out)
         with self._drafted(draft, out, overwrite, self.resumes_from, "make room and go on with --resume"):
-            if not resume and places.begun(out):
+            if not resume and _holds(draft):
                 kept = draft.rename(places.beside(out, "unfinished"))
                 _note(
                     f"what a run of {out} had begun is kept as {kept}; remove it, or rename it to "
@@ -162,12 +162,24 @@ class Result:
         """Write the ledger of a finished folder. Raises InputError where it cannot be written."""
         Ledger(self.what, ledger.prints_of(folder, self._written(folder))).put(folder)
 
-    def check_begun(self, out: Path) -> None:
-        """Whether what an unfinished run left at `out` is a folder of this command's files alone.
+    def begun(self, out: Path) -> bool:
+        """Whether a run that was to write `out` left work that can be gone on with."""
+        return _holds(unfinished(out), self.resumes_from)
 
-        Raises InputError for a file of somebody else there, or one that has changed since, by its name.
+    def check_start(self, out: Path, *, resume: bool = False, overwrite: bool = False) -> None:
+        """As `check`, for a command whose unfinished work can be gone on with; nothing is touched.
+
+        Raises InputError for such work without `resume` or `overwrite` too, and for what is in its folder of
+        somebody else or has changed since, by its name.
         """
-        self._check_draft(unfinished(out))
+        self.check(out, overwrite=overwrite)
+        draft = unfinished(out)
+        self._check_draft(draft)
+        if self.begun(out) and not (resume or overwrite):
+            raise InputError(
+                f"{out} was begun and not finished (in {draft}); add --resume to go on with it, or "
+                "--overwrite to begin anew"
+            )
 
     def _check_draft(self, draft: Path) -> None:
         if draft.exists() and not draft.is_dir():
@@ -204,7 +216,7 @@ class Result:
 
         def leave() -> None:
             known = ledger.read(draft)
-            if any(found.is_file() for name in resumes_from for found in draft.glob(name)):
+            if _holds(draft, resumes_from):
                 places.kept.append(draft)
             elif known is None or not known.whole:
                 self.forget(draft)
@@ -341,6 +353,11 @@ class Result:
         return InputError(
             f"{folder} holds {inside}, which is no part of {self.what}; move it, or {self.elsewhere}"
         )
+
+
+def _holds(folder: Path, patterns: Iterable[str] = ("**/*",)) -> bool:
+    """Whether there is a file in `folder` that a pattern says."""
+    return any(found.is_file() for name in patterns for found in folder.glob(name))
 
 
 def _fits(folder: Path, path: Path, patterns: list[list[str]], *, exact: bool) -> bool:

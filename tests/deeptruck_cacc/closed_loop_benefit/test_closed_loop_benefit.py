@@ -100,7 +100,7 @@ def test_one_case_from_drives_to_page(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == [".pays.unfinished"]
     drive = Path("work") / "cases" / "payload" / "drive0"
     stamp = (files.unfinished(out) / drive).stat().st_mtime_ns
-    with pytest.raises(InputError, match="is an unfinished experiment; add --resume"):
+    with pytest.raises(InputError, match=r"was begun and not finished .*; add --resume"):
         pays(out, ["payload"], ["trusting"], TINY)
     results = pays(out, ["payload"], ["trusting"], TINY, resume=True)["payload"]
     assert (out / drive).stat().st_mtime_ns == stamp  # not driven again

@@ -49,7 +49,7 @@ def test_a_killed_sweep_goes_on_only_where_asked(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == [".s.unfinished"]
     first = next(files.unfinished(out).glob("*/policy.json"))
     stamp = first.stat().st_mtime_ns
-    with pytest.raises(InputError, match=r"is an unfinished sweep; add --resume .*, or --overwrite"):
+    with pytest.raises(InputError, match=r"was begun and not finished .*; add --resume .*, or --overwrite"):
         sweep.sweep(TRUCK, out, grid)
     with pytest.raises(InputError, match="simulator was truck:trucksim, given truck:volvo"):
         sweep.sweep("truck:volvo", out, grid, resume=True)

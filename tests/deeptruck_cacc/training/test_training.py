@@ -12,6 +12,7 @@ import torch
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.reward import Reward
@@ -206,7 +207,7 @@ def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
 
     with pytest.raises(KeyboardInterrupt):
         train(toy, tmp_path / "cut", trainer=trainer, config=quick, tell=kill)
-    assert not (tmp_path / "cut").exists() and files.begun(tmp_path / "cut")
+    assert not (tmp_path / "cut").exists() and POLICY.begun(tmp_path / "cut")
     resumed = train(toy, tmp_path / "cut", trainer=trainer, config=quick, resume=True)
     assert not files.unfinished(tmp_path / "cut").exists()
     for (w, _), (x, _) in zip(whole.layers, resumed.layers, strict=True):

@@ -261,5 +261,5 @@ def test_what_another_command_left_unfinished_is_not_gone_on_with(tmp_path: Path
     KIND.sign(draft)
     (draft / "a").write_text("changed")
     with pytest.raises(InputError, match="holds a, which has changed since this command wrote it"):
-        KIND.check_begun(out)
+        KIND.check_start(out, resume=True)
     assert (draft / "a").read_text() == "changed"
