@@ -113,6 +113,15 @@ def test_it_lets_a_safe_command_pass_untouched():
     assert not shield.acted[0]
 
 
+def test_it_acts_where_it_adds_a_brake_alone_and_not_where_the_policy_brakes_as_hard():
+    """The engine command is its least already, so that the brake alone says whether the shield acts."""
+    shield = Shield(PROMISE, 0.0, 100.0)
+    _, brake = shield.filter(column(20.0), column(10.0), column(20.0), column(0.0), column(0.0))
+    assert brake[0] == 100.0 and shield.acted[0]
+    shield.filter(column(20.0), column(10.0), column(20.0), column(0.0), column(100.0))
+    assert not shield.acted[0]
+
+
 def test_it_brakes_when_nothing_was_ever_seen_and_soon_when_the_leader_is_lost():
     shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
     assert shield.filter(nan, nan, column(20.0), column(500.0), column(0.0))[1][0] == 100.0
