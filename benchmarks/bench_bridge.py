@@ -1,15 +1,14 @@
 """Codec against cantools, loopback bus, period jitter of TSC1 and brake, driver override to release.
 
-`python benchmarks/bench_bridge.py [--seconds 20] [--overrides 5] [--load]` prints a table and writes it to
-its section of docs/results/speed.md. The bridge and the emulator run as processes of their own; this one is
-the witness. `--load` adds one busy process a core.
+`python benchmarks/bench_bridge.py [--seconds 20] [--overrides 5] [--priority 0]` prints a table and writes it
+to its section of docs/results/speed.md. The bridge and the emulator run as processes of their own; this one
+is the witness.
 """
 
 from __future__ import annotations
 
 import math
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -102,28 +101,16 @@ def override_row(runs: int) -> str:
 
 def main() -> None:
     priority = (0, "SCHED_FIFO priority of bridge and witness")
-    options = harness.options(
-        __doc__, {"--seconds": 20.0, "--overrides": 5, "--priority": priority, "--load": False}
-    )
+    options = harness.options(__doc__, {"--seconds": 20.0, "--overrides": 5, "--priority": priority})
     if options.priority:
         os.environ["BRIDGE_PRIORITY"] = str(options.priority)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(options.priority))
-    busy = [
-        subprocess.Popen([sys.executable, "-c", "while True: pass"])
-        for _ in range(os.cpu_count() or 1 if options.load else 0)
-    ]
-    try:
-        rows = [*codec_rows(), bus_row()]
-        for name in ("trucksim", "volvo"):
-            rows += jitter_rows(name, options.seconds)
-        rows.append(override_row(options.overrides))
-    finally:
-        for process in busy:
-            process.kill()
-            process.wait()
-    how = " on a loaded machine" * options.load + " with real-time priority" * bool(options.priority)
-    state = f"; {len(busy)} busy processes beside" if busy else ""
-    lines = harness.heading(f"CAN bridge{how}", f"{state}; {harness.machine()}.")
+    rows = [*codec_rows(), bus_row()]
+    for name in ("trucksim", "volvo"):
+        rows += jitter_rows(name, options.seconds)
+    rows.append(override_row(options.overrides))
+    how = " with real-time priority" * bool(options.priority)
+    lines = harness.heading(f"CAN bridge{how}", f"; {harness.machine()}.")
     harness.store("speed", [*lines, *harness.table("what | measured", rows)])
 
 

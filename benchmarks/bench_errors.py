@@ -14,7 +14,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
 
 import harness
@@ -25,35 +24,18 @@ from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.signals import TruckInterface
 
 SCRIPTS = harness.ROOT / "ros2_ws"
-PATIENCE_S = 120.0
 REFUSED = (
     "deeptruck-model import none.csv --columns none.yaml --out out",
     "deeptruck-model coverage none --out out",
-    "deeptruck-model repair none",
-    "deeptruck-model train none --out out",
     "deeptruck-model train percent drive --out out",
-    "deeptruck-model train drive --out link",
     "deeptruck-model sweep drive --out out --set speed=3",
-    "deeptruck-model evaluate truck:trucksim:mass=-1 none --out out",
     "deeptruck-model evaluate truck:trucksim percent --out out",
-    "deeptruck-model evaluate truck:trucksim drive --out drive",
     "deeptruck-model calibrate truck:trucksim drive --out out",
-    "deeptruck-model export none --out out.onnx",
-    "deeptruck-model experiment field --out drive/metadata.yaml",
-    "deeptruck-model mismatch --simulator truck:trucksim --recordings none --out out",
     "deeptruck-model mismatch --simulator truck:trucksim --recordings percent --out out",
-    "deeptruck-model mismatch --simulator truck:trucksim --recordings drive --out link",
     "deeptruck-model apply none --out out",
-    "deeptruck-model road none --out out",
-    "deeptruck-model prove --out link",
-    "deeptruck-cacc train --simulator truck:none --out out",
     "deeptruck-cacc train --simulator none --out out",
     "deeptruck-cacc evaluate none --simulator truck:trucksim --out out",
-    "deeptruck-cacc export none --out out.onnx",
     "truck-bridge decode none.log --vehicle none --out out.csv",
-    "truck-bridge check none.log --vehicle none",
-    "truck-bridge convert none.log out.asc",
-    "start_simulation.py --simulator truck:none --record out",
     "start_simulation.py --simulator truck:trucksim --policy none --record out",
     "start_vehicle.py --vehicle none --record out",
     "replay_recording.py none",
@@ -61,45 +43,34 @@ REFUSED = (
 HELP = (
     "deeptruck-model --help",
     "deeptruck-model train --help",
-    "deeptruck-model mismatch --help",
     "deeptruck-cacc --help",
-    "deeptruck-cacc train --help",
     "truck-bridge --help",
-    "truck-bridge decode --help",
     "start_simulation.py --help",
     "start_vehicle.py --help",
     "replay_recording.py --help",
 )
 
 
-@dataclass(frozen=True)
-class Run:
-    """What one command said, and what it took: s of the clock and of CPU (user and system)."""
-
-    command: str
-    code: int | None  # None: it had said nothing after PATIENCE_S
-    says: str
-    wall_s: float
-    cpu_s: float
-
-
 def main() -> None:
+    """Print the tables and write them to a section of docs/results/speed.md."""
     repeats = (3, "runs of each command, of which the least counts")
-    only = ("", "only commands that hold these words")
-    arguments = harness.options(__doc__, {"--repeats": repeats, "--only": only})
+    arguments = harness.options(__doc__, {"--repeats": repeats})
     with tempfile.TemporaryDirectory() as name:
         prepare(Path(name))
-        wanted = [command for command in (*REFUSED, *HELP) if arguments.only in command]
-        found = {command: least(command, Path(name), arguments.repeats) for command in wanted}
-    lines = written(*([found[c] for c in some if c in found] for some in (REFUSED, HELP)))
-    if arguments.only:
-        print("\n".join(lines))
-    else:
-        harness.store("speed", lines)
+        tables = [
+            [row(command, Path(name), arguments.repeats) for command in commands]
+            for commands in (REFUSED, HELP)
+        ]
+    load = os.getloadavg()[0] / (os.cpu_count() or 1)
+    lines = harness.heading("Time to the error", "; each command in a process of its own.")
+    lines += [SAYS.format(load=load)]
+    for heads, rows in zip(("command", "`--help`"), tables, strict=True):
+        lines += ["", *harness.table(f"{heads} | exit code | lines | s | CPU s", rows, right=True)]
+    harness.store("speed", [*lines, "", BELOW])
 
 
 def prepare(folder: Path) -> None:
-    """A bag that fits `trucksim`, one in other units and without a grade, and a symbolic link."""
+    """A bag that fits `trucksim`, and one in other units and without a grade."""
     fits = trucks.load("trucksim").interface
     for name, interface in (
         ("drive", fits),
@@ -107,66 +78,30 @@ def prepare(folder: Path) -> None:
     ):
         channels = {n: np.zeros(600) for n in (*interface.y, *interface.u, *interface.w)}
         write_bag(folder / name, [Recording(name, 0.1, channels, interface)], interface=interface)
-    (folder / "link").symlink_to(folder)
 
 
-def least(command: str, folder: Path, repeats: int) -> Run:
-    """The quickest of some runs."""
-    return min((once(command, folder) for _ in range(repeats)), key=lambda run: run.cpu_s)
-
-
-def once(command: str, folder: Path) -> Run:
-    """Run a command to its end, in `folder`."""
+def row(command: str, folder: Path, repeats: int) -> str:
+    """A command's exit code, lines of error and least times (s), each run in `folder` to its end."""
     program, *words = command.split()
-    start = [sys.executable, str(SCRIPTS / program)] if program.endswith(".py") else [_script(program)]
-    before, begin = harness.children_cpu_s(), time.perf_counter()
-    try:
+    script = SCRIPTS / program if program.endswith(".py") else Path(sys.executable).parent / program
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    times = []
+    for _ in range(repeats):
+        cpu, begin = harness.children_cpu_s(), time.perf_counter()
         done = subprocess.run(
-            [*start, *words],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-            check=False,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        )
-        code, says = done.returncode, (done.stderr if done.returncode else "").strip()
-    except subprocess.TimeoutExpired:
-        code, says = None, ""
-    return Run(command, code, says, time.perf_counter() - begin, harness.children_cpu_s() - before)
+            [sys.executable, str(script), *words],
+            cwd=folder, env=environment, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        times.append((time.perf_counter() - begin, harness.children_cpu_s() - cpu))
+    wall_s, cpu_s = np.min(times, axis=0)
+    lines = len(done.stderr.strip().splitlines())
+    return f"`{command}` | {done.returncode} | {lines} | {wall_s:.2f} | {cpu_s:.2f}"
 
 
-def _script(program: str) -> str:
-    return str(Path(sys.executable).parent / program)
-
-
-def written(refused: list[Run], helped: list[Run]) -> list[str]:
-    """The section."""
-    load = os.getloadavg()[0] / (os.cpu_count() or 1)
-    return [
-        *harness.heading("Time to the error", "; each command in a process of its own."),
-        f"Of its runs the least, start and imports included. The load was {load:.1f} processes a core: CPU",
-        "time is the fairer of the two. The aims on an idle machine: 1 s to an error, 0.5 s of CPU for",
-        "`--help`.",
-        "",
-        *harness.table(
-            "command | exit code | lines | s | CPU s",
-            (
-                f"`{r.command}` | {r.code} | {len(r.says.splitlines())} | {r.wall_s:.2f} | {r.cpu_s:.2f}"
-                for r in refused
-            ),
-            right=True,
-        ),
-        "",
-        *harness.table(
-            "`--help` | exit code | s | CPU s",
-            (f"`{r.command}` | {r.code} | {r.wall_s:.2f} | {r.cpu_s:.2f}" for r in helped),
-            right=True,
-        ),
-        "",
-        "`none` is not there, `link` is a symbolic link, `drive` a bag that fits, and `percent` a bag with",
-        "its engine command in percent and without a grade.",
-    ]
+SAYS = """Of its runs the least, start and imports included. The load was {load:.1f} processes a core: CPU
+time is the fairer of the two. The aims on an idle machine: 1 s to an error, 0.5 s of CPU for `--help`."""
+BELOW = """`none` is not there, `drive` is a bag that fits, `percent` has its engine command in percent and
+no grade."""
 
 
 if __name__ == "__main__":

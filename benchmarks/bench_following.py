@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import bench_foresight
+import foresight
 import harness
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +123,7 @@ def string(truck: str, policy: Path) -> list[str]:
 def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
     """Where a seed leaves 0.1 s behind the moving leader, could the truck have held it, gear changes and all?
 
-    Asked of a controller that tries its next 3 s on the truck itself (bench_foresight.py).
+    Asked of a controller that tries its next 3 s on the truck itself (foresight.py).
     """
     simulator = trucks.load(truck)
     scene = scenes.moving(np.random.default_rng(seed), 100, 800, simulator.dt)
@@ -140,9 +140,7 @@ def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
         return [
             "Behind a moving leader no seed leaves 0.1 s where power suffices, so foresight was not asked."
         ]
-    best = np.where(
-        reach[:, hard], np.abs(bench_foresight.drive(simulator, bench_foresight.rows(scene, hard))), 0.0
-    )
+    best = np.where(reach[:, hard], np.abs(foresight.drive(simulator, foresight.rows(scene, hard))), 0.0)
     able = np.ones_like(reach)
     able[:, hard] = best <= 0.1
     worst = np.where(able, each, 0.0).max(axis=1)  # (seeds, scenes)
@@ -154,7 +152,7 @@ def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
         f"scenes of 100 within 0.1 s while foresight is | {_every(worst)}",
     ]
     heads = f"behind a moving leader, {len(hard)} scenes of 100 in which any seed leaves 0.1 s | "
-    says = "Foresight tries its next 3 s on the truck itself, road and leader known (`bench_foresight.py`)."
+    says = "Foresight tries its next 3 s on the truck itself, road and leader known (`foresight.py`)."
     return [*harness.table(heads, rows), "", says]
 
 

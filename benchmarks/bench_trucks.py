@@ -1,4 +1,4 @@
-"""How fast the physics truck drives: compiled, in numpy, in plain Python, and beside FASTSim 3.
+"""How fast the physics truck drives: compiled, in numpy, and beside FASTSim 3.
 
     python benchmarks/bench_trucks.py [--fastsim-python PYTHON]
 
@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import importlib
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import harness
@@ -40,17 +38,13 @@ print(json.dumps(found))
 
 
 def main() -> None:
-    fastsim, plain = (sys.executable, "interpreter that has fastsim"), (False, harness.HIDDEN)
-    arguments = harness.options(__doc__, {"--fastsim-python": fastsim, "--plain": plain})
-    if arguments.plain:
-        print(json.dumps(plain_python()))
-        return
+    fastsim = (sys.executable, "interpreter that has fastsim")
+    arguments = harness.options(__doc__, {"--fastsim-python": fastsim})
     rates = {
         "compiled, batch 1000": compiled_batch(),
         "compiled, one truck, whole run": compiled_batch(1, 100_000),
         "compiled, one truck, step by step": compiled_steps(),
         "numpy, batch 1000": numpy_batch(),
-        "plain Python, one truck": in_plain_python(),
     }
     report(rates, with_force(), seven_hours(), fastsim_rate(arguments.fastsim_python))
 
@@ -94,7 +88,9 @@ def compiled_steps(steps: int = 3000) -> float:
 def numpy_batch(steps: int = 40) -> float:
     """The reference the tests hold the compiled truck against, on the same batch."""
     truck = trucks.load("trucksim")
-    reference = from_tests("numpy_truck").NumpyTruck(truck.record[0], truck.substeps, truck.substep)
+    sys.path.insert(0, str(harness.ROOT / "tests" / "deeptruck_model" / "trucks"))
+    numpy_truck = importlib.import_module("numpy_truck")
+    reference = numpy_truck.NumpyTruck(truck.record[0], truck.substeps, truck.substep)
     u, w, y0 = inputs(BATCH, steps)
     records = truck.reset(y0).records
 
@@ -104,34 +100,6 @@ def numpy_batch(steps: int = 40) -> float:
             reference.step(state, u[:, k, 0], u[:, k, 1], w[:, k, 0])
 
     return BATCH * steps / cpu(run, 2)
-
-
-def in_plain_python() -> float:
-    """The very same functions without the compiler, in a process of their own."""
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    command = [sys.executable, __file__, "--plain"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return float(json.loads(done.stdout))
-
-
-def plain_python(steps: int = 1500) -> float:
-    from deeptruck_model.trucks.kernel import advance
-    from deeptruck_model.trucks.start import settle
-    from deeptruck_model.trucks.state import STATE
-
-    truck = trucks.load("trucksim")
-    record = truck.record[0]
-    p = SimpleNamespace(**{name: record[name].tolist() for name in record.dtype.names})
-    u, w, y0 = inputs(1, steps)
-    engine, brake, grade = u[0, :, 0].tolist(), u[0, :, 1].tolist(), w[0, :, 0].tolist()
-
-    def run() -> None:
-        s = SimpleNamespace(**dict.fromkeys(STATE.names or (), 0.0))
-        settle(s, p, 0.0, float(y0[0, 1]))
-        for k in range(steps):
-            advance(s, p, engine[k], brake[k], grade[k], truck.substeps, truck.substep)
-
-    return steps / cpu(run)
 
 
 def with_force(steps: int = 1000) -> float:
@@ -152,26 +120,6 @@ def seven_hours() -> float:
     """CPU seconds for a recording of 7 h at 10 Hz, generator, driver and truck."""
     truck = trucks.load("trucksim")
     return cpu(lambda: driving_cycles.drive(truck, hours=7.0, seed=1))
-
-
-def from_tests(name: str) -> Any:
-    """A module of the truck's tests: its reference in numpy, and how the published figures are measured."""
-    sys.path.insert(0, str(harness.ROOT / "tests" / "deeptruck_model" / "trucks"))
-    return importlib.import_module(name)
-
-
-def figures() -> list[str]:
-    """0-60 mph, speed kept on 6 %, stopping distances cold and hot, and fuel, of each truck of the pool."""
-    measure = from_tests("test_figures")
-    rows = []
-    for name, mass in (("trucksim", 20e3), ("trucksim", 36287.0), ("freightliner", 8200.0), ("volvo", 30e3)):
-        truck = trucks.load(name).with_parameters({"mass": mass})
-        climb = measure.on_grade(truck, 300.0, 25.0, engine=1.0, grade=0.06).y[0, -1, 1]
-        stops = " / ".join(f"{measure.stopping_feet(truck, t):.0f}" for t in (80.0, 300.0, 500.0))
-        sixty, mpg = measure.time_to(truck, 60.0 * measure.MPH), measure.cruise_mpg(truck, 63.0)
-        rows.append(f"{name} | {mass / 1e3:.1f} | {sixty:.1f} | {climb:.1f} | {stops} | {mpg:.1f}")
-    heads = "truck | t | 0-60 mph, s | 6 % kept, m/s | 60-0 mph, ft: 80 / 300 / 500 degC | mpg at 63 mph"
-    return harness.table(heads, rows, right=True)
 
 
 def fastsim_rate(python: str) -> dict[str, Any] | None:
@@ -198,8 +146,6 @@ def report(rates: dict[str, float], force: float, hours7: float, fastsim: dict[s
     lines += [
         "- FASTSim takes one step a simulated second, without gearbox, boost or brakes; ours a hundred."
     ]
-    lines += ["", "## Figures of the class", ""]
-    lines += ["The bands and whose they are: tests/deeptruck_model/trucks/test_figures.py.", "", *figures()]
     harness.store("speed", lines)
 
 

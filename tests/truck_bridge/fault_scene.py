@@ -84,9 +84,8 @@ def scene(name: str, driver: str = "", engine_percent: float = 40.0) -> Iterator
     witness = can.Bus(interface="loopback", channel=channel)
     command = engine_percent / 100 * (1950 if name == "trucksim" else 100)
     emulator = [sys.executable, "-m", "truck_bridge.emulator", "--vehicle", name, "--channel", channel]
-    truck = subprocess.Popen(
-        [*emulator, "--speed", "15", "--driver", driver], stdout=subprocess.DEVNULL, text=True
-    )
+    emulator += ["--speed", "15", *(["--driver", driver] if driver else [])]
+    truck = subprocess.Popen(emulator, stdout=subprocess.DEVNULL, text=True)
     bridge = subprocess.Popen(
         [sys.executable, str(BRIDGE), name, channel, str(command), "0"],
         stdin=subprocess.PIPE,

@@ -1,7 +1,5 @@
 """How well one could follow who knows the truck itself, the road and the leader's future.
 
-python benchmarks/bench_foresight.py [--truck trucksim] [--rollouts 40] [--seed 1000]
-
 At every step it tries SAMPLES changes of its plan on the physics truck, gear changes and all, and keeps the
 best. Its plans end after HORIZON steps, so it is a yardstick and no bound: it too can be caught by a hill.
 """
@@ -10,17 +8,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import harness
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.scaling import ActionScale
-from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.environment import CaccEnv
 from deeptruck_cacc.environments.scenes import Scene
-from deeptruck_cacc.evaluation import metrics
-from deeptruck_model import simulators, trucks
+from deeptruck_model import trucks
 from deeptruck_model.trucks.truck import TruckState
 
 Array = NDArray[np.float64]
@@ -101,30 +95,3 @@ def rows(scene: Scene, chosen: NDArray[np.intp]) -> Scene:
     """Some of the rollouts of a scene without radar faults."""
     names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
     return replace(scene, **{name: getattr(scene, name)[chosen] for name in names})
-
-
-def main() -> None:
-    """Print the table and write its section of docs/results/following.md."""
-    args = harness.options(__doc__, {"--truck": "trucksim", "--rollouts": 40, "--seed": 1000})
-    truck = simulators.load(f"truck:{args.truck}")
-    scene = scenes.moving(np.random.default_rng(args.seed), 100, 800, truck.dt)
-    scene = rows(scene, np.arange(args.rollouts))
-    reach = metrics.within_reach(scene, PedalMap.calibrate(truck), truck.dt)[100:]
-    size = np.abs(drive(truck, scene))[100:]
-    worst = np.sort(np.where(reach, size, 0.0).max(axis=0))
-    lines = harness.heading("A controller that tries its next 3 s on the truck itself")
-    lines += [
-        f"The first {args.rollouts} scenes of the moving leader on hills, where power suffices, after 10 s:"
-    ]
-    figures = [
-        f"mean | {size[reach].mean():.4f}",
-        f"99 % of the time within | {np.quantile(size[reach], 0.99):.3f}",
-        f"worst of a scene, median | {np.median(worst):.3f}",
-        f"worst of all | {worst[-1]:.3f}",
-        f"scenes within 0.1 s throughout | {int((worst <= 0.1).sum())} of {len(worst)}",
-    ]
-    harness.store("following", [*lines, "", *harness.table(" | time-gap error (s)", figures)])
-
-
-if __name__ == "__main__":
-    main()
