@@ -104,7 +104,6 @@ def test_no_arguments_and_an_unknown_option_are_one_line(
 @pytest.mark.parametrize("name", COMMANDS)
 @settings(
     max_examples=30,
-    deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -165,7 +165,7 @@ DAMAGE = st.sampled_from(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.lists(st.tuples(DAMAGE, st.integers(0, 39)), max_size=5), st.sampled_from(["", ",", ",,"]))
 def test_every_row_is_used_or_set_aside(
     tmp_path_factory: pytest.TempPathFactory, damage: list[tuple[str, int]], trail: str

@@ -20,7 +20,7 @@ from deeptruck_model.files import LEDGER, Result
 
 ROOT = Path(__file__).parents[2]
 SHAPES = ("file", "read-only", "link", "link to a folder", "folder", "in our place")
-QUICK = settings(derandomize=True, max_examples=250, deadline=None, suppress_health_check=list(HealthCheck))
+QUICK = settings(derandomize=True, max_examples=250, suppress_health_check=list(HealthCheck))
 
 
 def foreign_names(kind: Result) -> list[str]:

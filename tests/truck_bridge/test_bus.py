@@ -10,7 +10,7 @@ import time
 import can
 import pytest
 
-from truck_bridge.bus import FIRST_PORT, SLOTS, open_bus
+from truck_bridge.bus import BLOCKS, FIRST_PORT, SLOTS, open_bus
 from truck_bridge.errors import InputError
 
 
@@ -111,6 +111,11 @@ def test_a_killed_process_leaves_its_slot_free(channel):
         process.wait()
     with can.Bus(interface="loopback", channel=channel) as bus:
         assert bus._socket.getsockname()[1] == port
+
+
+def test_no_port_of_a_channel_is_one_that_the_kernel_gives_away():
+    """Linux gives ports from 32768 on to sockets that ask for none (ip(7), ip_local_port_range)."""
+    assert FIRST_PORT + SLOTS * BLOCKS <= 32768
 
 
 def test_a_full_channel_says_so(channel):

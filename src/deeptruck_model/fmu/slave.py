@@ -137,7 +137,7 @@ class Truck(Fmi3Slave):
         """A truck with the parameters that it was given, at the speed that it was given."""
         own = self.truck.parameters()
         changed = {name: value for name, value in self.parameters.items() if value != own[name]}
-        self.truck = self.truck.with_parameters(changed) if changed else self.truck
+        self.truck = self.truck.with_parameters(changed)
         y = np.zeros((1, len(self.truck.interface.y)))
         y[0, ACCELERATION], y[0, SPEED] = self.start["initial_acceleration"], self.start["initial_speed"]
         self.state, self.y, self.seen = self.truck.reset(y), y, None

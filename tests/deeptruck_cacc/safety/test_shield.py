@@ -10,7 +10,7 @@ from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments import hard_scenes, scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.safety import proof, truck_limits
-from deeptruck_cacc.safety.guard import Tracker, guard, load_controller
+from deeptruck_cacc.safety.guard import guard
 from deeptruck_cacc.safety.shield import Promise, Shield
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
@@ -72,6 +72,13 @@ def test_the_worst_truck_obeys_short_of_the_full_brake(wish, rate):
     start = PROMISE.needed_gap(column(16.1), column(15.9), column(0.0), 0.0) + PROMISE.gap_error
     lost = PROMISE.dt * max(rate, 0.0) * PROMISE.dt  # the second step begins faster than the leader
     assert least == pytest.approx(start - lost - PROMISE.d_safety, abs=1e-12)
+
+
+def test_the_adversary_drives_from_some_brake_to_the_full_engine_and_to_no_number():
+    """By the wish: the brake falls from 0.4 to none at 0.2, the engine from none at 0.25 to 1 at 0.75."""
+    engine, brake = proof._policy(column(0.0, 0.1, 0.2, 0.25, 0.5, 0.75, 0.95, 0.96))
+    assert engine == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 1.0, np.nan], nan_ok=True)
+    assert brake == pytest.approx([0.4, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def test_random_policies_leaders_and_radars_find_no_violation():
@@ -207,30 +214,3 @@ def test_a_truck_without_brakes_gets_no_promise():
 
     with pytest.raises(InputError, match="no brake"):
         truck_limits.measure(Coaster())
-
-
-def test_tracker_bridges_a_dropout_and_disbelieves_a_jump():
-    tracker = Tracker(0.1)
-    for k in range(10):
-        seen = tracker({"gap": 40.0 - 0.1 * k, "leader_speed": 19.0, "speed": 20.0})
-    lost = tracker({"gap": np.nan, "leader_speed": np.nan, "speed": 20.0})
-    assert lost["gap"][0] == pytest.approx(39.0) and lost["leader_speed"][0] == 19.0
-    jumped = [tracker({"gap": 75.0, "leader_speed": 22.0, "speed": 20.0})["gap"][0] for _ in range(40)]
-    assert jumped[5] < 40.0 and jumped[-1] == 75.0
-    nearer = tracker({"gap": 20.0, "leader_speed": 19.0, "speed": 20.0})
-    assert nearer["gap"][0] == 20.0 and seen["gap"][0] == pytest.approx(39.1)
-
-
-def test_outside_its_coverage_the_fallback_drives(truck):
-    driver = load_controller("baseline:cacc", truck.interface)
-    driver.coverage = {"speed": (8.0, 22.0)}
-    seen = {"leader_speed": 20.0, "speed": 20.0, "gap": 60.0, "target_time_gap": 3.0, "grade": 0.0}
-    driver.act(seen)
-    assert not driver.handed_over[0]
-    driver.act({**seen, "speed": 30.0})
-    assert driver.handed_over[0]
-    driver.act(seen)
-    assert driver.handed_over[0]  # for three seconds more
-    for _ in range(30):
-        driver.act(seen)
-    assert not driver.handed_over[0]

@@ -86,7 +86,7 @@ def test_trucks_known_to_be_sound_are_the_references():
     assert all(t.p is not None for t in tested.values() if t.role == TESTED)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(-5, 5), min_size=1, max_size=40), st.floats(-6, 6))
 def test_p_values_are_ranks(references, value):
     p = p_value(value, references)

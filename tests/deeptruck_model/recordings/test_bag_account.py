@@ -46,7 +46,7 @@ def text(topic: str, k: int) -> Message:
     return (topic, TYPES.types["std_msgs/msg/String"]("x"), S + k * S // 10)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     storage=st.sampled_from(STORAGES),
     speeds=st.lists(st.sampled_from([10.0, 20.0, np.nan, -3.0, 500.0]), min_size=30, max_size=80),
@@ -84,7 +84,7 @@ def _valid(storage: StoragePlugin) -> tuple[str, bytes]:
 VALID = [_valid(storage) for storage in STORAGES]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     valid=st.sampled_from(VALID),
     end=st.floats(0.0, 1.0),

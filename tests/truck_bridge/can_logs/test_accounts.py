@@ -362,7 +362,7 @@ EVENTS = [
 ]
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     lines=st.lists(st.tuples(st.sampled_from(LINES), st.sampled_from(EVENTS)), max_size=40),
     data=st.data(),
