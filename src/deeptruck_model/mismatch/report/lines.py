@@ -129,6 +129,11 @@ def what_to_do(v: Verdict) -> Iterator[str]:
             yield f"Remove the {spoken(f.effect)} at its sensor or clock, and record again."
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
+        elif "recording" in f.depends_on and not v.validated:
+            yield (
+                f"{opened(spoken(f.effect))} differs from drive to drive: set the simulator for each drive, or "
+                "estimate a constant force from the drive's first minutes with 'deeptruck-model adapt'."
+            )
     if v.validated:
         repair_first = any(f.kind is Kind.SENSOR for f in v.findings)
         yield f"{'Then apply' if repair_first else 'Apply'} the correction{_refitted(v)}."

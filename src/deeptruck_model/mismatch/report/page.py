@@ -161,7 +161,12 @@ def errors_say(v: Verdict) -> str:
     if not v.fit.corrected:
         return f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. Nothing was corrected."
     low, high = (100.0 * x for x in v.fit.improvement.ci95)
-    change = f"falls by {low:.0f} to {high:.0f} %" if low > 0 else f"changes by {-high:+.0f} to {-low:+.0f} %"
+    if low > 0.0:
+        change = f"falls by {low:.0f} to {high:.0f} %"
+    elif high > 0.0:
+        change = f"is between {high:.0f} % lower and {-low:.0f} % higher, which is no significant change"
+    else:
+        change = f"rises by {-high:.0f} to {-low:.0f} %"
     passed = "validated" if v.fit.validated else "not validated"
     return (
         f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. The mean error {change} (95 % interval): "

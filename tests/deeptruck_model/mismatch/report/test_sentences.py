@@ -1,0 +1,39 @@
+"""Sentences of a verdict that was made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from deeptruck_model.mismatch.fit_result import FitResult, Improvement
+from deeptruck_model.mismatch.report import lines, page
+from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+
+PAYLOAD = Finding(
+    Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {}, 0.93, 0.95,
+    "accelerate before and after", ("recording", "time"),
+)  # fmt: skip
+
+
+def driven(low: float, high: float) -> Verdict:
+    fit = FitResult(("a",), 40.0, 3, ("headwind",), False, improvement=Improvement((low, high), (low, high), 1))
+    return Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [
+        (0.2, 0.5, "falls by 20 to 50 %"),
+        (-3.87, 0.45, "is between 45 % lower and 387 % higher, which is no significant change"),
+        (-0.4, -0.1, "rises by 10 to 40 %"),
+    ],
+)
+def test_a_change_of_the_error_is_said_with_its_direction(low: float, high: float, says: str) -> None:
+    assert f"The mean error {says} (95 % interval)" in page.errors_say(driven(low, high))
+
+
+def test_what_differs_from_drive_to_drive_is_to_be_adapted_to_each() -> None:
+    assert any("deeptruck-model adapt" in line for line in lines.what_to_do(driven(-0.4, 0.1)))
+    steady = replace(PAYLOAD, depends_on=("speed",))
+    assert not any("adapt" in line for line in lines.what_to_do(Verdict(Conclusion.PHYSICS, (steady,))))
