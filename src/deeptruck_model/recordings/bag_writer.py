@@ -82,8 +82,10 @@ def write_bag(
 def lay_out(recordings: Sequence[Recording]) -> list[float]:
     """Start of each recording in the bag, s: its own, or later where reading would join it to the one before.
 
-    Raises InputError where there is nothing to write or the sample periods differ.
+    Raises InputError where there is nothing to write, no speed, or the sample periods differ.
     """
+    for recording in recordings:
+        recording.columns(("speed",))
     if not recordings or not all(len(recording) for recording in recordings):
         raise InputError("there is no recording to write, or an empty one")
     dt = recordings[0].dt

@@ -131,6 +131,9 @@ def test_nothing_is_overwritten_or_left_behind(
         write_bag(tmp_path / "two", [drive, replace(drive, dt=0.2)], interface=interface)
     with pytest.raises(InputError, match="no recording"):
         write_bag(tmp_path / "two", [], interface=interface)
+    silent = replace(drive, channels={c: x for c, x in drive.channels.items() if c != "speed"})
+    with pytest.raises(InputError, match="has no channel speed"):
+        write_bag(tmp_path / "two", [silent], interface=interface)
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot write"):
         write_bag(tmp_path / "file" / "bag", [drive], interface=interface)
