@@ -131,8 +131,8 @@ def what_to_do(v: Verdict) -> Iterator[str]:
             yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
         elif "recording" in f.depends_on and not v.validated:
             yield (
-                f"{opened(spoken(f.effect))} differs from drive to drive: set the simulator for each drive, or "
-                "estimate a constant force from the drive's first minutes with 'deeptruck-model adapt'."
+                f"{opened(spoken(f.effect))} differs from drive to drive: set the simulator for each, or "
+                "estimate a constant force from a drive's first minutes by 'deeptruck-model adapt'."
             )
     if v.validated:
         repair_first = any(f.kind is Kind.SENSOR for f in v.findings)

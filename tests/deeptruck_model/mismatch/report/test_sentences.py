@@ -11,13 +11,14 @@ from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 
 PAYLOAD = Finding(
-    Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {}, 0.93, 0.95,
-    "accelerate before and after", ("recording", "time"),
+    Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},
+    0.93, 0.95, "accelerate before and after", ("recording", "time"),
 )  # fmt: skip
 
 
 def driven(low: float, high: float) -> Verdict:
-    fit = FitResult(("a",), 40.0, 3, ("headwind",), False, improvement=Improvement((low, high), (low, high), 1))
+    change = Improvement((low, high), (low, high), 1)
+    fit = FitResult(("a",), 40.0, 3, ("headwind",), False, improvement=change)
     return Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)
 
 
