@@ -31,12 +31,12 @@ LEAST_WINDOWS = 3
 SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where there would be more
 PLACE_M, MOST_PLACES = 200.0, 160
 TWICE = 0.3  # of the way that is driven again, at least, for a part of its own
-DIRECTIONS = 40  # leading directions of a family's kernel
+DIRECTIONS = 10  # leading directions of a mechanism's kernel
 TURNS, STEPS = 3, 25  # of fitting the noise beside the parts, and of EM in each
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 KNOWN = 0.9  # of a window that must be compared
 SWEEPS, DRAWS = 50, 4  # of the sampler, and draws of the coefficients in each
-FIRST_SD, PRIOR_SD = 0.02, 0.005  # m/s^2: of a part at first; the prior's weight is that of one coefficient
+FIRST_SD, PRIOR_SD = 0.02, 0.005  # m/s^2: of a kernel at first; the prior weighs as one coefficient
 
 
 @dataclass(frozen=True)
@@ -107,12 +107,15 @@ def budget(search: Regression, hidden: Mask, given: Evidence) -> Budget:
     input acts that was not recorded, and which the search does not compare."""
     blocks = _blocks(search)
     refitted = _refitted(search.e, given)
-    blocks |= {family: np.zeros((len(given), 0)) for family in refitted if family not in blocks}
-    names, F = list(blocks), np.concatenate(list(blocks.values()), axis=1)
-    ends = np.cumsum([b.shape[1] for b in blocks.values()])
-    at = [np.arange(end - b.shape[1], end) for end, b in zip(ends, blocks.values(), strict=True)]
-    draws = _posterior(search, F, at)
+    F = np.concatenate([features for _, features in blocks], axis=1)
+    ends = np.cumsum([features.shape[1] for _, features in blocks])
+    of_block = [np.arange(end - f.shape[1], end) for end, (_, f) in zip(ends, blocks, strict=True)]
+    draws = _posterior(search, F, of_block)
     mean = draws.mean(axis=0)
+    columns_of = {family: np.zeros(0, dtype=np.intp) for family in refitted}
+    for (part, _), a in zip(blocks, of_block, strict=True):
+        columns_of[part] = np.append(columns_of.get(part, a[:0]), a)
+    names, at = list(columns_of), list(columns_of.values())
     e = search.e
     used = np.zeros(len(e), dtype=bool)
     used[search.rows] = True
@@ -214,28 +217,31 @@ def _by_drive(
     return out
 
 
-def _blocks(search: Regression) -> dict[str, Array]:
-    """Features (n, k) of every part, of unit mean square over the rows that are fitted."""
+def _blocks(search: Regression) -> list[tuple[str, Array]]:
+    """Features (n, k), of unit mean square over the rows that are fitted, of all that has a variance of its
+    own, each with the part of the budget to which it belongs."""
     e, rows = search.e, search.rows
-    out: dict[str, Array] = {"sensors": _thin(search.lateness, rows)}
-    for family in NAMES:
-        own = [k.features for k in kernels(search) if FAMILY.get(k.name) == family and k.part != "in time"]
-        if own:
-            together = np.concatenate([f / (np.linalg.norm(f[rows]) + 1e-9) for f in own], axis=1)
-            known = [out[family]] if family in out else []
-            out[family] = np.concatenate([*known, _thin(together, rows)], axis=1)
+    mechanisms: dict[str, list[Array]] = {}
+    for k in kernels(search):
+        if FAMILY.get(k.name) in NAMES and k.part != "in time":
+            unit = k.features / (np.linalg.norm(k.features[rows]) + 1e-9)
+            mechanisms.setdefault(k.name, []).append(unit)
     drive = np.stack([e.record == i for i in range(len(e.stretches))], axis=1).astype(float)
-    out[EACH_DRIVE] = drive - drive[rows].mean(axis=0)  # what all drives have is not of each
-    out[SLOW] = _knots(search)
-    if (place := _places(search)) is not None:
-        out[PLACE] = place
-    kept = {}
-    for name, f in out.items():
-        f = np.nan_to_num(f)
+    place = _places(search)
+    blocks = [
+        ("sensors", _thin(search.lateness, rows)),
+        *((FAMILY[name], _thin(np.concatenate(own, axis=1), rows)) for name, own in mechanisms.items()),
+        (EACH_DRIVE, drive - drive[rows].mean(axis=0)),  # what all drives have is not of each
+        (SLOW, _knots(search)),
+        *([] if place is None else [(PLACE, place)]),
+    ]
+    kept = []
+    for part, features in blocks:
+        f = np.nan_to_num(features)
         f = f[:, np.any(np.abs(f[rows]) > 1e-9, axis=0)]
         size = np.sqrt(np.mean(np.sum(f[rows] ** 2, axis=1))) if f.shape[1] else 0.0
         if size > 0.0:
-            kept[name] = f / size
+            kept.append((part, f / size))
     return kept
 
 
@@ -285,11 +291,12 @@ def _places(search: Regression) -> Array | None:
 
 
 def _posterior(search: Regression, F: Array, at: Sequence[NDArray[np.intp]]) -> Array:
-    """Draws (m, k) of the coefficients from their posterior beside the noise of the recordings.
+    """Draws (m, k) of the coefficients, of which those `at` one place share a variance, from their posterior
+    beside the noise of the recordings.
 
-    The noise and the first variances of the parts are those that maximise the marginal likelihood (EM); a
+    The noise and the first variances are those that maximise the marginal likelihood (EM); a
     Gibbs sampler over variances and coefficients follows, as one value of the variances would decide between
-    parts that the drives do not separate. The prior of a variance is PRIOR_SD^2 over a chi-squared variable
+    what the drives do not separate. The prior of a variance is PRIOR_SD^2 over a chi-squared variable
     of one degree of freedom.
     """
     beside = _as_recorded(search)
