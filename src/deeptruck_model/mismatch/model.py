@@ -175,7 +175,7 @@ class _Fold:
 def _folds(e: Evidence) -> list[_Fold]:
     """Parts of the fitted drives left out in turn; all of them fitted and driven where they are few."""
     fitted = np.flatnonzero([not s.held_out for s in e.stretches])
-    parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= 2 * FOLDS else []
+    parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= FOLDS else []
     if not parts:
         return [_Fold(Regression(e, held=PINNED), e.valid & ~e.held_out)]
     out = []
