@@ -41,7 +41,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Tree:
-    """The probability of every name, which add up to one."""
+    """The probability of every name, which add up to one, or to that of what they are given."""
 
     names: Mapping[str, float]
 
@@ -64,8 +64,9 @@ class Tree:
         return dict(sorted(own.items(), key=lambda item: -item[1]))
 
     def credible(self, mass: float) -> tuple[str, ...]:
-        """The fewest names that hold `mass` of the probability, most probable first."""
+        """The fewest names that hold `mass` of the probability of all, most probable first."""
         out, total = [], 0.0
+        mass = mass * sum(self.names.values())
         for name, p in sorted(self.names.items(), key=lambda item: -item[1]):
             if total >= mass:
                 break
@@ -91,9 +92,9 @@ class Tree:
         return tuple(out)
 
     def given(self, right: float) -> Tree:
-        """The same, where it holds only with probability `right` and nothing is known otherwise."""
-        kept = {name: right * p for name, p in self.names.items()}
-        return Tree(kept | {UNKNOWN: kept.get(UNKNOWN, 0.0) + 1.0 - right})
+        """The same, where it holds only with probability `right` and otherwise nothing is known, which is no
+        evidence for `unknown`."""
+        return Tree({name: right * p for name, p in self.names.items()})
 
     def without(self, names: frozenset[str]) -> Tree:
         """The same, where the probability of some names is that of `unknown`."""
