@@ -78,14 +78,17 @@ def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, cap
                 probe.send(can.Message(arbitration_id=0x18FEF100, data=[0]))
                 time.sleep(0.02)
 
-        spoken_until("18FEF100", 1)
-        assert run(monkeypatch, "replay", log, *bus) == 0
-        assert "5 frames sent" in capsys.readouterr().out
-        assert run(monkeypatch, "replay", log, *bus, "--commands") == 0
-        assert "6 frames sent" in capsys.readouterr().out
-        spoken_until("C00002A", 1)  # the last that was sent
-        recorder.send_signal(signal.SIGINT)
-        assert recorder.wait() == 0
+        try:
+            spoken_until("18FEF100", 1)
+            assert run(monkeypatch, "replay", log, *bus) == 0
+            assert "5 frames sent" in capsys.readouterr().out
+            assert run(monkeypatch, "replay", log, *bus, "--commands") == 0
+            assert "6 frames sent" in capsys.readouterr().out
+            spoken_until("C00002A", 1)  # the last that was sent
+            recorder.send_signal(signal.SIGINT)
+            assert recorder.wait() == 0
+        finally:
+            recorder.kill()  # else a failure above waits for it for ever
     frames = Counter(frame.can_id for frame in read(out))
     assert frames.pop(0x18FEF100) > 0
     assert frames == {0x0CF00400: 10, 0x0C00002A: 1}
