@@ -20,6 +20,7 @@ from deeptruck_exam.laws.law import Array
 from deeptruck_exam.teach.injected import Injected, Injection
 from deeptruck_exam.worlds import trucks
 from deeptruck_model import files
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import LIBRARY, NOTHING, CleanDrives, Given, KernelFeatures, Seen
 from deeptruck_model.recordings import Recording
 
@@ -62,11 +63,15 @@ class Samples:
 
     @staticmethod
     def load(path: Path) -> Samples:
-        with np.load(path) as a:
-            held, free = (_seen({n: a[f"{part}_{n}"] for n in SEEN}) for part in ("held", "free"))
-            given = Given(*(a[f"given_{n}"] for n in ("there", "explained", "overlap")))
-            f = KernelFeatures(tuple(a["keys"].tolist()), a["chance"], held, free, given)
-            return Samples(f, a["names"], a["laws"])
+        """Raises InputError for a file of another version, which lacks some arrays."""
+        try:
+            with np.load(path) as a:
+                held, free = (_seen({n: a[f"{part}_{n}"] for n in SEEN}) for part in ("held", "free"))
+                given = Given(*(a[f"given_{n}"] for n in ("there", "explained", "overlap")))
+                f = KernelFeatures(tuple(a["keys"].tolist()), a["chance"], held, free, given)
+                return Samples(f, a["names"], a["laws"])
+        except KeyError:
+            raise InputError(f"{path} was made by another version; delete it, and run this again") from None
 
     def of(self, rows: NDArray[np.bool_]) -> Samples:
         """Some of them."""

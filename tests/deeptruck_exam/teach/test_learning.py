@@ -13,6 +13,7 @@ pytest.importorskip("torch")
 from deeptruck_exam.laws.catalogue import UNKNOWN
 from deeptruck_exam.teach import acceptance, learning
 from deeptruck_exam.teach.samples import Samples
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import NOTHING, EffectClassifier, Given, KernelFeatures, Seen
 
 KEYS = ("brake_lag, law", "headwind, law", "unknown, law")
@@ -135,6 +136,14 @@ def test_a_kept_base_is_the_same_again(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.kernels.held.nats, part.kernels.held.nats, rtol=1e-6)
     np.testing.assert_array_equal(again.names, part.names)
     assert again.kernels.keys == part.kernels.keys
+
+
+def test_a_base_of_another_version_is_refused(tmp_path: Path) -> None:
+    made("b", 4, 10).save(tmp_path / "base.npz")
+    with np.load(tmp_path / "base.npz") as kept:
+        np.savez(tmp_path / "old.npz", **{n: kept[n] for n in kept if not n.endswith("_directions")})
+    with pytest.raises(InputError, match=r"old\.npz was made by another version; delete it"):
+        Samples.load(tmp_path / "old.npz")
 
 
 def test_scores_are_of_probabilities() -> None:
