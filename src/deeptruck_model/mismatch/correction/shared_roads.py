@@ -23,18 +23,22 @@ Cell = tuple[int, int, str]
 
 CELL_M = 100.0
 CELL_DEG = 0.0009  # of latitude: 99.5 m at the equator, 100.5 m at the poles
-WAYS = "NESW"  # a heading is that of its quarter: the other way along a road is another cell
+WAYS = "NESW"  # a passage has that of its mean heading: the other way along a road is another cell
 GAP_M = 300.0  # between known cells, over which a slope is interpolated
 LEAST_KM = 0.5  # known of a recording, of which less is no road
 FLEET_FIRST = "give roads.csv as 'deeptruck-model fleet roads' wrote it"
 
 
 def cells(headed: Array) -> list[Cell]:
-    """The cell of each latitude, longitude and heading, degrees (n, 3): squares of about CELL_M."""
+    """The cell at each step of a drive, of its latitude, longitude and heading, degrees (n, 3): squares of
+    about CELL_M. All steps of a passage through a square have the way of its mean heading."""
     latitude, longitude, heading = headed.T
     row = np.floor(latitude / CELL_DEG)
     column = np.floor(longitude * np.cos(np.radians((row + 0.5) * CELL_DEG)) / CELL_DEG)
-    way = np.floor((heading + 45.0) / 90.0) % 4
+    entered = (np.diff(row, prepend=row[:1]) != 0) | (np.diff(column, prepend=column[:1]) != 0)
+    passage, radians = np.cumsum(entered), np.radians(heading)
+    east, north = (np.bincount(passage, part) for part in (np.sin(radians), np.cos(radians)))
+    way = np.floor((np.degrees(np.arctan2(east, north))[passage] + 45.0) / 90.0) % 4
     keys = np.stack([row, column, way], axis=1).astype(int).tolist()
     return [(r, c, WAYS[w]) for r, c, w in keys]
 
@@ -44,7 +48,7 @@ class SharedRoads:
     """Slope, rise over run, by cell."""
 
     slopes: Mapping[Cell, float]
-    cure: ClassVar[str] = "give recordings with positions on these roads"
+    advice: ClassVar[str] = "give recordings with positions on these roads"
 
     @staticmethod
     def read(path: Path) -> SharedRoads:
