@@ -219,13 +219,15 @@ def road(
     Example: deeptruck-model road result/roads.csv a b c --out with_road
     """
     fleet = directory.is_file()
-    if fleet and other is not None:
-        raise InputError("--other is for a folder that 'mismatch' wrote; roads.csv finds roads by positions")
     given = [directory, *([other] if other else [])]
     checks.every(
         lambda: BAG_WITH_ROAD.check(out, overwrite=overwrite),
         lambda: apart(out, *given, *recordings),
-        *(partial(folders.check_road, folder) for folder in given if not fleet),
+        *(
+            (partial(_check_shared, directory), partial(_check_no_other, other))
+            if fleet
+            else [partial(folders.check_road, folder) for folder in given]
+        ),
         lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
@@ -245,6 +247,19 @@ def road(
     print(f"{len(made)} recordings with a grade in {out}")
     for note in notes:
         print(f"  note: {note}")
+
+
+def _check_shared(table: Path) -> None:
+    """Raises InputError where it is no table of shared roads."""
+    from deeptruck_model.mismatch.correction.shared_roads import SharedRoads
+
+    SharedRoads.read(table)
+
+
+def _check_no_other(other: Path | None) -> None:
+    """Raises InputError where a folder of another vehicle is given beside roads.csv."""
+    if other is not None:
+        raise InputError("--other is for a folder that 'mismatch' wrote; roads.csv finds roads by positions")
 
 
 def prove(

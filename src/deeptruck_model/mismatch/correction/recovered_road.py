@@ -27,7 +27,7 @@ LEAST = 10  # seconds of a recording with a slope, of which less is no road
 class Slopes(Protocol):
     """Slopes that were recovered, and what to give where they are of other recordings."""
 
-    cure: ClassVar[str]
+    advice: ClassVar[str]
 
     def along(self, recording: Recording) -> Array | None:
         """Slope (n,) of a recording, NaN where it is not known; None where next to none is."""
@@ -48,7 +48,7 @@ class Roads:
     """The slopes that were recovered, by the recording's name."""
 
     slopes: Mapping[str, RecoveredSlope]
-    cure: ClassVar[str] = "give those that mismatch was run on"
+    advice: ClassVar[str] = "give those that mismatch was run on"
 
     @staticmethod
     def read(found: Path) -> Roads:
@@ -108,5 +108,5 @@ def with_road(roads: Slopes, recordings: Sequence[Recording]) -> tuple[list[Reco
         if s is not None
     ]
     if not out:
-        raise InputError(f"no slope was found for these recordings; {roads.cure}")
+        raise InputError(f"no slope was found for these recordings; {roads.advice}")
     return out, [r.name for r, s in zip(recordings, slopes, strict=True) if s is None]
