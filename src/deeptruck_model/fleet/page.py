@@ -17,9 +17,9 @@ from deeptruck_model import files, pages
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.compare import VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
-from deeptruck_model.fleet.map import road_map
 from deeptruck_model.fleet.pool import POOLED
-from deeptruck_model.fleet.roads import ROADS, TABLE, said
+from deeptruck_model.fleet.road_map import road_map
+from deeptruck_model.fleet.roads import MERGED, ROADS, TABLE, said
 from deeptruck_model.fleet.storage import Place
 from deeptruck_model.mismatch.report.wording import opened, spoken
 from deeptruck_model.mismatch.tree import NAMES, UNKNOWN
@@ -178,7 +178,8 @@ def _roads(target: Place) -> dict[str, Any] | None:
     if not target.exists(ROADS):
         return None
     found = target.read_json(ROADS)
-    return {"says": said(found), "map": road_map(target.read_table(TABLE)) if found["km"] else None}
+    drawn = road_map(target.read_table(TABLE, MERGED)) if found["km"] else None
+    return {"says": said(found), "map": drawn}
 
 
 def _says(result: Mapping[str, Any]) -> tuple[str, list[str]]:

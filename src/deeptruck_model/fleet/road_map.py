@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG
+from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG, CELL_M
 
 EDGES = (-0.02, -0.005, 0.005, 0.02)  # slopes between the colours
 LABELS = ("below -2 %", "-2 to -0.5 %", "-0.5 to 0.5 %", "0.5 to 2 %", "above 2 %")
@@ -16,14 +16,15 @@ LEAST_STROKE, ASIDE = 4.0, 1.5  # units: a cell is drawn so long at least, and s
 
 
 def road_map(rows: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """What the page draws of the rows of roads.csv: its `size`, a path for each colour, and how many `km` it
-    is wide. At a scale at which cells fall on each other, each stroke is drawn once."""
+    """What the page draws of the rows of roads.csv: its `size`, a path for each colour, and its `km` from
+    west to east and from north to south. At a scale at which cells fall on each other, each stroke is drawn
+    once."""
     first = float(rows[0]["longitude"])
-    squeeze = math.cos(math.radians(sum(float(r["latitude"]) for r in rows) / len(rows)))
-    x = [((float(r["longitude"]) - first + 180.0) % 360.0 - 180.0) * squeeze for r in rows]
+    cos_latitude = math.cos(math.radians(sum(float(r["latitude"]) for r in rows) / len(rows)))
+    x = [((float(r["longitude"]) - first + 180.0) % 360.0 - 180.0) * cos_latitude for r in rows]
     y = [-float(r["latitude"]) for r in rows]
-    across = max(max(x) - min(x), max(y) - min(y), CELL_DEG)
-    scale = (WIDTH - 2 * MARGIN) / across
+    extent = [max(v) - min(v) for v in (x, y)]  # degrees of latitude
+    scale = (WIDTH - 2 * MARGIN) / max(*extent, CELL_DEG)
     half = max(CELL_DEG * scale, LEAST_STROKE) / 2
     strokes: list[dict[str, None]] = [{} for _ in COLOURS]
     for row, east, south in zip(rows, x, y, strict=True):
@@ -36,10 +37,9 @@ def road_map(rows: Sequence[Mapping[str, str]]) -> dict[str, Any]:
         begin = f"M{at[0] - right * half:.1f} {at[1] - down * half:.1f}"
         stroke = f"{begin}l{2 * right * half:.1f} {2 * down * half:.1f}"
         strokes[sum(float(row["slope"]) > edge for edge in EDGES)][stroke] = None
-    size = [2 * MARGIN + (max(v) - min(v)) * scale for v in (x, y)]
     colours = zip(COLOURS, LABELS, map("".join, strokes), strict=True)
     return {
-        "size": [f"{v:.0f}" for v in size],
-        "km": f"{across * 0.1 / CELL_DEG:.3g}",
+        "size": [f"{2 * MARGIN + v * scale:.0f}" for v in extent],
+        "km": [f"{(v / CELL_DEG + 1) * CELL_M / 1000.0:.1f}" for v in extent],
         "colours": list(colours),
     }

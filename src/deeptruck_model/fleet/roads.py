@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from deeptruck_model.fleet.compare import folder, receipts
-from deeptruck_model.fleet.slopes import SLOPES, mean_heading, written
+from deeptruck_model.fleet.slopes import COLUMNS, SLOPES, mean_heading, written
 from deeptruck_model.fleet.statistics import pooled
 from deeptruck_model.fleet.storage import Place, code, key
 from deeptruck_model.mismatch.correction.shared_roads import CELL_M
@@ -58,12 +58,12 @@ def roads(target: Place) -> dict[str, Any]:
     InputError where no truck was compared."""
     compared = {r["truck"]: r for r in receipts(target) if "quarantined" not in r}
     own = key(code(), sorted((truck, r["key"]) for truck, r in compared.items()))
-    if target.exists(ROADS) and (known := target.read_json(ROADS))["key"] == own:
+    if target.exists(ROADS) and target.exists(TABLE) and (known := target.read_json(ROADS))["key"] == own:
         return known
     left_out = {
         t: r.get("no_slopes", EARLIER) for t, r in compared.items() if SLOPES not in r.get("files", ())
     }
-    trucks = {t: target.read_table(f"{folder(t)}/{SLOPES}") for t in compared if t not in left_out}
+    trucks = {t: target.read_table(f"{folder(t)}/{SLOPES}", COLUMNS) for t in compared if t not in left_out}
     rows = merged(trucks)
     shared = {row["cell"] for row in rows}
     half = [(row["high"] - row["low"]) / 2 for row in rows]
@@ -80,12 +80,12 @@ def roads(target: Place) -> dict[str, Any]:
 
 
 def said(found: Mapping[str, Any]) -> str:
-    """One sentence of roads.json: how much road is shared, or why none is."""
+    """One sentence of roads.json: how much road is shared, both directions counted, or why none is."""
     left_out = "; ".join(
         f"{n} truck{'s' * (n > 1)} left out: {why}" for why, n in Counter(found["left_out"].values()).items()
     )
     if not found["km"]:
         return f"No road is shared: {left_out or 'no cell was driven by two trucks'}."
-    shared = f"{found['km']:g} km of road are shared by {found['trucks']} trucks"
+    shared = f"{found['km']:g} km of road and direction are shared by {found['trucks']} trucks"
     half = f"the slope is known to ±{100 * found['half_width']:.2g} % (90 % interval, median)"
     return f"{shared}; {half}{'; ' if left_out else ''}{left_out}."

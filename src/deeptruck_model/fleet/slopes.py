@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.correction.shared_roads import Cell, cells, name
+from deeptruck_model.mismatch.correction.shared_roads import CELL_M, Cell, cells, name
 from deeptruck_model.mismatch.data.one_road import STEP_M, headed
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -24,7 +24,10 @@ LEAST_AGAIN = 10  # passages beyond the first of their cell, from which a truck'
 NO_POSITIONS = "no positions are recorded that fit the speed"
 HAS_GRADE = "its simulator takes the recorded slope"
 LEARNED = "its simulator was learned, and has learned part of the slopes"
-ONCE = "less than 1 km of road is driven more than once, so that its variance is not known"
+ONCE = (
+    f"less than {LEAST_AGAIN * CELL_M / 1000.0:g} km of road is driven more than once, "
+    "so that its variance is not known"
+)
 
 
 def slopes(e: Evidence, drives: Sequence[Prepared]) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ import posixpath
 import re
 import secrets
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -88,9 +88,16 @@ class Place:
             raise InputError(f"{self.name}/{path} is damaged; remove it, and run the stage again")
         return data
 
-    def read_table(self, path: str) -> tuple[dict[str, str], ...]:
-        """The rows of a CSV file by its header. Raises InputError where it cannot be read."""
-        return tuple(csv.DictReader(io.StringIO(self.read(path).decode())))
+    def read_table(self, path: str, columns: Collection[str]) -> tuple[dict[str, str], ...]:
+        """The rows of a CSV file by its header. Raises InputError where it cannot be read, or a row lacks
+        one of the columns."""
+        try:
+            rows = tuple(csv.DictReader(io.StringIO(self.read(path).decode())))
+        except (UnicodeDecodeError, csv.Error):
+            rows = ({},)
+        if any(row.get(column) is None for row in rows for column in columns):
+            raise InputError(f"{self.name}/{path} is damaged; restore it, or start a new result")
+        return rows
 
     def write(self, path: str, content: bytes) -> None:
         """A whole file: written under a temporary name, then renamed. Raises InputError where that fails."""

@@ -17,12 +17,14 @@ from deeptruck_model.fleet import page
 from deeptruck_model.fleet.compare import DONE, VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
 from deeptruck_model.fleet.pool import pool
+from deeptruck_model.fleet.road_map import road_map
 from deeptruck_model.fleet.roads import INTERVAL, ROADS, TABLE, merged, roads, said
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
 from deeptruck_model.fleet.slopes import COLUMNS, NO_POSITIONS, ONCE, SLOPES, slopes, written
 from deeptruck_model.fleet.storage import place
 from deeptruck_model.mismatch.correction.recovered_road import with_road
-from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG, SharedRoads
+from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG, SharedRoads, cells
+from deeptruck_model.mismatch.data.one_road import STEP_M
 from deeptruck_model.mismatch.prepare import prepared
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules
@@ -68,8 +70,8 @@ def true_slope(row: dict[str, object], road: Array) -> float:
     """Mean along the cell."""
     index, column, way = str(row["cell"]).split(":")
     assert way == "E"
-    squeeze = np.cos(np.radians((int(index) + 0.5) * CELL_DEG))
-    west, east = ((int(column) + k) * CELL_DEG / squeeze for k in (0, 1))
+    cos_latitude = np.cos(np.radians((int(index) + 0.5) * CELL_DEG))
+    west, east = ((int(column) + k) * CELL_DEG / cos_latitude for k in (0, 1))
     metres = (np.linspace(max(west, LONGITUDE), east, 50) - LONGITUDE) * EAST_M
     return float(np.interp(metres / SPACING_M, np.arange(len(road)), road).mean())
 
@@ -176,11 +178,38 @@ def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, c
     (again,) = read(tmp_path / "out")
     assert "1 recordings with a grade" in capsys.readouterr().out and again.interface.grade
     np.testing.assert_allclose(again.channels["grade"], made.channels["grade"])
-    with pytest.raises(InputError, match="--other is for a folder"):
-        road_command(table, [tmp_path / "bag"], tmp_path / "out2", other=tmp_path / "result")
-    (tmp_path / "bad.csv").write_text("cell,slope\n1:2,0.1\n")
-    with pytest.raises(InputError, match="no table of shared roads"):
-        SharedRoads.read(tmp_path / "bad.csv")
+    bad = tmp_path / "bad.csv"
+    bad.write_text("cell,slope\n1:2,0.1\n")
+    with pytest.raises(InputError) as refused:
+        road_command(bad, [tmp_path / "none"], tmp_path / "out2", other=tmp_path / "result")
+    for misfit in ("no table of shared roads", "--other is for a folder", str(tmp_path / "none")):
+        assert misfit in str(refused.value)
+
+
+@pytest.mark.parametrize("heading", [45.0, 135.0, 225.0, 315.0])
+def test_a_passage_of_a_diagonal_road_has_one_cell(heading: float) -> None:
+    """10 km between two quarters of the compass, with an error of 3 degrees in each heading."""
+    rng, along = np.random.default_rng(0), np.arange(0.0, 10e3, STEP_M)
+    north, east = (along * f(np.radians(heading)) for f in (np.cos, np.sin))
+    noisy = (heading + rng.normal(0.0, 3.0, len(along))) % 360.0
+    steps = np.stack([LATITUDE + north / DEGREE_M, LONGITUDE + east / EAST_M, noisy], axis=1)
+    found = set(cells(steps))
+    assert len(found) == len({cell[:2] for cell in found}) > 100
+    assert not found & set(cells(steps - [0.0, 0.0, 180.0]))
+
+
+@pytest.mark.parametrize(("high_km", "wide_km"), [(4.9, 0.0), (0.0, 4.9)])
+def test_the_map_says_how_wide_and_how_high_it_is(high_km: float, wide_km: float) -> None:
+    rows = [
+        {
+            "latitude": str(LATITUDE + 1000.0 * high_km * k / DEGREE_M),
+            "longitude": str(LONGITUDE + 1000.0 * wide_km * k / EAST_M),
+            "heading": "0",
+            "slope": "0.01",
+        }
+        for k in (0.0, 0.5, 1.0)
+    ]
+    assert [float(x) for x in road_map(rows)["km"]] == pytest.approx([wide_km + 0.1, high_km + 0.1], abs=0.06)
 
 
 def test_trucks_that_share_no_slope_say_why(fleet) -> None:
@@ -229,8 +258,30 @@ def test_the_stage_is_done_once_and_counts_who_has_no_positions(result: Path) ->
     content = (result / TABLE).read_bytes()
     assert roads(target) == found
     assert {n: (result / n).stat().st_mtime_ns for n in before} == before
-    (result / ROADS).unlink()  # killed before it was written
-    assert roads(target) == found and (result / TABLE).read_bytes() == content
+    for lost in (ROADS, TABLE):  # the first where it was killed before it was written
+        (result / lost).unlink()
+        assert roads(target) == found and (result / TABLE).read_bytes() == content
+
+
+def damaged(content: bytes, how: str) -> bytes:
+    if how == "no text":
+        return content + b"\xff"
+    return content.replace(b",slope,", b",tilt,") if how == "no column" else content.rpartition(b",")[0]
+
+
+@pytest.mark.parametrize("how", ["no text", "no column", "cut off"])
+def test_a_damaged_table_is_refused_by_its_name(result: Path, how: str) -> None:
+    target = place(str(result))
+    pool(target, {}, 0.05)
+    roads(target)
+    target.write(TABLE, damaged(target.read(TABLE), how))
+    with pytest.raises(InputError, match=f"{TABLE} is damaged"):
+        page.show(target)
+    (result / TABLE).unlink()
+    path = f"{folder('truck1')}/{SLOPES}"
+    target.write(path, damaged(target.read(path), how))
+    with pytest.raises(InputError, match=f"{path} is damaged"):
+        roads(target)
 
 
 def test_the_page_has_a_map_of_them_or_says_why_not(result: Path) -> None:
