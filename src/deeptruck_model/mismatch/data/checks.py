@@ -18,6 +18,9 @@ from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 
+LEAST_MOVING = 100  # samples while moving, by which two sensors are compared
+SHIFTS = 4  # times that the accelerometer is shifted by the lag so far, as a fit is linear in the lag
+
 
 @dataclass(frozen=True)
 class Kinematics:
@@ -69,9 +72,6 @@ def observed_acceleration(speed: Array, accelerometer: Array | None, dt: float) 
     return out
 
 
-SHIFTS = 4  # of fitting what is linear in the lag to an accelerometer that is shifted by the lag so far
-
-
 def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
     """Fit accelerometer(t) = slope * dv/dt(t - lag) + offset over smoothed signals."""
     nan = float("nan")
@@ -84,13 +84,20 @@ def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
     d = gaussian_filter1d(np.where(ok, derivative(np.where(ok, speed, 0.0), dt), 0.0), width)
     moving = gaussian_filter1d(ok.astype(float), width) > 0.999
     moving &= np.abs(speed) > 0.5
-    if moving.sum() < 100 or np.std(d[moving]) < 0.02:
+    if moving.sum() < LEAST_MOVING or np.std(d[moving]) < 0.02:
         return Kinematics(speed_noise, nan, nan, nan, nan, nan, nan)
-    jerk, lag = np.gradient(d, dt), 0.0
+    jerk = np.gradient(d, dt)
+    slope, offset, lag, se = _errors_in_both(a, d, jerk, moving, width)
+    step = lag
     for _ in range(SHIFTS):
         shifted = _sooner(a, lag / dt)
-        slope, offset, more, se = _errors_in_both(shifted, d, jerk, moving & np.isfinite(shifted), width)
-        lag += more
+        both = moving & np.isfinite(shifted)
+        if both.sum() < LEAST_MOVING:
+            break
+        again = _errors_in_both(shifted, d, jerk, both, width)
+        if abs(again[2]) >= abs(step):  # the two are not the same signal
+            break
+        (slope, offset, step, se), lag = again, lag + again[2]
     return Kinematics(speed_noise, slope, se[0], offset, se[1], lag, se[2])
 
 

@@ -78,3 +78,21 @@ def test_without_an_accelerometer_or_without_motion_nothing_is_claimed() -> None
     speed, a = drive()
     assert np.isnan(checks.compare(speed, None, DT).slope)
     assert np.isnan(checks.compare(np.full(N, 20.0), a, DT).slope)
+
+
+@pytest.mark.parametrize("lag_s", [0.8, -0.8, 1.5])
+def test_a_long_lag_leaves_the_scale_as_it_is(lag_s: float) -> None:
+    speed, a = drive()
+    late = np.interp(np.arange(N) - lag_s / DT, np.arange(N), a)
+    found = checks.compare(speed, late, DT)
+    assert found.lag_s == pytest.approx(lag_s, abs=0.03)
+    assert found.slope == pytest.approx(1.0, abs=0.02)
+
+
+def test_an_accelerometer_that_has_nothing_to_do_with_the_speed_is_compared_all_the_same() -> None:
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        speed = 15.0 + np.cumsum(rng.normal(0.0, 0.05, 1200))
+        steps, swing = np.repeat(rng.normal(0.0, 0.5, 12), 100), np.sin(np.arange(1200) * DT / 5.0)
+        for a in (rng.normal(0.0, 0.3, 1200), steps, swing):
+            assert np.isfinite(checks.compare(speed, a, DT).lag_s)
