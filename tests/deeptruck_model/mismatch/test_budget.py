@@ -90,7 +90,7 @@ def test_intervals_hold_what_is_known(seeds: range) -> None:
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     held = np.mean(inside, axis=0)
     print(*(f"{n}: {100.0 * h:.0f} % held, error {e:.3f}" for n, h, e in zip(names, held, rms, strict=True)))
-    assert held.mean() > 0.65
+    assert held.min() > 0.6
     assert np.max(np.abs(errors), axis=0)[-1] < 0.03
 
 

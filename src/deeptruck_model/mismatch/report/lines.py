@@ -131,8 +131,9 @@ def what_to_do(v: Verdict) -> Iterator[str]:
             yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
         elif "recording" in f.depends_on and not v.validated:
             yield (
-                f"{opened(spoken(f.effect))} differs from drive to drive: set the simulator for each, or "
-                "estimate a constant force from a drive's first minutes by 'deeptruck-model adapt'."
+                f"{opened(spoken(f.effect))} may differ from drive to drive: if so, set the simulator's "
+                "parameters for each, or estimate a constant force from a drive's first minutes by "
+                "'deeptruck-model adapt'."
             )
     if v.validated:
         repair_first = any(f.kind is Kind.SENSOR for f in v.findings)
