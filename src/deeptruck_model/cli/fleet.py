@@ -9,6 +9,7 @@ import typer
 
 from deeptruck_model.cli.inputs import SIMULATOR
 from deeptruck_model.errors import InputError
+from deeptruck_model.files import lock
 
 if TYPE_CHECKING:
     from deeptruck_model.fleet.run import Fleet, Workers
@@ -94,18 +95,19 @@ def fleet(
         raise InputError(f"'fleet {stage}' writes into {place}; leave --out out")
     else:
         target = at(place, endpoint)
-    if stage in ("", "extract", "compare"):
-        with who.ready():
-            if described is not None:
-                _extract(described, who)
-            if stage != "extract":
-                _compare(target, who, hours_per_truck)
-    if stage in ("", "pool"):
-        _pool(target, trucks, level)
-    if stage in ("", "roads"):
-        _roads(target)
-    if stage in ("", "show"):
-        _show(target)
+    with lock.reserved(Path("/", target.path)):
+        if stage in ("", "extract", "compare"):
+            with who.ready():
+                if described is not None:
+                    _extract(described, who)
+                if stage != "extract":
+                    _compare(target, who, hours_per_truck)
+        if stage in ("", "pool"):
+            _pool(target, trucks, level)
+        if stage in ("", "roads"):
+            _roads(target)
+        if stage in ("", "show"):
+            _show(target)
 
 
 fleet.__doc__ = _HELP
@@ -166,6 +168,7 @@ def _compare(target: Place, who: Workers, hours: float | None) -> None:
 def _pool(target: Place, trucks: Path | None, level: float) -> None:
     from deeptruck_model.fleet.plan import trucks as table
     from deeptruck_model.fleet.pool import pool
+    from deeptruck_model.mismatch.report.wording import spoken
 
     found = pool(target, table(trucks), level)
     for kind, c in found["classes"].items():
@@ -177,7 +180,9 @@ def _pool(target: Place, trucks: Path | None, level: float) -> None:
             needed = c["references_needed"][str(c["tested"])]
             print(f"  all {c['tested']} together could be discoveries with {needed} references or more")
         if c["common"]:
-            print(f"  of most trucks, so of the simulator: {', '.join(c['common'])}")
+            print(f"  of most trucks, so of the simulator: {', '.join(map(spoken, c['common']))}")
+    if missing := found["without_drives"]:
+        print(f"{trucks} names trucks that no recording is of: {', '.join(missing)}")
     if len(found["series"]) > 1:
         last, every = found["series"][-1], [t for b in found["series"] for t in b["discovered"]]
         print(

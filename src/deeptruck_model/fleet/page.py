@@ -68,7 +68,7 @@ def _fleet(target: Place) -> dict[str, Any]:
     total, out = index["total"], index["quarantined"] | index["failed"]
     first = [_first(name, e) for name, e in trucks if e["role"] == "tested"][:FIRST]
     return {
-        "title": f"{differ} of {len(trucks)} trucks differ from their siblings",
+        "title": _title(differ, sum(e["role"] == "tested" for _, e in trucks), len(trucks)),
         "says": [
             f"{total['hours']:.1f} h of driving in {total['files']} files; {len(out)} files and "
             f"{len(pooled['quarantined'])} trucks left out.",
@@ -128,6 +128,13 @@ def _folder(target: Place) -> dict[str, Any]:
         "sizes": [],
         "left_out": [],
     }
+
+
+def _title(differ: int, tested: int, trucks: int) -> str:
+    """How many differ; where that is not established of any, how many lie apart from the others."""
+    if differ or not tested:
+        return f"{differ} of {trucks} trucks differ from their siblings"
+    return f"{tested} of {trucks} trucks to look at; none is established to differ"
 
 
 def _of_class(kind: str, c: Mapping[str, Any], level: float) -> str:

@@ -28,7 +28,8 @@ from deeptruck_model.mismatch.tree import FAMILY
 
 POOLED = "pool.json"
 Z95 = 1.96
-COMMON = 0.5  # of the trucks of a class: a family that as many have is a fault of the simulator
+COMMON = 0.5  # of the trucks of a class: a family that more have is a fault of the simulator
+OF_A_PLACE = "distance along the road"  # what a size depends on that is not of the truck
 
 
 def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, Any]:
@@ -63,6 +64,7 @@ def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, 
         "classes": classes,
         "trucks": dict(sorted(entries.items())),
         "quarantined": {r["truck"]: r["quarantined"] for r in every if "quarantined" in r},
+        "without_drives": sorted(trucks.keys() - {r["truck"] for r in every}),
         "effects": _effects(entries),
         "sizes": _sizes({n: (entries[n]["class"], verdicts[n]) for n in entries}),
         "series": advance(
@@ -125,7 +127,9 @@ def _class(
         "left_out": dict(Counter(t.role for t in tested.values() if t.role not in (REFERENCE, TESTED))),
         "smallest_p": round(1.0 / (references + 1), 5),
         "references_needed": {str(k): n for k, n in sorted(needed.items())},
-        "common": {f: round(n / len(tested), 3) for f, n in families.items() if n >= COMMON * len(tested)},
+        "common": {
+            f: round(n / len(tested), 3) for f, n in families.items() if n > max(1, COMMON * len(tested))
+        },
     }
 
 
@@ -158,10 +162,13 @@ def _effects(entries: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _sizes(verdicts: Mapping[str, tuple[str, Mapping[str, Any]]]) -> list[dict[str, Any]]:
-    """Sizes of findings that several trucks of a class share, raw and shrunk side by side."""
+    """Sizes of findings that several trucks of a class share, raw and shrunk side by side; those along a
+    road are of that road alone."""
     found: dict[tuple[str, str, str, str], dict[str, tuple[float, float]]] = {}
     for truck, (kind, verdict) in verdicts.items():
         for f in verdict["findings"]:
+            if OF_A_PLACE in f["depends_on"]:
+                continue
             for name, size in f["parameters"].items():
                 if size["ci95"]:
                     sd = (size["ci95"][1] - size["ci95"][0]) / (2.0 * Z95)

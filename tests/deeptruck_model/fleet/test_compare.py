@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import sys
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.cli import main
 from deeptruck_model.errors import InputError
+from deeptruck_model.files import lock
 from deeptruck_model.fleet import page, pool
 from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, chosen, folder
 from deeptruck_model.fleet.extract import INDEX, RECEIPTS
@@ -33,7 +36,7 @@ def receipt(truck: str, nats: dict[str, float]) -> dict[str, object]:
 
 def verdict(effect: str | None) -> dict[str, object]:
     finding = {
-        "effect": effect, "family": "air_tyres_road", "stated": effect,
+        "effect": effect, "family": "air_tyres_road", "stated": effect, "depends_on": ["speed"],
         "parameters": {"change": {"value": 20.0, "unit": "percent", "ci95": [18.0, 22.0]}},
     }  # fmt: skip
     tree = {"node": "air_tyres_road" if effect else "nothing", "parent": "mismatch", "probability": 0.97}
@@ -70,6 +73,33 @@ def test_the_affected_are_discovered_and_shares_have_intervals(result):
     assert low < 4 / 44 < high
     (size,) = found["sizes"]
     assert size["mean"] == pytest.approx(20.0) and set(size["trucks"]) == set(differ)
+
+
+def test_what_is_of_a_place_and_who_has_no_drives_is_said(result):
+    target = place(str(result))
+    for name in ("truck 00", "truck 11"):
+        of_a_road = verdict("road_grade")
+        of_a_road["findings"][0]["depends_on"] = ["distance along the road"]
+        target.write_json(f"{folder(name)}/{VERDICT}", of_a_road)
+    found = pool.pool(target, {"truck XX": Truck("truck XX")}, 0.05)
+    assert {s["effect"] for s in found["sizes"]} == {"drag_area"}
+    assert found["without_drives"] == ["truck XX"]
+
+
+def test_a_family_of_one_truck_of_two_is_not_of_most(tmp_path):
+    target = place(str(tmp_path / "two"))
+    target.write_json(INDEX, {"total": {}, "failed": {}, "trucks": {}, "quarantined": {}})
+    for name, effect in (("a", "drag_area"), ("b", None)):
+        target.write_json(f"{folder(name)}/{DONE}", receipt(name, SOUND_NATS))
+        target.write_json(f"{folder(name)}/{VERDICT}", verdict(effect))
+    assert pool.pool(target, {}, 0.05)["classes"]["all"]["common"] == {}
+
+
+def test_two_runs_do_not_write_one_result(result, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["deeptruck-model", "fleet", "pool", str(result)])
+    with lock.reserved(result), pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2 and "another run is to write" in capsys.readouterr().err
 
 
 def test_the_page_lists_them_first_and_every_link_leads_to_a_report(result):
