@@ -25,7 +25,7 @@ ROADS, TABLE = "roads.json", "roads.csv"
 MERGED = ("cell", "latitude", "longitude", "heading", "slope", "low", "high", "trucks", "drives")
 LEAST_TRUCKS = 2  # of a shared cell
 INTERVAL = 0.9
-EARLIER = "compared by an earlier version, which kept no slopes"
+EARLIER = "it was compared by an earlier version, which kept no slopes"
 
 
 def merged(trucks: Mapping[str, Sequence[Mapping[str, str]]]) -> list[dict[str, Any]]:
@@ -82,7 +82,8 @@ def roads(target: Place) -> dict[str, Any]:
 def said(found: Mapping[str, Any]) -> str:
     """One sentence of roads.json: how much road is shared, both directions counted, or why none is."""
     left_out = "; ".join(
-        f"{n} truck{'s' * (n > 1)} left out: {why}" for why, n in Counter(found["left_out"].values()).items()
+        f"{n} truck{'s' * (n > 1)} left out, each because {why}"
+        for why, n in Counter(found["left_out"].values()).items()
     )
     if not found["km"]:
         return f"No road is shared: {left_out or 'no cell was driven by two trucks'}."

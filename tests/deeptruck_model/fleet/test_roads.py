@@ -186,6 +186,14 @@ def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, c
         assert misfit in str(refused.value)
 
 
+@pytest.mark.parametrize("slope", ["5.0", "nan", "inf"])
+def test_a_slope_that_no_road_has_is_refused(tmp_path: Path, slope: str) -> None:
+    table = tmp_path / TABLE
+    table.write_text(f"cell,slope\n1:2:N,{slope}\n")
+    with pytest.raises(InputError, match="one that no road has"):
+        SharedRoads.read(table)
+
+
 @pytest.mark.parametrize("heading", [45.0, 135.0, 225.0, 315.0])
 def test_a_passage_of_a_diagonal_road_has_one_cell(heading: float) -> None:
     """10 km between two quarters of the compass, with an error of 3 degrees in each heading."""
@@ -290,7 +298,7 @@ def test_the_page_has_a_map_of_them_or_says_why_not(result: Path) -> None:
     found = roads(target)
     page.show(target)
     text = (result / page.PAGE).read_text()
-    assert said(found) in text and "1 truck left out: no positions" in text
+    assert said(found) in text and "1 truck left out, each because no positions" in text
     drawn = re.findall(r'<path stroke="#\w+" d="([^"]+)"', text)
     assert sum(d.count("M") for d in drawn) == round(10 * found["km"]) and len(drawn) > 1
     width, height = map(float, re.search(r'viewBox="0 0 (\S+) (\S+)"', text).groups())
@@ -304,7 +312,7 @@ def test_the_page_has_a_map_of_them_or_says_why_not(result: Path) -> None:
     roads(target)
     page.show(target)
     text = (result / page.PAGE).read_text()
-    assert "No road is shared: 4 trucks left out: no positions" in text and "<svg" not in text
+    assert "No road is shared: 4 trucks left out, each because no positions" in text and "<svg" not in text
 
 
 @pytest.mark.long

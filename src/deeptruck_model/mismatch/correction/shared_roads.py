@@ -17,6 +17,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.one_road import STEP_M, headed
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import channel_of
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int, str]
@@ -58,8 +59,9 @@ class SharedRoads:
             slopes = {named(row["cell"]): float(row["slope"]) for row in rows}
         except (KeyError, TypeError, ValueError):
             raise InputError(f"{path} is no table of shared roads; {FLEET_FIRST}") from None
-        if not slopes or not np.isfinite(list(slopes.values())).all():
-            raise InputError(f"{path} holds no slope, or one that is no number; {FLEET_FIRST}")
+        possible = channel_of("grade")
+        if not slopes or not all(possible.low <= s <= possible.high for s in slopes.values()):
+            raise InputError(f"{path} holds no slope, or one that no road has; {FLEET_FIRST}")
         return SharedRoads(slopes)
 
     def along(self, recording: Recording) -> Array | None:
