@@ -95,6 +95,8 @@ def fleet(
         raise InputError(f"'fleet {stage}' writes into {place}; leave --out out")
     else:
         target = at(place, endpoint)
+        if "://" not in place and not Path(place).exists():
+            raise InputError(f"{place} does not exist; give what --out named when 'fleet' was run")
     with lock.reserved(Path("/", target.path)):
         if stage in ("", "extract", "compare"):
             with who.ready():
@@ -118,7 +120,8 @@ def _stage(words: list[str]) -> tuple[str, str]:
         return "", words[0]
     if len(words) == 2 and words[0] in STAGES:
         return words[0], words[1]
-    raise InputError(f"write 'fleet PLACE', or 'fleet STAGE PLACE' with one of {', '.join(STAGES)}")
+    written = f"'fleet {' '.join(words)}' has no such stage; " if len(words) == 2 else ""
+    raise InputError(f"{written}write 'fleet PLACE', or 'fleet STAGE PLACE' with one of {', '.join(STAGES)}")
 
 
 def _needed(value: str | None, option: str) -> str:

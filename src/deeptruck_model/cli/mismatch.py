@@ -244,7 +244,7 @@ def road(
         made, covered = with_road_of_another(roads, Roads.read(other), read)
         notes = [str(part) for part in covered]
     rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite, kind=BAG_WITH_ROAD)
-    print(f"{len(made)} recordings with a grade in {out}")
+    print(f"{len(made)} recording{'s' * (len(made) != 1)} with a grade in {out}")
     for note in notes:
         print(f"  note: {note}")
 

@@ -184,7 +184,8 @@ def _shown(label: str, results: Iterator[dict[str, Any]], total: int) -> Iterato
             out += "quarantined" in one or "failed" in one
             read += one.get("bytes", 0)
             passed = max(time.monotonic() - begun, 1e-3)
-            rate = f"{60.0 * done / passed:.0f} a minute"
+            speed = 60.0 * done / passed
+            rate = f"{speed:.0f} a minute" if speed >= 1.0 else "under 1 a minute"
             rate += f", {read / passed / 1e6:.1f} MB/s" if read else ""
             show(done, total, f"{rate}, {out} left out")
             yield one

@@ -67,6 +67,8 @@ def test_stages_without_what_they_need(drives, tmp_path, capsys):
     assert "fleet compare" in refused(["pool", str(tmp_path)], capsys)
     assert "has no verdicts" in refused(["show", str(tmp_path)], capsys)
     assert "with one of extract, compare" in refused(["walk", str(tmp_path)], capsys)
+    assert "no such stage" in refused(["walk", str(tmp_path)], capsys)
+    assert "does not exist" in refused(["pool", str(tmp_path / "none")], capsys)
     inside = ["--layout", LAYOUT, "--simulator", "truck:trucksim", "--out", str(drives / "out")]
     assert "is read here" in refused([str(drives), *inside], capsys)
 

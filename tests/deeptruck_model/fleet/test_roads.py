@@ -176,7 +176,7 @@ def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, c
     write_bag(tmp_path / "bag", drives[:1], interface=TRUCK.interface)
     road_command(table, [tmp_path / "bag"], tmp_path / "out")
     (again,) = read(tmp_path / "out")
-    assert "1 recordings with a grade" in capsys.readouterr().out and again.interface.grade
+    assert "1 recording with a grade" in capsys.readouterr().out and again.interface.grade
     np.testing.assert_allclose(again.channels["grade"], made.channels["grade"])
     bad = tmp_path / "bad.csv"
     bad.write_text("cell,slope\n1:2,0.1\n")

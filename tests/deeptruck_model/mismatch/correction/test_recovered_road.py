@@ -89,7 +89,7 @@ def test_the_command_writes_bags_that_hold_it(drives: list[Recording], tmp_path:
     folder = found(tmp_path / "found", hill(name, range(60)))
     command = ["road", folder, tmp_path / "bag", "--out", tmp_path / "out"]
     done = call(*command)
-    assert done.returncode == 0 and "1 recordings with a grade" in done.stdout
+    assert done.returncode == 0 and "1 recording with a grade" in done.stdout
     (again,) = read(tmp_path / "out")
     assert again.interface.grade and again.channels["grade"][-20] == pytest.approx(0.058, abs=2e-3)
     again_at_once = call(*command)
