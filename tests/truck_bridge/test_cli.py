@@ -85,7 +85,7 @@ def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, cap
             assert run(monkeypatch, "replay", log, *bus, "--commands") == 0
             assert "6 frames sent" in capsys.readouterr().out
             spoken_until("C00002A", 1)  # the last that was sent
-            recorder.send_signal(signal.SIGINT)
+            recorder.send_signal(signal.SIGTERM)
             assert recorder.wait() == 0
         finally:
             recorder.kill()  # else a failure above waits for it for ever
