@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model.fleet import page, pool
+from deeptruck_model.fleet import page, pool, roads
 from deeptruck_model.fleet.compare import VERDICTS
 from deeptruck_model.fleet.extract import INDEX, RECEIPTS
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
@@ -29,6 +29,7 @@ def test_killed_on_ray_and_given_again_it_has_the_bytes_of_this_process(drives, 
     extract(Fleet.of(place(str(drives)), place(str(here)), LAYOUT, "truck:trucksim"), Workers())
     compare(place(str(here)), Workers())
     pool.pool(place(str(here)), {}, LEVEL)
+    roads.roads(place(str(here)))
     page.show(place(str(here)))
     command = [
         *COMMAND, str(drives), "--layout", LAYOUT, "--simulator", "truck:trucksim", "--out", str(there),
