@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG, CELL_M
 
 EDGES = (-0.02, -0.005, 0.005, 0.02)  # slopes between the colours
-LABELS = ("below -2 %", "-2 to -0.5 %", "-0.5 to 0.5 %", "0.5 to 2 %", "above 2 %")
+LABELS = (
+    f"below {100 * EDGES[0]:g} %",
+    *(f"{100 * low:g} to {100 * high:g} %" for low, high in pairwise(EDGES)),
+    f"above {100 * EDGES[-1]:g} %",
+)
 COLOURS = ("#0072B2", "#56B4E9", "#8a8a8a", "#E69F00", "#D55E00")  # Okabe and Ito's, for colour blindness too
 WIDTH, MARGIN = 400.0, 8.0  # units of the drawing, which is drawn on a page as wide as there is room
 LEAST_STROKE, ASIDE = 4.0, 1.5  # units: a cell is drawn so long at least, and so far right of its heading

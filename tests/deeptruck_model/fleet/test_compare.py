@@ -21,6 +21,7 @@ from deeptruck_model.fleet.extract import INDEX, RECEIPTS
 from deeptruck_model.fleet.plan import Truck
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
 from deeptruck_model.fleet.storage import place
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.recordings import write_bag
 
 LAYOUT = "{truck}/{date}/*.mcap"
@@ -79,7 +80,7 @@ def test_what_is_of_a_place_and_who_has_no_drives_is_said(result):
     target = place(str(result))
     for name in ("truck 00", "truck 11"):
         of_a_road = verdict("road_grade")
-        of_a_road["findings"][0]["depends_on"] = ["distance along the road"]
+        of_a_road["findings"][0]["depends_on"] = list(LIBRARY["road_grade"].depends_on)
         target.write_json(f"{folder(name)}/{VERDICT}", of_a_road)
     found = pool.pool(target, {"truck XX": Truck("truck XX")}, 0.05)
     assert {s["effect"] for s in found["sizes"]} == {"drag_area"}
