@@ -8,7 +8,9 @@ import sys
 import threading
 import time
 from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -184,6 +186,32 @@ def test_without_ray_it_says_what_to_install(monkeypatch):
 def test_values_are_read_as_they_are_meant():
     grid = sweeps.read_grid(["memory=true,false", "learning_rate=3e-3", "scene=wide,paper"])
     assert grid == {"memory": [True, False], "learning_rate": [0.003], "scene": ["wide", "paper"]}
+
+
+@dataclass
+class Settings:
+    """Of something that could be swept."""
+
+    rate: float = 1.0
+    count: int = 1
+    on: bool = False
+    way: Literal["plain", "other"] = "plain"
+
+
+@pytest.mark.parametrize(
+    ("setting", "fits", "others"),
+    [
+        ("rate", [0.5, 2], ["many", True]),
+        ("count", [2], [0.5, "many", True]),
+        ("on", [True], [1, "yes"]),
+        ("way", ["other"], ["another", 1]),
+    ],
+)
+def test_a_setting_has_values_of_its_type(setting, fits, others):
+    assert list(sweeps.combinations({setting: fits}, Settings, "it")) == [{setting: x} for x in fits]
+    for value in others:
+        with pytest.raises(InputError, match=f"it cannot have {setting}={value}; it is "):
+            list(sweeps.combinations({setting: [value]}, Settings, "it"))
 
 
 def test_a_setting_given_twice_has_all_its_values():

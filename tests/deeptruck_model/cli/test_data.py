@@ -39,12 +39,15 @@ def test_a_bag_becomes_a_table(
     assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 0
     assert run(monkeypatch, "table", "bag", "--out", "table.csv") == 0
     said = capsys.readouterr().out
-    assert "table.csv: 100 rows of 1 piece" in said and "channels: speed" in said
+    assert "table.csv: 100 rows of 1 piece\n" in said and "channels: speed" in said
     assert (workplace / "table.csv").read_text().startswith('"recording","time","speed","acceleration"')
     assert run(monkeypatch, "table", "bag", "--out", "table.csv") == 2
     assert run(monkeypatch, "table", "bag", "--out", "table.xlsx") == 2
     assert run(monkeypatch, "table", "nothing", "--out", "other.csv") == 2
     assert not list(workplace.glob(".other*")) and not (workplace / "other.csv").exists()
+    assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "again") == 0
+    assert run(monkeypatch, "table", "bag", "again", "--out", "both.csv") == 0
+    assert "both.csv: 200 rows of 2 pieces\n" in capsys.readouterr().out
 
 
 def test_import_then_coverage(

@@ -287,6 +287,20 @@ def test_candump_on_a_terminal(tmp_path):
     assert np.diff([f.time for f in frames]) == pytest.approx(1.0, abs=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("digits", "kind", "can_id"),
+    [
+        ("8CF00400", Kind.DATA, 0x0CF00400),
+        ("D8EAFF00", Kind.REMOTE, 0x18EAFF00),
+        ("20000004", Kind.ERROR, 4),
+    ],
+)
+def test_flags_of_socketcan_are_no_part_of_an_identifier(tmp_path, digits, kind, can_id):
+    log = written(tmp_path, f"(10.0) can0 {digits}#0102030405060708\n")
+    (frame,) = every(log, Account(str(log), "frames"))
+    assert (frame.kind, frame.can_id) == (kind, can_id)
+
+
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf", "trc", "mcap"])
 def test_packed_logs_are_read_in_every_command(tmp_path, suffix):
     log = written(tmp_path, "".join(drive()))

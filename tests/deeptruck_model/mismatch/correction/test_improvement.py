@@ -69,6 +69,18 @@ def test_one_run_that_is_off_whatever_is_corrected_does_not_hide_the_others() ->
     assert 0.1 < low <= high < 0.51
 
 
+@pytest.mark.parametrize("better", [0, 1, 2])
+def test_every_recording_is_drawn(better: int) -> None:
+    owner = np.arange(12) // 4
+
+    def off(size: float) -> Errors:
+        speed = np.where(owner == better, size, 1.0)[:, None] * np.ones((12, 10))
+        return Errors(speed, speed, owner, np.zeros(12, dtype=np.intp))
+
+    low, high = improvement.interval(off(1.0), off(0.5))
+    assert low == 0.0 < high  # it is left out of three draws in 8 of 27 cases
+
+
 def test_equal_simulators_have_not_improved(prepared: list[Prepared]) -> None:
     same = free_windows(TRUCK, prepared, 30.0)
     errors = {"before": same, "parameters_only": same, "after": same}

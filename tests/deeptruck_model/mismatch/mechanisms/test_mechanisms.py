@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term
+from deeptruck_model.mismatch.mechanisms.air_and_tyres import SpeedPowers
 from deeptruck_model.mismatch.mechanisms.base import distinct
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
@@ -82,6 +83,13 @@ def test_a_limited_command_takes_its_share_of_the_pull_where_no_gear_ratio_is_kn
     ratio = {"ratio": np.full(len(e), 8.0), "lever": np.full(len(e), 8.0)}
     with_ratio = LIBRARY["torque_limit"].variants(replace(e, signals=e.signals | ratio))
     assert not [v for v in with_ratio if isinstance(v.constants, Top) and v.constants.by == "command"]
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_rolling_resistance_is_reported_per_power_of_speed(nothing_missing: Evidence, order: int) -> None:
+    e = nothing_missing
+    (made,) = LIBRARY["rolling_resistance_speed"].build(Static(SpeedPowers((order,))))
+    np.testing.assert_allclose(made.expression.rows(e), -made.factor * e["speed"] ** order)
 
 
 def test_a_play_is_taken_up_once_for_each_change_of_sign(nothing_missing: Evidence) -> None:

@@ -53,6 +53,14 @@ def test_forms_are_data_and_need_no_fit() -> None:
             assert list(form.knots) == sorted(form.knots)
 
 
+def test_an_engine_power_is_the_pull_times_speed(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    forms = [(name, form) for name, each in OWN.items() for form in each if form.by == "engine power"]
+    assert {name for name, _ in forms} == {"torque_derate", "torque_limit"}
+    for _, form in forms:
+        np.testing.assert_allclose(form.of.rows(e), np.maximum(e["engine"], 0.0) * e["speed"])
+
+
 def test_knots_stand_apart() -> None:
     """A truck that cruises at one speed would have several knots within the noise of its sensor."""
     assert apart(np.array([1.0, 21.98, 22.0, 22.02, 25.0])) == (1.0, 21.98, 25.0)
