@@ -38,7 +38,7 @@ def seconds(truck: Simulator, config: trpo.TrpoConfig) -> float:
     """Median CPU seconds between iterations: other programs on the machine do not count."""
     stamps: list[float] = []
     with tempfile.TemporaryDirectory() as out:
-        trpo.train(truck, out, config, tell=lambda *_: stamps.append(time.process_time()))
+        trpo.train(truck, out, config, progress=lambda *_: stamps.append(time.process_time()))
     return float(np.median(np.diff(stamps)))
 
 

@@ -200,7 +200,7 @@ def _chain(
             config=config,
             source=source,
             resume=goes_on,
-            tell=_every(say),
+            progress=_every(say),
         )
     found = []
     for k in range(config.seeds):

@@ -116,7 +116,7 @@ def _trained(
     from deeptruck_model.progress_bar import bar
 
     truck = simulators.load(simulator)
-    with bar("training") as tell:
+    with bar("training") as show:
         return training.train(
             truck,
             out,
@@ -125,7 +125,7 @@ def _trained(
             resume=resume,
             overwrite=overwrite,
             source=simulator,
-            tell=tell,
+            progress=show,
         )
 
 
@@ -220,7 +220,7 @@ def pays(
     experiment.check(out, effects, recipes, resume=resume, overwrite=overwrite)
     effort = experiment.Effort(seeds=seeds, iterations=iterations)
     say = Console(stderr=True).print
-    experiment.pays(out, effects, recipes, effort, resume=resume, overwrite=overwrite, tell=say)
+    experiment.pays(out, effects, recipes, effort, resume=resume, overwrite=overwrite, say=say)
     typer.echo(f"{out}: pays.md, pays.png and pays.json")
 
 
@@ -306,7 +306,7 @@ def sweep(
         trainer=kind,
         workers=workers,
         engine=engine.value,
-        tell=Console(stderr=True).print,
+        say=Console(stderr=True).print,
         **again,
     )
     typer.echo((out / sweeping.TABLE).read_text())

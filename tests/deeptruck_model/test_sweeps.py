@@ -228,9 +228,9 @@ def test_a_cluster_that_does_not_answer_is_given_up(address, monkeypatch):
 
 def test_a_setting_that_diverges_is_ranked_last_and_the_others_go_on(bag, tmp_path):
     grid = {**GRID, "budget": [12], "learning_rate": [1e20, 0.006]}
-    told = []
-    first, last = sweep.sweep([bag], tmp_path, grid, tell=told.append)
-    assert told[0].endswith("seed-0 diverged") and first["diverged"] == 0 and first["best"]
+    lines = []
+    first, last = sweep.sweep([bag], tmp_path, grid, say=lines.append)
+    assert lines[0].endswith("seed-0 diverged") and first["diverged"] == 0 and first["best"]
     assert last["settings"]["learning_rate"] == 1e20 and last["diverged"] == 1 and last["best"] is None
     assert "| 1 diverged |" in (tmp_path / "sweep.md").read_text()
 

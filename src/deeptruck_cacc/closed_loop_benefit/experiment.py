@@ -33,7 +33,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
-Tell = Callable[[str], None]
+Say = Callable[[str], None]
 DRIVES, HELD_OUT, DRIVE_S = 8, 2, 400.0
 SPEED_NOISE = 0.003  # m/s, a good wheel speed sensor
 SETTLED_S = 10.0
@@ -47,7 +47,7 @@ def pays(
     *,
     resume: bool = False,
     overwrite: bool = False,
-    tell: Tell = lambda line: None,
+    say: Say = lambda line: None,
 ) -> dict[str, Any]:
     """Run the cases and write `out`/pays.json, pays.md and pays.png.
 
@@ -59,20 +59,20 @@ def pays(
     results: dict[str, Any] = {}
     with BENEFIT.going_on(out, overwrite=overwrite, resume=resume) as draft:
         for name in effects:
-            results[name] = _case(name, CASES[name], draft / WORK, recipes, effort, tell)
+            results[name] = _case(name, CASES[name], draft / WORK, recipes, effort, say)
             report.write(results, draft)
     return results
 
 
 def _case(
-    name: str, case: Case, work: Path, recipes: Sequence[str], effort: Effort, tell: Tell
+    name: str, case: Case, work: Path, recipes: Sequence[str], effort: Effort, say: Say
 ) -> dict[str, Any]:
-    tell(f"{name}: finding what is missing")
+    say(f"{name}: finding what is missing")
     found = correct(case, work / "cases" / name)
     row: dict[str, Any] = {"says": case.says, **found, "recipes": {r: {} for r in recipes}}
     for recipe in recipes:
         for kind, (folder, simulator) in _simulators(name, case, work).items():
-            tell(f"{name}: the {kind} simulator, {recipe}")
+            say(f"{name}: the {kind} simulator, {recipe}")
             home = work / "policies" / folder / recipe
             kept = work / "exams" / f"{name}-{kind}-{recipe}.json"
             do = partial(_exams, case, simulator, home, recipe, effort)

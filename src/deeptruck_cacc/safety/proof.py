@@ -7,7 +7,6 @@ policy wishes, within its limits. Policy, leader, radar error and dropouts are t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,21 +115,19 @@ def adversarial_search(
     generations: int = 20,
     seed: int = 0,
     shielded: bool = True,
-    tell: Callable[[int, float], None] = lambda generation, least: None,
 ) -> Outcome:
     """Cross-entropy search for the smallest margin: each generation is bred about the worst 4 % so far."""
     rng = np.random.default_rng(seed)
     genes = rng.random((population, WIDTH))
     elite, elite_margin = np.zeros((0, WIDTH)), np.zeros(0)
     margins, shares = [], []
-    for generation in range(generations):
+    for _ in range(generations):
         margin, share = rollouts(promise, genes, shielded=shielded)
         margins.append(margin)
         shares.append(share)
         pool, pool_margin = np.vstack([elite, genes]), np.concatenate([elite_margin, margin])
         best = np.argsort(pool_margin)[: population // 25]
         elite, elite_margin = pool[best], pool_margin[best]
-        tell(generation, float(elite_margin[0]))
         parents = elite[rng.integers(len(elite), size=population)]
         others = elite[rng.integers(len(elite), size=population)]
         crossed = np.where(rng.random(parents.shape) < 0.3, others, parents)

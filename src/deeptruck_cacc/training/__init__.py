@@ -41,16 +41,16 @@ def train(
     resume: bool = False,
     overwrite: bool = False,
     source: str = "",
-    tell: Callable[[int, int, str], None] = lambda done, total, says: None,
+    progress: Callable[[int, int, str], None] = lambda done, total, line: None,
 ) -> MlpPolicy:
     """Train a policy on a simulator with 'analytic' or 'trpo' into the policy directory `out`; return it.
 
     A run that dies leaves `files.unfinished(out)`, in which `resume` goes on; what it gives is what an
     undisturbed run gives. `overwrite` replaces an older policy once the new one is whole. The analytic
     trainer takes a deep truck's own gradient, and lends one to every other simulator. `source` names the
-    simulator in checkpoints and card; `tell(done, total, line)` is called each iteration. Imported on use:
-    torch stays out of a controller's process. Raises InputError as `check`, and where another run trains
-    into `out`.
+    simulator in checkpoints and card; `progress(done, total, line)` is called each iteration. Imported on
+    use: torch stays out of a controller's process. Raises InputError as `check`, and where another run
+    trains into `out`.
     """
     out, config = Path(out), config or default(trainer)
     if check(out, trainer=trainer, config=config, source=source, resume=resume, overwrite=overwrite):
@@ -60,7 +60,7 @@ def train(
     # one thread: of small matrices a second one only waits, at full load
     goes_on = resume and begun(out)
     with POLICY.going_on(out, overwrite=overwrite, resume=goes_on) as draft, threadpool_limits(1):
-        return run(simulator, draft, config, reward=reward, resume=resume, source=source, tell=tell)
+        return run(simulator, draft, config, reward=reward, resume=resume, source=source, progress=progress)
 
 
 def check(

@@ -22,9 +22,17 @@ from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.environments.scenes import Scene
-from deeptruck_cacc.training import progress, validation
+from deeptruck_cacc.training import validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.network import SeedBatch
+from deeptruck_cacc.training.progress import (
+    Log,
+    adam_tensors,
+    git_hash,
+    load_checkpoint,
+    restore_adam,
+    save_checkpoint,
+)
 from deeptruck_cacc.training.road import Road, Traffic, detach
 from deeptruck_cacc.training.settings import AnalyticConfig, settled
 from deeptruck_model.errors import InputError
@@ -39,19 +47,19 @@ def train(
     reward: Reward = Reward(),
     resume: bool = False,
     source: str = "",
-    tell: Callable[[int, int, str], None] = lambda done, total, says: None,
+    progress: Callable[[int, int, str], None] = lambda done, total, line: None,
 ) -> MlpPolicy:
     """Train, keep the best seed in `out` and every seed in `out`/seeds/K, and return the best.
 
     `simulator` needs `torch_module()`: a deep truck has it, `lent_gradient` lends it to any other.
-    `tell(done, total, line)` is called each iteration. Raises InputError for a simulator without gradients,
-    an unknown scene, or a foreign checkpoint.
+    `progress(done, total, line)` is called each iteration. Raises InputError for a simulator without
+    gradients, an unknown scene, or a foreign checkpoint.
     """
     if not hasattr(simulator, "torch_module"):
         raise InputError(
             "this simulator has no gradient; lend it one by training.lent_gradient.with_gradient"
         )
-    return _Run(simulator, Path(out), settled(config), reward, source).train(resume, tell)
+    return _Run(simulator, Path(out), settled(config), reward, source).train(resume, progress)
 
 
 class _Run:
@@ -72,9 +80,9 @@ class _Run:
         self.seen: dict[str, tuple[float, float]] = {}
         self.exam = validation.exam(config.seed, simulator.dt, copies=config.seeds, late=late)
 
-    def train(self, resume: bool, tell: Callable[[int, int, str], None]) -> MlpPolicy:
+    def train(self, resume: bool, progress: Callable[[int, int, str], None]) -> MlpPolicy:
         config, start = self.config, self._restore() if resume else 0
-        log = progress.Log(self.out, start)
+        log = Log(self.out, start)
         state, scene, score = None, None, ""
         if config.memory and not start:
             self._validate()  # a start that already follows may be better than what comes of it
@@ -92,7 +100,7 @@ class _Run:
             log.write(i, values)
             if (i + 1) % config.windows == 0:
                 self._checkpoint(i + 1)
-            tell(i + 1, config.iterations, f"cost {np.mean(costs):.3f} {score}")
+            progress(i + 1, config.iterations, f"cost {np.mean(costs):.3f} {score}")
         log.close()
         return self._save()
 
@@ -144,19 +152,19 @@ class _Run:
     def _checkpoint(self, done: int) -> None:
         tensors: dict[str, Tensor] = {f"now.{name}": t for name, t in self.policy.state_dict().items()}
         tensors |= {f"best.{name}": t for name, t in self.best.items()}
-        tensors |= progress.adam_tensors(self.adam)
+        tensors |= adam_tensors(self.adam)
         facts = {**self.identity, "done": done, "best_score": self.best_score, "seen": self.seen}
-        progress.save_checkpoint(self.out, tensors, facts)
+        save_checkpoint(self.out, tensors, facts)
 
     def _restore(self) -> int:
         """Continue from the checkpoint, if there is one; the number of iterations already done."""
-        found = progress.load_checkpoint(self.out, self.identity)
+        found = load_checkpoint(self.out, self.identity)
         if found is None:
             return 0
         tensors, facts = found
         self.policy.load_state_dict({n[4:]: t for n, t in tensors.items() if n.startswith("now.")})
         self.best = {n[5:]: t for n, t in tensors.items() if n.startswith("best.")}
-        progress.restore_adam(self.adam, tensors)
+        restore_adam(self.adam, tensors)
         self.best_score = facts["best_score"]
         self.seen = {name: (low, high) for name, (low, high) in facts["seen"].items()}
         return int(facts["done"])
@@ -177,7 +185,7 @@ class _Run:
             **self.identity,
             "seed": self.config.seed + k,
             "reward": asdict(self.reward),
-            "git": progress.git_hash(),
+            "git": git_hash(),
             "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
         }
         return self.policy.policy(k, self.simulator.interface, dict(self.seen), card)

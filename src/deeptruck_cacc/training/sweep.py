@@ -33,7 +33,7 @@ def sweep(
     engine: str = "processes",
     resume: bool = False,
     overwrite: bool = False,
-    tell: Callable[[str], None] = lambda line: None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
     """Train every combination of `grid` (setting: values) into a folder of its own; best validation first.
 
@@ -47,7 +47,7 @@ def sweep(
     with SWEEP.going_on(out, overwrite=overwrite, resume=resume) as draft:
         jobs = [(simulator, str(draft / name), trainer, settings) for name, settings in chosen.items()]
         for name in sweeps.run(_train, jobs, workers=workers, engine=engine):
-            tell(f"{name}: trained")
+            say(f"{name}: trained")
         rows = [_row(draft / name, out / name, settings) for name, settings in chosen.items()]
         rows.sort(key=lambda row: float(row["score"]))
         files.write(draft / ROWS, (json.dumps(rows, indent=1) + "\n").encode())

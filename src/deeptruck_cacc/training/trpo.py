@@ -24,9 +24,10 @@ from deeptruck_cacc.controllers.scaling import FeatureMap
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.environment import CaccEnv
 from deeptruck_cacc.environments.reward import Reward
-from deeptruck_cacc.training import paths, progress, validation
+from deeptruck_cacc.training import paths, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
+from deeptruck_cacc.training.progress import Log, git_hash, load_checkpoint, save_checkpoint
 from deeptruck_cacc.training.return_baselines import HIDDEN, baseline
 from deeptruck_cacc.training.settings import TrpoConfig
 from deeptruck_cacc.training.stacked import StackedMlp
@@ -41,7 +42,7 @@ def train(
     reward: Reward = Reward(),
     resume: bool = False,
     source: str = "",
-    tell: Callable[[int, int, str], None] = lambda done, total, says: None,
+    progress: Callable[[int, int, str], None] = lambda done, total, line: None,
 ) -> MlpPolicy:
     """Train every seed, keep each at its best validation in `out`/seeds/K and the best of them in `out`.
 
@@ -50,7 +51,7 @@ def train(
     one. Raises InputError for an unknown scene or a foreign checkpoint.
     """
     paid = Reward.paper() if config.printed_reward else reward
-    return _Run(simulator, Path(out), config, paid, source).train(resume, tell)
+    return _Run(simulator, Path(out), config, paid, source).train(resume, progress)
 
 
 class _Run:
@@ -70,9 +71,9 @@ class _Run:
         self.best, self.best_score = mean.clone(), [float("inf")] * config.seeds
         self.exam = validation.exam(config.seed, simulator.dt, late=config.scene == "late")
 
-    def train(self, resume: bool, tell: Callable[[int, int, str], None]) -> MlpPolicy:
+    def train(self, resume: bool, progress: Callable[[int, int, str], None]) -> MlpPolicy:
         config, start = self.config, self._restore() if resume else 0
-        logs = [progress.Log(self.out / "seeds" / str(seed), start) for seed in self.seeds]
+        logs = [Log(self.out / "seeds" / str(seed), start) for seed in self.seeds]
         for i in range(start, config.iterations):
             returns = self.iterate(i)
             rows: list[dict[str, Any]] = [
@@ -85,7 +86,7 @@ class _Run:
                 self._checkpoint(i + 1)
             for log, row in zip(logs, rows, strict=True):
                 log.write(i, row)
-            tell(i + 1, config.iterations, f"return {returns.mean():.1f} best {min(self.best_score):.3f}")
+            progress(i + 1, config.iterations, f"return {returns.mean():.1f} best {min(self.best_score):.3f}")
         for log in logs:
             log.close()
         return self._save()
@@ -142,11 +143,11 @@ class _Run:
         tensors = {"mean": self.policy.mean, "log_std": self.policy.log_std, "best": self.best}
         tensors |= self.baseline.tensors()
         facts = {**self.identity, "done": done, "best_score": self.best_score}
-        progress.save_checkpoint(self.out, tensors, facts)
+        save_checkpoint(self.out, tensors, facts)
 
     def _restore(self) -> int:
         """Continue from the checkpoint, if there is one; the number of iterations already done."""
-        found = progress.load_checkpoint(self.out, self.identity)
+        found = load_checkpoint(self.out, self.identity)
         if found is None:
             return 0
         tensors, facts = found
@@ -169,6 +170,6 @@ class _Run:
             **self.identity,
             "seed": self.seeds[k],
             "reward": {n: x if np.isfinite(x) else None for n, x in asdict(self.env.reward).items()},
-            "git": progress.git_hash(),
+            "git": git_hash(),
             "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
         }

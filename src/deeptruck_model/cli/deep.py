@@ -179,7 +179,7 @@ def sweep(
         msg=msg or (),
         resumes=resume,
         overwrite=overwrite,
-        tell=say,
+        say=say,
     )
     typer.echo((out / "sweep.md").read_text())
 

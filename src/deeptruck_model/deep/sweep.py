@@ -48,7 +48,7 @@ def sweep(
     msg: Sequence[str | Path] = (),
     resumes: bool = False,
     overwrite: bool = False,
-    tell: Callable[[str], None] = lambda line: None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
     """Train every combination of `grid` (a setting, as the command line calls it: values) with seeds 0 to
     `seeds` - 1; one row for each combination, the best on held-out data first.
@@ -83,7 +83,7 @@ def sweep(
             for settings in chosen
         ]
         for number, line in enumerate(sweeps.run(train_one, jobs, workers=workers, engine=engine), 1):
-            tell(f"{number} of {len(jobs)}: {line.replace(str(draft), str(out), 1)}")
+            say(f"{number} of {len(jobs)}: {line.replace(str(draft), str(out), 1)}")
         rows = sorted((_row(draft, out, settings, seeds) for settings in chosen), key=_rank)
         (draft / "sweep.json").write_text(json.dumps(rows, indent=1) + "\n")
         (draft / "sweep.md").write_text(_table(rows))

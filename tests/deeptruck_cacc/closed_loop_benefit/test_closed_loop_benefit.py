@@ -96,7 +96,7 @@ def test_one_case_from_drives_to_page(tmp_path, monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        pays(out, ["payload"], ["trusting"], TINY, tell=kill)
+        pays(out, ["payload"], ["trusting"], TINY, say=kill)
     assert [path.name for path in tmp_path.iterdir()] == [".pays.unfinished"]
     drive = Path("work") / "cases" / "payload" / "drive0"
     stamp = (files.unfinished(out) / drive).stat().st_mtime_ns

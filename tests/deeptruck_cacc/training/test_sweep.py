@@ -38,14 +38,14 @@ def test_every_combination_is_trained_and_the_best_comes_first(tmp_path):
 
 @pytest.mark.usefixtures("quick_exam")
 def test_a_killed_sweep_goes_on_only_where_asked(tmp_path):
-    out, told = tmp_path / "s", []
+    out, lines = tmp_path / "s", []
     grid = TINY | {"learning_rate": [1e-3, 6e-3]}
 
     def kill(line: str) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        sweep.sweep(TRUCK, out, grid, tell=kill)
+        sweep.sweep(TRUCK, out, grid, say=kill)
     assert [p.name for p in tmp_path.iterdir()] == [".s.unfinished"]
     first = next(files.unfinished(out).glob("*/policy.json"))
     stamp = first.stat().st_mtime_ns
@@ -53,8 +53,8 @@ def test_a_killed_sweep_goes_on_only_where_asked(tmp_path):
         sweep.sweep(TRUCK, out, grid)
     with pytest.raises(InputError, match="simulator was truck:trucksim, given truck:volvo"):
         sweep.sweep("truck:volvo", out, grid, resume=True)
-    rows = sweep.sweep(TRUCK, out, grid, resume=True, tell=told.append)
-    assert len(rows) == len(told) == 2 and [p.name for p in tmp_path.iterdir()] == ["s"]
+    rows = sweep.sweep(TRUCK, out, grid, resume=True, say=lines.append)
+    assert len(rows) == len(lines) == 2 and [p.name for p in tmp_path.iterdir()] == ["s"]
     assert (out / first.parent.name / "policy.json").stat().st_mtime_ns == stamp  # not trained again
 
 

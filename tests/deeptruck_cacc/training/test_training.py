@@ -206,7 +206,7 @@ def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(toy, tmp_path / "cut", trainer=trainer, config=quick, tell=kill)
+        train(toy, tmp_path / "cut", trainer=trainer, config=quick, progress=kill)
     assert not (tmp_path / "cut").exists() and POLICY.begun(tmp_path / "cut")
     resumed = train(toy, tmp_path / "cut", trainer=trainer, config=quick, resume=True)
     assert not files.unfinished(tmp_path / "cut").exists()
@@ -227,7 +227,7 @@ def test_settings_of_the_other_trainer_are_refused(toy, tmp_path):
 @pytest.mark.usefixtures("quick_exam")
 def test_a_run_that_fails_before_its_first_checkpoint_leaves_nothing(toy, tmp_path):
     with pytest.raises(ZeroDivisionError):
-        train(toy, tmp_path / "p", config=QUICK, tell=lambda *told: 1 / 0)
+        train(toy, tmp_path / "p", config=QUICK, progress=lambda *_: 1 / 0)
     assert not list(tmp_path.iterdir())
 
 
