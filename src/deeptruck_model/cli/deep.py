@@ -112,7 +112,7 @@ def _train(
     training = train_truck(recordings, out, arguments, resumes=resumes, overwrite=overwrite).details[
         "training"
     ]
-    for line in training["untaught"]:
+    for line in training["unexcited"]:
         typer.echo(f"note: {line}", err=True)
     typer.echo(f"{out}: trained in {training['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
 

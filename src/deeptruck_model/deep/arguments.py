@@ -16,7 +16,7 @@ PAPER_PASSES = 600  # over the training data; "Model learning curves"
 OPTIONS = {"updates": "budget", "start": "from"}  # what the command line calls these fields
 LEAST = {
     "members": 1, "updates": 0, "steps": 2, "sequences": 1, "hidden": 1, "decoder": 1, "learning_rate": 0,
-    "weight_decay": 0, "clip": 0, "speed_s": 0, "fuel": 0, "teach": 0, "horizon_s": 0, "rounds": 1,
+    "weight_decay": 0, "clip": 0, "speed_s": 0, "fuel": 0, "auxiliary": 0, "horizon_s": 0, "rounds": 1,
 }  # fmt: skip
 FASTEST = 1e30  # beyond, the optimiser's own numbers overflow
 
@@ -53,8 +53,9 @@ class Arguments:
     the plain squared errors"""
     fuel: float = 0.0
     """cost of a fuel error of one standard deviation, in paper mode of 1 cm^3/s; 0: the mode's own"""
-    teach: float = 0.3
-    """the same for gear, engine speed and torque where recorded; D has to know them, no one else does"""
+    auxiliary: float = 0.3
+    """the same for the auxiliary targets: gear, engine speed and torque where recorded, which D gives besides
+    the response and which are never fed back"""
     kind: Literal["black", "grey"] = "black"
     """black: D gives the response; grey: and gains by which u, w and command/speed add to it"""
     code: int = 12

@@ -193,8 +193,8 @@ def _limits(truck: DeepTruck) -> list[str]:
     limits.append(
         "The internal state (gear, boost) is unknown at the start of a run and settles within seconds."
     )
-    untaught = truck.details["training"].get("untaught", ())
-    limits += [f"{line[0].upper()}{line[1:]}." for line in untaught]
+    unexcited = truck.details["training"].get("unexcited", ())
+    limits += [f"{line[0].upper()}{line[1:]}." for line in unexcited]
     if truck.interface.brake_unit is None:
         share = 100 * truck.details["training"]["unexplained"]
         limits.append(f"Of the rows {share:.1f} %, slowed by unrecorded braking, are left out.")

@@ -21,7 +21,7 @@ SPLIT_FROM_S = 120.0  # pieces from this length on are split inside; shorter one
 CONSISTENCY_S = 20.0
 LACKING = 0.1  # share of the driving that may be left out for the sake of an input that the rest has
 BRAKED = -0.6  # m/s^2; a laden truck coasts down at less
-TEACHABLE = ("gear", "engine_speed", "engine_torque")
+AUXILIARY = ("gear", "engine_speed", "engine_torque")  # targets of the training besides the response
 EFFECTS = {
     "engine_command": "how the truck answers the engine",
     "brake_command": "how it brakes",
@@ -31,7 +31,7 @@ EFFECTS = {
 
 @dataclass(frozen=True)
 class Scales:
-    """Normalisation inside the network: (x - mean) / scale for the columns [u, w, y, taught], each
+    """Normalisation inside the network: (x - mean) / scale for the columns [u, w, y, auxiliary targets], each
     (columns,).
 
     `top_speed` m/s is where the speed code ends.
@@ -168,11 +168,11 @@ class Sequences:
     bounds: NDArray[np.int64]
 
     @classmethod
-    def of(cls, pieces: Sequence[Recording], scales: Scales, taught: tuple[str, ...] = ()) -> Sequences:
-        """Stack the pieces; the taught channels lie behind y, NaN where a piece does not have them."""
+    def of(cls, pieces: Sequence[Recording], scales: Scales, auxiliary: tuple[str, ...] = ()) -> Sequences:
+        """Stack the pieces; the auxiliary targets lie behind y, NaN where a piece does not have them."""
         inputs = pieces[0].u.shape[1] + pieces[0].w.shape[1]
         x = np.concatenate([np.concatenate([p.u, p.w], axis=1) for p in pieces])
-        y = np.concatenate([np.concatenate([p.y, _columns(p, taught)], axis=1) for p in pieces])
+        y = np.concatenate([np.concatenate([p.y, _columns(p, auxiliary)], axis=1) for p in pieces])
         y[:, SPEED] = np.maximum(y[:, SPEED], 0.0)
         stops = np.cumsum([len(p) for p in pieces])
         bounds = np.stack([stops - [len(p) for p in pieces], stops], axis=1)
@@ -212,15 +212,15 @@ class Sequences:
         return self.x[index[..., :-1, :]], target
 
 
-def teachable(pieces: Sequence[Recording]) -> tuple[str, ...]:
-    """Signals inside the truck that are recorded in most of the data, so that the model can learn to know
-    them.
+def auxiliary_targets(pieces: Sequence[Recording]) -> tuple[str, ...]:
+    """Signals inside the truck that are recorded in most of the data: a network that has to give them too
+    learns the state behind them.
     """
     total = sum(len(p) for p in pieces)
     known = {
-        c: sum(int(np.isfinite(p.channels[c]).sum()) for p in pieces if c in p.channels) for c in TEACHABLE
+        c: sum(int(np.isfinite(p.channels[c]).sum()) for p in pieces if c in p.channels) for c in AUXILIARY
     }
-    return tuple(c for c in TEACHABLE if known[c] > 0.5 * total)
+    return tuple(c for c in AUXILIARY if known[c] > 0.5 * total)
 
 
 def _columns(piece: Recording, channels: tuple[str, ...]) -> Array:
@@ -228,12 +228,13 @@ def _columns(piece: Recording, channels: tuple[str, ...]) -> Array:
     return np.array([piece.channels.get(c, missing) for c in channels]).reshape(len(channels), len(piece)).T
 
 
-def measure_scales(pieces: Sequence[Recording], taught: tuple[str, ...] = ()) -> Scales:
-    """Mean and standard deviation of [u, w, y, taught]; a channel that hardly moves is not blown up."""
-    data = np.concatenate([np.concatenate([p.u, p.w, p.y, _columns(p, taught)], axis=1) for p in pieces])
+def measure_scales(pieces: Sequence[Recording], auxiliary: tuple[str, ...] = ()) -> Scales:
+    """Mean and standard deviation of [u, w, y, auxiliary targets]; a channel that hardly moves is not blown
+    up."""
+    data = np.concatenate([np.concatenate([p.u, p.w, p.y, _columns(p, auxiliary)], axis=1) for p in pieces])
     known = np.ma.masked_invalid(data)  # type: ignore[no-untyped-call]
     mean, deviation = (np.ma.filled(x, 0.0) for x in (known.mean(axis=0), known.std(axis=0)))
-    names = (*pieces[0].interface.u, *pieces[0].interface.w, *pieces[0].interface.y, *taught)
+    names = (*pieces[0].interface.u, *pieces[0].interface.w, *pieces[0].interface.y, *auxiliary)
     floors = {"grade": 0.005, "speed": 1.0, "acceleration": 0.05, "fuel_rate": 0.05}
     floor = [
         floors.get(n, max(1e-3 * float(np.ma.filled(abs(known[:, i]).max(), 1.0)), 1e-6))
@@ -244,12 +245,12 @@ def measure_scales(pieces: Sequence[Recording], taught: tuple[str, ...] = ()) ->
 
 
 def loss_weights(
-    scales: Scales, n_y: int, taught: int, speed_s: float, fuel: float, inside: float
+    scales: Scales, n_y: int, auxiliary: int, speed_s: float, fuel: float, inside: float
 ) -> FloatArray:
-    """(n_y + taught,): squared acceleration errors count by its variance, speed errors as acceleration held
-    for `speed_s`, fuel and taught signals by their variance times a factor.
+    """(n_y + auxiliary,): squared acceleration errors count by its variance, speed errors as acceleration
+    held for `speed_s`, fuel and auxiliary targets by their variance times a factor.
     """
-    variance = scales.scale[-n_y - taught :].astype(np.float64) ** 2
+    variance = scales.scale[-n_y - auxiliary :].astype(np.float64) ** 2
     return np.array(
         [
             1 / variance[ACCELERATION],
@@ -261,8 +262,8 @@ def loss_weights(
     )
 
 
-def untaught(pieces: Sequence[Recording], interface: TruckInterface) -> tuple[str, ...]:
-    """One line for each input that teaches nothing; none where all of them vary."""
+def unexcited(pieces: Sequence[Recording], interface: TruckInterface) -> tuple[str, ...]:
+    """One line for each input that never varies, from which nothing is learned; none where all of them do."""
     constant = [name for name in (*interface.u, *interface.w) if not _varies(pieces, name)]
     lines = [f"{_says(name, pieces)}: {EFFECTS[name]} is not learned from it" for name in constant]
     if interface.brake_unit is None:

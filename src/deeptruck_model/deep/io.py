@@ -32,7 +32,8 @@ from deeptruck_model.simulators import MANIFEST
 
 WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = checks.WEIGHTS, "coverage.json", "metrics.json"
 REFERENCE_FILE, DRIVEN_FILE = "reference.safetensors", "driven.safetensors"
-SCHEMA = 1
+SCHEMA = 2
+RENAMED = {"taught": "auxiliary", "teach": "auxiliary", "untaught": "unexcited"}  # keys of schema 1
 KEPT = {  # what each file beside the weights is for; a truck that was saved without one promises less
     COVERAGE_FILE: "which says what it was trained on",
     DRIVEN_FILE: "which says what it learned from",
@@ -105,6 +106,19 @@ def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n")
 
 
+def current(manifest: dict[str, Any]) -> dict[str, Any]:
+    """A manifest with the keys that this version writes; one of schema 1 has others for what it was trained
+    on besides the response."""
+    if manifest.get("schema") != 1:
+        return manifest
+    by_part = {key: _renamed(part) if isinstance(part, dict) else part for key, part in manifest.items()}
+    return {**_renamed(by_part), "schema": SCHEMA}
+
+
+def _renamed(part: Mapping[str, Any]) -> dict[str, Any]:
+    return {RENAMED.get(key, key): value for key, value in part.items()}
+
+
 def promised(manifest: dict[str, Any]) -> list[str]:
     """Files that a manifest lists. Older ones do not say, but what was trained
     had COVERAGE_FILE."""
@@ -128,9 +142,10 @@ class Stored(NamedTuple):
 def read(path: Path, manifest: dict[str, Any]) -> Stored:
     """The files of the deep truck under `path`. Raises InputError with one line where one is missing,
     damaged or does not fit."""
+    manifest = current(manifest)
     if manifest.get("schema") != SCHEMA:
         raise InputError(
-            f"{path / MANIFEST} has schema {manifest.get('schema')!r}; this version reads {SCHEMA}"
+            f"{path / MANIFEST} has schema {manifest.get('schema')!r}; this version reads 1 and {SCHEMA}"
         )
     try:
         interface = TruckInterface.from_dict(manifest["interface"])
@@ -146,7 +161,7 @@ def read(path: Path, manifest: dict[str, Any]) -> Stored:
     signals = (len(interface.u), len(interface.w), len(interface.y))
     if (
         signals != (shape.controls, shape.conditions, shape.responses)
-        or len(mean) != shape.signals + shape.taught
+        or len(mean) != shape.signals + shape.auxiliary
     ):
         raise InputError(
             f"{path / MANIFEST} does not fit its network: the interface has {signals} u, w, y signals, "

@@ -33,9 +33,9 @@ WEIGHTS = ("input", "recurrent", "bias", "decoder", "decoder_bias", "output", "o
 class Shape:
     """Sizes of a network; `responses` is 2 (acceleration, speed) or 3 (with fuel rate).
 
-    `code` is the number of features that repeat the speed on a logarithmic scale, `taught` the number of
-    signals inside the truck (gear, engine speed ...) that D has to know besides the response. The paper
-    has neither.
+    `code` is the number of features that repeat the speed on a logarithmic scale, `auxiliary` the number of
+    auxiliary targets: signals inside the truck (gear, engine speed ...) that D gives besides the response.
+    The paper has neither.
     """
 
     controls: int
@@ -45,7 +45,7 @@ class Shape:
     decoder: int = 32
     members: int = 1
     code: int = 0
-    taught: int = 0
+    auxiliary: int = 0
     gains: bool = False
 
     @property
@@ -65,8 +65,8 @@ class Shape:
 
     @property
     def named(self) -> int:
-        """Outputs of D that are signals: acceleration[, fuel rate][, taught signals]."""
-        return self.responses - 1 + self.taught
+        """Outputs of D that are signals: acceleration[, fuel rate][, auxiliary targets]."""
+        return self.responses - 1 + self.auxiliary
 
     @property
     def outputs(self) -> int:
@@ -80,13 +80,13 @@ class Shape:
 
 class State(NamedTuple):
     """Hidden h and cell c, (members, batch, hidden), the response to feed back, (members, batch, n_y), and
-    what D makes of the taught signals, (members, batch, taught).
+    what D gives for the auxiliary targets, (members, batch, auxiliary).
     """
 
     h: Tensor
     c: Tensor
     y: Tensor
-    taught: Tensor
+    auxiliary: Tensor
 
 
 class TruckNetwork(nn.Module):
@@ -124,8 +124,8 @@ class TruckNetwork(nn.Module):
     def initial(self, y0: Tensor) -> State:
         """Zero internal state at the response y0 (batch, n_y)."""
         zeros = self.input.new_zeros(self.shape.members, y0.shape[0], self.shape.hidden)
-        taught = self.input.new_zeros(self.shape.members, y0.shape[0], self.shape.taught)
-        return State(zeros, zeros, y0.expand(self.shape.members, *y0.shape), taught)
+        auxiliary = self.input.new_zeros(self.shape.members, y0.shape[0], self.shape.auxiliary)
+        return State(zeros, zeros, y0.expand(self.shape.members, *y0.shape), auxiliary)
 
     def step(self, state: State, u: Tensor, w: Tensor) -> State:
         """One step. u (members, batch, n_u) or (batch, n_u), w likewise; the response is in the new state's
@@ -147,7 +147,7 @@ class TruckNetwork(nn.Module):
 
     def unfold(self, u: Tensor, w: Tensor, y: Tensor, form: str = "deployment") -> Tensor:
         """K steps from zero state: u (.., batch, K, n_u), w likewise, y (.., batch, K+1, n_y) -> (members,
-        batch, K, n_y + taught).
+        batch, K, n_y + auxiliary).
 
         `form` 'deployment' feeds the model its own response and reads only y[..., 0, :]; 'training' feeds
         the recorded one wherever it is finite.
@@ -160,7 +160,7 @@ class TruckNetwork(nn.Module):
                 fed = torch.where(torch.isnan(recorded[:, :, k]), state.y, recorded[:, :, k])
                 state = state._replace(y=fed)
             state = self.step(state, u[..., k, :], w[..., k, :])
-            responses.append(torch.cat([state.y, state.taught], dim=-1))
+            responses.append(torch.cat([state.y, state.auxiliary], dim=-1))
         return torch.stack(responses, dim=2)
 
     def _code(self, speed: Tensor) -> Tensor:
@@ -184,7 +184,7 @@ class TruckNetwork(nn.Module):
 
     @property
     def _columns(self) -> list[int]:
-        """Where the outputs of D lie in [u, w, y, taught]: D leaves the speed to C."""
+        """Where the outputs of D lie in [u, w, y, auxiliary]: D leaves the speed to C."""
         first = self.shape.controls + self.shape.conditions
         return [first + ACCELERATION, *range(first + FUEL, first + 1 + self.shape.named)]
 

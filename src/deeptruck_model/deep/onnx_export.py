@@ -141,7 +141,7 @@ def _constants(truck: DeepTruck) -> dict[str, np.ndarray[Any, Any]]:
     outputs, first = shape.responses - 1, shape.controls + shape.conditions
     columns = [first, *([first + 2] if outputs > 1 else [])]
     weights = {name: getattr(network, name).detach().numpy() for name in WEIGHTS}
-    kept = np.r_[:outputs, shape.named : shape.outputs]  # the taught signals stay behind
+    kept = np.r_[:outputs, shape.named : shape.outputs]  # the auxiliary outputs stay behind
     weights["output"] = weights["output"][..., kept]
     weights["output_bias"] = weights["output_bias"][..., kept]
     for name in ("bias", "decoder_bias", "output_bias"):

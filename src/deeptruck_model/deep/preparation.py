@@ -17,14 +17,14 @@ from deeptruck_model.deep.data import (
     SHORTEST_S,
     Scales,
     Sequences,
+    auxiliary_targets,
     common_interface,
     consistent,
     cut,
     measure_scales,
-    teachable,
     time_split,
+    unexcited,
     unexplained,
-    untaught,
 )
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck, load_directory
@@ -41,7 +41,8 @@ class Prepared:
     interface: TruckInterface
     training: list[Recording]
     validation: list[Recording]
-    taught: tuple[str, ...]
+    auxiliary: tuple[str, ...]
+    """targets besides the response"""
     scales: Scales
     sequences: Sequences
     held_out: Sequences
@@ -54,8 +55,8 @@ class Prepared:
     """hashes of the speed of the recordings, and of those that trained `start`"""
     unexplained: float
     """share of the rows left out because the truck braked by something that is not recorded"""
-    untaught: tuple[str, ...]
-    """what the training pieces cannot teach, a line each"""
+    unexcited: tuple[str, ...]
+    """inputs that never vary in the training pieces, and what is not learned for that, a line each"""
 
     @property
     def dt(self) -> float:
@@ -85,12 +86,12 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
         pieces = [consistent(piece) for piece in pieces]
     training, validation = time_split(pieces)
     _judgeable(validation, pieces, interface)
-    taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
-    scales, start, driven = measure_scales(training, taught), None, None
+    auxiliary = auxiliary_targets(training) if arguments.auxiliary and arguments.mode == "default" else ()
+    scales, start, driven = measure_scales(training, auxiliary), None, None
     seen = tuple(remarks.speed_hash(r) for r in recordings)
     if arguments.start:
         known = _start(Path(arguments.start), interface, pieces[0].dt)
-        start, taught = known.network, tuple(known.details.get("taught", ()))
+        start, auxiliary = known.network, tuple(known.details.get("auxiliary", ()))
         driven = known.driven
         seen += tuple(known.details.get(remarks.KEY, ()))
         scales = Scales(start.mean.numpy(), start.scale.numpy(), start.top_speed)
@@ -98,16 +99,16 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
         interface,
         training,
         validation,
-        taught,
+        auxiliary,
         scales,
-        Sequences.of(training, scales, taught),
-        Sequences.of(validation, scales, taught),
+        Sequences.of(training, scales, auxiliary),
+        Sequences.of(validation, scales, auxiliary),
         data_hash(pieces),
         start,
         driven,
         tuple(dict.fromkeys(seen)),
         float(np.mean(np.concatenate([unexplained(r, interface) for r in recordings]))),
-        untaught(training, interface),
+        unexcited(training, interface),
     )
 
 

@@ -19,6 +19,7 @@ from torch import Tensor
 
 from deeptruck_model import files
 from deeptruck_model.deep.arguments import ADAPTING_UPDATES, OPTIONS, PAPER_PASSES, Arguments, default_updates
+from deeptruck_model.deep.io import current
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 from deeptruck_model.deep.optimizer import Best
 from deeptruck_model.deep.preparation import Prepared
@@ -108,7 +109,7 @@ def identity_in(folder: Path) -> dict[str, Any] | None:
     """The identity of the finished run in a simulator directory; None where there is none."""
     if not (folder / MANIFEST).exists():
         return None
-    manifest = read_manifest(folder)
+    manifest = current(read_manifest(folder))
     run = manifest.get("training", {})
     found = (manifest.get("config"), manifest.get("data_hash"), run.get("steps"), run.get("updates"))
     return dict(zip(KEYS, found, strict=True))

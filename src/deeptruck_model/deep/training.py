@@ -159,11 +159,11 @@ def _begin(data: Prepared, arguments: Arguments, identity: dict[str, Any]) -> _R
     shape = network.shape
     if arguments.mode == "paper":
         plain = [1.0, 1.0, arguments.fuel or PAPER_FUEL]  # of acceleration, speed and fuel rate
-        weight = np.array(plain[: shape.responses] + [0.0] * shape.taught, np.float32)
+        weight = np.array(plain[: shape.responses] + [0.0] * shape.auxiliary, np.float32)
     else:
         fuel = arguments.fuel or FUEL
         weight = loss_weights(
-            data.scales, shape.responses, shape.taught, arguments.speed_s, fuel, arguments.teach
+            data.scales, shape.responses, shape.auxiliary, arguments.speed_s, fuel, arguments.auxiliary
         )
     return _Run(
         data, arguments, identity, network, weight, optimizers(network, arguments), Best(network), seeds
@@ -191,7 +191,7 @@ def _fresh(data: Prepared, arguments: Arguments, seeds: tuple[int, ...]) -> Truc
         arguments.decoder,
         arguments.members,
         arguments.code if default else 0,
-        len(data.taught),
+        len(data.auxiliary),
         arguments.kind == "grey" and default,
     )
     return TruckNetwork(shape, data.scales, data.dt, seeds)
@@ -253,12 +253,12 @@ def _details(run: _Run, seconds: float) -> dict[str, Any]:
         "seeds": list(run.seeds),
         "data_hash": data.data_hash,
         "git_hash": card.git_hash(),
-        "taught": list(data.taught),
+        "auxiliary": list(data.auxiliary),
         remarks.KEY: list(data.trained_on),
         "training": {
             "updates": run.updates,
             "unexplained": data.unexplained,
-            "untaught": list(data.untaught),
+            "unexcited": list(data.unexcited),
             "learning_rate": peak_rate(run.arguments),
             "steps": run.steps,
             "hours": data.samples * data.dt / 3600,

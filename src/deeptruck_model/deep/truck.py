@@ -108,11 +108,11 @@ class DeepTruck:
         half = half_width(calibration, spread, self.dt)
         return Prediction(mean, mean - half, mean + half, self.covers(mean, w))
 
-    def believes(self, u: Array, w: Array, recorded: Array) -> dict[str, Array]:
-        """What the truck makes of the signals it was taught (gear, engine speed, torque: those its recordings
+    def auxiliary_outputs(self, u: Array, w: Array, recorded: Array) -> dict[str, Array]:
+        """What the truck gives for its auxiliary targets (gear, engine speed, torque: those its recordings
         had) along forced runs: by name, (batch, T). u (batch, T, n_u), w (batch, T, n_w), recorded (batch, T,
         n_y)."""
-        names: list[str] = self.details.get("taught", [])
+        names: list[str] = self.details.get("auxiliary", [])
         y = np.concatenate([self._start(recorded[:, 0])[:, None], recorded[:, 1:]], axis=1)
         commands, conditions, fed = (
             torch.as_tensor(x, dtype=torch.float32) for x in (u[:, :-1], w[:, :-1], y)

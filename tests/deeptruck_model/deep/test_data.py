@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.deep import data, train
-from deeptruck_model.deep.data import untaught
+from deeptruck_model.deep.data import unexcited
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -121,18 +121,18 @@ def test_unrecorded_braking_is_left_out(drive):
 
 
 def test_a_drive_in_which_all_varies_is_not_remarked_on(drive):
-    assert untaught([drive(60)], TruckInterface("toy")) == ()
+    assert unexcited([drive(60)], TruckInterface("toy")) == ()
 
 
 def test_inputs_that_never_vary_are_named(drive):
     still = drive(60)
     for name, value in (("engine_command", 300.0), ("brake_command", 0.0), ("grade", 0.01)):
         still.channels[name][:] = value
-    engine, brake, grade = untaught([still], still.interface)
+    engine, brake, grade = unexcited([still], still.interface)
     assert engine == "engine command never varies: how the truck answers the engine is not learned from it"
     assert brake.startswith("the brake is never used") and grade.startswith("grade never varies")
     other = replace(still, channels={**still.channels, "engine_command": np.full(len(still), 800.0)})
-    assert len(untaught([still, other], still.interface)) == 2
+    assert len(unexcited([still, other], still.interface)) == 2
 
 
 def test_the_card_says_so(drive, small, tmp_path):

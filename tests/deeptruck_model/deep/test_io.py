@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from deeptruck_model import simulators
-from deeptruck_model.deep import DeepTruck, io
+from deeptruck_model.deep import DeepTruck, io, resume
+from deeptruck_model.deep.data import Scales
+from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.errors import InputError
 
 
@@ -25,7 +27,7 @@ def edit(folder, **changes):
 
 def test_manifest_says_what_the_truck_is(saved):
     manifest = json.loads((saved / "simulator.json").read_text())
-    assert (manifest["kind"], manifest["schema"], manifest["dt"]) == ("deep", 1, 0.1)
+    assert (manifest["kind"], manifest["schema"], manifest["dt"]) == ("deep", 2, 0.1)
     assert manifest["units"]["brake_command"] == "percent"
     assert manifest["seeds"] == [0, 1] and len(manifest["data_hash"]) == 64
     assert manifest["config"]["mode"] == "default"
@@ -49,10 +51,39 @@ def test_a_simulator_of_before_there_were_gains_loads(saved, truck):
     assert simulators.load(saved).network.shape == truck.network.shape
 
 
+def test_a_simulator_of_schema_1_loads(truck, tmp_path):
+    """It has other names for the auxiliary targets, their number and weight, and inputs that never vary."""
+    before = truck.network
+    scales = Scales(*(np.append(x.numpy(), np.float32(2)) for x in (before.mean, before.scale)), 30.0)
+    network = TruckNetwork(replace(before.shape, auxiliary=1), scales, truck.dt, (0, 1))
+    details = {
+        **truck.details,
+        "auxiliary": ["gear"],
+        "config": {**truck.details["config"], "auxiliary": 0.2},
+        "training": {**truck.details["training"], "unexcited": ["grade never varies"]},
+    }
+    older, newer = tmp_path / "older", tmp_path / "newer"
+    for folder in (older, newer):
+        DeepTruck(network, truck.interface, details=details).save(folder)
+    manifest = json.loads((older / "simulator.json").read_text())
+    manifest["schema"] = 1
+    manifest["taught"] = manifest.pop("auxiliary")
+    manifest["shape"]["taught"] = manifest["shape"].pop("auxiliary")
+    manifest["config"]["teach"] = manifest["config"].pop("auxiliary")
+    manifest["training"]["untaught"] = manifest["training"].pop("unexcited")
+    (older / "simulator.json").write_text(json.dumps(manifest))
+    loaded = simulators.load(older)
+    assert loaded.details == details and loaded.network.shape == network.shape
+    drive = np.zeros((1, 5, 2)), np.zeros((1, 5, 1)), np.ones((1, 5, 3))
+    (given,) = loaded.auxiliary_outputs(*drive)
+    assert given == "gear"
+    assert resume.identity_in(older) == resume.identity_in(newer)  # --resume knows a finished run again
+
+
 @pytest.mark.parametrize(
     ("damage", "says"),
     [
-        (lambda d: edit(d, schema=2), "schema 2"),
+        (lambda d: edit(d, schema=3), "schema 3"),
         (lambda d: edit(d, interface={"name": "x", "grade": False}), "does not fit"),
         (lambda d: edit(d, interface={"name": "x", "colour": "red"}), "not understood|damaged"),
         (lambda d: edit(d, scales={"mean": ["a"], "scale": [1]}), "damaged"),

@@ -18,14 +18,14 @@ def network(
     responses: int,
     dt: float = 0.1,
     code: int = 0,
-    taught: int = 0,
+    auxiliary: int = 0,
     gains: bool = False,
 ) -> TruckNetwork:
     means, widths = np.array([500, 10, 0.0, 0.1, 8, 3]), np.array([700, 15, 0.02, 0.8, 6, 2])
-    columns = [*range(controls), *range(2, 2 + conditions), *range(3, 3 + responses), *range(taught)]
+    columns = [*range(controls), *range(2, 2 + conditions), *range(3, 3 + responses), *range(auxiliary)]
     scales = Scales(means[columns].astype(np.float32), widths[columns].astype(np.float32))
     return TruckNetwork(
-        Shape(controls, conditions, responses, 16, 8, members=2, code=code, taught=taught, gains=gains),
+        Shape(controls, conditions, responses, 16, 8, members=2, code=code, auxiliary=auxiliary, gains=gains),
         scales,
         dt,
         seeds=(3, 4),
@@ -37,7 +37,7 @@ def sequences(net: TruckNetwork, steps: int, batch: int) -> tuple[np.ndarray, np
     shape = net.shape
     conditions = shape.controls + shape.conditions
     x = rng.standard_normal((2, steps, batch, conditions)).astype(np.float32)
-    target = rng.standard_normal((2, steps + 1, batch, shape.responses + shape.taught)).astype(np.float32)
+    target = rng.standard_normal((2, steps + 1, batch, shape.responses + shape.auxiliary)).astype(np.float32)
     target = target * net.scale[conditions:].numpy() + net.mean[conditions:].numpy()
     target[..., 1] = np.maximum(target[..., 1], 0)
     start = target[:, 0, :, 1].copy()

@@ -50,7 +50,7 @@ from deeptruck_model.signals import SPEED
 RECIPES: dict[str, Arguments] = {
     "paper": PAPER,
     "default": Arguments(),
-    "unaided": Arguments(teach=0.0),
+    "unaided": Arguments(auxiliary=0.0),
 }
 SHORT = replace(PAPER, updates=SHORT_UPDATES)
 VARIANTS: dict[str, Arguments] = {
@@ -104,8 +104,10 @@ def drives(truck: str) -> tuple[Recording, Recording]:
 def learn(job: Job) -> dict[str, Any]:
     """Train and measure; what was done before is read. Goes on where it was killed."""
     kept = Path(job.work) / f"{job.name}.json"
-    if kept.exists() and (found := json.loads(kept.read_text()))["budget"] == job.updates:
-        return dict(found)
+    if kept.exists():
+        found = json.loads(kept.read_text())
+        if found["budget"] == job.updates and "auxiliary" in found:  # else an older version measured it
+            return dict(found)
     training, test = drives(job.truck)
     curves = Path(job.work) / f"{job.name}.jsonl"
     watched = job.truck == "trucksim" and (job.recipe == "paper" or job.recipe in VARIANTS)
@@ -135,7 +137,7 @@ def _measured(truck: DeepTruck, training: Recording, test: Recording, *, long: b
     inside = (speeds >= low).all(axis=1) & (speeds <= high).all(axis=1)
     found = {**statistics(runs), "updates": updates, "passes": passes(truck, updates)}
     found |= {"largest_fuel": float(np.nanmax(training.channels["fuel_rate"]))}
-    found |= {"taught": truck.details["taught"], "band": _bands(runs), "inside": int(inside.sum())}
+    found |= {"auxiliary": truck.details["auxiliary"], "band": _bands(runs), "inside": int(inside.sum())}
     if inside.any():
         u, w, measured, modelled = (x[inside] for x in (runs.u, runs.w, runs.measured, runs.modelled))
         found["band_inside"] = _bands(Trials(u, w, measured, modelled, runs.dt, runs.channels))

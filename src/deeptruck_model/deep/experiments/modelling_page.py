@@ -128,7 +128,7 @@ v(k+1) = v(k) + a(k) dt; our a(k+1) is the mean over the step from k to k+1, wit
 exactly. The grade is a ratio where the paper has percent; inputs are scaled to unit variance, so its unit has
 no effect.
 
-**Our default** is trained on {taught} besides the responses, where recorded; they are never fed back.
+**Our default** is trained on {auxiliary} besides the responses, where recorded; they are never fed back.
 """.strip()
 FUEL_UNIT = """### The unit of fuel in the loss
 
@@ -331,10 +331,10 @@ def _together(curves: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
 
 
 def _remarks(found: Found) -> list[str]:
-    taught = {name for f in found.get(("trucksim", "default"), []) for name in f["taught"]}
+    auxiliary = {name for f in found.get(("trucksim", "default"), []) for name in f.get("auxiliary", ())}
     paper = found.get(("trucksim", "paper"), [])
     passes = f"{paper[0]['passes']:.0f}" if paper else str(PAPER_PASSES)
-    return [REMARKS.format(passes=passes, taught=", ".join(sorted(taught)) or "nothing"), ""]
+    return [REMARKS.format(passes=passes, auxiliary=", ".join(sorted(auxiliary)) or "nothing"), ""]
 
 
 def _fuel_unit(found: Found) -> list[str]:

@@ -159,7 +159,7 @@ class Unseen:
 
     def losses(self, network: TruckNetwork) -> dict[str, list[float]]:
         """Plain squared error by form, (members,) each, over windows of K steps from zero state."""
-        weight = np.zeros(network.shape.responses + network.shape.taught, np.float32)
+        weight = np.zeros(network.shape.responses + network.shape.auxiliary, np.float32)
         weight[: network.shape.responses] = [1.0, 1.0, self.fuel][: network.shape.responses]
         return {
             form: loss.loss(network, *_windows(network, drive), weight, form).tolist()

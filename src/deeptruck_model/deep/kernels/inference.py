@@ -33,7 +33,7 @@ def pack(network: TruckNetwork) -> tuple[FloatArray, ...]:
     """A network's weights laid out for `step` and `run`.
 
     In this order: gates (members, inputs + hidden + 1, 4 hidden); decoder, its bias, output, its bias as
-    in the    network without the taught signals; mean, scale (n_u + n_w + n_y,); the width of the speed
+    in the network without the auxiliary outputs; mean, scale (n_u + n_w + n_y,); the width of the speed
     code (1,). A plain tuple, which compiled code takes over fastest.
     """
     n = {name: p.detach().numpy() for name, p in network.named_parameters()}

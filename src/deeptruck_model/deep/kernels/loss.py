@@ -43,7 +43,7 @@ class Weights(NamedTuple):
 
 
 class Units(NamedTuple):
-    """mean and scale of [u, w, y, taught], the step dt, the width of the speed code."""
+    """mean and scale of [u, w, y, auxiliary], the step dt, the width of the speed code."""
 
     mean: Any
     scale: Any
@@ -59,7 +59,7 @@ class Run(NamedTuple):
     c: Any
     tanh_c: Any
     decoded: Any
-    y: Any  # responses and taught signals, in units
+    y: Any  # responses and auxiliary outputs, in units
     own: Any  # is the y fed at this step the model's own? (.., n_y)
     bounded: Any  # did C hold the truck? (..,)
     factor: Any  # (.., factors)
@@ -67,17 +67,17 @@ class Run(NamedTuple):
 
 
 @compiled
-def buffers(w: Any, fed_back: Any, steps: Any, batch: Any, responses: Any, taught: Any) -> Any:
+def buffers(w: Any, fed_back: Any, steps: Any, batch: Any, responses: Any, auxiliary: Any) -> Any:
     """An empty Run."""
     hidden, free = w.recurrent.shape[0], responses - 1
-    factors = (w.output.shape[1] - free - taught) // free
+    factors = (w.output.shape[1] - free - auxiliary) // free
     return Run(
         np.empty((steps, batch, 4 * hidden), np.float32),
         np.empty((steps + 1, batch, fed_back), np.float32),
         np.empty((steps + 1, batch, hidden), np.float32),
         np.empty((steps, batch, hidden), np.float32),
         np.empty((steps, batch, w.decoder.shape[1]), np.float32),
-        np.empty((steps, batch, responses + taught), np.float32),
+        np.empty((steps, batch, responses + auxiliary), np.float32),
         np.empty((steps, batch, responses), np.bool_),
         np.empty((steps, batch), np.bool_),
         np.empty((steps, batch, factors), np.float32),
@@ -245,7 +245,7 @@ def gradient(
 ) -> NDArray[np.float64]:
     """Losses (members,) of K-step sequences; their gradients land in the parameters' `.grad`.
 
-    x (members, K, batch, n_u + n_w) is normalised; target (members, K + 1, batch, n_y + taught) in units
+    x (members, K, batch, n_u + n_w) is normalised; target (members, K + 1, batch, n_y + auxiliary) in units
     with NaN where a sample is invalid (target[:, 0] starts the run); weight (n_y,) multiplies the squared
     errors.
     """
@@ -275,7 +275,7 @@ def _call(
         target,
         units,
         weight,
-        network.shape.taught,
+        network.shape.auxiliary,
         recorded,
         learns,
         Weights(*((p.grad if learns else p.detach()).numpy() for p in weights)),
@@ -285,7 +285,7 @@ def _call(
 
 @compiled
 def _members(
-    w: Any, x: Any, target: Any, units: Any, weight: Any, taught: Any, recorded: Any, learns: Any, d: Any
+    w: Any, x: Any, target: Any, units: Any, weight: Any, auxiliary: Any, recorded: Any, learns: Any, d: Any
 ) -> Any:
     """Losses (members,); with `learns` also the gradient, in `d`. w and d are stacked Weights."""
     members, steps, batch, conditions = x.shape
@@ -293,7 +293,7 @@ def _members(
     for m in range(members):
         alone = _member(w, m)
         feedback = np.concatenate((alone.recurrent, alone.input[conditions:]))  # one product a step
-        run = buffers(alone, feedback.shape[0], steps, batch, target.shape[3] - taught, taught)
+        run = buffers(alone, feedback.shape[0], steps, batch, target.shape[3] - auxiliary, auxiliary)
         forward(alone, feedback, x[m], target[m], units, recorded, run)
         dy = np.empty((steps, batch, target.shape[3]), np.float32)
         losses[m] = _loss(run.y, target[m, 1:], weight, dy)

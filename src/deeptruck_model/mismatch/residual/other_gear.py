@@ -53,11 +53,11 @@ def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
 def with_predicted_gears(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:
     """Runs whose inside is a learned simulator's prediction of gear and engine speed, where it was trained on
     these. Most of its error arises in the wrong gear."""
-    believes = getattr(simulator, "believes", None)
+    outputs = getattr(simulator, "auxiliary_outputs", None)
     longest = max(len(p.recording) for p in prepared)
     parts = [(p.u, p.w, fed(simulator, p.y)) for p in prepared]
     u, w, y = (np.stack([_longer(x[i], longest) for x in parts]) for i in range(3))
-    inside = {} if believes is None else believes(u, w, y)
+    inside = {} if outputs is None else outputs(u, w, y)
     return [
         Run(p.y[None], {name: x[i : i + 1, : len(p.recording)] for name, x in inside.items()})
         for i, p in enumerate(prepared)

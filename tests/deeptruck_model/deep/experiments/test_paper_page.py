@@ -62,7 +62,7 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     for name in (*modelling_page.CAPTIONS, "volvo.png"):
         assert f"(paper/{name})" in page and (out / "paper" / name).stat().st_size > 5000
     found = json.loads((out / "work" / "trucksim-paper-0.json").read_text())
-    assert found["updates"] == 2 and found["taught"] == [] and len(found["curves"]) == 2
+    assert found["updates"] == 2 and found["auxiliary"] == [] and len(found["curves"]) == 2
     monkeypatch.setattr(beside_paper, "train", None)  # nothing is trained again
     again = CliRunner().invoke(whole(), command)
     assert again.exit_code == 0 and (out / "paper.md").read_text() == page

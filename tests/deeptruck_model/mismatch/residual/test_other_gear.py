@@ -59,8 +59,8 @@ def test_gears_numbered_alike_are_compared_as_they_are() -> None:
     assert marked[300:].all() and not marked[:294].any()
 
 
-class Believer:
-    """Says of each row what it believes; `rows` is what it was asked with."""
+class Predictor:
+    """Gives the last command of each row as its gear; `rows` is how many it was asked about."""
 
     def __init__(self) -> None:
         self.rows = 0
@@ -68,7 +68,7 @@ class Believer:
     def parameters(self) -> dict[str, float]:
         return {}
 
-    def believes(self, u: Any, w: Any, y: Any) -> dict[str, Any]:
+    def auxiliary_outputs(self, u: Any, w: Any, y: Any) -> dict[str, Any]:
         self.rows = len(u)
         return {"gear": np.repeat(u[:, -1:, 0], u.shape[1], axis=1)}
 
@@ -80,14 +80,14 @@ def test_recordings_of_any_length_are_asked_about_at_once() -> None:
         p.u, p.w, p.y = np.full((length, 2), gear), np.zeros((length, 1)), np.zeros((length, 3))
         p.recording = [None] * length
         parts.append(p)
-    truck: Any = Believer()
+    truck: Any = Predictor()
     runs = with_predicted_gears(truck, parts)
     assert truck.rows == 2
     assert [r.inside["gear"].shape for r in runs] == [(1, N), (1, N // 2)]
     assert [float(r.inside["gear"][0, 0]) for r in runs] == [5.0, 6.0]
 
 
-def test_a_simulator_that_was_taught_no_gears_believes_nothing() -> None:
+def test_a_simulator_without_auxiliary_outputs_predicts_no_gear() -> None:
     p = drive()
     p.u, p.w, p.y = np.zeros((N, 2)), np.zeros((N, 1)), np.zeros((N, 3))
     truck: Any = SimpleNamespace(parameters=dict)
