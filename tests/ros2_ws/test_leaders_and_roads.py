@@ -33,6 +33,12 @@ def test_steps_respect_the_acceleration_and_reach_each_speed() -> None:
     )
 
 
+def test_the_last_step_is_approached_until_it_is_reached() -> None:
+    """The one before it has only until the next begins: 10 m/s after 10 s at 1 m/s^2."""
+    text = "steps:speeds=0/30/40,every=10,acceleration=1"
+    assert speeds(text, [10, 20, 30, 50, 60]) == pytest.approx([0, 10, 20, 40, 40])
+
+
 def test_stop_brakes_to_zero_waits_and_drives_off() -> None:
     text = "stop:speed=20,at=30,deceleration=6,wait=10"
     standing = 30 + 20 / 6

@@ -53,7 +53,7 @@ class Sine:
 
 @dataclass(frozen=True)
 class Steps:
-    """A new speed every `every` seconds, approached at `acceleration`; the last one is kept."""
+    """A new speed (m/s) every `every` s, approached at `acceleration` (m/s^2); the last one is kept."""
 
     speeds: tuple[float, ...] = (20.0, 23.0, 18.0, 20.0)
     every: float = 30.0
@@ -64,9 +64,10 @@ class Steps:
         require(all(0 <= v <= 50 for v in self.speeds), "leader: a speed is outside 0..50 m/s")
 
     def speed_at(self, t: float) -> float:
-        speed = self.speeds[0]
+        speed, last = self.speeds[0], len(self.speeds) - 1
         for n, target in enumerate(self.speeds[1:], start=1):
-            most = self.acceleration * min(max(t - n * self.every, 0.0), self.every)
+            since = max(t - n * self.every, 0.0)
+            most = self.acceleration * (since if n == last else min(since, self.every))
             speed += math.copysign(min(abs(target - speed), most), target - speed)
         return speed
 
