@@ -112,6 +112,8 @@ def test_road_from_a_table(tmp_path: Path) -> None:
         ("constant:speed=99", "outside 0..50"),
         ("sine:period=0", "period must be positive"),
         ("sine:speed=1/2", "not a finite number"),
+        ("stop:at=-1", "at and wait must not be negative"),
+        ("stop:wait=-5", "at and wait must not be negative"),
         ("random:seed=1.5", "seed=1.5 is not a number"),
         ("recorded", "needs path="),
         ("recorded:path=/nowhere.csv", "/nowhere.csv cannot be read: it does not exist"),

@@ -74,7 +74,8 @@ class Steps:
 
 @dataclass(frozen=True)
 class Stop:
-    """Drives, brakes to a standstill at `at`, waits, and picks up again at 0.8 m/s^2."""
+    """Drives at `speed` (m/s), brakes from `at` s on at `deceleration` (m/s^2), stands `wait` s, and picks up
+    again at 0.8 m/s^2."""
 
     speed: float = 20.0
     at: float = 30.0
@@ -84,6 +85,7 @@ class Stop:
     def __post_init__(self) -> None:
         require(0 < self.speed <= 50, f"leader: speed={self.speed} is outside 0..50 m/s")
         require(0 < self.deceleration <= 12, "leader: deceleration is outside 0..12 m/s^2")
+        require(self.at >= 0 and self.wait >= 0, "leader: at and wait must not be negative")
 
     def speed_at(self, t: float) -> float:
         standing = self.at + self.speed / self.deceleration
