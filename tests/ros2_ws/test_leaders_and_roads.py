@@ -131,6 +131,7 @@ def test_bad_leaders_are_refused_in_one_line(text: str, names: str) -> None:
         ("time,v\n0,1\n", "has no column 'speed'"),
         ("time,speed\n0,x\n", "line 2 needs a number under time and speed"),
         ("time,speed\n0,1\n1,x\n", "line 3 needs a number under time and speed"),
+        ("time,speed\n0,1\n", "a leader needs two speeds or more, not 1"),
         ("time,speed\n0,1\n0,2\n", "time does not grow in line 3"),
         ("time,speed\n1,1\n2,99\n", "outside -1..60"),
         ("time,speed\n1,1\n2,nan\n", "line 3 needs a number"),

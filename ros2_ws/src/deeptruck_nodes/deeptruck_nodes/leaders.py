@@ -26,6 +26,8 @@ class Leader(Protocol):
 
 @dataclass(frozen=True)
 class Constant:
+    """Always `speed` (m/s)."""
+
     speed: float = 20.0
 
     def __post_init__(self) -> None:
@@ -37,7 +39,8 @@ class Constant:
 
 @dataclass(frozen=True)
 class Sine:
-    """speed + amplitude sin(2 pi t / period): an acceleration amplitude of 2 pi amplitude / period."""
+    """speed + amplitude sin(2 pi t / period) in m/s, period in s: an acceleration amplitude of
+    2 pi amplitude / period."""
 
     speed: float = 20.0
     amplitude: float = 1.2
@@ -96,7 +99,8 @@ class Stop:
 
 @dataclass(frozen=True)
 class Random:
-    """Picks a speed in low..high every 5 to 25 s and approaches it with a random share of `acceleration`."""
+    """Picks a speed in low..high (m/s) every 5 to 25 s and approaches it at 0.2 to 1 times `acceleration`
+    (m/s^2)."""
 
     low: float = 12.0
     high: float = 25.0
@@ -129,8 +133,8 @@ class Random:
 class Recorded:
     """A leader driven before: a table with a `time` column in s and a speed column in m/s, or a bag.
 
-    From a bag the leader's speed is taken where it was recorded, the truck's own otherwise. At the end the
-    last speed is kept.
+    From a bag comes its first uninterrupted recording: the leader's speed where it was recorded, the truck's
+    own otherwise. At the end the last speed is kept.
     """
 
     path: str
@@ -138,7 +142,8 @@ class Recorded:
 
     def __post_init__(self) -> None:
         times, speeds = self._samples
-        require(len(times) > 1 and bool(np.all(np.diff(times) > 0)), f"{self.path}: time does not grow")
+        require(len(times) > 1, f"{self.path}: a leader needs two speeds or more, not {len(times)}")
+        require(bool(np.all(np.diff(times) > 0)), f"{self.path}: time does not grow")
         require(bool(np.all((speeds >= -1) & (speeds <= 60))), f"{self.path}: a speed is outside -1..60 m/s")
 
     @functools.cached_property
