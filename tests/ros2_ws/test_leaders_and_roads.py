@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from deeptruck_nodes import leaders, roads
 
+from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import write_bag
 from truck_bridge.emulator.road import road
 
 
@@ -131,7 +134,6 @@ def test_bad_leaders_are_refused_in_one_line(text: str, names: str) -> None:
         ("time,v\n0,1\n", "has no column 'speed'"),
         ("time,speed\n0,x\n", "line 2 needs a number under time and speed"),
         ("time,speed\n0,1\n1,x\n", "line 3 needs a number under time and speed"),
-        ("time,speed\n0,1\n", "a leader needs two speeds or more, not 1"),
         ("time,speed\n0,1\n0,2\n", "time does not grow in line 3"),
         ("time,speed\n1,1\n2,99\n", "outside -1..60"),
         ("time,speed\n1,1\n2,nan\n", "line 3 needs a number"),
@@ -147,6 +149,16 @@ def test_bad_leader_files_are_refused_in_one_line(rows: str, names: str, tmp_pat
     (tmp_path / "lead.csv").write_text(rows)
     with pytest.raises(InputError, match=names):
         leaders.parse(f"recorded:path={tmp_path}/lead.csv")
+
+
+def test_a_bag_that_saw_its_leader_once_is_refused_as_that(tmp_path: Path) -> None:
+    drive = driving_cycles.drive(trucks.load("trucksim"), seconds=20.0, seed=0)
+    once = np.full(len(drive), np.nan)
+    once[50] = 20.0
+    seen = replace(drive, channels=drive.channels | {"leader_speed": once})
+    write_bag(tmp_path / "bag", [seen], interface=drive.interface)
+    with pytest.raises(InputError, match="a leader needs two speeds or more, not 1"):
+        leaders.parse(f"recorded:path={tmp_path}/bag")
 
 
 @pytest.mark.parametrize(
