@@ -50,27 +50,42 @@ def sensitivities(
     simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, evidence: Evidence
 ) -> dict[str, Array]:
     """Change of the simulated acceleration for a 100 % change of each parameter, linearised."""
-    own = simulator.parameters()
     out: dict[str, Array] = {}
     for name in PARAMETERS:
-        if name in own and own[name] != 0.0:
-            out[name] = _rerun_slope(simulator, prepared, grid, evidence, name)
+        below, above = _steps(simulator, name)
+        if below < above:
+            out[name] = _rerun_slope(simulator, prepared, grid, evidence, name, below, above)
         else:
             out[name] = components.sensitivity(evidence, name)
     return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > 1e-4}
 
 
+def _steps(simulator: Simulator, name: str) -> tuple[float, float]:
+    """Relative changes to either side of a parameter, smaller or 0 where its bound is nearer than STEP; both 0
+    of one that the simulator does not have or that cannot be changed in proportion."""
+    if simulator.parameters().get(name, 0.0) == 0.0:
+        return 0.0, 0.0
+    return _accepted(simulator, name, -STEP, 0.0), _accepted(simulator, name, STEP, 0.0)
+
+
 def _rerun_slope(
-    simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, e: Evidence, name: str
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    grid: Grid,
+    e: Evidence,
+    name: str,
+    below: float,
+    above: float,
 ) -> Array:
     """The slope between two reruns. Where these shift one may be a little sooner, and the shift is all that
     they show: there it is the slope of the components, as far off as before and after."""
     value = simulator.parameters()[name]
     us = [p.u for p in prepared]
     low, high = (
-        forced(simulator.with_parameters({name: value * (1 + s)}), prepared, us) for s in (-STEP, STEP)
+        forced(simulator.with_parameters({name: value * (1 + s)}), prepared, us) for s in (below, above)
     )
-    slope = grid.stack([(b.y - a.y)[0, :, ACCELERATION] for a, b in zip(low, high, strict=True)]) / (2 * STEP)
+    change = grid.stack([(b.y - a.y)[0, :, ACCELERATION] for a, b in zip(low, high, strict=True)])
+    slope = change / (above - below)
     if "gear" not in low[0].inside:
         return slope
     dt = prepared[0].dt

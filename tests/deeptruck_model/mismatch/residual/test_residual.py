@@ -70,6 +70,27 @@ def test_sensitivities_are_the_answers_of_other_trucks(drives: list[Recording], 
     assert set(own.sensitivity) == set(PARAMETERS)
 
 
+class Drag(BlackBox):
+    """One that has a drag area, of which a physics truck may have 20 m^2 at most."""
+
+    def __init__(self, area: float) -> None:
+        super().__init__(TRUCK.with_parameters({"drag_area": area}))
+        self.area = area
+
+    def parameters(self) -> dict[str, float]:
+        return {"drag_area": self.area}
+
+    def with_parameters(self, values: dict[str, float]) -> Drag:
+        return Drag(values["drag_area"])
+
+
+def test_a_parameter_at_its_bound_is_moved_to_the_other_side_alone(drives: list[Recording]) -> None:
+    prepared = [prepare(r, False) for r in drives]
+    less, most = (gather.gather(Drag(area), prepared, [False, True]) for area in (19.2, 20.0))
+    slope = (most.simulated - less.simulated) / 0.04
+    assert most.sensitivity["drag_area"] == pytest.approx(slope, abs=1e-12)
+
+
 def test_rerun_is_the_change_by_late_commands(own: Evidence) -> None:
     change = own.rerun("delay_all", 0.5)
     assert change.shape == own.residual.shape and 0.01 < change[own.valid].std() < 1.0
