@@ -22,6 +22,7 @@ Mask = NDArray[np.bool_]
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
 STEP = 0.04  # relative step of a parameter for its sensitivity
 HALVINGS = 12  # of a change that a simulator refuses
+LEAST_CHANGE = 1e-4  # m/s^2 by 100 % of a parameter, below which the drives say nothing of it
 SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
 
 
@@ -57,7 +58,7 @@ def sensitivities(
             out[name] = _rerun_slope(simulator, prepared, grid, evidence, name, below, above)
         else:
             out[name] = components.sensitivity(evidence, name)
-    return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > 1e-4}
+    return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > LEAST_CHANGE}
 
 
 def _steps(simulator: Simulator, name: str) -> tuple[float, float]:
@@ -77,8 +78,8 @@ def _rerun_slope(
     below: float,
     above: float,
 ) -> Array:
-    """The slope between two reruns. Where these shift one may be a little sooner, and the shift is all that
-    they show: there it is the slope of the components, as far off as before and after."""
+    """The slope between two reruns. Near a gear shift these shift at different samples, which hides the slope:
+    there it is that of the components, plus its offset from the reruns interpolated across."""
     value = simulator.parameters()[name]
     us = [p.u for p in prepared]
     low, high = (
@@ -90,7 +91,7 @@ def _rerun_slope(
         return slope
     dt = prepared[0].dt
     apart = grid.any([_shifts(a, dt) | _shifts(b, dt) for a, b in zip(low, high, strict=True)])
-    apart &= e["effective_mass_gain"] > LEAST_EFFECTIVE_MASS_GAIN  # beyond, brakes act and not the engine
+    apart &= e["effective_mass_gain"] > LEAST_EFFECTIVE_MASS_GAIN  # below it the brakes hold, not the engine
     known = np.nan_to_num(components.sensitivity(e, name))
     return known + fill(np.where(apart, np.nan, slope - known))
 

@@ -17,11 +17,12 @@ from deeptruck_model.simulators import Simulator
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEAST_CHANGE, FEWEST = 1e-3, 5  # m/s^2 by a shift of one sample, and rows, to estimate the shift by
+LEAST_CHANGE = 1e-3  # m/s^2 by deciding a sample sooner, for a row to say anything of the moment
+FEWEST = 5  # such rows, to estimate the moment by
 
 
 def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid: Grid) -> Array:
-    """What the simulated acceleration is more by, (n,), where the truck decides a sample sooner. A truck that
+    """The increase of the simulated acceleration, (n,), where the truck decides a sample sooner. A truck that
     steps finer than its simulator shifts before it throughout, and that is no missing physics."""
     us = [p.u for p in prepared]
     after, before = (
@@ -37,10 +38,10 @@ def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid:
 
 
 def samples_apart(residual: Array, sooner: Array, valid: Mask) -> float:
-    """How far apart the two shifts may be, in samples, one at most: the residual over its change by a sample
-    sooner, by a median weighted by that change. So no force behind each shift is taken for it. A shift a
-    whole sample sooner gives 2, as `sooner` is the half of two steps: half a sample is the most that is
-    distinguished."""
+    """How far apart the two shifts may be: the residual over its change by a sample sooner, by a median
+    weighted by that change, so that no force behind each shift is taken for it. As `sooner` is half of the
+    difference between a sample later and one sooner, this is twice the offset in samples, capped at 1: half a
+    sample is the most that is distinguished."""
     informative = valid & (np.abs(sooner) > LEAST_CHANGE)
     if informative.sum() < FEWEST:
         return 0.0
