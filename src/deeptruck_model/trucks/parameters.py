@@ -136,10 +136,12 @@ def check_value(name: str, value: Any) -> float:
         raise InputError(f"a physics truck has no parameter '{name}'; {near(name, list(PARAMETERS))}")
     parameter = PARAMETERS[name]
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise InputError(f"parameter '{name}' must be a number in {parameter.unit}, not {value!r}")
+        unit = "" if parameter.unit == "1" else f" in {parameter.unit}"
+        raise InputError(f"parameter '{name}' must be a number{unit}, not {value!r}")
     if not parameter.low <= value <= parameter.high:
+        unit = "" if parameter.unit == "1" else f" {parameter.unit}"
         raise InputError(
-            f"parameter '{name}' is {value:g} {parameter.unit}, not {parameter.low:g} to {parameter.high:g}"
+            f"parameter '{name}' is {value:g}{unit}, not {parameter.low:g} to {parameter.high:g}"
         )
     return float(value)
 

@@ -49,6 +49,8 @@ def test_load_through_simulators_with_nested_and_flat_overrides(tmp_path: Path) 
         ("engine: {bost_lag: 1}", "did you mean boost_lag"),
         ("mass: heavy", "must be a number in kg"),
         ("mass: -5", "1000 to 100000"),
+        ("torque_gain: 4", "is 4, not 0 to 3"),
+        ("torque_gain: all", "must be a number, not 'all'"),
         ("mass: .nan", "1000 to 100000"),
         ("mass: [1", "is not valid YAML"),
         ("- mass", "must hold 'key: value' pairs"),
