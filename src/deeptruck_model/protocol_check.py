@@ -308,8 +308,13 @@ def _parameters(s: Simulator) -> str:
     if bad:
         raise MissingError(f"{', '.join(bad)} is no finite number", "give SI numbers, or leave it out")
     name = "mass" if "mass" in own else next(name for name in own)
-    other = s.with_parameters({name: own[name] * 1.04}).parameters()
-    if s.parameters() != own or not np.isclose(other[name], own[name] * 1.04):
+    value = own[name] * 1.04
+    try:
+        other = s.with_parameters({name: value}).parameters()
+    except InputError:  # of one at its upper bound
+        value = own[name] * 0.96
+        other = s.with_parameters({name: value}).parameters()
+    if s.parameters() != own or not np.isclose(other[name], value):
         raise MissingError(
             f"with_parameters of {name} changes the simulator itself, or nothing", "return a changed copy"
         )

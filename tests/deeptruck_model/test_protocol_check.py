@@ -97,6 +97,10 @@ def test_a_sound_simulator_and_the_pool_lack_nothing() -> None:
         assert set(not_ok(trucks.load(name))) <= {"grade"}
 
 
+def test_a_parameter_at_its_upper_bound_is_no_fault() -> None:
+    assert "parameters" not in not_ok(trucks.load("trucksim").with_parameters({"mass": 100000.0}))
+
+
 FORCED: dict[str, Callable[..., Any]] = {
     "deaf": lambda self, state, y: state,
     "numb": lambda self, state, y: state | {"speed": y[:, 1]},

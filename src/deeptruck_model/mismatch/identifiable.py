@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
+from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, accepted
 from deeptruck_model.protocol_check import (
     BRAKE,
     DRIVE_S,
@@ -62,7 +62,9 @@ def _refitted(s: Simulator) -> Row:
 
 
 def _moves(s: Simulator, name: str, value: float) -> bool:
-    i, other = s.interface, s.with_parameters({name: value * (1 + STEP)})
+    """Whether a value above its own, or one below where it is at its upper bound, drives otherwise."""
+    change = accepted(s, {name: STEP})[name] or accepted(s, {name: -STEP})[name]
+    i, other = s.interface, s.with_parameters({name: value * (1 + change)})
     pedals = [{"engine": ENGINE[i.engine_unit]}]
     pedals += [] if i.brake_unit is None else [{"brake": BRAKE[i.brake_unit]}]
     apart = [(drive(s, [15.0], **p) - drive(other, [15.0], **p))[:, 0, SPEED] for p in pedals]

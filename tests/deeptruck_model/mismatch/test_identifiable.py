@@ -26,6 +26,11 @@ def test_of_a_physics_truck_everything_is_identifiable() -> None:
     assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as an added force: none"
 
 
+def test_a_parameter_at_its_upper_bound_is_refitted_too() -> None:
+    found = rows(trucks.load("trucksim").with_parameters({"torque_gain": 3.0}))
+    assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as an added force: none"
+
+
 def test_of_a_truck_that_reports_nothing_the_rest_is_guessed(shuttle: Path) -> None:
     truck = simulators.load(f"python:{shuttle.stem}:make")
     assert rows(truck)["forces in N"].says == "by its own mass"

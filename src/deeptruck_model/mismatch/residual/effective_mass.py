@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from deeptruck_model.constants import GRAVITY
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift, rows_of
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -110,11 +111,16 @@ def holds(simulator: Simulator) -> bool:
     u[:, :, interface.u.index("brake_command")] = ASKED
     y0 = np.zeros((1, len(interface.y)))
     y0[:, SPEED] = ASKED_AT
-    less, more = (
-        free_run(truck, u, w, y0).y[0, n // 2 :, ACCELERATION].mean()
-        for truck in (simulator, simulator.with_parameters({"rolling_resistance": own + ASKED_MORE}))
+    more = ASKED_MORE
+    try:
+        other = simulator.with_parameters({"rolling_resistance": own + more})
+    except InputError:  # of one near its upper bound
+        more = -own / 2.0
+        other = simulator.with_parameters({"rolling_resistance": own + more})
+    own_mean, other_mean = (
+        free_run(truck, u, w, y0).y[0, n // 2 :, ACCELERATION].mean() for truck in (simulator, other)
     )
-    return bool(less - more < 0.5 * GRAVITY * ASKED_MORE)
+    return bool((own_mean - other_mean) / more < 0.5 * GRAVITY)
 
 
 def held(holds: bool) -> Expression:

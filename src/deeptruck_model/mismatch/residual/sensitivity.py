@@ -62,8 +62,8 @@ def sensitivities(
 
 
 def _steps(simulator: Simulator, name: str) -> tuple[float, float]:
-    """Relative changes to either side of a parameter, smaller or 0 where its bound is nearer than STEP; both 0
-    of one that the simulator does not have or that cannot be changed in proportion."""
+    """Relative changes to either side of a parameter, smaller or 0 where its bound is nearer than STEP; both
+    0 of one that the simulator does not have or that cannot be changed in proportion."""
     if simulator.parameters().get(name, 0.0) == 0.0:
         return 0.0, 0.0
     return _accepted(simulator, name, -STEP, 0.0), _accepted(simulator, name, STEP, 0.0)
@@ -78,8 +78,8 @@ def _rerun_slope(
     below: float,
     above: float,
 ) -> Array:
-    """The slope between two reruns. Near a gear shift these shift at different samples, which hides the slope:
-    there it is that of the components, plus its offset from the reruns interpolated across."""
+    """The slope between two reruns. Near a gear shift these shift at different samples, which hides it: there
+    it is the slope of the components, plus its offset from the reruns interpolated across."""
     value = simulator.parameters()[name]
     us = [p.u for p in prepared]
     low, high = (

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.expression import Signal, Stream
 from deeptruck_model.mismatch.expression.nodes import Constant
@@ -79,6 +81,21 @@ def test_a_simulator_that_shows_nothing_is_taken_at_force_per_mass() -> None:
     assert not effective_mass.holds(truck)
     assert isinstance(effective_mass.held(False), Constant)
     assert effective_mass.holding(False, {}, np.ones(3)) == {}  # perhaps braking was not recorded
+
+
+def test_a_truck_at_its_greatest_rolling_resistance_is_asked_with_less(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    volvo = trucks.load("volvo")
+    make = trucks.PhysicsTruck.with_parameters
+
+    def bounded(truck: trucks.PhysicsTruck, values: Mapping[str, float]) -> trucks.PhysicsTruck:
+        if values["rolling_resistance"] > truck.parameters()["rolling_resistance"]:
+            raise InputError("the most it may have")
+        return make(truck, values)
+
+    monkeypatch.setattr(trucks.PhysicsTruck, "with_parameters", bounded)
+    assert effective_mass.holds(volvo)
 
 
 def test_whether_brakes_hold_what_is_commanded_is_asked_of_the_truck(shuttle: Path) -> None:
