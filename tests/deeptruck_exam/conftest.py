@@ -34,7 +34,7 @@ def built() -> Callable[..., Built]:
         plan = draw_plan("nothing_missing", 3, None, "physics", 1.25)
         drives = ["highway", "suburban", "hills", "descent"] * 2
         styles = ["acc" if led else "human"] * 8
-        plan = replace(plan, truck=truck, values={}, believed={}, drives=drives, styles=styles)
+        plan = replace(plan, truck=truck, values={}, simulator_values={}, drives=drives, styles=styles)
         return build(replace(plan, grade=True, headway_s=0.9))
 
     return made

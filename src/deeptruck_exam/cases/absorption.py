@@ -15,15 +15,15 @@ from deeptruck_exam.worlds import trucks
 from deeptruck_model import trucks as pool
 from deeptruck_model.recordings import Recording
 
-REACH = 0.25  # largest change of the logarithm of a parameter an owner would believe
+REACH = 0.25  # largest change of the logarithm of a parameter an owner would accept
 
 
 def absorb(plan: Plan, recordings: Sequence[Recording]) -> dict[str, float]:
-    """The believed parameters after re-tuning on recordings of equal length."""
-    start = {name: plan.believed.get(name, 1.0) for name in trucks.TUNABLE}
-    base = trucks.make(plan.truck, plan.believed, grade=plan.grade)
+    """The simulator's parameters after re-tuning on recordings of equal length."""
+    start = {name: plan.simulator_values.get(name, 1.0) for name in trucks.TUNABLE}
+    base = trucks.make(plan.truck, plan.simulator_values, grade=plan.grade)
     tuned = retune(base, start, recordings)
-    return {**plan.believed, **tuned}
+    return {**plan.simulator_values, **tuned}
 
 
 def retune(

@@ -83,11 +83,11 @@ def make_case(
     CASE.claim(out)
     for recording in recordings:
         write_bag(out / "recordings" / recording.name, [recording], interface=interface)
-    believed = plan.believed
+    simulator_values = plan.simulator_values
     if level == "absorbed":
-        believed = absorb(plan, recordings[: plan.fit])
-    spec = _simulator(out, plan, believed)
-    truth = describe(built, names, believed)
+        simulator_values = absorb(plan, recordings[: plan.fit])
+    spec = _simulator(out, plan, simulator_values)
+    truth = describe(built, names, simulator_values)
     (out / "truth").mkdir()
     np.savez_compressed(out / "truth" / "drives.npz", extra=built.extra, grade=built.drives.channels["grade"])
     return _written(out, plan, spec, names, truth)
@@ -147,13 +147,13 @@ def interface_of(plan: Plan) -> TruckInterface:
     return replace(interface, brake_unit=None) if plan.hidden_input == "brake" else interface
 
 
-def _simulator(out: Path, plan: Plan, believed: dict[str, float]) -> str:
+def _simulator(out: Path, plan: Plan, simulator_values: dict[str, float]) -> str:
     if plan.simulator == "deep":
         from deeptruck_exam.cases.deep_trucks import trained
 
         return str(trained(plan))
     path = out / "simulator.yaml"
-    path.write_text(yaml.safe_dump(trucks.overrides(believed, plan.grade)))
+    path.write_text(yaml.safe_dump(trucks.overrides(simulator_values, plan.grade)))
     return f"truck:{plan.truck}:{path}"
 
 

@@ -28,14 +28,15 @@ WITHHELD = {"gear": 0.2, "engine_speed": 0.15, "engine_torque": 0.25, "elevation
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything drawn for a case. `values` are the truck's true parameters, `believed` the simulator's."""
+    """Everything drawn for a case. `values` are the truck's true parameters, `simulator_values` those of
+    the simulator."""
 
     level: str
     seed: int
     simulator: str
     truck: str
     values: dict[str, float]
-    believed: dict[str, float]
+    simulator_values: dict[str, float]
     effects: tuple[Effect, ...]
     drives: list[str]
     minutes: float
@@ -85,7 +86,7 @@ def draw_plan(
         simulator,
         truck,
         values,
-        _believe(level, values, rng),
+        _simulator_values(level, values, rng),
         chosen,
         _drives(chosen, count, rng),
         minutes,
@@ -100,18 +101,18 @@ def draw_plan(
     )
 
 
-def _believe(level: str, values: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+def _simulator_values(level: str, values: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
     """The simulator's parameters: right, a little off, or clearly off."""
     spread = {"wrong_parameters": 1.0, "absorbed": 1.0}.get(level, 0.0)
     if level == "nothing_missing" and rng.random() < 0.5:
         spread = 0.01 / 0.06
-    believed = dict(values)
+    drawn = dict(values)
     for name, sd in WRONG.items():
         own = min(spread * sd, 0.006 if level == "nothing_missing" else 1.0)
         if own:
             true = values.get(name, 1.0)
-            believed[name] = float(true * (1.0 + np.clip(own * rng.standard_normal(), -2 * own, 2 * own)))
-    return believed
+            drawn[name] = float(true * (1.0 + np.clip(own * rng.standard_normal(), -2 * own, 2 * own)))
+    return drawn
 
 
 def _drives(chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) -> list[str]:

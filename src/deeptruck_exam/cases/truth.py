@@ -14,7 +14,7 @@ from deeptruck_exam.laws.law import Array
 LEAST = 0.03  # m/s2: below this nobody would say that an effect acts
 
 
-def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -> dict[str, Any]:
+def describe(built: Built, names: tuple[str, ...], simulator_values: dict[str, float]) -> dict[str, Any]:
     """The truth as plain data for JSON."""
     plan = built.plan
     first = plan.effects[0] if plan.effects and not plan.hidden_input else None
@@ -48,7 +48,7 @@ def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -
         "share_of_time": float(np.mean(acts(built.extra))),
         "nominal_parameters": {n: plan.values.get(n, 1.0) for n in PARAMETERS},
         "true_parameters": {n: built.oracle.parameters()[n] for n in PARAMETERS},
-        "believed_parameters": {n: believed.get(n, 1.0) for n in PARAMETERS},
+        "simulator_parameters": {n: simulator_values.get(n, 1.0) for n in PARAMETERS},
     }
 
 

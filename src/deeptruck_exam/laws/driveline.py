@@ -153,7 +153,7 @@ def lockup_fails(setting: Setting, p: Sizes) -> Planted:
 )
 @sizes(stall_rads=(165.0, 215.0), open_s=(3.5, 8.0), below_mps=(6.0, 10.0))
 class OpenConverter(Law, pump=-1.0, gear=0.0, since=0.0):
-    """Open after every change of gear and at low speed, while the simulator believes it locked. `pump` rad/s;
+    """Open after every change of gear and at low speed, while it is locked in the simulator. `pump` rad/s;
     the turbine turns as the simulator has the engine. stall_rads: at peak torque; open_s: after a change.
     Source: SAE J643, Hydrodynamic Drive Test Code: the pump's torque with its speed squared, by capacity and
     torque ratio over the ratio of speeds."""

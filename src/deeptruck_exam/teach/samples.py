@@ -104,7 +104,7 @@ def samples(source: Source, seed: int) -> Samples:
         built = build(plan)
         interface = interface_of(plan)
         recordings = [Recording(f"drive_{k}", DT, c, interface) for k, c in enumerate(measure(built))]
-        simulator = trucks.make(plan.truck, plan.believed, grade=plan.grade)
+        simulator = trucks.make(plan.truck, plan.simulator_values, grade=plan.grade)
         drives = CleanDrives(simulator, recordings, FIT)
         injection = Injection(built, rng)
         if source == "laws":

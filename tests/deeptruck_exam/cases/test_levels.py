@@ -15,7 +15,9 @@ from deeptruck_model.errors import InputError
 def test_plans_of_every_level(level: str) -> None:
     plans = [draw_plan(level, seed, None, "physics", 4.0) for seed in range(60)]
     assert all(p.truck in e.trucks for p in plans for e in p.effects)
-    off = [np.ptp([p.believed.get(n, 1.0) / p.values.get(n, 1.0) for n in trucks.TUNABLE]) for p in plans]
+    off = [
+        np.ptp([p.simulator_values.get(n, 1.0) / p.values.get(n, 1.0) for n in trucks.TUNABLE]) for p in plans
+    ]
     assert (np.median(off) > 0.05) == (level in ("wrong_parameters", "absorbed"))
     if level == "nothing_missing":
         assert all(not p.effects for p in plans) and 0.0 < max(off) < 0.03
