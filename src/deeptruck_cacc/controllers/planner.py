@@ -3,7 +3,9 @@
 Every step it runs the simulator HORIZON_S ahead, takes the derivatives of that run by the pedal at KNOTS_S
 and goes one Gauss-Newton step from its last plan: the real-time iteration of Diehl, Bock and Schlöder (2005),
 SIAM J. Control Optim. 43(5). The derivatives are differences between runs side by side in one batch, so that
-any simulator will do and the compiled step of a deep truck is used.
+any simulator will do and the compiled step of a deep truck is used. Where the truck does not feel a small
+change of the pedal, as in its dead travel or at full load, there is no derivative to follow, and the way to a
+lower gear leads through a second without torque: pedals held for the whole horizon are tried too.
 """
 
 from __future__ import annotations
@@ -24,14 +26,18 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
-HORIZON_S = 3.0
-KNOTS_S = np.array([0.0, 0.2, 0.5, 1.0, 1.8, 3.0])  # the plan is straight between them
-NUDGE = 0.05  # of the pedal's reach, for the derivatives: over the noise of a float32 network
+HORIZON_S = 4.0  # long enough for a downshift of a second without torque to pay
+KNOTS_S = np.array([0.0, 0.2, 0.5, 1.0, 2.0, 4.0])  # the plan is straight between them
+NUDGE = (
+    0.1  # of the pedal's reach, for the derivatives: over a dead travel and the noise of a float32 network
+)
 LENGTHS = np.array([0.0, 1.0, 0.7, 0.5, 0.3, 0.15, 0.05])  # of a step tried side by side
-ROWS = len(KNOTS_S) + 1  # runs of a truck side by side
+HELD = np.array([-0.5, -0.1, 0.0, 0.15, 0.3, 0.6, 1.0])  # pedals tried for the whole horizon
+STEPS = len(LENGTHS)
+ROWS = STEPS + len(HELD)  # runs of a truck side by side; the plan and its six nudges are as many as LENGTHS
 # Costs, beside 1 of (m/s)^2 off the ideal follower, of a pedal change squared per second and of a metre below
 # the least gap squared; chosen on validation scenes of a deep truck.
-CHANGE_COST, TOO_NEAR = 0.05, 10.0
+CHANGE_COST, TOO_NEAR = 0.02, 10.0
 DAMPING = 1e-3  # Levenberg's, of the pedals
 CORRECTION_S = 0.5  # time constant of the acceleration that the truck has beyond the simulator
 
@@ -97,14 +103,15 @@ class Planner:
         return y
 
     def _improved(self, plan: Array, now: _Now) -> Array:
-        """The plan (batch, knots) after one Gauss-Newton step, of the best of LENGTHS."""
+        """The plan (batch, knots) one Gauss-Newton step of the best of LENGTHS on, or the best of HELD."""
         nudge = np.where(plan + NUDGE > 1.0, -NUDGE, NUDGE)
         tried = np.repeat(plan[:, None], ROWS, axis=1)
-        tried[:, 1:] += nudge[:, :, None] * np.eye(len(KNOTS_S))
+        tried[:, 1:STEPS] += nudge[:, :, None] * np.eye(len(KNOTS_S))
+        tried[:, STEPS:] = np.maximum(HELD, self._least)[:, None]
         residuals = self.residuals(tried, now)
-        jacobian = ((residuals[:, 1:] - residuals[:, :1]) / nudge[:, :, None]).swapaxes(1, 2)
-        step = _bounded_step(jacobian, residuals[:, 0], self._least - plan, 1.0 - plan)
-        tried = plan[:, None] + LENGTHS[:, None] * step[:, None]
+        change = (residuals[:, 1:STEPS] - residuals[:, :1]) / nudge[:, :, None]
+        step = _bounded_step(change.swapaxes(1, 2), residuals[:, 0], self._least - plan, 1.0 - plan)
+        tried[:, :STEPS] = plan[:, None] + LENGTHS[:, None] * step[:, None]
         best = np.square(self.residuals(tried, now)).sum(axis=2).argmin(axis=1)
         return np.asarray(tried[np.arange(len(plan)), best])
 

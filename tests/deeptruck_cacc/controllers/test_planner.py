@@ -10,7 +10,7 @@ from deeptruck_cacc import baseline, load_policy
 from deeptruck_cacc.controllers import planner
 from deeptruck_cacc.controllers.law import Seen
 from deeptruck_cacc.controllers.pedals import PedalMap
-from deeptruck_cacc.controllers.planner import KNOTS_S, ROWS, Planner
+from deeptruck_cacc.controllers.planner import HELD, KNOTS_S, ROWS, Planner
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_model import driving_cycles, simulators, trucks
@@ -64,6 +64,22 @@ def test_one_step_is_enough_where_the_truck_is_linear(toy):
     once = made._improved(start, now)
     assert once.min() > 0.0 and np.abs(once - start).max() > 0.1
     np.testing.assert_allclose(made._improved(once, now), once, atol=0.01)
+
+
+def test_a_truck_that_feels_no_small_change_is_driven_too(make_toy):
+    """Its engine knows four torques only, so that no derivative leads from one to the next."""
+
+    class Stepped(make_toy):
+        def step(self, state, u, w):
+            engine = np.floor(u[:, :1] / 600.0) * 600.0  # N m; full engine is 2400
+            return super().step(state, np.hstack([engine, u[:, 1:]]), w)
+
+    made, now = beginning(Stepped(), gap=60.0, leader_speed=22.0)
+    plan = made._improved(np.zeros((1, len(KNOTS_S))), now)
+    tried = np.zeros((1, ROWS, len(KNOTS_S)))
+    tried[:, 0], tried[:, 1 : len(HELD) + 1] = plan, HELD[:, None]
+    cost = np.square(made.residuals(tried, now)[0]).sum(axis=1)
+    assert cost[0] <= cost[1:].min() and plan.min() > 0.25
 
 
 def test_a_step_within_bounds_is_that_of_bounded_least_squares():
