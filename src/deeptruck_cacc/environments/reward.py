@@ -32,7 +32,8 @@ class Reward:
 
     @classmethod
     def paper(cls, alpha_crash: float = 100.0) -> Reward:
-        """The plain quadratic form as printed; the paper gives no constants."""
+        """The plain quadratic form as printed. The paper gives no constants: the policies of
+        docs/results/paper.md were trained with `alpha_crash` 100, and the others are the shaped form's."""
         return cls(alpha_crash=alpha_crash, knee_gap_m=np.inf, knee_speed=np.inf)
 
     def tracking(self, gap_error: Any, speed_error: Any) -> Any:

@@ -86,7 +86,7 @@ class TrpoConfig:
     memory: bool = False
     """the paper's policy has none"""
     printed_reward: bool = False
-    """the plain squares that the paper prints, for `Reward`'s shape that is linear far out"""
+    """`Reward.paper()`: the plain squares that the paper prints, and alpha_crash 100; else `Reward`'s own"""
     validate_every: int = 10
     """iterations between validations and checkpoints"""
     baseline: BaselineName = "linear"
