@@ -47,14 +47,15 @@ def check_ros1(file: Path) -> None:
         stream.readline(_FIRST_LINE)
         begin = _ros1_record(stream, size)
         at = int.from_bytes(begin.get(b"index_pos", b""), "little")
-        if not at:
+        if not 0 < at < size:
             raise DamagedError(
-                "it has no index, as its recorder was killed: 'rosbag reindex' of ROS 1 makes one"
+                "it has no index, as its recorder was killed or its end is missing: "
+                "'rosbag reindex' of ROS 1 makes one"
             )
         stream.seek(at)
         while stream.tell() < size:
             info = _ros1_record(stream, size)
-            if info.get(b"op") != b"\x06":  # of a chunk
+            if info.get(b"op") != b"\x06":  # no chunk info record
                 continue
             back = stream.tell()
             stream.seek(int.from_bytes(info.get(b"chunk_pos", b""), "little"))
@@ -112,7 +113,7 @@ def _walk(data: mmap.mmap, end: int) -> Records:
         at = content + length
     if at != end or length != _FOOTER.size:
         raise DamagedError("its footer is not at its end")
-    if checksum and checksum != _crc(data, 0, data_end):
+    if checksum and checksum != _crc(data, 0, data_end):  # 0: none was written
         raise DamagedError("the checksum of its data is not kept")
     _check_summary(data, end, behind_data)
     return Records(data_end, tuple(metadata))

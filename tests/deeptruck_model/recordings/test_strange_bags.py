@@ -160,10 +160,11 @@ def test_unused_bytes_before_the_index_of_a_ros1_bag(tmp_path: Path, hole: bytes
     file.write_bytes(content[:at] + hole + content[at:])
     (recording,) = read(file, topic_map={"speed": {"topic": "/speed", "field": "data"}})
     np.testing.assert_allclose(recording.channels["speed"], 0.1 * np.arange(300))
-    content[field : field + 8] = bytes(8)
-    file.write_bytes(content[:at])
-    with pytest.raises(InputError, match=r"no index.*'rosbag reindex'"):
-        read(file, topic_map={"speed": {"topic": "/speed", "field": "data"}})
+    for says in (0, at, at + len(hole)):  # none was written, or the file ends before it
+        content[field : field + 8] = says.to_bytes(8, "little")
+        file.write_bytes(content[:at])
+        with pytest.raises(InputError, match=r"no index.*'rosbag reindex'"):
+            read(file, topic_map={"speed": {"topic": "/speed", "field": "data"}})
 
 
 @pytest.mark.parametrize("kept", [{}, {"use_statistics": False}, {"repeat_schemas": False}])
