@@ -11,6 +11,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
+import math
 import os
 import stat
 from collections.abc import Iterator, Mapping, Sequence
@@ -144,6 +145,18 @@ def plain(said: str, longest: int = LONGEST) -> str:
     """What a library said, as one line without control characters, cut where it is long."""
     line = " ".join("".join(c if c.isprintable() else " " for c in said).split())
     return line if len(line) <= longest else f"{line[: longest - 3]}..."
+
+
+def number_in_cell(cell: str, where: str, cure: str) -> float:
+    """The number in a cell of a table of ours. Raises InputError that begins with `where`, which names the
+    cell, and ends with `cure`, for another text and for NaN and infinity."""
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{where} is '{plain(cell, 40)}', which is no number; {cure}")
+    return value
 
 
 def _why(error: BaseException) -> str:

@@ -19,7 +19,7 @@ from deeptruck_model.fleet.compare import VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
 from deeptruck_model.fleet.pool import POOLED
 from deeptruck_model.fleet.road_map import road_map
-from deeptruck_model.fleet.roads import MERGED, ROADS, TABLE, said
+from deeptruck_model.fleet.roads import MERGED, NUMBERS, ROADS, TABLE, said
 from deeptruck_model.fleet.storage import Place
 from deeptruck_model.mismatch.report.wording import opened, spoken
 from deeptruck_model.mismatch.tree import NAMES, UNKNOWN
@@ -185,7 +185,7 @@ def _roads(target: Place) -> dict[str, Any] | None:
     if not target.exists(ROADS):
         return None
     found = target.read_json(ROADS)
-    drawn = road_map(target.read_table(TABLE, MERGED)) if found["km"] else None
+    drawn = road_map(target.read_table(TABLE, MERGED, NUMBERS)) if found["km"] else None
     return {"says": said(found), "map": drawn}
 
 

@@ -20,20 +20,20 @@ WIDTH, MARGIN = 400.0, 8.0  # units of the drawing, which is drawn on a page as 
 LEAST_STROKE, ASIDE = 4.0, 1.5  # units: a cell is drawn so long at least, and so far right of its heading
 
 
-def road_map(rows: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+def road_map(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """What the page draws of the rows of roads.csv: its `size`, a path for each colour, and its `km` from
     west to east and from north to south. At a scale at which cells fall on each other, each stroke is drawn
     once."""
-    first = float(rows[0]["longitude"])
-    cos_latitude = math.cos(math.radians(sum(float(r["latitude"]) for r in rows) / len(rows)))
-    x = [((float(r["longitude"]) - first + 180.0) % 360.0 - 180.0) * cos_latitude for r in rows]
-    y = [-float(r["latitude"]) for r in rows]
+    first = rows[0]["longitude"]
+    cos_latitude = math.cos(math.radians(sum(r["latitude"] for r in rows) / len(rows)))
+    x = [((r["longitude"] - first + 180.0) % 360.0 - 180.0) * cos_latitude for r in rows]
+    y = [-r["latitude"] for r in rows]
     extent = [max(v) - min(v) for v in (x, y)]  # degrees of latitude
     scale = (WIDTH - 2 * MARGIN) / max(*extent, CELL_DEG)
     half = max(CELL_DEG * scale, LEAST_STROKE) / 2
     strokes: list[dict[str, None]] = [{} for _ in COLOURS]
     for row, east, south in zip(rows, x, y, strict=True):
-        heading = math.radians(float(row["heading"]))
+        heading = math.radians(row["heading"])
         right, down = math.sin(heading), -math.cos(heading)
         at = (
             MARGIN + (east - min(x)) * scale - down * ASIDE,
@@ -41,7 +41,7 @@ def road_map(rows: Sequence[Mapping[str, str]]) -> dict[str, Any]:
         )
         begin = f"M{at[0] - right * half:.1f} {at[1] - down * half:.1f}"
         stroke = f"{begin}l{2 * right * half:.1f} {2 * down * half:.1f}"
-        strokes[sum(float(row["slope"]) > edge for edge in EDGES)][stroke] = None
+        strokes[sum(row["slope"] > edge for edge in EDGES)][stroke] = None
     colours = zip(COLOURS, LABELS, map("".join, strokes), strict=True)
     return {
         "size": [f"{2 * MARGIN + v * scale:.0f}" for v in extent],

@@ -17,20 +17,22 @@ from scipy.stats import t as student
 
 from deeptruck_model.fleet.compare import folder, receipts
 from deeptruck_model.fleet.slopes import COLUMNS, SLOPES, mean_heading, written
+from deeptruck_model.fleet.slopes import NUMBERS as SLOPE_NUMBERS
 from deeptruck_model.fleet.statistics import pooled
 from deeptruck_model.fleet.storage import Place, code, key
 from deeptruck_model.mismatch.correction.shared_roads import CELL_M
 
 ROADS, TABLE = "roads.json", "roads.csv"
-MERGED = ("cell", "latitude", "longitude", "heading", "slope", "low", "high", "trucks", "drives")
+NUMBERS = ("latitude", "longitude", "heading", "slope", "low", "high", "trucks", "drives")
+MERGED = ("cell", *NUMBERS)
 LEAST_TRUCKS = 2  # of a shared cell
 INTERVAL = 0.9
 EARLIER = "it was compared by an earlier version, which kept no slopes"
 
 
-def merged(trucks: Mapping[str, Sequence[Mapping[str, str]]]) -> list[dict[str, Any]]:
+def merged(trucks: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[dict[str, Any]]:
     """Rows as MERGED of the cells that LEAST_TRUCKS of these drove; a truck's rows are those of SLOPES."""
-    by_cell: dict[str, dict[str, list[Mapping[str, str]]]] = {}
+    by_cell: dict[str, dict[str, list[Mapping[str, Any]]]] = {}
     for truck, rows in sorted(trucks.items()):
         for row in rows:
             by_cell.setdefault(row["cell"], {}).setdefault(truck, []).append(row)
@@ -38,14 +40,12 @@ def merged(trucks: Mapping[str, Sequence[Mapping[str, str]]]) -> list[dict[str, 
     for cell, passed in sorted(by_cell.items()):
         if len(passed) < LEAST_TRUCKS:
             continue
-        own = [
-            np.array([(float(r["slope"]), float(r["variance"])) for r in rows]) for rows in passed.values()
-        ]
+        own = [np.array([(r["slope"], r["variance"]) for r in rows]) for rows in passed.values()]
         mean = pooled([x[:, 0].mean() for x in own], [x[:, 1].sum() ** 0.5 / len(x) for x in own])
         half = float(student.ppf(0.5 + INTERVAL / 2, len(own) - 1)) * mean.error
         rows = [r for each in passed.values() for r in each]
-        heading = mean_heading(np.array([float(r["heading"]) for r in rows]))
-        where = {c: float(np.mean([float(r[c]) for r in rows])) for c in ("latitude", "longitude")}
+        heading = mean_heading(np.array([r["heading"] for r in rows]))
+        where = {c: float(np.mean([r[c] for r in rows])) for c in ("latitude", "longitude")}
         sizes = {"slope": mean.mean, "low": mean.mean - half, "high": mean.mean + half}
         out.append(
             {"cell": cell, "heading": heading, "trucks": len(own), "drives": len(rows)} | where | sizes
@@ -63,7 +63,11 @@ def roads(target: Place) -> dict[str, Any]:
     left_out = {
         t: r.get("no_slopes", EARLIER) for t, r in compared.items() if SLOPES not in r.get("files", ())
     }
-    trucks = {t: target.read_table(f"{folder(t)}/{SLOPES}", COLUMNS) for t in compared if t not in left_out}
+    trucks = {
+        t: target.read_table(f"{folder(t)}/{SLOPES}", COLUMNS, SLOPE_NUMBERS)
+        for t in compared
+        if t not in left_out
+    }
     rows = merged(trucks)
     shared = {row["cell"] for row in rows}
     half = [(row["high"] - row["low"]) / 2 for row in rows]

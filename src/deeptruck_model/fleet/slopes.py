@@ -18,7 +18,8 @@ from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 SLOPES = "slopes.csv"
-COLUMNS = ("cell", "latitude", "longitude", "heading", "slope", "variance", "drive")
+NUMBERS = ("latitude", "longitude", "heading", "slope", "variance")
+COLUMNS = ("cell", *NUMBERS, "drive")
 LEAST_M = 50.0  # that a drive has in a cell: less is a corner of it
 LEAST_AGAIN = 10  # passages beyond the first of their cell, from which a truck's variance is estimated
 NO_POSITIONS = "no positions are recorded that fit the speed"

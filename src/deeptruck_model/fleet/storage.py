@@ -20,6 +20,7 @@ from typing import Any
 
 from pyarrow import fs
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 
 TRIES = 5  # of one transfer; storage that fails half the time then fails one in 32
@@ -88,16 +89,24 @@ class Place:
             raise InputError(f"{self.name}/{path} is damaged; remove it, and run the stage again")
         return data
 
-    def read_table(self, path: str, columns: Collection[str]) -> tuple[dict[str, str], ...]:
-        """The rows of a CSV file by its header. Raises InputError where it cannot be read, or a row lacks
-        one of the columns."""
+    def read_table(
+        self, path: str, columns: Collection[str], numbers: Collection[str]
+    ) -> tuple[dict[str, Any], ...]:
+        """The rows of a CSV file by its header; columns in `numbers` as float. Raises InputError where it
+        cannot be read, a row lacks one of the columns, or a number is none."""
+        where, rows = f"{self.name}/{path}", list[dict[str, Any]]()
+        cure = "restore it, or start a new result"
         try:
-            rows = tuple(csv.DictReader(io.StringIO(self.read(path).decode())))
+            table = csv.DictReader(io.StringIO(self.read(path).decode()))
+            for row in table:
+                if any(row.get(column) is None for column in columns):
+                    raise InputError(f"{where} is damaged; {cure}")
+                line = f"{where}, line {table.line_num}"
+                found = {c: reading.number_in_cell(row[c], f"{line}: {c}", cure) for c in numbers}
+                rows.append({**row, **found})
         except (UnicodeDecodeError, csv.Error):
-            rows = ({},)
-        if any(row.get(column) is None for row in rows for column in columns):
-            raise InputError(f"{self.name}/{path} is damaged; restore it, or start a new result")
-        return rows
+            raise InputError(f"{where} is damaged; {cure}") from None
+        return tuple(rows)
 
     def write(self, path: str, content: bytes) -> None:
         """A whole file: written under a temporary name, then renamed. Raises InputError where that fails."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from deeptruck_model.fleet.compare import DONE, VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
 from deeptruck_model.fleet.pool import pool
 from deeptruck_model.fleet.road_map import road_map
-from deeptruck_model.fleet.roads import INTERVAL, ROADS, TABLE, merged, roads, said
+from deeptruck_model.fleet.roads import INTERVAL, MERGED, ROADS, TABLE, merged, roads, said
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
 from deeptruck_model.fleet.slopes import COLUMNS, NO_POSITIONS, ONCE, SLOPES, slopes, written
 from deeptruck_model.fleet.storage import place
@@ -76,14 +77,13 @@ def true_slope(row: dict[str, object], road: Array) -> float:
     return float(np.interp(metres / SPACING_M, np.arange(len(road)), road).mean())
 
 
-def recovered(drives: list[Recording]) -> list[dict[str, str]]:
+def recovered(drives: list[Recording]) -> list[dict[str, Any]]:
     """Rows of slopes.csv."""
     p = prepared(TRUCK, drives[:-1], drives[-1:], Rules())
-    rows = slopes(gather(TRUCK, p.prepared, p.held_out), p.prepared)
-    return [{c: str(value) for c, value in row.items()} for row in rows]
+    return slopes(gather(TRUCK, p.prepared, p.held_out), p.prepared)
 
 
-Made = tuple[Array, dict[str, list[dict[str, str]]], list[Recording]]
+Made = tuple[Array, dict[str, list[dict[str, Any]]], list[Recording]]
 
 
 def made(seed: int, trucks_: int) -> Made:
@@ -141,10 +141,10 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         inside = []
         for _ in range(600):
             own = rng.normal(0.02, of_truck, k)
-            where = {"cell": "1:2:E", "latitude": "48", "longitude": "11", "heading": "90"}
+            where = {"cell": "1:2:E", "latitude": 48.0, "longitude": 11.0, "heading": 90.0}
             found = {
                 f"{t}": [
-                    where | {"slope": str(x), "variance": str(of_passage**2)}
+                    where | {"slope": x, "variance": of_passage**2}
                     for x in mean + rng.normal(0.0, of_passage, 3)
                 ]
                 for t, mean in enumerate(own)
@@ -186,11 +186,16 @@ def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, c
         assert misfit in str(refused.value)
 
 
-@pytest.mark.parametrize("slope", ["5.0", "nan", "inf"])
-def test_a_slope_that_no_road_has_is_refused(tmp_path: Path, slope: str) -> None:
+@pytest.mark.parametrize(
+    ("slope", "says"),
+    [("5.0", "5, which no road has"), ("nan", "'nan', which is no number"), ("x", "'x', which is no number")],
+)
+def test_a_slope_that_no_road_has_is_refused(tmp_path: Path, slope: str, says: str) -> None:
     table = tmp_path / TABLE
-    table.write_text(f"cell,slope\n1:2:N,{slope}\n")
-    with pytest.raises(InputError, match="one that no road has"):
+    table.write_text(f"cell,slope\n1:1:N,0.01\n1:2:N,{slope}\n")
+    with pytest.raises(
+        InputError, match=f"^{re.escape(str(table))}, line 3: slope is {says}; give roads.csv"
+    ):
         SharedRoads.read(table)
 
 
@@ -210,10 +215,10 @@ def test_a_passage_of_a_diagonal_road_has_one_cell(heading: float) -> None:
 def test_the_map_says_how_wide_and_how_high_it_is(high_km: float, wide_km: float) -> None:
     rows = [
         {
-            "latitude": str(LATITUDE + 1000.0 * high_km * k / DEGREE_M),
-            "longitude": str(LONGITUDE + 1000.0 * wide_km * k / EAST_M),
-            "heading": "0",
-            "slope": "0.01",
+            "latitude": LATITUDE + 1000.0 * high_km * k / DEGREE_M,
+            "longitude": LONGITUDE + 1000.0 * wide_km * k / EAST_M,
+            "heading": 0.0,
+            "slope": 0.01,
         }
         for k in (0.0, 0.5, 1.0)
     ]
@@ -290,6 +295,27 @@ def test_a_damaged_table_is_refused_by_its_name(result: Path, how: str) -> None:
     target.write(path, damaged(target.read(path), how))
     with pytest.raises(InputError, match=f"{path} is damaged"):
         roads(target)
+
+
+@pytest.mark.parametrize("value", ["steep", "", "nan", "1e999"])
+def test_a_slope_that_is_no_number_is_named_by_its_line(result: Path, value: str) -> None:
+    target = place(str(result))
+    pool(target, {}, 0.05)
+    roads(target)
+    for table, columns, stage in (
+        (TABLE, MERGED, lambda: page.show(target)),
+        (f"{folder('truck1')}/{SLOPES}", COLUMNS, lambda: roads(target)),
+    ):
+        lines = target.read(table).decode().splitlines()
+        cells = lines[2].split(",")
+        cells[columns.index("slope")] = value
+        target.write(table, "\n".join([*lines[:2], ",".join(cells), *lines[3:]]).encode())
+        says = (
+            f"^{re.escape(f'{result}/{table}')}, line 3: slope is '{value}', which is no number; restore it"
+        )
+        with pytest.raises(InputError, match=says):
+            stage()
+        (result / TABLE).unlink(missing_ok=True)
 
 
 def test_the_page_has_a_map_of_them_or_says_why_not(result: Path) -> None:

@@ -55,13 +55,18 @@ class SharedRoads:
     def read(path: Path) -> SharedRoads:
         """Of roads.csv. Raises InputError where it is none."""
         rows = csv.DictReader(io.StringIO(reading.text(path, FLEET_FIRST)))
+        possible, slopes = channel_of("grade"), dict[Cell, float]()
         try:
-            slopes = {named(row["cell"]): float(row["slope"]) for row in rows}
-        except (KeyError, TypeError, ValueError):
+            texts = [(rows.line_num, named(row["cell"]), row["slope"].strip()) for row in rows]
+        except (KeyError, AttributeError, ValueError, csv.Error):
             raise InputError(f"{path} is no table of shared roads; {FLEET_FIRST}") from None
-        possible = channel_of("grade")
-        if not slopes or not all(possible.low <= s <= possible.high for s in slopes.values()):
-            raise InputError(f"{path} holds no slope, or one that no road has; {FLEET_FIRST}")
+        for line, cell, text in texts:
+            where = f"{path}, line {line}: slope"
+            slope = slopes[cell] = reading.number_in_cell(text, where, FLEET_FIRST)
+            if not possible.low <= slope <= possible.high:
+                raise InputError(f"{where} is {slope:g}, which no road has; {FLEET_FIRST}")
+        if not slopes:
+            raise InputError(f"{path} holds no slope; {FLEET_FIRST}")
         return SharedRoads(slopes)
 
     def along(self, recording: Recording) -> Array | None:
