@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
@@ -27,6 +27,7 @@ from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
+    from deeptruck_model.mismatch.correction.shared_roads import SharedRoads
     from deeptruck_model.mismatch.serving import Again
 
 Bags = Annotated[
@@ -218,13 +219,13 @@ def road(
     Example: deeptruck-model road found a b c --out with_road
     Example: deeptruck-model road result/roads.csv a b c --out with_road
     """
-    fleet = directory.is_file()
+    fleet, shared_roads = directory.is_file(), cache(partial(_shared_roads, directory))  # read once
     given = [directory, *([other] if other else [])]
     checks.every(
         lambda: BAG_WITH_ROAD.check(out, overwrite=overwrite),
         lambda: apart(out, *given, *recordings),
         *(
-            (partial(_check_shared, directory), partial(_check_no_other, other))
+            (shared_roads, partial(_check_no_other, other))
             if fleet
             else [partial(folders.check_road, folder) for folder in given]
         ),
@@ -233,11 +234,10 @@ def road(
     from deeptruck_model import recordings as rec
     from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
     from deeptruck_model.mismatch.correction.road_of_another import with_road_of_another
-    from deeptruck_model.mismatch.correction.shared_roads import SharedRoads
 
-    roads = SharedRoads.read(directory) if fleet else Roads.read(directory)
+    roads = shared_roads() if fleet else Roads.read(directory)
     read = rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ())
-    if other is None or isinstance(roads, SharedRoads):
+    if other is None or not isinstance(roads, Roads):
         made, left_out = with_road(roads, read)
         notes = [f"left out, as no slope was found for them: {', '.join(left_out)}"] if left_out else []
     else:
@@ -249,11 +249,11 @@ def road(
         print(f"  note: {note}")
 
 
-def _check_shared(table: Path) -> None:
+def _shared_roads(table: Path) -> SharedRoads:
     """Raises InputError where it is no table of shared roads."""
     from deeptruck_model.mismatch.correction.shared_roads import SharedRoads
 
-    SharedRoads.read(table)
+    return SharedRoads.read(table)
 
 
 def _check_no_other(other: Path | None) -> None:

@@ -155,7 +155,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert min(held) > INTERVAL - 0.04 and max(held) < INTERVAL + 0.06
 
 
-def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, capsys) -> None:
+def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, capsys, monkeypatch) -> None:
     road, found, drives = fleet
     others = {truck: rows for truck, rows in found.items() if truck != "truck3"}
     rows = merged(others)
@@ -174,7 +174,10 @@ def test_another_truck_gets_the_slope_of_its_recordings(fleet, tmp_path: Path, c
     with pytest.raises(InputError, match="positions on these roads"):
         with_road(SharedRoads.read(table), [elsewhere])
     write_bag(tmp_path / "bag", drives[:1], interface=TRUCK.interface)
+    tables, of = [], SharedRoads.read
+    monkeypatch.setattr(SharedRoads, "read", staticmethod(lambda path: tables.append(path) or of(path)))
     road_command(table, [tmp_path / "bag"], tmp_path / "out")
+    assert tables == [table]  # read once: by the check, whose value is used
     (again,) = read(tmp_path / "out")
     assert "1 recording with a grade" in capsys.readouterr().out and again.interface.grade
     np.testing.assert_allclose(again.channels["grade"], made.channels["grade"])
