@@ -23,7 +23,7 @@ def _settle_engine(s: Any, p: Any, force: float) -> float:
         wanted = force * p.wheel_radius / (ratio * p.driveline_efficiency * max(p.torque_gain, 1e-3)) + drag
     s.indicated_torque = clip(wanted, 0.0, full + drag)
     aspirated = p.aspirated_fraction * full + drag
-    s.boost = clip((s.indicated_torque - aspirated) / max(full + drag - aspirated, 1e-6), 0.0, 1.0)
+    s.boost = max((s.indicated_torque - aspirated) / max(full + drag - aspirated, 1e-6), 0.0)
     s.engine_torque = s.indicated_torque - drag
     s.demand = s.pedal = s.indicated_torque / max(full + drag, 1.0)
     return min(force + drag * ratio / (p.wheel_radius * p.driveline_efficiency), 0.0)

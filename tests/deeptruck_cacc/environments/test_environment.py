@@ -158,15 +158,18 @@ def test_all_faces_show_the_same_batch(toy):
     single, vector = CaccSb3VecEnv(toy, 3, steps=6, seed=5), CaccVectorEnv(toy, 3, steps=6)
     single.seed(7)
     a, (b, _) = single.reset(), vector.reset(seed=7)
-    action = np.zeros((3, 2), np.float32)
+    action, whole = np.zeros((3, 2), np.float32), np.zeros(3)
     for k in range(6):
         np.testing.assert_array_equal(a, b)
         single.step_async(action)
         a, reward, done, infos = single.step_wait()
         b, reward_b, _, truncated, info = vector.step(action)
         np.testing.assert_allclose(reward, reward_b, rtol=1e-6)
+        whole += reward_b
         assert done.all() == truncated.all() == (k == 5)
     np.testing.assert_array_equal(infos[1]["terminal_observation"], info["final_obs"][1])
+    np.testing.assert_allclose([one["episode"]["r"] for one in infos], whole)
+    np.testing.assert_allclose(single.last_returns, whole)
 
 
 def test_radar_faults_are_seen_and_not_felt(toy):
@@ -182,6 +185,20 @@ def test_radar_faults_are_seen_and_not_felt(toy):
         got, *_ = faulty.step(commands)
     assert np.isnan(got["gap"][0]) and got["gap"][1] == pytest.approx(expected["gap"][1] + 30.0)
     np.testing.assert_array_equal(clean.gap, faulty.gap)
+
+
+def test_another_vehicle_takes_the_leaders_place_at_its_own_gap_and_speed(toy):
+    scene = scenes.paper(np.random.default_rng(0), 2, 10, 0.1)
+    further, faster = np.zeros((2, 10)), np.zeros((2, 10))
+    further[:, 3], faster[:, 3] = (-12.0, 15.0), (1.0, -100.0)
+    same, other = CaccEnv(toy), CaccEnv(toy)
+    same.reset(scene)
+    other.reset(scenes.replace(scene, gap_jump=further, leader_speed_jump=faster))
+    for _ in range(3):
+        for env in (same, other):
+            env.step(np.tile([300.0, 0.0], (2, 1)))
+    np.testing.assert_allclose(other.gap, same.gap + np.array([-12.0, 15.0]))
+    np.testing.assert_allclose(other.leader_speed, [same.leader_speed[0] + 1.0, 0.0])
 
 
 def test_late_commands_reach_each_truck_its_own_steps_later(toy):

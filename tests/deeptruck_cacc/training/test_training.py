@@ -32,6 +32,11 @@ NETWORK, BEFORE = (replace(SEEDS, baseline=name) for name in ("network", "linear
 LATE = replace(QUICK, scene="late")
 
 
+def test_outside_a_checkout_the_commit_is_unknown(tmp_path, monkeypatch):
+    monkeypatch.setenv("GIT_DIR", str(tmp_path))
+    assert progress.git_hash() == "unknown"
+
+
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory, request):
     toy = request.getfixturevalue("shared_toy")

@@ -73,6 +73,7 @@ def test_torch_module_agrees_and_is_differentiable(truck, drive):
     np.testing.assert_allclose(run.detach().numpy(), expected[:, 1:], atol=1e-4)
     run[..., 1].sum().backward()
     assert torch.isfinite(u.grad).all() and u.grad[:, :28].abs().sum() > 0
+    assert all(weight.grad is None for weight in module.parameters())  # the truck itself is not trained
 
 
 def test_unknown_start_and_unknown_recorded_samples(truck, drive):

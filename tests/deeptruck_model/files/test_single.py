@@ -52,6 +52,20 @@ def test_room_helps_a_full_disk_alone(number: int) -> None:
     assert files.advice(OSError(errno.ENOSPC, ""), "make room") == "make room"
 
 
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        (OSError(errno.ENOSPC, "no room"), "no room; make room or choose another name"),
+        (OSError("odd"), "odd; choose another name"),
+    ],
+)
+def test_why_a_new_file_cannot_be_written(tmp_path: Path, error: OSError, says: str) -> None:
+    path = tmp_path / "a.csv"
+    with pytest.raises(InputError) as refused, files.new_file(path):
+        raise error
+    assert str(refused.value) == f"cannot write {path}: {says}" and not list(tmp_path.iterdir())
+
+
 def test_a_finished_file_is_kept_where_another_came_to_its_place(tmp_path: Path) -> None:
     path, kept = tmp_path / "a.csv", tmp_path / "a.new.csv"
     with pytest.raises(InputError, match=f"kept as {kept}$"), files.new_file(path) as draft:

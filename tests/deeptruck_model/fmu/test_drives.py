@@ -11,9 +11,12 @@ from deeptruck_model.fmu.instance import Instance
 
 
 class Counter:
-    """Counts its steps, as an instance that cannot keep its state."""
+    """Counts its starts and its steps since, as an instance that cannot keep its state."""
+
+    starts = 0
 
     def start(self, values: object) -> list[float]:
+        self.starts += 1
         self.steps = 0.0
         return [0.0]
 
@@ -41,3 +44,19 @@ def test_an_fmu_that_allows_one_instance_gets_one(only_once: bool, most: int) ->
         for drive in drives:
             assert instances.step(drive, length, [0.0])[1] == [length + 1.0]
     assert len(made) == most
+
+
+def test_the_instance_longest_unused_is_taken_from_its_drive() -> None:
+    made: list[Counter] = []
+
+    def new() -> Instance:
+        made.append(Counter())
+        return cast(Instance, made[-1])
+
+    instances = Instances(new, keeps=False, only_once=False)
+    drives = [Drive(()) for _ in range(FEWEST + 2)]
+    for drive in drives:
+        instances.begin(drive)
+    for drive in drives[2:]:
+        instances.step(drive, 0, [0.0])
+    assert sum(one.starts for one in made) == len(drives)  # none had to start again

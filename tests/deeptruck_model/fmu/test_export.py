@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmpy import simulate_fmu
+from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
 from deeptruck_model import driving_cycles, simulators, trucks
@@ -16,6 +16,11 @@ from deeptruck_model.fmu import export, slave
 
 def test_fmpy_finds_it_valid(own: Path) -> None:
     assert validate_fmu(str(own)) == []
+
+
+def test_it_can_keep_its_state_and_be_stepped_by_any_time(own: Path) -> None:
+    kind = read_model_description(str(own)).coSimulation
+    assert kind.canGetAndSetFMUstate and kind.canHandleVariableCommunicationStepSize
 
 
 def test_fmpy_drives_it_as_our_own_step_does(own: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.resources
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -82,6 +83,9 @@ def test_files_of_a_result(lazy_brake: Mismatch, tmp_path: Path) -> None:
     assert (tmp_path / "found" / "simulator" / "simulator.json").exists()
     page = (tmp_path / "found" / "report.html").read_text()
     assert lines.headline(lazy_brake.result) in page
+    (first,) = map(json.loads, re.findall(r'"first":({.*?})', page))
+    most = lazy_brake.result.segments[0]
+    assert first["drive"] == most.recording and first["from"] < most.start_s < most.end_s < first["to"]
     assert "http" not in page.replace("http-equiv", "").replace("http://www.w3.org", "")
 
 

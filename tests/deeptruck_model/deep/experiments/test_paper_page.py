@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -25,6 +27,17 @@ def test_a_cell_is_the_median_and_bold_where_a_seed_misses() -> None:
     assert band.cell([{"band": {"speed": [-0.6, 0.9]}}]) == "**-0.60 to 0.90**"
     assert band.cell([]) == band.cell([{}]) == "-"
     assert Row("share", "", at("share"), form="{:.0%}").cell([{"share": 0.5}]) == "50 %"
+
+
+@pytest.mark.parametrize(
+    "row",
+    [r for rows in modelling_page.FIELD_ROWS.values() for r in rows if np.isfinite(r.most)],
+    ids=lambda r: r.what,
+)
+def test_a_field_truck_is_held_to_what_the_paper_says(row: Row) -> None:
+    """A range, or the largest magnitude; nothing is stated for runs that the paper does not tell apart."""
+    numbers = [float(x) for x in re.findall(r"-?[\d.]+", row.paper or "±1")]
+    assert (row.least, row.most) == (numbers[0] if len(numbers) == 2 else -numbers[-1], numbers[-1])
 
 
 def test_a_table_says_how_many_seeds_ran() -> None:
@@ -52,6 +65,7 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     done = CliRunner().invoke(whole(), command)
     assert done.exit_code == 0, done.output
     out = tmp_path / "paper"
+    assert f"written: {tmp_path / 'paper.md'}" in done.output.replace("\n", "")
     page = (out / "paper.md").read_text()
     assert page.count("| seeds | | 1 | 1 | 1 |") == 2
     assert "### Why the deployment form stays above" in page and "\n| fuel in cm³/s, losses too | " in page
