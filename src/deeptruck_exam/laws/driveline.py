@@ -12,7 +12,7 @@ from deeptruck_model.trucks import View
 @law("driveline_backlash", "suburban hills")
 @sizes(gap_s=(0.15, 0.5), shuffle_hz=(1.5, 3.0), damping=(0.10, 0.25), clonk=(0.3, 0.7))
 class DeadZone(Law, side=1.0, since=99.0, jump=0.0):
-    """A dead zone at torque reversal, then a damped shuffle of 2 to 4 Hz when the teeth meet.
+    """A dead zone at torque reversal, then a damped shuffle of 1.5 to 3 Hz when the teeth meet.
     Source: Lagerberg and Egardt, IEEE Trans. Control Syst. Technol. 15 (2007)."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
