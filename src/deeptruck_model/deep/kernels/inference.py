@@ -79,7 +79,8 @@ def _advance(packed: Any, m: Any, dt: Any, z: Any, c: Any, h: Any, y: Any, work:
             fill_factors(z[b], np.float32(y[b, 1]), packed[5], packed[6], factor)
             add_gains(raw[b], factor, free, free)
         for o in range(free):
-            raw[b, o] = raw[b, o] * packed[6][first + 2 * o] + packed[5][first + 2 * o]
+            column = first + (o + 1 if o else 0)  # the speed, behind the acceleration, is C's
+            raw[b, o] = raw[b, o] * packed[6][column] + packed[5][column]
     constrain(raw, y, dt, y, bounded)
 
 

@@ -87,7 +87,8 @@ def buffers(w: Any, fed_back: Any, steps: Any, batch: Any, responses: Any, auxil
 
 @compiled
 def _feed(k: Any, target: Any, units: Any, recorded: Any, first: Any, run: Any, fed: Any) -> None:
-    """Choose the y that step k is fed, fed (batch, n_y), and write it and its speed code into hy."""
+    """Choose the y that step k is fed, fed (batch, n_y), and write it and its speed code into hy. A value
+    unequal to itself is NaN: unknown."""
     responses = fed.shape[1]
     hidden = run.c.shape[2]
     for b in range(fed.shape[0]):
@@ -115,7 +116,7 @@ def _respond(k: Any, x: Any, units: Any, run: Any, fed: Any, raw: Any) -> None:
             for o in range(responses - 1):
                 run.gear_gain[k, b, o] = raw[b, named + (o + 1) * factors - 1]
         for o in range(named):
-            column = first + (o + 1 if o else 0)
+            column = first + (o + 1 if o else 0)  # the speed, behind the acceleration, is C's
             raw[b, o] = raw[b, o] * units.scale[column] + units.mean[column]
             if o >= responses - 1:
                 run.y[k, b, o + 1] = raw[b, o]
@@ -172,6 +173,7 @@ def _back_through_response(k: Any, first: Any, units: Any, run: Any, dy: Any, d_
     """d_raw(k) of D's raw outputs from dy(k)."""
     free, named, factors = run.own.shape[2] - 1, run.y.shape[2] - 1, run.factor.shape[2]
     for b in range(d_raw.shape[1]):
+        # also where C held the truck, as in `network`: one that wrongly stands could never learn to start
         d_raw[k, b, 0] = (dy[k, b, 0] + units.dt * dy[k, b, 1]) * units.scale[first]
         for o in range(1, named):
             d_raw[k, b, o] = dy[k, b, o + 1] * units.scale[first + o + 1]
@@ -218,7 +220,8 @@ def _collect(x: Any, run: Any, d_raw: Any, d: Any) -> None:
 
 @compiled
 def backward(w: Any, feedback: Any, x: Any, units: Any, run: Any, dy: Any, d: Any) -> None:
-    """Add the gradient to `d` from dy = dL/dy (K, batch, n_y), which is used up, as are gates and decoded."""
+    """Write the gradient into `d`, which must be zero, from dy = dL/dy (K, batch, n_y); dy, gates and decoded
+    are used up."""
     steps, batch, first = x.shape
     hidden = w.recurrent.shape[0]
     feedback_t, decoder_t = np.ascontiguousarray(feedback.T), np.ascontiguousarray(w.decoder.T)
@@ -311,7 +314,8 @@ def _member(w: Any, m: Any) -> Any:
 
 @compiled
 def _loss(y: Any, target: Any, weight: Any, dy: Any) -> Any:
-    """Weighted mean square over the valid samples of each channel; dy (K, batch, n_y) is its gradient."""
+    """Weighted mean square over the valid samples of each channel, which are those not NaN: equal to
+    themselves. dy (K, batch, n_y) is its gradient."""
     total = 0.0
     for j in range(y.shape[2]):
         valid, squares = 0, 0.0
