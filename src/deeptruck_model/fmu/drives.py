@@ -1,7 +1,7 @@
 """Which instance of an FMU is where on which drive, so that any state can be gone on from.
 
 An FMU runs forward only. A state here is a drive (a start, and all inputs since) and how far along it; an
-instance that stands there goes on. Where none does, one is set to a state it kept, or started, and drives
+instance that stands there goes on. Where none does, one is set to a state it saved, or started, and drives
 the inputs again: the same thing, as an FMU is deterministic.
 """
 
@@ -14,50 +14,51 @@ from typing import Any
 from deeptruck_model.fmu.description import Variable
 from deeptruck_model.fmu.instance import Instance
 
-KEEP_EVERY, KEPT = 50, 4  # steps between kept states of an instance, and how many it keeps
+SAVE_EVERY = 50  # steps between saved states of an instance
+MAX_SAVED = 4  # of an instance
 FEWEST = 8  # instances, before one is taken from a drive that may still go on
 
 
 class Drive:
     """A start and the inputs since. It only grows at its end; from any other place a new one branches off."""
 
-    __slots__ = ("__weakref__", "begin", "steps")
+    __slots__ = ("__weakref__", "start", "steps")
 
     def __init__(
-        self, begin: Sequence[tuple[Variable, float]], steps: Sequence[Sequence[float]] = ()
+        self, start: Sequence[tuple[Variable, float]], steps: Sequence[Sequence[float]] = ()
     ) -> None:
-        self.begin, self.steps = begin, list(steps)
+        self.start, self.steps = start, list(steps)
 
 
-class Place:
+class RunningInstance:
     """An instance, and where it stands."""
 
     def __init__(self, instance: Instance) -> None:
         self.instance, self.length = instance, 0
         self.drive: Callable[[], Drive | None] = _nowhere
-        self.kept: dict[int, Any] = {}
+        self.saved: dict[int, Any] = {}  # states by the number of steps before them
         self.used = 0
 
     def begin(self, drive: Drive) -> list[float]:
         """Start on a drive."""
         self.forget()
         self.drive, self.length = _nowhere, 0  # should the start fail
-        out = self.instance.start(drive.begin)
+        out = self.instance.start(drive.start)
         self.drive = weakref.ref(drive)
         return out
 
     def forget(self) -> None:
-        """Let go of all kept states."""
-        for state in self.kept.values():
+        """Let go of all saved states."""
+        for state in self.saved.values():
             self.instance.forget(state)
-        self.kept = {}
+        self.saved = {}
 
-    def step(self, inputs: Sequence[float], keep: bool) -> list[float]:
+    def step(self, inputs: Sequence[float], can_save: bool) -> list[float]:
         """One step on."""
-        if keep and self.length % KEEP_EVERY == 0 and self.length not in self.kept:
-            self.kept[self.length] = self.instance.kept()
-            if len(self.kept) > KEPT:
-                self.instance.forget(self.kept.pop(min(self.kept)))
+        if can_save and self.length % SAVE_EVERY == 0 and self.length not in self.saved:
+            self.saved[self.length] = self.instance.save_state()
+            if len(self.saved) > MAX_SAVED:
+                self.instance.forget(self.saved.pop(min(self.saved)))
         out = self.instance.step(inputs)
         self.length += 1
         return out
@@ -68,13 +69,14 @@ def _nowhere() -> Drive | None:
 
 
 class Instances:
-    """All instances of one FMU. `make` gives a new one; `most` is 1 where a process may have only one."""
+    """All instances of one FMU. `make` gives a new one; `can_save` says whether one can save its state and be
+    set back to it, and `only_once` whether a process may have only one."""
 
-    def __init__(self, make: Callable[[], Instance], keeps: bool, only_once: bool) -> None:
-        self._make, self._keeps, self._only_once = make, keeps, only_once
-        self._places: list[Place] = []
+    def __init__(self, make: Callable[[], Instance], can_save: bool, only_once: bool) -> None:
+        self._make, self._can_save, self._only_once = make, can_save, only_once
+        self._running: list[RunningInstance] = []
         self._clock, self._wanted = 0, FEWEST
-        weakref.finalize(self, _close, self._places)
+        weakref.finalize(self, _close, self._running)
 
     def room_for(self, batch: int) -> None:
         """Expect drives of so many rows side by side."""
@@ -82,65 +84,66 @@ class Instances:
 
     def begin(self, drive: Drive) -> list[float]:
         """What the FMU has at the start of a drive."""
-        place = self._free()
+        running = self._free()
         self._clock += 1
-        place.used = self._clock
-        return place.begin(drive)
+        running.used = self._clock
+        return running.begin(drive)
 
     def step(self, drive: Drive, length: int, inputs: Sequence[float]) -> tuple[Drive, list[float]]:
         """One step from a place on a drive; the drive that it lies on then."""
-        place = self._at(drive, length)
+        running = self._at(drive, length)
         if length < len(drive.steps):
-            drive = Drive(drive.begin, drive.steps[:length])
-            place.drive = weakref.ref(drive)
-        out = place.step(inputs, self._keeps)
+            drive = Drive(drive.start, drive.steps[:length])
+            running.drive = weakref.ref(drive)
+        out = running.step(inputs, self._can_save)
         drive.steps.append(inputs)
         return drive, out
 
     def alone(self) -> Instance:
         """An instance for a whole run, which nobody comes back to."""
-        place = self._free()
-        place.forget()
-        place.drive = _nowhere
-        return place.instance
+        running = self._free()
+        running.forget()
+        running.drive = _nowhere
+        return running.instance
 
-    def _at(self, drive: Drive, length: int) -> Place:
+    def _at(self, drive: Drive, length: int) -> RunningInstance:
         self._clock += 1
-        on_it = [place for place in self._places if place.drive() is drive]
-        for place in on_it:
-            if place.length == length:
-                place.used = self._clock
-                return place
-        place = next((p for p in on_it if any(at <= length for at in p.kept)), None) or self._free()
-        self._go_back(place, drive, length)
-        place.used = self._clock
-        return place
+        on_it = [running for running in self._running if running.drive() is drive]
+        for running in on_it:
+            if running.length == length:
+                running.used = self._clock
+                return running
+        running = next((p for p in on_it if any(at <= length for at in p.saved)), None) or self._free()
+        self._go_back(running, drive, length)
+        running.used = self._clock
+        return running
 
-    def _go_back(self, place: Place, drive: Drive, length: int) -> None:
-        at = max((k for k in place.kept if k <= length), default=None) if place.drive() is drive else None
+    def _go_back(self, running: RunningInstance, drive: Drive, length: int) -> None:
+        at = (
+            max((k for k in running.saved if k <= length), default=None) if running.drive() is drive else None
+        )
         if at is None:
-            place.begin(drive)
-            place.length = 0
+            running.begin(drive)
         else:
-            place.instance.restore(place.kept[at])
-            place.length = at
-            for later in [k for k in place.kept if k > at]:
-                place.instance.forget(place.kept.pop(later))
-        for inputs in drive.steps[place.length : length]:
-            place.step(inputs, self._keeps)
+            running.instance.restore(running.saved[at])
+            running.length = at
+            for later in [k for k in running.saved if k > at]:
+                running.instance.forget(running.saved.pop(later))
+        for inputs in drive.steps[running.length : length]:
+            running.step(inputs, self._can_save)
 
-    def _free(self) -> Place:
+    def _free(self) -> RunningInstance:
         """An instance whose drive nobody knows any more, a new one, or the one longest unused."""
-        for place in self._places:
-            if place.drive() is None:
-                return place
-        if not self._places or (not self._only_once and len(self._places) < self._wanted):
-            self._places.append(Place(self._make()))
-            return self._places[-1]
-        return min(self._places, key=lambda place: place.used)
+        for running in self._running:
+            if running.drive() is None:
+                return running
+        if not self._running or (not self._only_once and len(self._running) < self._wanted):
+            self._running.append(RunningInstance(self._make()))
+            return self._running[-1]
+        return min(self._running, key=lambda running: running.used)
 
 
-def _close(places: list[Place]) -> None:
-    for place in places:
-        place.forget()
-        place.instance.close()
+def _close(instances: list[RunningInstance]) -> None:
+    for running in instances:
+        running.forget()
+        running.instance.close()

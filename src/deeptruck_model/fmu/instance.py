@@ -181,22 +181,22 @@ class Instance:
             self._steps += 1
             return self._out.read()
 
-    def kept(self) -> tuple[Any, int]:
+    def save_state(self) -> tuple[Any, int]:
         """Its whole state, to come back to by `restore`; free it by `forget`."""
         with self._asked("give its state"):
             get = self._fmu.getFMUstate if self._d.version == 2 else self._fmu.getFMUState
             return get(), self._steps
 
-    def restore(self, kept: tuple[Any, int]) -> None:
+    def restore(self, saved: tuple[Any, int]) -> None:
         """Back to a state that it gave."""
         with self._asked("take its state"):
-            (self._fmu.setFMUstate if self._d.version == 2 else self._fmu.setFMUState)(kept[0])
-            self._steps = kept[1]
+            (self._fmu.setFMUstate if self._d.version == 2 else self._fmu.setFMUState)(saved[0])
+            self._steps = saved[1]
 
-    def forget(self, kept: tuple[Any, int]) -> None:
+    def forget(self, saved: tuple[Any, int]) -> None:
         """Let a state go."""
         with suppress(Exception):
-            (self._fmu.freeFMUstate if self._d.version == 2 else self._fmu.freeFMUState)(kept[0])
+            (self._fmu.freeFMUstate if self._d.version == 2 else self._fmu.freeFMUState)(saved[0])
 
     def close(self) -> None:
         """End it; it may hold a licence."""

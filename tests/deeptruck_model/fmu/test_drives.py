@@ -11,7 +11,7 @@ from deeptruck_model.fmu.instance import Instance
 
 
 class Counter:
-    """Counts its starts and its steps since, as an instance that cannot keep its state."""
+    """Counts its starts and its steps since, as an instance that cannot save its state."""
 
     starts = 0
 
@@ -36,7 +36,7 @@ def test_an_fmu_that_allows_one_instance_gets_one(only_once: bool, most: int) ->
         made.append(Counter())
         return cast(Instance, made[-1])
 
-    instances = Instances(new, keeps=False, only_once=only_once)
+    instances = Instances(new, can_save=False, only_once=only_once)
     drives = [Drive(()) for _ in range(FEWEST + 2)]
     for drive in drives:
         instances.begin(drive)
@@ -53,7 +53,7 @@ def test_the_instance_longest_unused_is_taken_from_its_drive() -> None:
         made.append(Counter())
         return cast(Instance, made[-1])
 
-    instances = Instances(new, keeps=False, only_once=False)
+    instances = Instances(new, can_save=False, only_once=False)
     drives = [Drive(()) for _ in range(FEWEST + 2)]
     for drive in drives:
         instances.begin(drive)
