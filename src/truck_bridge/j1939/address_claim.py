@@ -1,5 +1,5 @@
-"""Address claim (SAE J1939-81): 250 ms unopposed, contention by NAME, and silence for who loses. Time is an
-argument.
+"""Address claim (SAE J1939-81): 250 ms unopposed, and contention by NAME. A loser sends cannot-claim, and
+nothing else. Time is an argument.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ class AddressClaim:
         return self._held and not self.lost
 
     def hear(self, can_id: int, data: bytes, now: float) -> None:
-        """Contention and requests. Our own NAME just after we sent it is an echo, later a twin, who wins."""
+        """Contention and requests. Within 250 ms of our claim our own NAME is an echo of it; later it is that
+        of a duplicate node, and we yield."""
         if self._started is None:
             return
         identifier = Identifier.of(can_id)
