@@ -1,4 +1,4 @@
-"""Commands that were obeyed: while control was not engaged they drove nothing, and the driver did.
+"""Drops commands given while control was not engaged, and puts the driver's demand there.
 
 The bridge says on /truck/engaged whether it passes commands on, and each command carries that bit as the
 controller knew it. In a run with --no-load, which /diagnostics says, nothing was passed on at all.
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 COMMAND, DIAGNOSTICS = "/truck/command", "/diagnostics"
 ENGAGED = "engaged"
-_OF_THE_BRIDGE, _OF_THE_COMMAND = "engaged", "engaged, as the command has it"
+_OF_THE_BRIDGE, _OF_THE_COMMAND = "engaged", "engaged_by_command"  # no channels: see HELPERS
 DRIVER = {"engine_command": "driver_engine_demand", "brake_command": "driver_brake_demand"}
 _SOURCES = {
     _OF_THE_BRIDGE: Source("/truck/engaged", f"position[name={ENGAGED}]"),
