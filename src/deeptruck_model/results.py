@@ -1,4 +1,4 @@
-"""What the commands of `deeptruck-model` leave behind: each folder's name and what it may hold."""
+"""What the commands of `deeptruck-model` leave behind: the kind of each folder and what it may hold."""
 
 from __future__ import annotations
 
@@ -47,9 +47,10 @@ EXPERIMENT = Result(
 
 PAPER_PAGE, PICTURES, WORK = "paper.md", "paper", "work"
 PAPER_HALVES = ("modelling.md", "control.md")
+_DEEPEST = 7  # levels below `work`, enough for the seeds and TensorBoard files of a training in it
 BESIDE_PAPER = Result(
     "a page beside the paper",
-    (PAPER_PAGE, f"{PICTURES}/*", *(f"{WORK}{'/*' * depth}" for depth in range(1, 8))),
+    (PAPER_PAGE, f"{PICTURES}/*", *(f"{WORK}{'/*' * depth}" for depth in range(1, _DEEPEST + 1))),
 )
 
 FOUND = Result(
