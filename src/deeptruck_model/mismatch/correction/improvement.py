@@ -21,8 +21,9 @@ from deeptruck_model.simulators import Simulator
 Array = NDArray[np.float64]
 
 HORIZONS_S = (40.0, 20.0, 10.0)  # of free runs: what is slow adds up, and what helps 20 s may harm 40
-ENOUGH = 4  # runs one after another, to take such long ones
-SETTLE_S = 6.0  # forced along the recording before each free window
+ENOUGH = 4  # free runs needed to choose a horizon
+SETTLE_S = 6.0  # forced along the recording before each free window, so that gear and lags are the drive's
+LEAST_VALID = 0.9  # share of a window's samples, above which its error is that of a whole free run
 BOOTSTRAPS = 1000
 
 
@@ -65,22 +66,22 @@ def free_runs(
     return found
 
 
-def _rows(prepared: Sequence[Prepared], horizon: int) -> list[_Row]:
+def _rows(prepared: Sequence[Prepared], steps: int) -> list[_Row]:
     out = []
     for half in (0, 1):
         for place, p in enumerate(prepared):
             settle = round(SETTLE_S / p.dt)
-            starts = _starts(p, settle, horizon, half * (horizon + settle) // 2)
+            starts = _starts(p, settle, steps, half * (steps + settle) // 2)
             out += [_Row(p, place, starts)] if starts else []
     return out
 
 
-def _errors(rows: Sequence[_Row], predicted: Array, horizon: int) -> Errors:
-    """Of the windows of `rows`, along which responses (rows, T, n_y) were predicted."""
-    cuts = [(k, slice(s + 1, s + 1 + horizon)) for k, row in enumerate(rows) for s in row.starts]
+def _errors(rows: Sequence[_Row], predicted: Array, steps: int) -> Errors:
+    """Of the windows of `rows`, `steps` long, along which responses (rows, T, n_y) were predicted."""
+    cuts = [(k, slice(s + 1, s + 1 + steps)) for k, row in enumerate(rows) for s in row.starts]
     speed = [predicted[k, cut, SPEED] - rows[k].prepared.y[cut, SPEED] for k, cut in cuts]
     acceleration = [predicted[k, cut, ACCELERATION] - rows[k].prepared.observed[cut] for k, cut in cuts]
-    empty = np.zeros((0, horizon))
+    empty = np.zeros((0, steps))
     return Errors(
         np.stack(speed) if cuts else empty,
         np.stack(acceleration) if cuts else empty,
@@ -98,16 +99,14 @@ def horizon(prepared: Sequence[Prepared]) -> float:
     return HORIZONS_S[-1] if prepared else HORIZONS_S[0]
 
 
-def _run(
-    simulator: Simulator | TruckWithForces, rows: Sequence[_Row], horizon: int, exogenous: bool
-) -> Array:
+def _run(simulator: Simulator | TruckWithForces, rows: Sequence[_Row], steps: int, exogenous: bool) -> Array:
     """Responses (rows, T, n_y): free within the windows, corrected by the recorded ones outside."""
     length = max(len(row.prepared.recording) for row in rows)
     u, w, y = (np.stack([padded(getattr(r.prepared, f), length) for r in rows]) for f in ("u", "w", "y"))
     free = np.zeros(u.shape[:2], dtype=bool)
     for row, own in enumerate(rows):
         for s in own.starts:
-            free[row, s + 1 : s + horizon] = True
+            free[row, s + 1 : s + steps] = True
     if isinstance(simulator, TruckWithForces):
         known = fed(simulator.base, y)
         simulator = simulator.along(_exogenous(rows, length)) if exogenous else simulator
@@ -139,17 +138,17 @@ def _exogenous(rows: Sequence[_Row], length: int) -> dict[str, Array]:
     return out
 
 
-def _starts(p: Prepared, settle: int, horizon: int, more: int) -> list[int]:
+def _starts(p: Prepared, settle: int, steps: int, more: int) -> list[int]:
     """Where runs begin; after each gap the first is `more` samples later than it could be."""
     out, k, after_gap = [], settle, True
-    while k + horizon + 1 < len(p.recording):
-        if p.valid[k : k + horizon].mean() <= 0.9:
+    while k + steps + 1 < len(p.recording):
+        if p.valid[k : k + steps].mean() <= LEAST_VALID:
             k, after_gap = k + max(1, settle), True
         elif after_gap and more:
             k, after_gap = k + more, False
         else:
             out.append(k)
-            k, after_gap = k + horizon + settle, False
+            k, after_gap = k + steps + settle, False
     return out
 
 
