@@ -1,4 +1,4 @@
-"""Probabilities of names by the evidence of every name's kernel: the first posterior, which stays."""
+"""Probabilities of names by the evidence of every name's kernel. No later fit changes this posterior."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import ROOT, UNKNOWN, Tree
 
 Array = NDArray[np.float64]
+
+LEAST_RATIO = 0.5  # of driving: in less than half as much, a discrepancy counts as in half
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,8 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
     threshold = _threshold(search, rules)
     found: list[Named] = []
     given: list[str] = []
-    gain_free, right = 0.0, 1.0  # the latter of all names that are given
+    gain_free = 0.0
+    p_right = 1.0  # joint probability of the names given
     while len(found) < rules.most_findings:
         seen = evidence.of(y[:, None], given)
         held, free = float(seen.held.nats.max()), float(seen.free.nats.max())
@@ -71,7 +74,7 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
         tree = Tree({n: x / total for n, x in names.items()}).without(behind)
         probable = next(iter(tree.families.values())) >= rules.named
         best = tree.first if probable else UNKNOWN
-        whole = tree.given(right)
+        whole = tree.given(p_right)
         stated = whole.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
         explained = best == UNKNOWN and sum(names.get(n, 0.0) for n in behind) >= rules.named * total
         accepted = (stated or search.e.known_physics) and not explained
@@ -79,7 +82,7 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
         if best == UNKNOWN:
             break
         given.append(best)
-        right *= tree.names[best]
+        p_right *= tree.names[best]
     return Names(tuple(found), gain_free, threshold)
 
 
@@ -90,5 +93,5 @@ def _threshold(search: Regression, rules: Rules) -> float:
         return rules.least_gain
     own = search.own
     seen = KernelEvidence(own, own.background(())).of(own.series.y[:, None])
-    ratio = max(float(search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), 0.5)
+    ratio = max(float(search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), LEAST_RATIO)
     return max(rules.least_gain, rules.discrepancy * ratio * float(seen.free.nats.max()))
