@@ -65,7 +65,7 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     done = CliRunner().invoke(whole(), command)
     assert done.exit_code == 0, done.output
     out = tmp_path / "paper"
-    assert f"written: {tmp_path / 'paper.md'}" in done.output.replace("\n", "")
+    assert f"written: {out / 'paper.md'}" in done.output.replace("\n", "")
     page = (out / "paper.md").read_text()
     assert page.count("| seeds | | 1 | 1 | 1 |") == 2
     assert "### Why the deployment form stays above" in page and "\n| fuel in cm³/s, losses too | " in page
