@@ -66,7 +66,7 @@ def train(
     simulator: SimulatorPath,
     out: Annotated[Path, typer.Option(metavar="POLICY", help="Policy directory to write.")],
     trainer: Annotated[
-        Trainer, typer.Option(help="analytic: back through the simulator; trpo: the paper's.")
+        Trainer, typer.Option(help="analytic: gradient through the simulator; trpo: the paper's.")
     ] = Trainer.analytic,
     seed: Annotated[int, typer.Option(help="First seed.", min=0, max=LARGEST_SEED)] = 0,
     seeds: Annotated[int, typer.Option(help="Seeds side by side; 0: 3, or 1 with trpo.", min=0, max=100)] = 0,
@@ -75,10 +75,12 @@ def train(
         str, typer.Option(help="Training scenes: paper, graded, moving, wide, late; empty is the default.")
     ] = "",
     memory: Annotated[
-        bool | None, typer.Option(help="Slow features (no steady error), or the paper's memoryless policy.")
+        bool | None,
+        typer.Option(help="Slow features (no steady-state error), or the paper's memoryless policy."),
     ] = None,
     printed_reward: Annotated[
-        bool, typer.Option("--printed-reward", help="The paper's plain squares; with --trainer trpo.")
+        bool,
+        typer.Option("--printed-reward", help="The reward as printed in the paper; with --trainer trpo."),
     ] = False,
     resume: Resume = False,
     overwrite: Overwrite = False,
@@ -136,7 +138,7 @@ def evaluate(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for metrics.json and figures.")],
     rollouts: Annotated[int, typer.Option(help="Paths in each set.", min=1, max=10_000)] = 100,
     seed: Annotated[int, typer.Option(help="Of the scenes.", min=0, max=LARGEST_SEED)] = 1000,
-    shield: Annotated[bool, typer.Option(help="Put the shield before policy and baselines.")] = False,
+    shield: Annotated[bool, typer.Option(help="Let the shield limit policy and baselines.")] = False,
     full: Annotated[bool, typer.Option("--full", help="Add every scene and the platoons.")] = False,
     planner: Annotated[
         str, typer.Option(metavar="SIM", help="Add to the baselines a planner on this simulator.")

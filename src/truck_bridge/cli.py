@@ -33,7 +33,7 @@ LogChannel = Annotated[
     str | None, typer.Option("--channel", help="the bus, where the log has several", metavar="NAME")
 ]
 
-_DECODE = """Say what a CAN log holds, signal by signal, and write the numbers where --out says.
+_DECODE = """List what a CAN log holds, signal by signal; with --out, write the values as CSV.
 
 Examples:
 
@@ -41,8 +41,9 @@ Examples:
 
   truck-bridge decode drive.blf --vehicle my_truck.yaml --out signals.csv
 """
-_CHECK = """Would the bridge believe this truck? A recorded drive through the safety core's checks of what it
-hears, as if control had been engaged all the time. Exit code 1 where anything was refused or lost.
+_CHECK = """Would the bridge accept what this truck sends? A recorded drive through the safety core's
+checks of what it hears, as if control had been engaged all the time. Exit code 1 where anything was refused
+or lost.
 
 Example:
 
@@ -57,7 +58,7 @@ Examples:
 
   truck-bridge record drive.mcap --interface socketcan --channel can0
 """
-_CONVERT = """Write a log in another form, which the new name's suffix says.
+_CONVERT = """Convert a log to another format, by the suffix of the new name.
 
 Example:
 

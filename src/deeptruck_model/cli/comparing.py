@@ -35,7 +35,9 @@ def compare(
     out: Annotated[Path, typer.Option(help="Folder for compare.html and compare.json.", metavar="DIR")],
     offset_s: Annotated[
         list[str] | None,
-        typer.Option(help="Move a side by so many seconds, in place of what agrees best.", metavar="SIDE=S"),
+        typer.Option(
+            help="Shift a side in time by S seconds, instead of by best agreement.", metavar="SIDE=S"
+        ),
     ] = None,
     topic_map: TopicMap = None,
     clock: ClockOption = None,

@@ -35,7 +35,7 @@ Example:
 
   deeptruck-model coverage drive1 drive2 --out coverage
 """
-_TABLE_HELP = """Write bags as one table, CSV or Parquet: a row a sample, channels in SI units on one clock.
+_TABLE_HELP = """Write bags as one table, CSV or Parquet: a row per sample, channels in SI units on one clock.
 
 Example:
 
@@ -173,7 +173,7 @@ def table_of(
     out: Annotated[Path, typer.Option(help="table to write, a new .csv or .parquet file", metavar="FILE")],
     rate_hz: Annotated[
         float,
-        typer.Option(help="Samples a second; no more than the speed was recorded with.", min=0.1, max=1000),
+        typer.Option(help="Samples per second, at most those of the recorded speed.", min=0.1, max=1000),
     ] = 10.0,
     topic_map: TopicMap = None,
     clock: ClockOption = None,

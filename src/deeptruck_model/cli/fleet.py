@@ -20,10 +20,10 @@ SHOWN = 10  # quarantined files or trucks that the terminal lists
 _HELP = """Compare a fleet's recordings with a simulator, truck by truck, and say which trucks differ.
 
 All stages in order: extract (read each file once), compare (the mismatch tool on each truck), pool (which
-trucks differ from their siblings, false discoveries controlled), roads (slopes of roads that several trucks
-drove) and show (the page). Each is a command of its own, too: 'fleet extract SOURCE', and 'fleet compare',
-'fleet pool', 'fleet roads' or 'fleet show' with the folder that was written. The same command goes on where
-it was stopped. Folders may be file://, s3:// and gs:// addresses.
+trucks differ from their siblings, at a controlled false discovery rate), roads (slopes of roads that several
+trucks drove) and show (the page). Each is a command of its own, too: 'fleet extract SOURCE', and 'fleet
+compare', 'fleet pool', 'fleet roads' or 'fleet show' with the folder that was written. The same command goes
+on where it was stopped. Folders may be file://, s3:// and gs:// addresses.
 
 Examples:
 
@@ -37,7 +37,11 @@ Examples:
 
 def fleet(
     words: Annotated[
-        list[str], typer.Argument(metavar="[STAGE] PLACE", help="Of the recordings; of a result for a stage.")
+        list[str],
+        typer.Argument(
+            metavar="[STAGE] PLACE",
+            help="Folder or address of the recordings; of the result, for a later STAGE.",
+        ),
     ],
     out: Annotated[str | None, typer.Option(help="Folder or address of the result.")] = None,
     layout: Annotated[
@@ -59,10 +63,15 @@ def fleet(
     ] = None,
     hours_per_truck: Annotated[
         float | None,
-        typer.Option(help="The most driving of a truck that is compared; all where absent.", min=0.01),
+        typer.Option(help="Most hours compared of each truck; all where absent.", min=0.01),
     ] = None,
     level: Annotated[
-        float, typer.Option(help="False among all discoveries, on average.", min=0.001, max=0.5)
+        float,
+        typer.Option(
+            help="False discovery rate: expected share of false ones among the trucks found.",
+            min=0.001,
+            max=0.5,
+        ),
     ] = 0.05,
     engine: Annotated[
         Literal["local", "ray"], typer.Option(help="Processes of this machine, or Ray.")
@@ -177,15 +186,16 @@ def _pool(target: Place, trucks: Path | None, level: float) -> None:
     for kind, c in found["classes"].items():
         print(
             f"class {kind}: {c['differ']} of {c['tested']} tested trucks differ from {c['references']} "
-            f"references, at a false discovery rate of {level:g}; the smallest p is {c['smallest_p']:.2g}"
+            f"references, at a false discovery rate of {level:g}; the smallest possible p is "
+            f"{c['smallest_p']:.2g}"
         )
         if c["tested"] and not c["differ"]:
             needed = c["references_needed"][str(c["tested"])]
             print(f"  all {c['tested']} together could be discoveries with {needed} references or more")
         if c["common"]:
-            print(f"  of most trucks, so of the simulator: {', '.join(map(spoken, c['common']))}")
+            print(f"  found in most trucks, so of the simulator: {', '.join(map(spoken, c['common']))}")
     if missing := found["without_drives"]:
-        print(f"{trucks} names trucks that no recording is of: {', '.join(missing)}")
+        print(f"{trucks} names trucks without recordings: {', '.join(missing)}")
     if len(found["series"]) > 1:
         last, every = found["series"][-1], [t for b in found["series"] for t in b["discovered"]]
         print(

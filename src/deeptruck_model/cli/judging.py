@@ -97,7 +97,7 @@ def calibrate(
     msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is worth it.
+    """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is advisable.
 
     Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
     """

@@ -40,7 +40,7 @@ def mismatch(
     recordings: Bags,
     out: Annotated[Path, typer.Option(help="Folder for verdict.json, report.html and simulator/.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="Recordings used only to judge.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the input noise the simulator is tried with.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the noise put on the simulator's inputs.", min=0)] = 0,
     mass_kg: Annotated[
         float | None,
         typer.Option(help="Mass of the truck, kg, where the simulator does not state it: forces in newtons."),
@@ -49,7 +49,7 @@ def mismatch(
         bool,
         typer.Option(
             "--no-vehicle-ahead",
-            help="State that no vehicle was near enough ahead for its wake to matter: no gap is missed.",
+            help="State that no vehicle was near enough ahead for its wake to matter: no gap is needed.",
         ),
     ] = False,
     topic_map: TopicMap = None,
@@ -160,14 +160,14 @@ def adapt(
     recording: Annotated[Path, typer.Argument(help="A bag of the drive to adapt to.")],
     out: Annotated[Path, typer.Option(help="New simulator directory.")],
     first_s: Annotated[
-        float, typer.Option(help="Seconds at the begin of the drive that are used.", min=60.0)
+        float, typer.Option(help="Seconds at the beginning of the drive that are used.", min=60.0)
     ] = 300.0,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
     msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Give a simulator what one drive has of its own, such as its load and wind, from its first minutes.
+    """Adapt a simulator to one drive, its load and wind, by a constant acceleration fitted to its beginning.
 
     Example: deeptruck-model adapt SIM today --out adapted
     """
@@ -214,7 +214,7 @@ def road(
     msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write recordings again with the slope that was recovered as their grade, to train a truck on it.
+    """Write recordings with the recovered slope as their grade, to train a truck on them.
 
     Example: deeptruck-model road found a b c --out with_road
     Example: deeptruck-model road result/roads.csv a b c --out with_road

@@ -29,7 +29,10 @@ def check_simulator(
         Path | None, typer.Option("--json", metavar="FILE", help="Write the table as JSON too, a new file.")
     ] = None,
     accept: Annotated[
-        bool, typer.Option("--accept", help="Take changed files of what a directory stands for as they are.")
+        bool,
+        typer.Option(
+            "--accept", help="Accept files of the simulator that changed since its directory was written."
+        ),
     ] = False,
 ) -> None:
     """Drive a simulator a few seconds: what it fulfils, what it lacks, what 'mismatch' can find in it.

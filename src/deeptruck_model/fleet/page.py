@@ -140,7 +140,7 @@ def _title(differ: int, tested: int, trucks: int) -> str:
 def _of_class(kind: str, c: Mapping[str, Any], level: float) -> str:
     text = (
         f"Class {kind}: {c['tested']} trucks tested against {c['references']} references at a false "
-        f"discovery rate of {level:g}; the smallest p is {c['smallest_p']:.2g}."
+        f"discovery rate of {level:g}; the smallest possible p is {c['smallest_p']:.2g}."
     )
     if c["tested"] and not c["differ"]:
         needed = c["references_needed"][str(c["tested"])]
