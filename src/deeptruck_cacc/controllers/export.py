@@ -14,7 +14,20 @@ from onnx import TensorProto, helper, numpy_helper
 from deeptruck_cacc.controllers.onnx_policy import FACTS
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
-from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
+from deeptruck_cacc.controllers.scaling import (
+    ACCELERATION_UNIT,
+    GAP_UNIT,
+    INTEGRAL_UNIT,
+    LEAST_SPEED,
+    OBSERVED,
+    POWER_UNIT,
+    SPEED_HASTE,
+    TIME_GAP_UNIT,
+    TIME_GAPS,
+    WANTED,
+    ActionScale,
+    FeatureMap,
+)
 from deeptruck_model import files
 from deeptruck_model.constants import ROUNDED_GRAVITY
 
@@ -98,12 +111,16 @@ def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str,
     if f.power:
         ratio = g.add("Div", error, g.constant(f.knee_m))
         error = g.add("Div", error, g.add("Add", g.add("Mul", ratio, ratio), g.constant(1.0)))
-    error = g.clip(error, -f.integral_clip_m, f.integral_clip_m)
-    integral = g.add("Add", g.columns("memory", 0, 1), g.add("Mul", error, g.constant(f.dt)))
+    counted = g.clip(error, -f.integral_clip_m, f.integral_clip_m)
+    integral = g.add("Add", g.columns("memory", 0, 1), g.add("Mul", counted, g.constant(f.dt)))
     integral = g.clip(integral, -f.integral_limit, f.integral_limit)
     rates = g.add("Div", g.add("Sub", speeds, slow), g.constant(f.slow_s))
     after = g.add("Add", slow, g.add("Mul", rates, g.constant(f.dt)))
-    parts = [features, g.add("Div", integral, g.constant(5.0)), g.add("Div", rates, g.constant(0.5))]
+    scaled = (
+        g.add("Div", integral, g.constant(INTEGRAL_UNIT)),
+        g.add("Div", rates, g.constant(ACCELERATION_UNIT)),
+    )
+    parts = [features, *scaled]
     kept = [integral, after]
     if f.power:
         ideal, pull, far = _ideal(g, f, signals)
@@ -126,8 +143,8 @@ def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str, tra
 
 def _time_gap(g: _Graph, signals: str) -> str:
     """FeatureMap._time_gap."""
-    moving = g.add("Max", g.columns(signals, 1, 2), g.constant(1.0))
-    return g.clip(g.add("Div", g.columns(signals, 3, 4), moving), 1.0, 6.0)
+    moving = g.add("Max", g.columns(signals, 1, 2), g.constant(LEAST_SPEED))
+    return g.clip(g.add("Div", g.columns(signals, 3, 4), moving), *TIME_GAPS)
 
 
 def _ideal(g: _Graph, f: FeatureMap, signals: str) -> tuple[str, str, str]:
@@ -160,21 +177,23 @@ def _power(
 ) -> list[str]:
     """FeatureMap._power, column by column; `follower` is what _ideal says."""
     speed, gap, target, grade = (g.columns(signals, k, k + 1) for k in range(1, 5))
-    moving, time_gap = g.add("Max", speed, g.constant(1.0)), _time_gap(g, signals)
+    moving, time_gap = g.add("Max", speed, g.constant(LEAST_SPEED)), _time_gap(g, signals)
     (ideal, pull, far), lasting = follower, g.add("Mul", integral, g.constant(f.integral_rate))
     behind = g.add("Sub", ideal, speed)
     closing = g.add("Mul", time_gap, g.constant(f.closing_share))
     closing = g.add("Add", closing, g.constant(f.closing_s))
-    slower = g.add("Mul", g.add("Add", behind, g.add("Div", lasting, time_gap)), g.constant(2.0))
-    errors = g.add("Add", slower, g.add("Div", far, closing))
-    wanted = g.clip(g.add("Add", pull, g.add("Div", errors, closing)), -2.0, 1.0)
+    lasting = g.add("Div", lasting, time_gap)
+    speeds = g.add("Mul", g.add("Add", behind, lasting), g.constant(SPEED_HASTE))
+    errors = g.add("Add", speeds, g.add("Div", far, closing))
+    wanted = g.clip(g.add("Add", pull, g.add("Div", errors, closing)), *WANTED)
     error = g.add("Sub", gap, target)
     slope = g.add("Mul", grade, g.constant(ROUNDED_GRAVITY))
-    weight = g.add("Mul", speed, g.constant(1 / 8.0))
-    late = g.add("Tanh", g.add("Mul", g.add("Div", error, moving), g.constant(1 / 0.3)))
-    doubled = [g.add("Mul", x, g.constant(2.0)) for x in (pull, wanted)]
+    weight = g.add("Mul", speed, g.constant(1 / POWER_UNIT))
+    late = g.add("Tanh", g.add("Mul", g.add("Div", error, moving), g.constant(1 / TIME_GAP_UNIT)))
+    accelerations = [g.add("Mul", x, g.constant(1 / ACCELERATION_UNIT)) for x in (pull, wanted)]
     powers = [g.add("Mul", g.add("Add", x, slope), weight) for x in (wanted, rate)]
-    return [doubled[0], behind, g.add("Mul", far, g.constant(0.5)), late, doubled[1], *powers]
+    far = g.add("Mul", far, g.constant(1 / GAP_UNIT))
+    return [accelerations[0], behind, far, late, accelerations[1], *powers]
 
 
 def _network(g: _Graph, policy: MlpPolicy, features: str) -> str:

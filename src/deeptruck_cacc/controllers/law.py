@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import Observation
-from deeptruck_cacc.controllers.scaling import FeatureMap, paper_signals
+from deeptruck_cacc.controllers.scaling import ACCELERATION_UNIT, FeatureMap, paper_signals
 
 Array = NDArray[np.float64]
 
 LEADER_S = 2.0  # time constant with which the leader's acceleration is expected to die away
+LEAST_SPEED = 0.5  # m/s, as which less counts in a time gap, which nothing defines at standstill
 LEAST_GAP_M = 5.0  # which predictive controllers keep wherever the pedals allow
 
 
@@ -36,15 +37,15 @@ class Seen:
 
     @property
     def time_gap(self) -> Array:
-        """Wanted time gap, s; below 0.5 m/s the speed counts as 0.5 m/s."""
-        return np.asarray(self.target_gap / np.maximum(self.speed, 0.5))
+        """Wanted time gap, s."""
+        return np.asarray(self.target_gap / np.maximum(self.speed, LEAST_SPEED))
 
     def leader(self, time: Array) -> tuple[Array, Array]:
-        """Expected speed (m/s) and way (m) of the leader after `time` (n,), s; each (batch, n)."""
+        """Expected speed (m/s) and distance (m) of the leader after `time` (n,), s; each (batch, n)."""
         speed, pull = self.leader_speed[:, None], self.leader_acceleration[:, None]
         gone = LEADER_S * (1 - np.exp(-time / LEADER_S))
-        way = np.maximum(speed * time + pull * LEADER_S * (time - gone), 0.0)
-        return np.maximum(speed + pull * gone, 0.0), np.maximum.accumulate(way, axis=1)
+        distance = np.maximum(speed * time + pull * LEADER_S * (time - gone), 0.0)
+        return np.maximum(speed + pull * gone, 0.0), np.maximum.accumulate(distance, axis=1)
 
 
 Law = Callable[[Seen], Array]
@@ -75,7 +76,8 @@ class Perception:
         if self._memory is None or len(self._memory) != len(signals):
             self._memory = self._features.start(len(signals))
         features, self._memory = self._features(signals, self._memory)
-        rates = features[:, 6:] * 0.5
+        accelerations = ("leader_acceleration", "acceleration")
+        rates = features[:, [self._features.names.index(n) for n in accelerations]] * ACCELERATION_UNIT
         leader_speed, speed, gap, target_gap, grade = signals.T
         seen = Seen(leader_speed, speed, gap, target_gap, rates[:, 0], rates[:, 1], self._memory[:, 0])
         return seen, grade

@@ -32,6 +32,17 @@ _MATRIX = np.array(
 )
 _OFFSET = np.array([0.0, -15 / 7.0, 0.0, -50 / 30.0, 0.0])
 
+# Units of the other features, near one in following; the matrix has those of the paper's signals.
+INTEGRAL_UNIT = 5.0  # m s
+ACCELERATION_UNIT = 0.5  # m/s^2
+GAP_UNIT = 2.0  # m
+TIME_GAP_UNIT = 0.3  # s
+POWER_UNIT = 8.0  # W/kg
+LEAST_SPEED = 1.0  # m/s, as which less counts in a time gap, which nothing defines at standstill
+TIME_GAPS = (1.0, 6.0)  # s, within which the wanted one is taken to lie
+WANTED = (-2.0, 1.0)  # m/s^2, within which the acceleration lies that takes errors away
+SPEED_HASTE = 2.0  # speed errors go in closing_s over this
+
 
 def require(observation: Mapping[str, Any]) -> None:
     """Raises InputError for an observation that lacks a signal; the grade may be absent."""
@@ -159,7 +170,7 @@ class FeatureMap:
         integral = np.clip(memory[:, 0] + self.dt * error, -self.integral_limit, self.integral_limit)
         rates = (speeds - slow) / self.slow_s
         slow = slow + self.dt * rates
-        parts = [features, integral[:, None] / 5.0, rates / 0.5]
+        parts = [features, integral[:, None] / INTEGRAL_UNIT, rates / ACCELERATION_UNIT]
         kept = memory[:, 3:]
         if self.power:
             ideal, pull, far = self._ideal(signals, memory[:, 3])
@@ -176,7 +187,7 @@ class FeatureMap:
     @staticmethod
     def _time_gap(signals: Array) -> Array:
         """Wanted time gap (batch,), s, as far as it can be estimated near standstill."""
-        return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], 1.0), 1.0, 6.0))
+        return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], LEAST_SPEED), *TIME_GAPS))
 
     def _ideal(self, signals: Array, before: Array) -> tuple[Array, Array, Array]:
         """The ideal follower's speed, its acceleration and how much too long its gap is, each (batch,).
@@ -205,10 +216,11 @@ class FeatureMap:
         time_gap = self._time_gap(signals)
         behind, lasting = ideal - speed, self.integral_rate * integral / time_gap
         closing = self.closing_s + self.closing_share * time_gap
-        wanted = np.clip(pull + (2 * (behind + lasting) + far / closing) / closing, -2.0, 1.0)
-        late = np.tanh((gap - target) / np.maximum(speed, 1.0) / 0.3)
-        power = (np.stack([wanted, rate]) + ROUNDED_GRAVITY * grade) * speed / 8.0
-        return np.column_stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *power])
+        wanted = np.clip(pull + (SPEED_HASTE * (behind + lasting) + far / closing) / closing, *WANTED)
+        late = np.tanh((gap - target) / np.maximum(speed, LEAST_SPEED) / TIME_GAP_UNIT)
+        power = (np.stack([wanted, rate]) + ROUNDED_GRAVITY * grade) * speed / POWER_UNIT
+        accelerations = pull / ACCELERATION_UNIT, wanted / ACCELERATION_UNIT
+        return np.column_stack([accelerations[0], behind, far / GAP_UNIT, late, accelerations[1], *power])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for policy.json."""

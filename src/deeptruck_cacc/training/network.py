@@ -14,7 +14,19 @@ from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
-from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
+from deeptruck_cacc.controllers.scaling import (
+    ACCELERATION_UNIT,
+    GAP_UNIT,
+    INTEGRAL_UNIT,
+    LEAST_SPEED,
+    POWER_UNIT,
+    SPEED_HASTE,
+    TIME_GAP_UNIT,
+    TIME_GAPS,
+    WANTED,
+    ActionScale,
+    FeatureMap,
+)
 from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.signals import TruckInterface
 
@@ -125,7 +137,7 @@ class SeedBatch(torch.nn.Module):
         error = error.clamp(-f.integral_clip_m, f.integral_clip_m)
         integral = (memory[:, 0] + f.dt * error).clamp(-f.integral_limit, f.integral_limit)
         rates = (speeds - slow) / f.slow_s
-        parts = [features, integral[:, None] / 5.0, rates / 0.5]
+        parts = [features, integral[:, None] / INTEGRAL_UNIT, rates / ACCELERATION_UNIT]
         kept = [integral[:, None], slow + f.dt * rates]
         if f.power:
             ideal, pull, far = self._ideal(signals, memory[:, 3])
@@ -152,10 +164,12 @@ class SeedBatch(torch.nn.Module):
         time_gap = _time_gap(signals)
         behind, lasting = ideal - speed, f.integral_rate * integral / time_gap
         closing = f.closing_s + f.closing_share * time_gap
-        wanted = (pull + (2 * (behind + lasting) + far / closing) / closing).clamp(-2.0, 1.0)
-        powers = [(x + ROUNDED_GRAVITY * grade) * speed / 8.0 for x in (wanted, rate)]
-        late = torch.tanh((gap - target) / speed.clamp(min=1.0) / 0.3)
-        return torch.stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *powers], dim=1)
+        wanted = (pull + (SPEED_HASTE * (behind + lasting) + far / closing) / closing).clamp(*WANTED)
+        powers = [(x + ROUNDED_GRAVITY * grade) * speed / POWER_UNIT for x in (wanted, rate)]
+        late = torch.tanh((gap - target) / speed.clamp(min=LEAST_SPEED) / TIME_GAP_UNIT)
+        accelerations = pull / ACCELERATION_UNIT, wanted / ACCELERATION_UNIT
+        columns = [accelerations[0], behind, far / GAP_UNIT, late, accelerations[1], *powers]
+        return torch.stack(columns, dim=1)
 
     def asked(self, action: Tensor) -> tuple[Tensor, Tensor]:
         """What an action asks of engine and brake, shares of their reach; the brake's dead half leads its
@@ -190,7 +204,7 @@ class SeedBatch(torch.nn.Module):
 
 def _time_gap(signals: Tensor) -> Tensor:
     """FeatureMap._time_gap in torch."""
-    return (signals[:, 3] / signals[:, 1].clamp(min=1.0)).clamp(1.0, 6.0)
+    return (signals[:, 3] / signals[:, 1].clamp(min=LEAST_SPEED)).clamp(*TIME_GAPS)
 
 
 def _filtered(radar: RadarFilter, signals: Tensor, track: Tensor) -> tuple[Tensor, Tensor]:
