@@ -8,9 +8,10 @@ from typing import Literal
 
 from deeptruck_model.errors import InputError
 
-ADAPTING_UPDATES = 2000
-FUEL = 0.5
-# The paper's fuel error stays below 1e-3: in l/s that is 1 cm^3/s, in the cm^3/s it names no diesel's is.
+ADAPTING_UPDATES = 2000  # gradient steps from a truck that is learned already, whatever the amount of data
+FUEL = 0.5  # cost of a fuel error of one standard deviation, where that of an acceleration is 1
+# Cost of a fuel error of 1 cm^3/s. The paper says that its error stays below 1e-3: read as l/s that is
+# 1 cm^3/s; in the cm^3/s that it prints no diesel would be known as accurately.
 PAPER_FUEL = 1e-6
 PAPER_PASSES = 600  # over the training data; "Model learning curves"
 OPTIONS = {"updates": "budget", "start": "from"}  # what the command line calls these fields
@@ -23,7 +24,8 @@ FASTEST = 1e30  # beyond, the optimiser's own numbers overflow
 
 @dataclass(frozen=True)
 class Arguments:
-    """What a training run depends on, besides the data."""
+    """What a training run depends on, besides the data. H is the LSTM and D the decoder of `network`, K and M
+    the paper's symbols for the lengths that they stand at."""
 
     seed: int = 0
     """member m starts from seed + m"""
@@ -84,8 +86,10 @@ class Arguments:
 
 
 def default_updates(samples: int) -> int:
-    """Gradient steps for an amount of data: 4 h at 10 Hz get 10,200, about a minute of one core.
+    """Gradient steps for an amount of data: the 85 % of 4 h at 10 Hz that are trained on get 10,200, about a
+    minute of one core.
 
-    Beyond, the training drive is learned better and better, and other drives no more.
+    It is one for every 12 samples, 1,500 at least and 12,000 at most: beyond, the training drive is learned
+    better and better, and other drives no more.
     """
     return min(max(samples // 12, 1500), 12000)
