@@ -33,6 +33,8 @@ _NAMED = re.compile(r"^(?P<values>.*?)\[(?P<names>\w+)=(?P<wanted>.+)\]$")
 _BRACKETS = re.compile(r"\[[^\]]*\]")
 _NUMBERED = re.compile(r"^(?P<values>.*?)\[(?P<index>\d+)\]$")
 
+HEADER = 4  # bytes of the encapsulation before a message, from whose end on values are aligned; ROS 1: none
+LENGTH = 4  # bytes of the length, a uint32, before a sequence or a text
 PADDING = 3  # bytes: RTPS fills up to a multiple of four
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
@@ -92,7 +94,7 @@ class Walker:
     def walk(self, msgtype: str, message: bytes) -> Layout:
         """The layout of one message. Raises InputError where the bytes do not fit the definition."""
         layout = Layout(len(message))
-        start = 0 if self.ros1 else 4
+        start = 0 if self.ros1 else HEADER
         order = "<" if self.ros1 or (len(message) > 1 and message[1] & 1) else ">"
         if not self.ros1:
             layout.fixed.append((0, message[:2]))
@@ -119,10 +121,10 @@ class Walker:
             else:
                 (element, inner), count = detail
                 if kind.name == "SEQUENCE":
-                    at = self._aligned(at, 4)
+                    at = self._aligned(at, LENGTH)
                     (count,) = struct.unpack_from(f"{order}I", data, at)
-                    layout.fixed.append((at, data[at : at + 4]))
-                    at += 4
+                    layout.fixed.append((at, data[at : at + LENGTH]))
+                    at += LENGTH
                 if element.name == "BASE":
                     at = self._values(inner[0], path, count, True, data, at, order, layout)
                 else:
@@ -152,18 +154,18 @@ class Walker:
     ) -> int:
         texts = layout.texts.setdefault(path, [])
         for _ in range(count):
-            at = self._aligned(at, 4)
+            at = self._aligned(at, LENGTH)
             (length,) = struct.unpack_from(f"{order}I", data, at)
-            if at + 4 + length > len(data):
+            if at + LENGTH + length > len(data):
                 raise IndexError(f"{path} ends behind the message")
-            texts.append(data[at + 4 : at + 4 + length].rstrip(b"\0").decode())
+            texts.append(data[at + LENGTH : at + LENGTH + length].rstrip(b"\0").decode())
             # listed names decide which value is whose; a lone text only shifts what follows it
-            layout.fixed.append((at, data[at : at + 4 + (length if listed else 0)]))
-            at += 4 + length
+            layout.fixed.append((at, data[at : at + LENGTH + (length if listed else 0)]))
+            at += LENGTH + length
         return at
 
     def _aligned(self, at: int, size: int) -> int:
-        return at if self.ros1 else at + (4 - at) % size
+        return at if self.ros1 else at + (HEADER - at) % size
 
 
 class Columns:
