@@ -221,6 +221,11 @@ def test_scene_late_is_wide_over_a_bus():
     assert wide.command_delay is None and set(late.command_delay) == {0, 1, 2}
 
 
+def test_no_truck_of_scene_wide_is_more_than_3_m_s_off_its_leader():
+    scene = scenes.wide(np.random.default_rng(0), 3000, 60, 0.1)
+    assert 2.9 < np.abs(scene.speed - scene.leader_speed).max() <= 3.0 + 1e-9
+
+
 def test_unknown_scene_is_refused(toy):
     with pytest.raises(InputError, match="known: paper"):
         CaccGymEnv(toy, scene="moon")

@@ -1,13 +1,14 @@
 import json
 from contextlib import ExitStack
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
 from deeptruck_model import files, results, trucks
-from deeptruck_model.deep import finished, resume, statistics, train, training, trials
+from deeptruck_model.deep import Arguments, finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.training import DivergedError
 from deeptruck_model.errors import InputError
@@ -53,6 +54,13 @@ def test_an_adapted_truck_knows_more_than_its_minute_of_data_tells(truck, drive,
     )
     assert adapted.network.shape.members == 3 and adapted.network.shape.hidden == small.hidden
     assert speed_error(adapted, test) < 0.7 * speed_error(alone, test)
+
+
+def test_an_adaptation_takes_2000_updates_whatever_the_data():
+    for samples in (1_000, 1_000_000):
+        data = SimpleNamespace(samples=samples, steps=lambda steps: steps, start="known", data_hash="")
+        assert resume.identity_of(data, Arguments())["updates"] == 2000
+        assert resume.identity_of(data, Arguments(updates=7))["updates"] == 7
 
 
 def test_only_a_deep_truck_of_the_same_signals_is_adapted(truck, drive, small, tmp_path):

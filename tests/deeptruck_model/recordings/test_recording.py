@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +25,11 @@ def test_a_recording_says_what_it_is_in_a_line() -> None:
 
 
 def test_a_plot_has_a_row_a_channel_with_its_unit(drive: Recording, tmp_path: Path) -> None:
-    figure = drive.plot()
+    unknown = np.where(np.arange(len(drive)) < 100, drive.channels["speed"], np.nan)
+    figure = replace(drive, channels=drive.channels | {"speed": unknown}).plot()
     labels = {ax.get_ylabel() for ax in figure.axes}
     assert len(figure.axes) == len(CHANNELS)
+    assert len({ax.get_xlim() for ax in figure.axes}) == 1
     assert {"speed\n[m/s]", "acceleration\n[m/s²]", "gear", "brake command\n[bar]"} <= labels
     figure.savefig(tmp_path / "drive.png")
     assert (tmp_path / "drive.png").stat().st_size > 10_000

@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.mechanisms.air_and_tyres import SpeedPowers
 from deeptruck_model.mismatch.mechanisms.base import distinct
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
-from deeptruck_model.mismatch.mechanisms.engine import Boost, Top
+from deeptruck_model.mismatch.mechanisms.engine import Boost, LastingLoad, Top
 from deeptruck_model.mismatch.mechanisms.engine_drag import OMEGA, Demanded, Overrun
 from deeptruck_model.mismatch.mechanisms.variants import Constants, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -90,6 +90,15 @@ def test_rolling_resistance_is_reported_per_power_of_speed(nothing_missing: Evid
     e = nothing_missing
     (made,) = LIBRARY["rolling_resistance_speed"].build(Static(SpeedPowers((order,))))
     np.testing.assert_allclose(made.expression.rows(e), -made.factor * e["speed"] ** order)
+
+
+def test_an_engine_is_derated_as_a_lasting_load_heats_it_from_cold(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    steady = {"engine": np.full(len(e), 0.5), "speed": np.full(len(e), 20.0)}
+    lost = column(e, "torque_derate", LastingLoad(60.0, 10.0), **steady)
+    for seconds in (0.0, 60.0, 300.0):
+        heat = 1.0 - np.exp(-seconds / 60.0)
+        assert lost[at(e, seconds)] == pytest.approx(-0.5 * heat, abs=0.01)
 
 
 def test_a_play_is_taken_up_once_for_each_change_of_sign(nothing_missing: Evidence) -> None:

@@ -36,6 +36,13 @@ def test_no_curve_leaves_its_trend_whatever_its_sizes(
         assert trend != "falling" or (steps.max() <= 1e-12 and (level or y[-1] == 0.0))
 
 
+def test_what_grows_with_speed_is_nothing_at_a_stand(nothing_missing: Evidence) -> None:
+    speed = np.linspace(0.0, 12.0, len(nothing_missing))
+    e = replace(nothing_missing, signals=nothing_missing.signals | {"speed": speed})
+    form = next(f for f in OWN["rolling_resistance_speed"] if f.trend == "rising")
+    assert all(x.rows(e)[0] == 0.0 < x.rows(e)[-1] for x, _ in curve(form, AT))
+
+
 def test_a_form_is_offered_where_its_variable_moves_and_its_carrier_acts(nothing_missing: Evidence) -> None:
     e = nothing_missing
     assert {c.index for c in curves("brake_fade", e)} == set(range(len(OWN["brake_fade"])))
