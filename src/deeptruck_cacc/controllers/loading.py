@@ -63,7 +63,11 @@ def _planner(simulator: str) -> Policy:
     from deeptruck_cacc.controllers.planner import Planner  # scipy, and torch with a deep truck
     from deeptruck_model import simulators
 
-    return Planner(simulators.load(simulator))
+    planner = Planner(simulators.load(simulator))
+    # A simulator may compile its step when it is first run, for longer than a node waits for a command.
+    planner.act({name: np.array([value]) for name, value in TYPICAL.items()})
+    planner.reset()
+    return planner
 
 
 def _units(interface: TruckInterface) -> str:

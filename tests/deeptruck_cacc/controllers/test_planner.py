@@ -184,6 +184,21 @@ def test_over_a_deep_truck_it_is_closer_than_any_constant_command(deep_truck):
     assert mean_error(driver) < 0.3 * held
 
 
+def test_a_planner_that_is_loaded_has_run_its_simulator_and_remembers_nothing(make_toy, monkeypatch):
+    """Else its first command takes as long as the simulator's step takes to compile."""
+    steps = []
+
+    class Counted(make_toy):
+        def step(self, state, u, w):
+            steps.append(len(u))
+            return super().step(state, u, w)
+
+    monkeypatch.setattr(simulators, "load", lambda path: Counted())
+    driver, seen = load_policy("planner:toy"), observation(18.0, 15.0, 40.0, 2.0, 0.01)
+    assert steps
+    np.testing.assert_array_equal(driver.act(seen), Planner(make_toy()).act(seen))
+
+
 def test_a_planner_of_another_trucks_simulator_is_refused(deep_truck):
     with pytest.raises(InputError, match=r"commands engine_command in N m, .*the truck takes"):
         load_policy(f"planner:{deep_truck}", TruckInterface("other", engine_unit="percent"))
