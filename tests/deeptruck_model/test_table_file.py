@@ -20,6 +20,7 @@ from deeptruck_model.table_file import (
     ABOVE,
     BELOW,
     HEADER,
+    SHOWN,
     floats,
     read_curve,
     read_table,
@@ -98,6 +99,21 @@ def test_what_is_no_table_is_refused_with_the_key(tmp_path: Path, text: str, say
     (tmp_path / "drive.csv").write_text(text)
     with pytest.raises(InputError, match=says):
         import_table(tmp_path / "drive.csv", COLUMNS, tmp_path / "bag")
+
+
+@pytest.mark.parametrize(
+    ("columns", "there"),
+    [
+        (["t", "v", "grade"], "t, v, grade"),
+        ([*(f"{k}" for k in range(SHOWN)), "grade"], f"grade, and {SHOWN} more"),
+    ],
+)
+def test_few_columns_are_all_named_and_of_many_the_nearest(
+    tmp_path: Path, columns: list[str], there: str
+) -> None:
+    (tmp_path / "d.csv").write_text(",".join(columns) + "\n" + ",".join("0" for _ in columns) + "\n")
+    with pytest.raises(InputError, match=rf"has no column 'grades'; there is: {there}$"):
+        read_table(tmp_path / "d.csv").column("grades")
 
 
 def test_a_decimal_comma_is_not_taken_for_a_missing_number(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from typing import cast
 
 import pytest
 
-from deeptruck_model.fmu.drives import FEWEST, Drive, Instances
+from deeptruck_model.fmu.drives import FEWEST, SAVE_EVERY, Drive, Instances
 from deeptruck_model.fmu.instance import Instance
 
 
@@ -60,3 +60,32 @@ def test_the_instance_longest_unused_is_taken_from_its_drive() -> None:
     for drive in drives[2:]:
         instances.step(drive, 0, [0.0])
     assert sum(one.starts for one in made) == len(drives)  # none had to start again
+
+
+class Saving(Counter):
+    """Can save its steps, and be set back to them."""
+
+    def save_state(self) -> float:
+        return self.steps
+
+    def restore(self, state: float) -> None:
+        self.steps = state
+
+    def forget(self, state: float) -> None:
+        """Nothing to free."""
+
+
+def test_an_instance_goes_back_to_a_state_from_before_though_it_saved_later_ones() -> None:
+    made: list[Saving] = []
+
+    def new() -> Instance:
+        made.append(Saving())
+        return cast(Instance, made[-1])
+
+    instances = Instances(new, can_save=True, only_once=False)
+    drive = Drive(())
+    instances.begin(drive)
+    for length in range(SAVE_EVERY + 2):
+        instances.step(drive, length, [0.0])
+    assert instances.step(drive, 10, [0.0])[1] == [11.0]
+    assert [one.starts for one in made] == [1]

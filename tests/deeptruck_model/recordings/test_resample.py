@@ -225,9 +225,9 @@ def truck(engine_unit: str, brake_unit: str) -> TruckInterface:
 @pytest.mark.parametrize(
     ("channel", "factor", "units", "says"),
     [
-        ("speed", 3.6, ("N m", "bar"), r"speed is 3\.6 times too large: km/h\?"),
+        ("speed", 3.6, ("N m", "bar"), r"speed is 3\.6 times too large: km/h\? .*'scale: 0\.277778'"),
         ("speed", 1 / 0.44704 * 1.3, ("N m", "bar"), r"speed is 3\.6 times too large: km/h\?"),
-        ("speed", 100.0, ("N m", "bar"), r"speed is 100 times too large: cm/s\?"),
+        ("speed", 100.0, ("N m", "bar"), r"speed is 100 times too large: cm/s\? .*'scale: 0\.01'"),
         ("speed", 1000.0, ("N m", "bar"), r"speed is 1e\+03 times too large: mm/s\?"),
         ("speed", -1.0, ("N m", "bar"), "speed has the wrong sign .*scale: -1"),
         ("engine_command", 1000.0, ("N m", "bar"), "engine_command is 1e.03 times too large: N mm"),

@@ -167,6 +167,31 @@ def test_unused_bytes_before_the_index_of_a_ros1_bag(tmp_path: Path, hole: bytes
             read(file, topic_map={"speed": {"topic": "/speed", "field": "data"}})
 
 
+@pytest.mark.parametrize("broken", ["chunk", "index"])
+def test_a_record_of_a_ros1_bag_that_is_longer_than_the_file_is_refused(tmp_path: Path, broken: str) -> None:
+    """Both are found by the summary at the end alone, which is whole."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    file = tmp_path / "drive.bag"
+    with Writer1(file) as writer:
+        topic = writer.add_connection("/speed", "std_msgs/msg/Float64", typestore=store)
+        for k in range(300):
+            value = store.types["std_msgs/msg/Float64"](0.1 * k)
+            writer.write(topic, S + k * S // 10, store.serialize_ros1(value, "std_msgs/msg/Float64"))
+    content = bytearray(file.read_bytes())
+
+    def behind(at: int) -> int:
+        """Where a part of a record ends whose length stands here."""
+        return at + 4 + int.from_bytes(content[at : at + 4], "little")
+
+    start = len(b"#ROSBAG V2.0\n")
+    chunk = behind(behind(start))
+    length = behind(chunk) if broken == "chunk" else behind(behind(behind(chunk)))
+    content[length : length + 4] = len(content).to_bytes(4, "little")
+    file.write_bytes(content)
+    with pytest.raises(InputError, match="the content of a record is longer than the file"):
+        read(file, topic_map={"speed": {"topic": "/speed", "field": "data"}})
+
+
 @pytest.mark.parametrize("kept", [{}, {"use_statistics": False}, {"repeat_schemas": False}])
 def test_a_summary_that_does_not_repeat_its_channels(tmp_path: Path, kept: dict[str, Any]) -> None:
     file = tmp_path / "bag.mcap"

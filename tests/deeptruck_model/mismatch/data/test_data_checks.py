@@ -111,6 +111,14 @@ def test_each_fault_is_called_by_its_name_and_size(
     assert effect == "clock_offset" or set(found) == {effect}
 
 
+def test_the_sensor_that_is_not_at_fault_fits_the_commands_better() -> None:
+    (fault,) = checks.sensor_faults([drive(k, scale=1.06) for k in range(3)], Rules())
+    other = fault.elsewhere()
+    assert fault.channel == "speed" and fault.says.endswith(": acceleration fits the commands better")
+    assert other is not None and other.channel == "acceleration"
+    assert other.says.endswith(": speed fits the commands better")
+
+
 @pytest.mark.parametrize(("fault", "channel"), [({"scale": 1.06}, "speed"), ({"late": 8}, "acceleration")])
 def test_a_fault_that_was_found_is_mended(fault: dict[str, float], channel: str) -> None:
     bad, good = drive(5, **fault), drive(5)
