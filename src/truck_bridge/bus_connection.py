@@ -29,7 +29,10 @@ class BusConnection:
         self._retry_at: float | None = None  # when to try a lost bus again
 
     def start(self, now: float) -> None:
-        """Claim the address."""
+        """Claim the address. Frames that waited in the bus until now are dropped: they are old, and heard all
+        at once they would look like a message that is sent too often."""
+        while len(self._taken(now)) >= BURST:
+            pass
         self._claim.start(now)
 
     def stop(self) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bridge_world import SIGNED, braking, in_units, pressed
+from bridge_world import SIGNED, STEP, braking, in_units, pressed
 
 from deeptruck_model import simulators
 from truck_bridge import vehicles
@@ -24,6 +24,19 @@ def test_silent_until_armed_then_only_the_claim(world, name):
     assert {m.arbitration_id for _, m in w.ours_on_the_bus()} == {0x18EEFF00 | w.vehicle.address}
     assert w.bridge.status.state == "standby"
     assert w.bridge.status.address_claimed
+
+
+def test_frames_that_waited_for_the_bridge_to_be_armed_are_not_taken_for_a_flood(world, name):
+    """A controller that takes long to load lets them wait: 12 s of them would come at once."""
+    w = world(name)
+    for _ in range(round(12.0 / STEP)):
+        w.now += STEP
+        w.truck.step(w.now)
+    w.bridge.arm(w.now)
+    w.run(0.5, engine=in_units(name, 30))
+    assert w.bridge.engage(w.now, person=True, lead_vehicle=True) == ()
+    w.run(0.4, engine=in_units(name, 30))
+    assert w.bridge.engaged and not any("too often" in reason for reason in w.bridge.status.refusals)
 
 
 def test_the_signals_are_the_truck_s(world, name):
