@@ -132,3 +132,13 @@ def test_a_pedal_that_lingers_is_not_let_go_by_one_border_alone(
     asked = replace(e, signals=e.signals | {"engine_command": command})
     terms = [v.constants for v in LIBRARY["engine_brake"].variants(asked)]
     assert {round(c.small, 6) for c in terms if isinstance(c, Overrun)} == offered
+
+
+def test_full_power_is_the_0_95_quantile_of_pull_times_speed_where_the_engine_pulls(
+    nothing_missing: Evidence,
+) -> None:
+    e = nothing_missing
+    pull = np.maximum(e["engine"], 0.0)
+    full = np.quantile((pull * e["speed"])[e.valid & (pull > 0.02)], 0.95)
+    offered = [v.constants for v in LIBRARY["torque_derate"].variants(e)]
+    assert [c.full for c in offered if isinstance(c, LastingLoad)] == [full] * 3

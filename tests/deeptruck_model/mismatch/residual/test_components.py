@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from deeptruck_model.constants import GRAVITY
+from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.residual import components
 from deeptruck_model.mismatch.residual.evidence import overall_ratio
+from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
+from deeptruck_model.simulators import Run, Simulator, forced_run
+
+Array = NDArray[np.float64]
 
 
 def test_a_slipping_clutch_is_no_lever() -> None:
@@ -58,3 +69,37 @@ def test_a_simulator_reports_the_overall_ratio_of_a_slipping_clutch() -> None:
     ratio, gears = np.array([12.0, 60.0, 30.0]), (12.0, 24.0)
     assert overall_ratio(ratio, gears).tolist() == [12.0, 24.0, 24.0]
     assert overall_ratio(ratio, gears, np.array([11.9, 48.0, 24.1])).tolist() == [12.0, 48.0, 24.1]
+
+
+class BlackBox:
+    """Answers at once, and reports nothing of what acts inside it."""
+
+    def rollout(self, u: Array, w: Array, y0: Array, recorded: Array) -> Run:
+        y = recorded.copy()
+        speed, grade = recorded[..., SPEED], w[..., 0]
+        drive = 0.001 * u[..., 0] - 0.02 * u[..., 1]
+        y[..., ACCELERATION] = drive - 5e-4 * speed**2 - 0.09 - GRAVITY * grade
+        return Run(y, {})
+
+    def parameters(self) -> dict[str, float]:
+        return {}
+
+
+def test_a_black_box_without_engine_speed_and_fuel_is_split_by_its_answers_to_silence() -> None:
+    t = 0.1 * np.arange(900)
+    channels = {
+        "speed": 12.0 + 4.0 * np.sin(t / 10.0),
+        "acceleration": 0.4 * np.cos(t / 10.0),
+        "engine_command": 500.0 + 400.0 * np.sin(t / 3.0),
+        "brake_command": np.where(np.sin(t / 7.0) > 0.8, 20.0, 0.0),
+        "grade": 0.01 * np.sin(t / 15.0),
+    }
+    prepared = [prepare(Recording("drive", 0.1, channels, TruckInterface("box", fuel=False)), False)]
+    box = cast(Simulator, BlackBox())
+    runs = [forced_run(box, p.u[None], p.w[None], p.y[None]) for p in prepared]
+    out, _, mass_is_known = components.signals(box, prepared, runs, Grid(prepared, [False], 1))
+    assert not mass_is_known
+    np.testing.assert_allclose(out["engine"], 0.001 * channels["engine_command"])
+    np.testing.assert_allclose(out["brake"], 0.02 * channels["brake_command"])
+    np.testing.assert_allclose(out["drag"], 5e-4 * out["speed"] ** 2)
+    np.testing.assert_allclose(out["rolling"], 0.09)
