@@ -56,6 +56,28 @@ def test_an_adapted_truck_knows_more_than_its_minute_of_data_tells(truck, drive,
     assert speed_error(adapted, test) < 0.7 * speed_error(alone, test)
 
 
+def test_checkpoints_are_selected_by_the_responses_alone(drive, small, tmp_path, monkeypatch):
+    """The auxiliary targets, here a gear, are learned but not judged."""
+    seen = {}
+
+    def gradient(network, x, target, weight, feedback):
+        seen["learned"] = weight
+        return loss_gradient(network, x, target, weight, feedback)
+
+    def validate(network, held_out, weight, steps):
+        seen["judged"] = weight
+        return optimizer_validate(network, held_out, weight, steps)
+
+    loss_gradient, optimizer_validate = training.loss.gradient, training.validate
+    monkeypatch.setattr(training.loss, "gradient", gradient)
+    monkeypatch.setattr(training, "validate", validate)
+    one = drive(120)
+    one = replace(one, channels=one.channels | {"gear": np.ceil(one.channels["speed"] / 4.0)})
+    responses = train([one], tmp_path / "sim", replace(small, updates=1, rounds=1)).network.shape.responses
+    assert len(seen["learned"]) == responses + 1 and (seen["learned"] > 0.0).all()
+    np.testing.assert_array_equal(seen["judged"], [*seen["learned"][:responses], 0.0])
+
+
 def test_an_adaptation_takes_2000_updates_whatever_the_data():
     for samples in (1_000, 1_000_000):
         data = SimpleNamespace(samples=samples, steps=lambda steps: steps, start="known", data_hash="")
