@@ -53,7 +53,7 @@ def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mas
         assert float(values["end_s"]) > float(values["start_s"]) > 1.0 and float(values["mean_force_n"]) != 0
 
 
-@pytest.mark.parametrize("options", [(), ("--engage", "--no-load")])
+@pytest.mark.parametrize("options", [pytest.param((), marks=pytest.mark.long), ("--engage", "--no-load")])
 def test_no_force_is_named_of_commands_that_drive_nothing(
     start: Callable[..., Any], tmp_path: Path, options: tuple[str, ...]
 ) -> None:

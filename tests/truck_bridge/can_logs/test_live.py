@@ -200,7 +200,7 @@ def test_an_end_by_signal_keeps_the_recording(loud, tmp_path, name, number):
     assert int(out.split()[0]) == len(list(can_logs.read(tmp_path / name))) > 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.long), signal.SIGTERM])
 def test_a_signal_amid_a_write_cuts_no_record(loud, tmp_path, monkeypatch, number):
     """It came just as the file was flushed, half a second after the start, and nothing could be read."""
     flush = Writer.flush
