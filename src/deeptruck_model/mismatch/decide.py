@@ -92,7 +92,7 @@ def decide(
         c.budget,
         witnesses,
         first.nodes() if first is not None else (Node("nothing", ROOT, 1.0),),
-        _advice(c.missing, kind, c.budget, driven, rules, faults=bool(c.drives.faults)),
+        advice(c.missing, kind, c.budget, driven, rules, faults=bool(c.drives.faults)),
         c.drives.samples,
         float(e.everywhere().valid.mean()),
     )
@@ -359,7 +359,7 @@ def _mass(c: Compared, made: Made) -> Iterator[str]:
     yield from contradicted_mass(recordings, value, (value - wide, value + wide))
 
 
-def _advice(
+def advice(
     missing: Sequence[NotRecorded],
     kind: Conclusion,
     found: Budget,

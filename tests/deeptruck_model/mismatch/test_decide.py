@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.validate import Validated
 
 
 @pytest.mark.parametrize(
-    ("after", "advice"),
+    ("after", "expected"),
     [
         (0.4, Advice(Answer.UNSURE, wording.NOT_SIGNIFICANT)),
         (0.5, Advice(Answer.NO, wording.NOT_BETTER)),
@@ -25,10 +25,10 @@ from deeptruck_model.mismatch.validate import Validated
     ],
 )
 def test_a_correction_that_is_not_validated_is_open_where_the_error_falls(
-    after: float, advice: Advice
+    after: float, expected: Advice
 ) -> None:
     before = Rmse(0.5, 0.1)
     fit = FitResult(("a",), 40.0, 3, ("headwind",), False, Compared(before, before, Rmse(after, 0.1)))
     driven = Validated(cast(CorrectedTruck, None), {}, fit, None)
     budget = Budget(40.0, 3, 0.5, ())
-    assert decide._advice((), Conclusion.PHYSICS, budget, driven, Rules(), faults=False)["apply"] == advice
+    assert decide.advice((), Conclusion.PHYSICS, budget, driven, Rules(), faults=False)["apply"] == expected
