@@ -11,6 +11,7 @@ from truck_bridge.j1939.address_claim import AddressClaim
 
 RETRY_S = 1.0  # between attempts to bring a lost bus back
 BURST = 2000  # frames taken at one time, so that a flood cannot starve the sender
+MOST_BURSTS = 100  # dropped at the start: half a minute of a full bus of 1 Mbit/s
 _BUS_OFF = 0x40  # SocketCAN error class
 _GONE = (can.CanError, OSError, ValueError)  # as python-can's back ends say that their bus is
 
@@ -29,11 +30,13 @@ class BusConnection:
         self._retry_at: float | None = None  # when to try a lost bus again
 
     def start(self, now: float) -> None:
-        """Claim the address. Frames that waited in the bus until now are dropped: they are old, and heard all
-        at once they would look like a message that is sent too often."""
-        while len(self._taken(now)) >= BURST:
-            pass
-        self._claim.start(now)
+        """Claim the address. Frames that waited in the bus until now are dropped: their values are old and
+        would count as fresh, and all at once they would look like a message that is sent too often."""
+        for _ in range(MOST_BURSTS):  # a flooded bus never runs empty
+            if len(self._taken(now)) < BURST:
+                break
+        if not self.lost:  # else the next try claims it
+            self._claim.start(now)
 
     def stop(self) -> None:
         """Give the address up without a word."""
@@ -67,12 +70,9 @@ class BusConnection:
 
     def hear(self, now: float) -> list[tuple[int, bytes]]:
         """Identifier and data of the extended data frames that came."""
-        messages = self._taken(now)
-        if any(message.is_error_frame and message.arbitration_id & _BUS_OFF for message in messages):
-            self._drop(now)
         frames = [
             (message.arbitration_id, bytes(message.data))
-            for message in messages
+            for message in self._taken(now)
             if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame)
         ]
         self.received += len(frames)
@@ -89,6 +89,8 @@ class BusConnection:
                     break
                 messages.append(message)
         except _GONE:
+            self._drop(now)
+        if any(message.is_error_frame and message.arbitration_id & _BUS_OFF for message in messages):
             self._drop(now)
         return messages
 

@@ -59,6 +59,20 @@ def test_bus_off_is_silence_until_the_next_try(connection, buses):
     assert (connection.lost, connection.up(1.5), connection.up(1.7)) == (False, False, True)
 
 
+def test_a_bus_that_is_off_at_the_start_is_claimed_by_the_next_try(connection, buses):
+    buses[1].send(frame(arbitration_id=0x40, is_error_frame=True, is_extended_id=False))
+    connection.start(0.0)
+    assert connection.lost
+    assert connection.claims(RETRY_S - 0.01) == []
+    assert connection.claims(RETRY_S) == [(CLAIM, name(1))]
+
+
+def test_a_flooded_bus_does_not_keep_the_bridge_from_starting(connection, buses, monkeypatch):
+    monkeypatch.setattr(buses[0], "recv", lambda timeout: frame())
+    connection.start(0.0)
+    assert connection.claims(0.0) == [(CLAIM, name(1))]
+
+
 def test_a_bus_that_cannot_send_is_lost(connection, buses):
     assert connection.send(CLAIM, bytes(8), 0.0)
     assert connection.sent == 1
