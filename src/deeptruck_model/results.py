@@ -61,6 +61,8 @@ FOUND = Result(
         "report.html",
         "simulator/simulator.json",
         "simulator/base/simulator.json",
+        "refitted/simulator.json",
+        "refitted/base/simulator.json",
     ),
 )
 

@@ -138,21 +138,26 @@ def _check_excluded(names: list[str]) -> None:
 def apply(
     directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
     out: Annotated[Path, typer.Option(help="New simulator directory.")],
+    refit: Annotated[
+        bool,
+        typer.Option("--refit", help="Take over refitted parameters alone, without added forces."),
+    ] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Take over the corrected simulator. Refuses where the held-out error did not improve.
+    """Take over the simulator that drives held-out recordings best: corrected, or with parameters refitted
+    alone. Refuses where neither is better than the one as given.
 
     Example: deeptruck-model apply found --out better
     """
     checks.every(
         lambda: folders.APPLIED.check(out, overwrite=overwrite),
         lambda: apart(out, directory),
-        lambda: folders.check_applicable(directory),
+        lambda: folders.applicable(directory, refit=refit) and None,
     )
     from deeptruck_model.mismatch import apply as apply_correction
 
-    apply_correction(directory, out, overwrite=overwrite)
-    print(f"corrected simulator in {out}")
+    apply_correction(directory, out, refit=refit, overwrite=overwrite)
+    print(f"simulator in {out}")
 
 
 def adapt(

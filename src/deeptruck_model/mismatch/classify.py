@@ -48,10 +48,9 @@ class Names:
         return self.gain_free > self.threshold
 
 
-def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
+def classify(search: Regression, rules: Rules) -> Names:
     """Names one after the other, each beside the kernels of those before it, until nothing more is more
-    probable than any name. Names `behind` a missing input are `unknown`, which is accepted only where that
-    input does not explain it: where these names are less probable than `rules.named`."""
+    probable than any name."""
     evidence = KernelEvidence(search, search.background(()))
     y = search.series.y
     threshold = _threshold(search, rules)
@@ -71,13 +70,12 @@ def classify(search: Regression, behind: frozenset[str], rules: Rules) -> Names:
             break
         names = {n: float(x) for n, x in zip(by.names, p, strict=True) if n != NOTHING and n not in given}
         total = sum(names.values())
-        tree = Tree({n: x / total for n, x in names.items()}).without(behind)
+        tree = Tree({n: x / total for n, x in names.items()})
         probable = next(iter(tree.families.values())) >= rules.named
         best = tree.first if probable else UNKNOWN
         whole = tree.given(p_right)
         stated = whole.stated(rules.stated) != ROOT  # a learned simulator's discrepancy resembles many names
-        explained = best == UNKNOWN and sum(names.get(n, 0.0) for n in behind) >= rules.named * total
-        accepted = (stated or search.e.known_physics) and not explained
+        accepted = stated or search.e.known_physics
         found.append(Named(best, whole, held, free, evidence.force(y, best, given), accepted))
         if best == UNKNOWN:
             break

@@ -26,7 +26,8 @@ class Uncompared:
 @dataclass(frozen=True)
 class Compared:
     """The simulator's own `parameters`, the drives, what was not recorded, the `residual` (n,), m/s^2, of the
-    simulator as given, the regression, which may be about refitted parameters, the names and the budget."""
+    simulator as given, the regression, which may be about refitted parameters, the names and the budget, and
+    the missing input by the names that it may explain as well."""
 
     parameters: Mapping[str, float]
     drives: Drives
@@ -35,3 +36,4 @@ class Compared:
     search: Regression
     names: Names
     budget: Budget
+    behind: Mapping[str, str]

@@ -14,6 +14,7 @@ from deeptruck_model.mismatch.classify import Named
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.detectable import smallest_visible
+from deeptruck_model.mismatch.folders import AS_GIVEN, REFIT
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.model import Made
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
@@ -74,9 +75,10 @@ def decide(
     kind = _kind(findings, detected, c.budget, driven, rules)
     forces = {i: f.force for i, f in enumerate(findings) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
-    validated = driven.fit.validated and kind is not Conclusion.NOTHING  # what is right is not corrected
+    offered = AS_GIVEN if kind is Conclusion.NOTHING else driven.fit.offered  # what is right is not corrected
     ahead = road.ahead if road is not None else None
-    driven = replace(driven, fit=replace(driven.fit, validated=validated, next_pass=ahead))
+    fit = replace(driven.fit, offered=offered, validated=offered != AS_GIVEN, next_pass=ahead)
+    driven = replace(driven, fit=fit)
     first = c.names.found[0].tree if c.names.found else None
     first = road.tree if road is not None and of_road else first
     return Verdict(
@@ -143,7 +145,7 @@ def _findings(c: Compared, made: Made | None, rules: Rules) -> list[Finding]:
             if by_parameters:
                 f = _or_parameters(search, f, rules)
         if f is not None and named.accepted:
-            out.append(f)
+            out.append(replace(f, missing_input=c.behind.get(f.effect, "")))
     return out
 
 
@@ -392,11 +394,13 @@ def advice(
     else:
         simulator = Advice(Answer.NO, wording.off(errors.before.speed, driven.fit.horizon_s))
     if driven.fit.validated:
-        better = wording.better(errors.before.speed, errors.after.speed)
+        refit = driven.fit.offered == REFIT
+        after = errors.parameters_only if refit else errors.after
+        better = wording.better(errors.before.speed, after.speed, refit=refit)
         apply = Advice(Answer.UNSURE, wording.after_repair(better)) if faults else Advice(Answer.YES, better)
-    elif not driven.fit.corrected:
+    elif kind is Conclusion.NOTHING or not driven.fit.corrected:
         apply = Advice(Answer.NO, wording.NOTHING_CORRECTED)
-    elif errors.after.speed < errors.before.speed:
+    elif min(errors.after.speed, errors.parameters_only.speed) < errors.before.speed:
         apply = Advice(Answer.UNSURE, wording.NOT_SIGNIFICANT)
     else:
         apply = Advice(Answer.NO, wording.NOT_BETTER)

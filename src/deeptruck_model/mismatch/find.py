@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.comparison import Compared, Uncompared
 from deeptruck_model.mismatch.data.prepared import too_little
 from deeptruck_model.mismatch.discrepancy import allowed_for
 from deeptruck_model.mismatch.excluded import check_excluded
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.model import correct
 from deeptruck_model.mismatch.nuisance import about_fitting_parameters
 from deeptruck_model.mismatch.prepare import Span, prepared, with_rejection
@@ -77,7 +78,15 @@ def find_mismatch(
         driven = validate(simulator, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
         verdict = decide.decide(c, slow_road, seen_by, made, driven, rules)
     evidence = replace(c.search.e.everywhere(), residual=c.residual)  # of the simulator as given
-    return Mismatch(verdict, evidence, driven.errors, driven.corrected, c.drives.prepared)
+    offered = verdict.fit.offered if verdict.fit is not None else AS_GIVEN
+    return Mismatch(
+        verdict,
+        evidence,
+        driven.errors,
+        driven.corrected.marked(offered == CORRECTION),
+        c.drives.prepared,
+        driven.refitted.marked(driven.refit_better),
+    )
 
 
 def compared(
@@ -126,9 +135,10 @@ def compared(
 
     say("comparing every mechanism with what the simulator is off by")
     search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
-    names = classify(search, unrecorded.names_behind([*recordings, *held_out], missing), rules)
+    names = classify(search, rules)
     parts = budget(search, hidden & ~e.held_out, e)
-    return Compared(dict(simulator.parameters()), drives, missing, e.residual, search, names, parts)
+    behind = unrecorded.names_behind([*recordings, *held_out], missing)
+    return Compared(dict(simulator.parameters()), drives, missing, e.residual, search, names, parts, behind)
 
 
 def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
 
 Array = NDArray[np.float64]
@@ -90,6 +91,38 @@ class Improvement:
 
 
 @dataclass(frozen=True)
+class Refitted:
+    """A parameter that is refitted alone: its relative `change` from the simulator as given and the change's
+    95 % interval, and its value and interval in `unit` where the simulator states it."""
+
+    change: float
+    change_ci95: Interval
+    unit: str = "1"
+    value: float | None = None
+    ci95: Interval | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `fit.refit`."""
+        out: dict[str, Any] = {"relative": self.change, "relative_ci95": self.change_ci95}
+        if self.value is not None:
+            out |= {"value": self.value, "unit": self.unit, "ci95": self.ci95}
+        return out
+
+    @staticmethod
+    def read(entry: Mapping[str, Any]) -> Refitted:
+        """An entry of `fit.refit` of verdict.json."""
+        low, high = entry["relative_ci95"]
+        own = entry.get("ci95")
+        return Refitted(
+            entry["relative"],
+            (low, high),
+            entry.get("unit", "1"),
+            entry.get("value"),
+            (own[0], own[1]) if own else None,
+        )
+
+
+@dataclass(frozen=True)
 class WithoutExogenous:
     """Speed error after a correction, rms in m/s, where the `signals` that it needs beyond the protocol, such
     as a gap, are not passed to it: they count as absent."""
@@ -126,6 +159,8 @@ class FitResult:
     next_pass: NextPass | None = None  # of a road that two passes share: what one predicts of the other
     without_exogenous: WithoutExogenous | None = None  # None where it needs nothing beyond the protocol
     scales_forces: bool = False  # the simulator has no parameters: what refits them scales its forces instead
+    offered: str = AS_GIVEN  # the best along held-out drives; `validated` where that is not the one as given
+    refit: Mapping[str, Refitted] = field(default_factory=dict)  # all parameters, refitted alone
 
     def to_json(self) -> dict[str, Any]:
         """`fit`."""
@@ -145,7 +180,9 @@ class FitResult:
             out |= {name: rmse.to_json() for name, rmse in vars(self.errors).items()}
         if self.improvement is not None:
             out |= self.improvement.to_json()
-        return out | {"validated": self.validated}
+        if self.refit:
+            out["refit"] = {name: r.to_json() for name, r in self.refit.items()}
+        return out | {"validated": self.validated, "offered": self.offered}
 
     @staticmethod
     def read(fit: Mapping[str, Any]) -> FitResult | None:
@@ -168,4 +205,6 @@ class FitResult:
             next_pass=NextPass.read(fit.get("next_pass")),
             without_exogenous=WithoutExogenous.read(fit.get("without_exogenous")),
             scales_forces=fit.get("scales_forces", False),
+            offered=fit.get("offered", CORRECTION if fit["validated"] else AS_GIVEN),
+            refit={name: Refitted.read(entry) for name, entry in fit.get("refit", {}).items()},
         )

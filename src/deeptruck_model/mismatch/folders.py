@@ -11,25 +11,45 @@ from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 APPLIED = files.Result("a corrected simulator", ("simulator.json", "base/simulator.json"))
+CORRECTED, REFITTED = "simulator", "refitted"  # folders of a run: with forces added, with parameters alone
+AS_GIVEN, REFIT, CORRECTION = "as_given", "parameters_only", "correction"  # `fit.offered` of verdict.json
 PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
 FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"
 
 
 def apply_command(found: Path, out: Path | None = None) -> str:
-    """What takes over the corrected simulator of a run."""
+    """What takes over the simulator that a run offers."""
     return f"deeptruck-model apply {found} --out {out or f'{found}_corrected'}"
 
 
-def check_applicable(directory: Path) -> None:
-    """Raises InputError where a run found nothing, or validated nothing, that could be applied."""
+def applicable(directory: Path, *, refit: bool = False) -> Path:
+    """The simulator of a run that is applied: the one that drives held-out recordings best, or with `refit`
+    the one with parameters refitted alone. Raises InputError where that is not better than the one as given.
+    """
     verdict = read_verdict(directory)
-    if verdict.get("verdict") == "nothing_missing":
+    offered = verdict["fit"].get("offered", CORRECTION if verdict["fit"].get("validated") else AS_GIVEN)
+    if refit:
+        if not _is_validated(directory / REFITTED):
+            raise InputError(
+                f"{directory} has no refitted parameters that are better on held-out recordings; record more"
+            )
+        return directory / REFITTED
+    if offered == AS_GIVEN and verdict.get("verdict") == "nothing_missing":
         raise InputError(f"in {directory} nothing was found that could be applied")
-    if not verdict["fit"].get("validated"):
+    if offered == AS_GIVEN:
         raise InputError(
             f"{directory} has no passed validation (held-out error did not improve), so it is not applied; "
             "record more"
         )
+    return directory / (REFITTED if offered == REFIT else CORRECTED)
+
+
+def _is_validated(directory: Path) -> bool:
+    """As its manifest says."""
+    try:
+        return bool(json.loads((directory / "simulator.json").read_text())["validated"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def read_verdict(directory: Path) -> dict[str, Any]:

@@ -5,21 +5,23 @@ Everything is fitted and chosen without the held-out recordings, by speed errors
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.classify import Names
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.fit_result import Refitted
 from deeptruck_model.mismatch.gains import gain_of, screened
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, is_time_varying, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
+from deeptruck_model.mismatch.report.wording import PARAMETER_UNITS
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import ridge, whiten
+from deeptruck_model.mismatch.residual.noise import Z95, ridge, whiten
 from deeptruck_model.mismatch.residual.sensitivity import accepted
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import FAMILY, UNKNOWN
@@ -35,6 +37,7 @@ WIDER = 2  # further forms by which a term may be widened
 FEW = 8  # columns of a term that is confined to a regime, or widens another
 LEAST_PART = 0.15  # of a term's squares that must lie in its regime
 ROUNDS = 4  # of weighing the prior against what is left
+LOWEST = -0.99  # relative change of a parameter: none has no size
 FREE_RUN_NUMBERS = 2.0  # independent numbers in a free run's error: its offset and its curvature
 
 
@@ -50,12 +53,13 @@ class Recipe:
 @dataclass(frozen=True)
 class Made:
     """The corrected simulator and the one with parameters refitted alone; the recipe, and its most probable
-    sizes, which findings state whatever sizes drive best."""
+    sizes, which findings state whatever sizes drive best; and the parameters that were refitted alone."""
 
     corrected: CorrectedTruck
     tuned: CorrectedTruck
     recipe: Recipe
     fit: Model
+    refit: Mapping[str, Refitted] = field(default_factory=dict)
 
 
 def correct(simulator: Simulator, search: Regression, names: Names, rules: Rules) -> Made:
@@ -65,32 +69,47 @@ def correct(simulator: Simulator, search: Regression, names: Names, rules: Rules
     accepted = [n for n in names.found if n.accepted]
     stated = frozenset(n.name for n in accepted) & parameters
     tuning = Recipe((), parameters)
-    options = [Recipe()]
-    if accepted:
+    options = [Recipe(), tuning]
+    if terms or accepted:
         frees = {stated, parameters, frozenset[str]()} if terms else {stated, parameters}
         options += [Recipe(terms, free) for free in sorted(frees, key=len)]
-        options.append(tuning)
         options += [replace(o, output_error=True) for o in options[1:]]
     folds = _folds(search.e)
     errors = [_left_out(folds, recipe) for recipe in options]
     best = options[int(np.argmin([e if k else rules.better**2 * e for k, e in enumerate(errors)]))]
     whole = Regression(search.e.everywhere(), only=~search.e.held_out & search.e.valid, held=PINNED)
+    alone = whole.model((), parameters)
     return Made(
         _truck(simulator, whole, best, _fitted(whole, best)),
         _truck(simulator, whole, tuning, _fitted(whole, tuning)),
         best,
         whole.model(best.terms, best.free),
+        {p: _refitted(simulator, whole.e, alone, p) for p in sorted(alone.free)},
     )
 
 
+def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -> Refitted:
+    """A parameter's change from the simulator as given, with its interval."""
+    given = simulator.parameters().get(parameter)
+    wide = Z95 * (1.0 + e.moved.get(parameter, 0.0)) * model.moved_sd(parameter)
+    change = e.total_change(parameter, model.moved(parameter))
+    low, high = (max(change + side * wide, LOWEST) for side in (-1.0, 1.0))
+    if given is None:
+        return Refitted(change, (low, high))
+    value, *ci95 = (given * (1.0 + x) for x in (change, low, high))
+    return Refitted(change, (low, high), PARAMETER_UNITS.get(parameter, "1"), value, (ci95[0], ci95[1]))
+
+
 def _terms(search: Regression, names: Names, rules: Rules) -> tuple[CandidateTerm, ...]:
-    """A term for every name that is a force: the form that explains most among the names of its credible set
-    that are of its family."""
+    """A term for everything that was named, `unknown` included: the form that explains most among the names
+    of its credible set that are of the family of the most probable one."""
     out: tuple[CandidateTerm, ...] = ()
     parameters = frozenset(search.parameters)
     for named in names.found:
         first = named.name
-        if not named.accepted or first == UNKNOWN or first in parameters:
+        if first == UNKNOWN:  # it is corrected by what resembles it most
+            first = max((n for n in named.tree.names if n != UNKNOWN), key=named.tree.names.__getitem__)
+        if first in parameters:
             continue
         credible = {first, *named.tree.credible(rules.credible)}
         family = [m for m in search.library if m.effect in credible and FAMILY[m.effect] == FAMILY[first]]

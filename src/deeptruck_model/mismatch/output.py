@@ -12,7 +12,14 @@ import numpy as np
 from deeptruck_model import simulators
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.folders import APPLIED, apply_command, check_applicable, read_verdict
+from deeptruck_model.mismatch.folders import (
+    APPLIED,
+    CORRECTED,
+    REFITTED,
+    applicable,
+    apply_command,
+    read_verdict,
+)
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Mismatch, Verdict
 from deeptruck_model.results import FOUND
@@ -51,8 +58,9 @@ def fill(draft: Path, mismatch: Mismatch, command: str) -> None:
     OSError."""
     (draft / "verdict.json").write_text(json.dumps(mismatch.verdict, indent=1))
     _write_profiles(mismatch, draft / "profiles.csv")
-    if mismatch.corrected is not None:
-        mismatch.corrected.save(draft / "simulator")
+    for name, truck in ((CORRECTED, mismatch.corrected), (REFITTED, mismatch.refitted)):
+        if truck is not None:
+            truck.save(draft / name)
     page.write(mismatch, draft / "report.html", command)
 
 
@@ -80,23 +88,24 @@ def _write_profiles(mismatch: Mismatch, path: Path) -> None:
                         rows.writerow([s.name, *at, f.effect, f"{value:.6g}"])
 
 
-def apply(directory: str | Path, out: str | Path, *, overwrite: bool = False) -> None:
-    """Copy the corrected simulator of a run to `out`. Raises InputError without a passed validation, and as
+def apply(directory: str | Path, out: str | Path, *, refit: bool = False, overwrite: bool = False) -> None:
+    """Copy to `out` the simulator that drives a run's held-out recordings best, or with `refit` the one with
+    parameters refitted alone. Raises InputError where it is not better than the one as given, and as
     `files.Result.check` does."""
     if isinstance(directory, Mismatch):
         raise InputError("apply takes a folder; write the mismatch first: mismatch.write(found, FOLDER)")
     directory, out = Path(directory), Path(out)
     APPLIED.check(out, overwrite=overwrite)
-    check_applicable(directory)
-    _check_corrected(directory)
+    truck = applicable(directory, refit=refit)
+    _check_loads(truck)
     with APPLIED.replacing(out, overwrite=overwrite) as draft:
-        shutil.copytree(directory / "simulator", draft, dirs_exist_ok=True)
+        shutil.copytree(truck, draft, dirs_exist_ok=True)
 
 
-def _check_corrected(directory: Path) -> None:
+def _check_loads(truck: Path) -> None:
     """Raises InputError for a simulator that lost a file."""
     try:
-        simulators.load(directory / "simulator")
+        simulators.load(truck)
     except InputError as error:
         what = str(error).rsplit(";", 1)[0]
-        raise InputError(f"{what}; run 'deeptruck-model mismatch --out {directory}' again") from None
+        raise InputError(f"{what}; run 'deeptruck-model mismatch --out {truck.parent}' again") from None

@@ -188,6 +188,7 @@ class Finding:
     share_of_explainable_error: float = 0.0
     evidence_nats: float | None = None
     strength: Strength | None = None
+    missing_input: str = ""  # which was not recorded and may explain it as well
     force: Array | None = field(default=None, compare=False)
 
     @staticmethod
@@ -202,7 +203,7 @@ class Finding:
             entry["equation"], sizes, entry["probability"], entry["family_probability"],
             entry["would_be_told_by"], tuple(entry["depends_on"]), tuple(entry["cannot_be_told_from"]),
             entry["share_of_explainable_error"], entry.get("evidence_nats"),
-            Strength.read(entry.get("strength")),
+            Strength.read(entry.get("strength")), entry.get("missing_input", ""),
         )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
@@ -228,6 +229,8 @@ class Finding:
             out["evidence_nats"] = self.evidence_nats
         if self.strength is not None:
             out["strength"] = self.strength.to_json()
+        if self.missing_input:
+            out["missing_input"] = self.missing_input
         return out
 
 
@@ -321,6 +324,7 @@ class Mismatch:
     errors: Mapping[str, Errors]
     corrected: CorrectedTruck | None
     prepared: tuple[Prepared, ...]
+    refitted: CorrectedTruck | None = None
 
     def __repr__(self) -> str:
         """What was found, in a line: its parts hold all samples."""

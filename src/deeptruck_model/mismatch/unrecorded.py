@@ -22,7 +22,7 @@ from deeptruck_model.trucks.compiled import entry
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# The names that an input explains as well where it was not recorded, and which have no kernel of their own.
+# The names that an input may explain as well where it was not recorded: they are said with it.
 BEHIND = {
     "brake": (*NAMES["brakes"], "engine_brake"),
     "gear": (
@@ -80,10 +80,10 @@ def contradicted_mass(recordings: Sequence[Recording], mass_kg: float, ci95_kg: 
             return
 
 
-def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> frozenset[str]:
-    """The names that a missing input explains as well as they do. A recorded engine speed gives the gear."""
+def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> dict[str, str]:
+    """The missing input by the names that it may explain as well. A recorded engine speed gives the gear."""
     known = {"gear"} if all(ENGINE_SPEED in r.channels for r in recordings) else set()
-    return frozenset(n for m in missing if m.input not in known for n in BEHIND.get(m.input, ()))
+    return {n: m.input for m in missing if m.input not in known for n in BEHIND.get(m.input, ())}
 
 
 def braking(e: Evidence, rules: Rules) -> tuple[Mask, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,61 +14,79 @@ from deeptruck_model.mismatch.correction.improvement import (
     free_windows,
     horizon,
     improvement,
+    interval,
 )
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.discrepancy import kept
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, WithoutExogenous
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.model import Made
 from deeptruck_model.simulators import Simulator
 
 
 @dataclass(frozen=True)
 class Validated:
-    """The corrected simulator, marked as validated or not; the free runs of each simulator by name; and what
-    a learned simulator is off by in free runs on its own recordings, m/s (None where that is not known)."""
+    """The corrected simulator and the one with parameters refitted alone; the free runs of each simulator by
+    name; and what a learned simulator is off by in free runs on its own recordings, m/s (None where that is
+    not known)."""
 
     corrected: CorrectedTruck
+    refitted: CorrectedTruck
     errors: dict[str, Errors]
     fit: FitResult
     own_error: float | None
+    refit_better: bool = False  # parameters refitted alone are significantly better than those given
 
 
 def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted: list[Prepared]) -> Validated:
-    """The benefit of the correction, validated where the held-out error falls significantly, in root mean
-    square and in mean absolute value, without signals beyond the protocol too."""
+    """Drive the simulator as given, with parameters refitted alone, and corrected. Offered is the one of
+    least error along held-out drives, of those that are significantly better than the one as given."""
     horizon_s = horizon(held_out or fitted)
     after = made.corrected
     jobs = {"before": simulator, "parameters_only": made.tuned, "after": after}
     driven = free_runs([(truck, held_out) for truck in jobs.values()], horizon_s)
     errors = dict(zip(jobs, driven, strict=True))
-    compared_errors = compared(errors)
-    gained = improvement(errors) if compared_errors is not None else None
-    changed = bool(after.terms or after.moved)
-    better = (
-        compared_errors is not None
-        and gained is not None
-        and gained.ci95[0] > 0.0
-        and compared_errors.after.speed < compared_errors.before.speed
-        and np.abs(errors["after"].speed).mean() < np.abs(errors["before"].speed).mean()
-    )
     without = _without_exogenous(after, held_out, horizon_s)
-    if compared_errors is not None and without is not None:
-        better = better and without.after <= compared_errors.before.speed
+    offered = _offered(errors, made, without)
     fit = FitResult(
         held_out=tuple(p.recording.name for p in held_out),
         horizon_s=horizon_s,
         windows=len(errors["before"].speed),
         corrected=tuple(sorted({t.effect for t in after.terms} | set(after.moved))),
-        validated=changed and bool(better),
-        errors=compared_errors,
-        improvement=gained,
+        validated=offered != AS_GIVEN,
+        offered=offered,
+        errors=compared(errors),
+        improvement=improvement(errors) if len(errors["before"].speed) else None,
         refitted={p: round(change, 4) for p, change in after.moved.items()},
+        refit=made.refit,
         output_error=made.recipe.output_error,
         without_exogenous=without,
         scales_forces=not simulator.parameters(),
     )
     own = own_error(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
-    return Validated(after.marked(fit.validated), errors, fit, own)
+    refit_better = bool(made.tuned.moved) and _better(errors["before"], errors["parameters_only"])
+    return Validated(after, made.tuned, errors, fit, own, refit_better)
+
+
+def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous | None) -> str:
+    before = errors["before"]
+    better = {}
+    for offer, name, truck in ((REFIT, "parameters_only", made.tuned), (CORRECTION, "after", made.corrected)):
+        if (truck.terms or truck.moved) and _better(before, errors[name]):
+            better[offer] = errors[name].rmse().speed
+    if without is not None and without.after > before.rmse().speed:
+        better.pop(CORRECTION, None)
+    return min(better, key=lambda offer: better[offer], default=AS_GIVEN)
+
+
+def _better(before: Errors, after: Errors) -> bool:
+    """Whether errors fall significantly, in root mean square and in mean absolute value."""
+    return (
+        len(before.speed) > 0
+        and interval(before, after)[0] > 0.0
+        and after.rmse().speed < before.rmse().speed
+        and bool(np.abs(after.speed).mean() < np.abs(before.speed).mean())
+    )
 
 
 def _without_exogenous(

@@ -29,6 +29,6 @@ def test_a_correction_that_is_not_validated_is_open_where_the_error_falls(
 ) -> None:
     before = Rmse(0.5, 0.1)
     fit = FitResult(("a",), 40.0, 3, ("headwind",), False, Compared(before, before, Rmse(after, 0.1)))
-    driven = Validated(cast(CorrectedTruck, None), {}, fit, None)
+    driven = Validated(cast(CorrectedTruck, None), cast(CorrectedTruck, None), {}, fit, None)
     budget = Budget(40.0, 3, 0.5, ())
     assert decide.advice((), Conclusion.PHYSICS, budget, driven, Rules(), faults=False)["apply"] == expected

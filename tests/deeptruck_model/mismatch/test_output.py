@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.folders import APPLIED, check_applicable, check_road
+from deeptruck_model.mismatch.folders import APPLIED, applicable, check_road
 from deeptruck_model.results import FOUND
 
 
@@ -28,6 +28,6 @@ def test_one_kind_of_result_does_not_replace_another(tmp_path: Path) -> None:
 
 
 def test_what_is_not_there_is_to_be_found_first(tmp_path: Path) -> None:
-    for check in (check_applicable, check_road):
+    for check in (applicable, check_road):
         with pytest.raises(InputError, match="nowhere does not exist; run 'deeptruck-model mismatch --out"):
             check(tmp_path / "nowhere")

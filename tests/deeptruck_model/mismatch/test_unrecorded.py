@@ -45,10 +45,10 @@ def test_where_the_brake_was_recorded_none_is_hidden() -> None:
     assert gain == 0.0
 
 
-def test_no_brake_is_named_where_the_brake_was_not_recorded() -> None:
+def test_a_name_of_the_brakes_is_said_with_the_brake_that_was_not_recorded() -> None:
     missing = [unrecorded.NotRecorded("brake", "hides", "signal")]
     recorded = drives(TRUCK, 1, 30.0)
-    assert "dragging_brake" in unrecorded.names_behind(recorded, missing)
+    assert unrecorded.names_behind(recorded, missing)["dragging_brake"] == "brake"
     assert not unrecorded.names_behind(recorded, [])
 
 

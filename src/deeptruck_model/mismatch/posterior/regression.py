@@ -61,9 +61,11 @@ class Model:
         return changed_by(parameter, self.change(parameter))
 
     def moved_sd(self, parameter: str) -> float:
-        """Posterior sd of `moved`, to first order."""
-        steeper = (1.0 + self.moved(parameter)) ** 2 if parameter == "mass" else 1.0
-        return steeper * self.change_sd(parameter)
+        """Posterior sd of `moved`, to first order, and what a line through the simulator's answer may be off
+        by so far away: half of the second-order term."""
+        moved = self.moved(parameter)
+        steeper = (1.0 + moved) ** 2 if parameter == "mass" else 1.0
+        return float(np.hypot(steeper * self.change_sd(parameter), 0.5 * moved**2))
 
     def covariance(self, name: str) -> Array:
         """Posterior covariance of the coefficients of an effect, at the temper of evidence, or as wide as

@@ -7,7 +7,15 @@ from typing import NamedTuple
 
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import SETTLE_S
-from deeptruck_model.mismatch.report.wording import PARAMETER_NAMES, ROOT, opened, percent, spoken
+from deeptruck_model.mismatch.folders import REFIT
+from deeptruck_model.mismatch.report.wording import (
+    BESIDE_MISSING,
+    PARAMETER_NAMES,
+    ROOT,
+    opened,
+    percent,
+    spoken,
+)
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, SmallestVisible, Verdict
 from deeptruck_model.mismatch.tree import Node
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
@@ -70,6 +78,25 @@ def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
     return [(r, r.samples / v.recorded) for r in v.rejected] if v.recorded else []
 
 
+def refitted(v: Verdict) -> Iterator[str]:
+    """What each simulator is off by along the held-out drives, and every parameter refitted alone."""
+    if v.fit is None or v.fit.errors is None:
+        return
+    e = v.fit.errors
+    corrected = f", corrected {e.after.speed:.2g}" if v.fit.corrected else ""
+    yield (
+        f"Held-out drives, free runs of {v.fit.horizon_s:.0f} s: as given off by {e.before.speed:.2g} m/s, "
+        f"with parameters refitted alone {e.parameters_only.speed:.2g}{corrected}."
+    )
+    sizes = [
+        f"{spoken(name)} {100 * r.change:+.1f} % ({100 * r.change_ci95[0]:+.1f} to "
+        f"{100 * r.change_ci95[1]:+.1f})"
+        for name, r in v.fit.refit.items()
+    ]
+    if sizes:
+        yield f"Refitted alone, 95 % intervals: {', '.join(sizes)}."
+
+
 def how_probable(v: Verdict) -> Iterator[str]:
     """Each finding with its probabilities."""
     for f in v.findings:
@@ -104,7 +131,8 @@ def cause(f: Finding) -> str:
     split = f"{spoken(f.effect)} {percent(f.probability)}"
     if f.cannot_be_told_from:
         split += f"; else {', '.join(map(spoken, f.cannot_be_told_from))}"
-    return f"{opened(spoken(f.family))}, {percent(f.family_probability)}: {split}."
+    beside = f"; {BESIDE_MISSING[f.missing_input]}" if f.missing_input else ""
+    return f"{opened(spoken(f.family))}, {percent(f.family_probability)}: {split}{beside}."
 
 
 def not_recorded(v: Verdict) -> Iterator[str]:
@@ -136,8 +164,10 @@ def what_to_do(v: Verdict) -> Iterator[str]:
                 "'deeptruck-model adapt'."
             )
     if v.validated:
+        refit = v.fit is not None and v.fit.offered == REFIT
         repair_first = any(f.kind is Kind.SENSOR for f in v.findings)
-        yield f"{'Then apply' if repair_first else 'Apply'} the correction{_refitted(v)}."
+        offered = "the refitted parameters alone" if refit else f"the correction{_refitted(v)}"
+        yield f"{'Then apply' if repair_first else 'Apply'} {offered}."
     elif v.kind is Conclusion.NOTHING:
         yield "Use the simulator as it is."
     manoeuvres = dict.fromkeys(
@@ -166,4 +196,5 @@ def lights(v: Verdict) -> list[Light]:
 def lines(v: Verdict) -> list[str]:
     """All of it, for the terminal."""
     answers = [f"{one.question} {one.answer} ({one.reason})." for one in lights(v)]
-    return [headline(v) + ".", *not_recorded(v), *what(v), *how_probable(v), *what_to_do(v), *answers]
+    middle = (*what(v), *how_probable(v), *refitted(v), *what_to_do(v))
+    return [headline(v) + ".", *not_recorded(v), *middle, *answers]

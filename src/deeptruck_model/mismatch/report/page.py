@@ -49,13 +49,14 @@ def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
     """What became of a result, beside that of `before`, as plain data: sentences, shares of the budget and
     speed errors."""
     v = found.result
+    says = (*lines.what(v), *lines.how_probable(v), *lines.refitted(v), *lines.what_to_do(v), errors_say(v))
     budgets = [m.result.budget for m in (before, found)]
     shares = [{} if b is None else {p.part: p.share for p in b.parts} for b in budgets]
     named = dict.fromkeys([*shares[1], *shares[0]])
     parts = [p for p in named if max(s.get(p, 0.0) for s in shares) >= LEAST]
     return {
         "headline": lines.headline(v),
-        "lines": [*lines.what(v), *lines.how_probable(v), *lines.what_to_do(v), errors_say(v)],
+        "lines": list(says),
         "budget": [[spoken(p), *(percent(s.get(p, 0.0)) for s in shares)] for p in parts],
         "errors": [
             [name, *(_error(m, key) for m in (before, found))]
@@ -85,7 +86,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "kind": opened(v.kind.replace("_", " ")),
         "not_recorded": list(lines.not_recorded(v)),
         "what": list(lines.what(v)),
-        "how_probable": list(lines.how_probable(v)),
+        "how_probable": [*lines.how_probable(v), *lines.refitted(v)],
         "what_to_do": list(lines.what_to_do(v)),
         "command": command if v.validated else "",
         "lights": lines.lights(v),

@@ -35,6 +35,12 @@ NOTHING_CORRECTED = "nothing was corrected"
 NOT_BETTER = "the held-out error does not fall"
 
 
+BESIDE_MISSING = {
+    "gear": "gear was not recorded, so the truck may only change gear otherwise than the simulator",
+    "brake": "the brake was not recorded, so braking may be what is missing",
+}
+
+
 def of_parameter(name: str, change: float) -> str:
     """That a parameter of the simulator is wrong, and by how much."""
     side = "larger" if change > 0 else "smaller"
@@ -61,9 +67,10 @@ def off(error: float, horizon_s: float) -> str:
     return f"free runs of {horizon_s:.0f} s on held-out drives are off by {error:.2g} m/s"
 
 
-def better(before: float, after: float) -> str:
-    """What the correction is worth."""
-    return f"the held-out speed error falls from {before:.2g} to {after:.2g} m/s"
+def better(before: float, after: float, *, refit: bool) -> str:
+    """What is offered improves."""
+    by = " with parameters refitted alone" if refit else ""
+    return f"the held-out speed error falls from {before:.2g} to {after:.2g} m/s{by}"
 
 
 def after_repair(better: str) -> str:
