@@ -157,11 +157,24 @@ class TruckNetwork(nn.Module):
         responses = []
         for k in range(u.shape[-2]):
             if k and form == "training":
-                fed = torch.where(torch.isnan(recorded[:, :, k]), state.y, recorded[:, :, k])
-                state = state._replace(y=fed)
+                state = state._replace(y=self.forced(state.y, recorded[:, :, k]))
             state = self.step(state, u[..., k, :], w[..., k, :])
             responses.append(torch.cat([state.y, state.auxiliary], dim=-1))
         return torch.stack(responses, dim=2)
+
+    def forced(self, own: Tensor, recorded: Tensor) -> Tensor:
+        """What is fed of a response `own` (.., n_y) beside a recorded one, which replaces it where it is
+        finite.
+
+        Where C holds the truck, v' = 0 and a = -v / dt. A recorded speed overrules that v', and C then gives
+        a = (recorded v' - v) / dt: fed as it was, a fall to rest that did not happen would answer itself.
+        """
+        fed = torch.where(torch.isnan(recorded), own, recorded)
+        overruled = (own[..., SPEED] == 0) & ~torch.isnan(recorded[..., SPEED])
+        overruled &= torch.isnan(recorded[..., ACCELERATION])
+        moved = own[..., ACCELERATION] + (fed[..., SPEED] - own[..., SPEED]) / self.dt
+        acceleration = torch.where(overruled, moved, fed[..., ACCELERATION])
+        return torch.cat([acceleration[..., None], fed[..., SPEED:]], dim=-1)
 
     def _code(self, speed: Tensor) -> Tensor:
         """Speed (.., 1) on a logarithmic scale, where gears lie evenly: (.., code) soft steps."""

@@ -88,7 +88,8 @@ class DeepTruck:
 
     def force(self, state: DeepState, y: Array) -> DeepState:
         """Every member is fed the recorded y (batch, n_y) next; where it is NaN, its own response."""
-        return state._replace(y=np.ascontiguousarray(np.where(np.isnan(y), state.y, y)))
+        recorded = np.ascontiguousarray(y, np.float64)
+        return state._replace(y=inference.force(state.y, recorded, self.network.dt))
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
         """Free run from y0 (batch, n_y), or forced run with `recorded` (batch, T, n_y)."""

@@ -58,6 +58,8 @@ def sequences(net: TruckNetwork, steps: int, batch: int) -> tuple[np.ndarray, np
         ((2, 1, 3), "deployment", 1.0),
         ((1, 0, 2, 1.0, 5, 1), "deployment", 1.0),
         ((1, 0, 2, 1.0, 5, 1, True), "deployment", 1.0),
+        ((2, 1, 3), "training", 1.0),
+        ((1, 0, 2, 1.0, 5, 1, True), "training", 1.0),
     ],
 )
 def test_compiled_gradient_equals_autograd(interface, form, dt):

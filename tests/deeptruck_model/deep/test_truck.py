@@ -5,8 +5,11 @@ import pytest
 import torch
 
 from deeptruck_model import simulators
-from deeptruck_model.deep import DeepTruck
+from deeptruck_model.deep import DeepTruck, Shape, TruckNetwork
+from deeptruck_model.deep.data import Scales
+from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator, forced_run, free_run
 
 
@@ -122,3 +125,48 @@ def test_an_hour_runs_in_about_a_second(truck):
     began = time.process_time()
     free_run(truck, u, w, y0)
     assert time.process_time() - began < 2.0
+
+
+def standing_by_itself() -> DeepTruck:
+    """Weights by hand: 1 m/s^2 where the engine drives (u above 0.5) and the acceleration fed back is above
+    -1 m/s^2, else -19. At rest C hides the -19, and training in deployment form never sees it."""
+    scales = Scales(np.zeros(3, np.float32), np.ones(3, np.float32))
+    network = TruckNetwork(Shape(1, 0, 2, hidden=2, decoder=1), scales, 0.1)
+    with torch.no_grad():
+        for name in WEIGHTS:
+            getattr(network, name).zero_()
+        network.bias[0] = torch.tensor([30.0, 30.0, -30.0, -30.0, -10.0, 20.0, 30.0, 30.0])  # i, f, g, o
+        network.input[0, 0, 4], network.input[0, 1, 5] = 20.0, 20.0  # u and the acceleration, to g
+        network.decoder[0, :, 0], network.decoder_bias[0] = 5.0, -3.8
+        network.output[0], network.output_bias[0] = 10.0, -9.0
+    return DeepTruck(network, TruckInterface("by hand", brake_unit=None, grade=False, fuel=False))
+
+
+def test_a_standstill_that_the_record_overrules_does_not_answer_itself():
+    truck = standing_by_itself()
+    u, y = np.zeros((1, 60, 1)), np.full((1, 60, 2), np.nan)
+    u[0, 23:] = 1.0
+    y[0, :, 1] = 0.08 * np.maximum(np.arange(60) - 20, 0)  # moves 0.3 s before the command is seen
+    run = truck.rollout(u, np.zeros((1, 60, 0)), np.array([[0.0, 0.0]]), y).y[0, :, 0]
+    assert run[22] == pytest.approx(-0.8), "it stands, says the network, as C answers"
+    np.testing.assert_allclose(run[24:], 1.0, atol=0.1)
+    state = truck.reset(np.array([[0.0, 0.0]]))
+    for k in range(59):
+        state, stepped = truck.step(truck.force(state, y[:, k]), u[:, k], np.zeros((1, 0)))
+        np.testing.assert_allclose(stepped[0, 0], run[k + 1], atol=1e-5)
+    recorded = torch.as_tensor(y, dtype=torch.float32)
+    recorded[:, 0, 0] = 0.0
+    with torch.no_grad():
+        unfolded = truck.network.unfold(
+            torch.as_tensor(u[:, :-1], dtype=torch.float32), torch.zeros(1, 59, 0), recorded, form="training"
+        )
+    np.testing.assert_allclose(unfolded[0, 0, :, 0].numpy(), run[1:], atol=1e-4)
+
+
+def test_a_free_run_of_it_starts_and_stops():
+    truck = standing_by_itself()
+    u = np.zeros((1, 60, 1))
+    u[0, 20:40] = 1.0
+    speed = truck.rollout(u, np.zeros((1, 60, 0)), np.array([[0.0, 0.0]]), None).y[0, :, 1]
+    assert not speed[:21].any() and not speed[-10:].any()
+    assert speed[40] == pytest.approx(2.0, abs=0.2)

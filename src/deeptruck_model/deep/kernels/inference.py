@@ -21,6 +21,7 @@ from deeptruck_model.deep.kernels.layers import (
     decode,
     encode,
     fill_factors,
+    forced,
     multiply,
 )
 from deeptruck_model.deep.network import TruckNetwork
@@ -115,10 +116,20 @@ def step(packed: Any, dt: Any, h: Any, c: Any, y: Any, u: Any, w: Any) -> Any:
 
 
 @compiled
-def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, forced: Any) -> Any:
+def force(y: Any, recorded: Any, dt: Any) -> Any:
+    """What every member is fed of its y (members, batch, n_y) beside a recorded (batch, n_y)."""
+    fed = np.empty_like(y)
+    for m in range(y.shape[0]):
+        for b in range(y.shape[1]):
+            forced(y[m, b], recorded[b], dt, fed[m, b])
+    return fed
+
+
+@compiled
+def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, along: Any) -> Any:
     """Mean response and its standard deviation over members, both (batch, T, n_y), for u (batch, T, n_u).
 
-    y0 starts every run; with `forced`, finite samples of recorded (batch, T, n_y) are fed instead of the
+    y0 starts every run; with `along`, finite samples of recorded (batch, T, n_y) are fed instead of the
     response.
     """
     batch, steps, responses = u.shape[0], u.shape[1], y0.shape[1]
@@ -142,8 +153,8 @@ def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, forced: An
                         delta = y[b, j] - y0[rows.start + b, j]
                         mean[rows.start + b, k, j] += delta / members
                         square[rows.start + b, k, j] += delta * delta / members
-                        if forced and recorded[rows.start + b, k, j] == recorded[rows.start + b, k, j]:
-                            y[b, j] = recorded[rows.start + b, k, j]
+                    if along:
+                        forced(y[b], recorded[rows.start + b, k], dt, y[b])
                 if k + 1 == steps:
                     break
                 u_now[:], w_now[:] = u[rows, k], w[rows, k]

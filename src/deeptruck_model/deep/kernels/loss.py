@@ -26,6 +26,7 @@ from deeptruck_model.deep.kernels.layers import (
     decode,
     encode,
     fill_factors,
+    forced,
 )
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 
@@ -92,15 +93,15 @@ def _feed(k: Any, target: Any, units: Any, recorded: Any, first: Any, run: Any, 
     responses = fed.shape[1]
     hidden = run.c.shape[2]
     for b in range(fed.shape[0]):
+        overruled = k > 0 and recorded and forced(run.y[k - 1, b], target[k, b, :responses], units.dt, fed[b])
         for j in range(responses):
             value = target[k, b, j]
-            run.own[k, b, j] = k > 0 and not (recorded and value == value)
-            if run.own[k, b, j]:
-                value = run.y[k - 1, b, j]
-            elif value != value:  # an unknown initial response other than speed
-                value = units.mean[first + j]
-            fed[b, j] = value
-            run.hy[k, b, hidden + j] = (value - units.mean[first + j]) / units.scale[first + j]
+            run.own[k, b, j] = k > 0 and not (recorded and value == value) and not (overruled and j == 0)
+            if k == 0:  # an unknown initial response is other than speed
+                fed[b, j] = value if value == value else units.mean[first + j]
+            elif not recorded:
+                fed[b, j] = run.y[k - 1, b, j]
+            run.hy[k, b, hidden + j] = (fed[b, j] - units.mean[first + j]) / units.scale[first + j]
         encode(fed[b, 1], units.width, run.hy[k, b, hidden + responses :])
 
 
