@@ -14,7 +14,7 @@ from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.evaluation.metrics import summary
 from deeptruck_cacc.safety import proof, truck_limits
 from deeptruck_cacc.safety.guard import guard
-from deeptruck_cacc.safety.shield import Promise
+from deeptruck_cacc.safety.shield import Promise, Shield
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator
 
@@ -30,7 +30,7 @@ def main() -> None:
     promise = truck_limits.measure(truck)
     facts = ", ".join(f"{name} {value:.4g}" for name, value in promise.to_dict().items())
     lines = [*harness.heading("The shield"), f"Promise measured on {args.simulator}: `{facts}`", ""]
-    lines += [*search(promise, args.rollouts), "", *cost(args.policy, truck, promise)]
+    lines += [*search(promise, args.rollouts), "", *bridged(promise), "", *cost(args.policy, truck, promise)]
     (harness.RESULTS / "shield.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
 
@@ -43,12 +43,48 @@ def search(promise: Promise, rollouts: int) -> list[str]:
         "random, shield off": proof.random_search(promise, 2000, shielded=False),
     }
     return harness.table(
-        "search | rollouts | violations | least gap - d_safety (m) | steps overridden",
+        "search | rollouts | violations | least gap - d_safety (m) | steps overridden | "
+        "braked before need (m)",
         (
             f"{name} | {o.rollouts} | {o.violations} | {o.least_margin_m:.3f} | {100 * o.acted_share:.1f} %"
+            f" | {o.earliest_m:.1f}"
             for name, o in found.items()
         ),
     )
+
+
+def bridged(promise: Promise) -> list[str]:
+    """Table of what a leader of 20 m/s at 2 s does while it is not seen, and what becomes of the gap.
+
+    The truck keeps its speed until the shield brakes, then does what the promise says. Nothing is promised of
+    a leader that brakes harder than (5).
+    """
+    rows = []
+    for braking in (0.0, 1.0, 2.0, 3.0, 6.0):
+        ends = [_vanishes(promise, braking, seconds) for seconds in (1.0, 2.0, 3.0)]
+        rows.append(f"{braking:g} m/s² | " + " | ".join(ends))
+    heads = "for 1 s | 2 s | 3 s"
+    return harness.table(f"a leader that begins to brake when it vanishes, by | {heads}", rows)
+
+
+def _vanishes(p: Promise, braking: float, seconds: float) -> str:
+    """Smallest gap, or the speed of the impact; and the hardest braking before the leader was seen again."""
+    shield, own, leader, gap, pressed = Shield(p, 0.0, 1.0), 20.0, 20.0, 40.0, 0.0
+    least, hardest = gap, 0.0
+    for k in range(-20, round(20.0 / p.dt)):
+        lost = 0 < k * p.dt <= seconds
+        seen = (np.array([np.nan if lost else value]) for value in (gap, leader))
+        _, (brake,) = shield.filter(*seen, np.array([own]), np.array([0.5]), np.zeros(1))
+        pressed = pressed + p.dt if brake >= 1.0 else 0.0
+        rate = -brake * p.braking if brake < 1.0 or pressed > p.response_s else 0.0
+        hardest = max(hardest, -rate) if lost else hardest
+        before, own = own, max(own + p.dt * rate, 0.0)
+        leader, last = max(leader - p.dt * braking * (k >= 0), 0.0), leader
+        gap += p.dt * (last + leader - before - own) / 2
+        least = min(least, gap)
+        if gap <= 0.0:
+            return f"hit at {own - leader:.1f} m/s"
+    return f"{least:.1f} m left, braked by {hardest:.1f} m/s² unseen"
 
 
 def cost(path: str, truck: Simulator, promise: Promise) -> list[str]:

@@ -16,8 +16,9 @@ from deeptruck_cacc.controllers.onnx_policy import OnnxPolicy
 from deeptruck_cacc.controllers.policy import TYPICAL, MlpPolicy, Observation, Policy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, require
 from deeptruck_cacc.safety.shield import Promise, Shield
+from deeptruck_cacc.safety.track import Tracker
 from deeptruck_cacc.safety.truck_limits import known
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -33,11 +34,15 @@ def _array(value: Any) -> Array:
 class LastSeen:
     """Bridges what the truck does not say of itself: a signal that is no number stays as it was last seen.
 
-    A setting and a slope may stay so for good, the speed for `hold_s`.
+    A setting and a slope may stay so for good, the speed for `hold_s`. A speed that changed faster than any
+    truck's can is none.
     """
 
     dt: float
     hold_s: float = 1.0
+    jump_speed: float = 1.0  # m/s, from one reading to the next
+    fastest: float = 12.0  # m/s^2, by which a speed changes
+    speed: Array = field(default_factory=lambda: np.zeros(0))  # as received, else NaN
     silent: Flags = field(default_factory=lambda: np.zeros(0, bool))  # speed: for longer, or never received
     _last: dict[str, Array] = field(default_factory=dict, repr=False)
     _waited: Array = field(default_factory=lambda: np.zeros(0), repr=False)
@@ -51,47 +56,16 @@ class LastSeen:
         batch = len(observation["speed"])
         if len(self._waited) != batch:
             self._last, self._waited = {}, np.full(batch, np.inf)
-        received = np.isfinite(observation["speed"])
+        speed = observation["speed"]
+        most = self.jump_speed + self.fastest * np.minimum(self._waited + self.dt, self.hold_s)
+        received = np.isfinite(speed) & ~(np.abs(speed - self._last.get("speed", speed)) > most)
+        self.speed = np.where(received, speed, np.nan)
+        observation = {**observation, "speed": self.speed}
         self._waited = np.where(received, 0.0, self._waited + self.dt)
         self.silent = self._waited > self.hold_s
         own = {n: observation[n] for n in ("speed", "target_time_gap", "grade") if n in observation}
         self._last = {n: np.where(np.isnan(x), self._last.get(n, x), x) for n, x in own.items()}
         return {**observation, **self._last}
-
-
-@dataclass
-class Tracker:
-    """Bridges what the radar does not say: a lost leader keeps its speed, a wild jump is not believed.
-
-    A gap that grows faster than any leader could drive is held off for `disbelieve_s`, then accepted (a
-    cut-out).
-    """
-
-    dt: float
-    disbelieve_s: float = 2.5
-    jump_m: float = 5.0
-    _last: tuple[Array, Array, Array] | None = field(default=None, repr=False)
-
-    def reset(self) -> None:
-        """Forget the past."""
-        self._last = None
-
-    def __call__(self, observation: Observation) -> dict[str, Array]:
-        """The observation with gap and leader speed filled in; NaN only where nothing was ever seen."""
-        names = ("gap", "leader_speed", "speed")
-        columns = (np.atleast_1d(np.asarray(observation[n], float)) for n in names)
-        gap, leader, speed = np.broadcast_arrays(*columns)
-        if self._last is None or len(self._last[0]) != len(gap):
-            self._last = gap, leader, np.zeros(len(gap))
-        old_gap, old_leader, waited = self._last
-        reckoned = old_gap + (old_leader - speed) * self.dt
-        jumped = gap > reckoned + self.jump_m
-        doubtful = ~np.isfinite(gap) | ~np.isfinite(leader) | (jumped & (waited < self.disbelieve_s))
-        doubtful &= np.isfinite(reckoned)
-        waited = np.where(doubtful, waited + self.dt, 0.0)
-        gap, leader = np.where(doubtful, reckoned, gap), np.where(doubtful, old_leader, leader)
-        self._last = gap, leader, waited
-        return {**observation, "gap": gap, "leader_speed": leader, "speed": speed}
 
 
 @dataclass
@@ -119,6 +93,16 @@ class Guard:
 
     def __post_init__(self) -> None:
         self._tracker, self._last_seen = Tracker(self.policy.dt), LastSeen(self.policy.dt)
+
+    @property
+    def unseen_s(self) -> Array:
+        """For how long no reading of the radar was believed, s (batch,); inf: none ever was."""
+        return self._tracker.unseen_s
+
+    @property
+    def speed_is_silent(self) -> Flags:
+        """Where the truck's own speed was not received for over a second."""
+        return self._last_seen.silent
 
     @property
     def interface(self) -> TruckInterface:
@@ -153,20 +137,20 @@ class Guard:
         if self.shield is None:
             self.acted = np.zeros(len(engine), bool)
             return engine, brake
-        gap, leader, speed = raw["gap"], raw["leader_speed"], raw["speed"]
-        # A radar that says 'further than believed' must not relax the shield: it takes the nearer of the two.
-        doubted = gap > seen["gap"] + 1e-9
-        gap, leader = np.where(doubted, seen["gap"], gap), np.where(doubted, seen["leader_speed"], leader)
-        engine, brake = self.shield.filter(gap, leader, speed, engine, brake)
+        engine, brake = self.shield.filter(*self._tracker.radar, self._last_seen.speed, engine, brake)
         self.acted = self.shield.acted
         return engine, brake
 
     @staticmethod
     def _arrays(observation: Observation) -> dict[str, Array]:
-        """Each signal (batch,), finite or NaN; a time gap that is not above zero is none."""
+        """Each signal (batch,), NaN where it is outside of what the channel can be; gaps are above zero."""
         require(observation)
         given = {n: _array(observation[n]) for n in OBSERVED if n in observation}
-        given["target_time_gap"] = np.where(given["target_time_gap"] > 0, given["target_time_gap"], np.nan)
+        for name in given.keys() & CHANNELS.keys():
+            low, high = CHANNELS[name].low, CHANNELS[name].high
+            given[name] = np.where((given[name] < low) | (given[name] > high), np.nan, given[name])
+        for name in ("gap", "target_time_gap"):
+            given[name] = np.where(given[name] > 0, given[name], np.nan)
         return dict(zip(given, np.broadcast_arrays(*given.values()), strict=True))
 
     def _filled(self, raw: Mapping[str, Array]) -> tuple[dict[str, Array], Flags]:

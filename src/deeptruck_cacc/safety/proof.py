@@ -2,76 +2,124 @@
 
 The truck is the worst that the promise allows: it accelerates by a(v) for `response_s` after
 the full brake command, then brakes with exactly `braking(heat)`; short of the full command it does what the
-policy wishes, within its limits. Policy, leader, radar error and dropouts are the adversary's.
+policy wishes, within its limits. Policy, leader, radar error and dropouts are the adversary's; a leader that
+is not seen may brake as the promise says. Two things are counted: how near the gap comes to d_safety, and how
+far from need the shield brakes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.safety.shield import Promise, Shield
+from deeptruck_cacc.safety.shield import Bounds, Promise, Shield
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 KNOTS = 12  # pieces of a rollout in which leader, policy and radar keep one behaviour
 WIDTH = 5 + 4 * KNOTS  # numbers that describe one rollout, each in 0..1
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a search found. `least_margin_m` is the smallest gap - d_safety of all; negative is a crash."""
+    """What a search found. `least_margin_m` is the smallest gap - d_safety of all; negative is a crash.
+
+    `earliest_m` is the most that was left to the gap which the worst leader needs when the shield braked.
+    """
 
     rollouts: int
     violations: int
     least_margin_m: float
     acted_share: float
+    earliest_m: float
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return vars(self) | {}
 
 
-def rollouts(
-    promise: Promise, genes: Array, steps: int = 300, *, shielded: bool = True
-) -> tuple[Array, Array]:
-    """Least margin gap - d_safety (m) and share of steps overridden, each (batch,), for genes (batch, WIDTH).
+class Margins(NamedTuple):
+    """Of each rollout, (batch,)."""
+
+    least: Array  # m, of gap - d_safety
+    acted: Array  # share of steps overridden
+    earliest: Array  # m, the most left to the needed gap when the shield braked beyond `mild_braking`
+
+
+class _Leader(NamedTuple):
+    """The leader as it is, each (batch,), and the worst that it could be since it was last seen."""
+
+    speed: Array
+    slow: Array  # speed when seen, through the filter of the promise
+    braking: Array  # the hardest it may brake while it is not seen
+    unseen_s: Array
+    worst_lag_m: Array  # by how much less than the true one the gap behind the worst leader is
+    worst_speed: Array
+
+    def moved(self, p: Promise, pull: Array, lost: Flags) -> _Leader:
+        """One step later, at the acceleration `pull`; `lost`: it is not seen then."""
+        may = np.where(lost, np.minimum(self.braking + p.unseen_jerk * p.dt, p.leader_braking), 0.0)
+        rate = np.where(lost, np.maximum(pull, -may), pull)
+        speed = np.maximum(self.speed + p.dt * rate, 0.0)
+        worst = np.where(lost, np.maximum(self.worst_speed - p.dt * may, 0.0), speed)
+        behind = np.where(lost, self.worst_lag_m + p.dt * (speed - worst), 0.0)
+        seen_to_brake = (self.slow - speed) / (p.track_s + self.unseen_s)
+        braking = np.where(lost, may, np.clip(seen_to_brake, 0.0, p.leader_braking))
+        slow = np.where(lost, self.slow, self.slow + min(p.dt / p.track_s, 1.0) * (speed - self.slow))
+        return _Leader(speed, slow, braking, np.where(lost, self.unseen_s + p.dt, 0.0), behind, worst)
+
+
+def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool = True) -> Margins:
+    """Drive genes (batch, WIDTH).
 
     Every rollout starts where the promise begins to hold: at or above the gap from which braking at once
     suffices.
     """
     p, batch = promise, len(genes)
-    speed, leader, heat = 32.0 * genes[:, 0], 32.0 * genes[:, 1], 1500.0 * genes[:, 2] ** 2
-    start = p.needed_gap(speed + p.speed_error, np.maximum(leader - p.speed_error, 0.0), heat, 0.0)
+    speed, first, heat = 32.0 * genes[:, 0], 32.0 * genes[:, 1], 1500.0 * genes[:, 2] ** 2
+    start = p.needed_gap(speed + p.speed_error, np.maximum(first - p.speed_error, 0.0), heat, 0.0)
     gap = start + p.gap_error + 20.0 * genes[:, 3] ** 3
-    since = np.zeros(batch)  # s of full brake command so far
+    since, nothing = np.zeros(batch), np.zeros(batch)  # s of full brake command so far
+    leader = _Leader(first, first, nothing, nothing, nothing, first)
     shield = Shield(p, 0.0, 1.0)
-    shield._seen = gap, leader, speed, heat.copy()  # the promise includes knowing how hot the brakes are
+    # the promise includes knowing how hot the brakes are
+    shield._seen = Bounds(gap, first, speed, heat.copy(), first, nothing, nothing)
     pull, wish, blind, noise = np.split(genes[:, 5:], 4, axis=1)
-    least, acted = np.full(batch, np.inf), np.zeros(batch)
+    least, acted, earliest = np.full(batch, np.inf), np.zeros(batch), np.full(batch, -np.inf)
     for k in range(steps):
-        piece = min(k * KNOTS // steps, KNOTS - 1)
-        seen_gap, seen_leader, seen_speed = _measured(p, gap, leader, speed, noise[:, piece], blind[:, piece])
-        engine, brake = _policy(wish[:, piece])
+        piece = _piece(k, steps)
+        lost = blind[:, piece] > 0.9
+        seen = _measured(p, gap, leader.speed, speed, noise[:, piece], lost)
+        engine, brake = wished = _policy(wish[:, piece])
         if shielded:
-            engine, brake = shield.filter(seen_gap, seen_leader, seen_speed, engine, brake)
+            may_be_hot = shield._seen.heat
+            engine, brake = shield.filter(*seen, *wished)
             acted += shield.acted
+            left = gap - leader.worst_lag_m - p.needed_gap(speed, leader.worst_speed, may_be_hot, p.dt)
+            beyond = brake > np.maximum(wished[1], p.mild_braking / p.strongest_braking) + 1e-9
+            earliest = np.where(beyond, np.maximum(earliest, left), earliest)
         before = speed
         speed, since, heat = _worst_truck(p, speed, since, heat, engine, brake)
-        gap = gap + (leader - before) * p.dt
-        leader = np.maximum(leader + p.dt * (8.0 * pull[:, piece] - 6.0).clip(-p.leader_braking, 2.0), 0.0)
+        gap = gap + (leader.speed - before) * p.dt
+        wanted = (8.0 * pull[:, piece] - 6.0).clip(-p.leader_braking, 2.0)
+        leader = leader.moved(p, wanted, blind[:, _piece(k + 1, steps)] > 0.9)
         least = np.minimum(least, gap - p.d_safety)
-    return least, acted / steps
+    return Margins(least, acted / steps, earliest)
+
+
+def _piece(k: int, steps: int) -> int:
+    return min(k * KNOTS // steps, KNOTS - 1)
 
 
 def _measured(
-    p: Promise, gap: Array, leader: Array, speed: Array, noise: Array, blind: Array
+    p: Promise, gap: Array, leader: Array, speed: Array, noise: Array, lost: Flags
 ) -> tuple[Array, Array, Array]:
-    """Radar and speedometer at the edge of their stated errors; lost where `blind` is above 0.9."""
+    """Radar and speedometer at the edge of their stated errors."""
     sign = 2.0 * (noise > 0.3) - 1.0  # mostly flattering: further and faster than true
-    lost = blind > 0.9
     seen_gap = np.where(lost, np.nan, gap + sign * p.gap_error)
     seen_leader = np.where(lost, np.nan, np.maximum(leader + sign * p.speed_error, 0.0))
     return seen_gap, seen_leader, np.maximum(speed - sign * p.speed_error, 0.0)
@@ -101,11 +149,10 @@ def _worst_truck(
 def random_search(promise: Promise, count: int, seed: int = 0, *, shielded: bool = True) -> Outcome:
     """`count` rollouts with everything drawn uniformly."""
     rng = np.random.default_rng(seed)
-    parts = [
+    return _outcome(
         rollouts(promise, rng.random((min(10_000, count - done), WIDTH)), shielded=shielded)
         for done in range(0, count, 10_000)
-    ]
-    return _outcome(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    )
 
 
 def adversarial_search(
@@ -120,11 +167,10 @@ def adversarial_search(
     rng = np.random.default_rng(seed)
     genes = rng.random((population, WIDTH))
     elite, elite_margin = np.zeros((0, WIDTH)), np.zeros(0)
-    margins, shares = [], []
+    found = []
     for _ in range(generations):
-        margin, share = rollouts(promise, genes, shielded=shielded)
-        margins.append(margin)
-        shares.append(share)
+        found.append(rollouts(promise, genes, shielded=shielded))
+        margin = found[-1].least
         pool, pool_margin = np.vstack([elite, genes]), np.concatenate([elite_margin, margin])
         best = np.argsort(pool_margin)[: population // 25]
         elite, elite_margin = pool[best], pool_margin[best]
@@ -134,8 +180,24 @@ def adversarial_search(
         moved = np.where(rng.random(parents.shape) < 0.2, rng.normal(crossed, 0.15), crossed)
         fresh = rng.random(parents.shape)
         genes = np.clip(np.where(rng.random(parents.shape) < 0.03, fresh, moved), 0.0, 1.0)
-    return _outcome(np.concatenate(margins), np.concatenate(shares))
+    return _outcome(found)
 
 
-def _outcome(margin: Array, share: Array) -> Outcome:
-    return Outcome(len(margin), int((margin < -1e-9).sum()), float(margin.min()), float(share.mean()))
+def _outcome(parts: Iterable[Margins]) -> Outcome:
+    margin, share, early = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    crashes = int((margin < -1e-9).sum())
+    return Outcome(len(margin), crashes, float(margin.min()), float(share.mean()), float(early.max()))
+
+
+def hardest_braking_when_lost(promise: Promise, speed: Array, time_gap: float, seconds: float) -> Array:
+    """Hardest braking (m/s^2, (batch,)) by the brake while a leader of the truck's speed (batch,) is not seen
+    for `seconds`; the policy keeps the speed and the truck does what the shield asks for."""
+    p, shield = promise, Shield(promise, 0.0, 1.0)
+    own, gap, hardest = speed.copy(), time_gap * speed, np.zeros(len(speed))
+    for k in range(-20, round(seconds / p.dt) + 1):
+        seen = np.full(len(speed), 1.0 if k <= 0 else np.nan)
+        _, brake = shield.filter(seen * gap, seen * speed, own, np.full(len(own), 0.5), np.zeros(len(own)))
+        hardest = np.maximum(hardest, brake * p.strongest_braking)
+        before, own = own, np.maximum(own - p.dt * brake * p.strongest_braking, 0.0)
+        gap = gap + p.dt * (speed - before)
+    return hardest

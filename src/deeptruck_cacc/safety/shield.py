@@ -8,7 +8,7 @@ Pure: it imports numpy and the tables below, and knows neither policy nor simula
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ class Promise:
 
     d_safety: float = 2.0  # m
     leader_braking: float = 6.0  # m/s^2, the hardest the leader brakes
+    unseen_jerk: float = 0.5  # m/s^3, by which a leader that is not seen may brake harder than it was seen to
+    track_s: float = 0.5  # s, time constant with which its braking is taken from its speed
     braking: float = 4.2  # m/s^2, the least the truck brakes when cold
     response_s: float = 0.6  # s, until it does
     max_acceleration: float = 2.2  # m/s^2, the most it accelerates, whatever is commanded
@@ -41,6 +43,12 @@ class Promise:
     speed_error: float = 0.1  # m/s, radar and wheels
     dt: float = 0.1  # s between calls
     soft_m: float = 1.5  # m before the limit where the engine is cut and the brake comes in gently
+    ease_m: float = (
+        10.0  # m before the limit where, behind a leader that is not seen, `mild_braking` comes in
+    )
+    mild_braking: float = 0.6  # m/s^2 by the brake, at most; the engine's drag comes on top
+    bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,
+    bridged_time_gap: float = 2.8  # s, from this time gap on (5 to 29 m/s)
 
     def braking_when(self, heat: Array) -> Array:
         """Least deceleration (m/s^2) with `heat` J/kg in the brakes, never more than the leader's."""
@@ -68,6 +76,24 @@ class Promise:
         return asdict(self)
 
 
+class Bounds(NamedTuple):
+    """What the measurements leave possible, each (batch,)."""
+
+    gap: Array  # m, the lowest
+    leader: Array  # m/s, the lowest of the leader's speed
+    speed: Array  # m/s, the highest of the truck's
+    heat: Array  # J/kg, the highest
+    slow_leader: Array  # m/s, the leader's speed when seen, through a filter of `track_s`
+    leader_braking: Array  # m/s^2, the hardest that the leader brakes while it is not seen
+    unseen_s: Array  # s, since it was
+
+    @classmethod
+    def unknown(cls, batch: int) -> Bounds:
+        """Before the first measurement: whatever is possible."""
+        nothing = np.zeros(batch)
+        return cls(nothing, nothing, np.full(batch, 40.0), nothing, nothing, nothing, np.full(batch, np.inf))
+
+
 @dataclass
 class Shield:
     """Stands between commands and truck. `acted` and `braking` (batch,) say what it did in the last call."""
@@ -77,7 +103,7 @@ class Shield:
     brake_high: float
     acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
     braking: Flags = field(default_factory=lambda: np.zeros(0, bool))
-    _seen: tuple[Array, Array, Array, Array] | None = field(default=None, repr=False)
+    _seen: Bounds | None = field(default=None, repr=False)
 
     def reset(self) -> None:
         """Forget the past; the brakes count as cold."""
@@ -91,33 +117,50 @@ class Shield:
         Where nothing was ever measured, it brakes.
         """
         p = self.promise
-        gap, leader_speed, speed, heat = self._bounds(gap, leader_speed, speed)
-        slack = gap - p.needed_gap(speed, leader_speed, heat, p.dt)
+        seen = self._bounds(gap, leader_speed, speed)
+        slack = seen.gap - p.needed_gap(seen.speed, seen.leader, seen.heat, p.dt)
         missing = ~(np.isfinite(engine) & np.isfinite(brake))
         limit = np.clip(1.0 - slack / p.soft_m, 0.0, 1.0) ** 2 * self.brake_high
         limit = np.where(slack < 0, self.brake_high, limit)
-        asked = np.where(missing, 0.3 * self.brake_high, brake)  # no command: slow down gently
+        mild = p.mild_braking / p.strongest_braking * self.brake_high
+        asked = np.where(missing, mild, brake)  # no command: slow down gently
+        easing = (seen.unseen_s > 0) & (slack < p.ease_m)
+        limit = np.maximum(limit, np.where(easing, np.minimum(2.0 - 2.0 * slack / p.ease_m, 1.0) * mild, 0.0))
         sent_brake = np.clip(np.maximum(asked, limit), 0.0, self.brake_high)
-        closing = (slack < p.soft_m) | missing
+        closing = (slack < p.soft_m) | missing | easing
         sent_engine = np.where(closing, self.engine_low, engine)
         self.braking = slack < 0
         self.acted = missing | (sent_brake > asked) | (sent_engine != engine)
-        heating = np.minimum(sent_brake / self.brake_high, 1.0) * p.strongest_braking * speed
-        heat = heat + p.dt * (heating - heat / p.cooling_s)
-        self._seen = gap, leader_speed, speed, heat
+        heating = np.minimum(sent_brake / self.brake_high, 1.0) * p.strongest_braking * seen.speed
+        self._seen = seen._replace(heat=seen.heat + p.dt * (heating - seen.heat / p.cooling_s))
         return sent_engine, sent_brake
 
-    def _bounds(self, gap: Array, leader_speed: Array, speed: Array) -> tuple[Array, Array, Array, Array]:
-        """Lowest gap and leader speed, highest own speed and heat that the measurements leave possible."""
+    def _bounds(self, gap: Array, leader_speed: Array, speed: Array) -> Bounds:
+        """What this step's measurements and the last bounds leave possible.
+
+        A leader that is not seen goes on as it was seen to, and brakes harder by `unseen_jerk`.
+        """
         p = self.promise
         gap, leader_speed, speed = (np.asarray(x, float) for x in (gap, leader_speed, speed))
-        if self._seen is None or len(self._seen[0]) != len(gap):
-            nothing = np.zeros(len(gap))
-            self._seen = nothing, nothing, np.full(len(gap), 40.0), nothing
-        old_gap, old_leader, old_speed, heat = self._seen
-        reckoned = old_gap + (old_leader - old_speed) * p.dt
-        slowed = np.maximum(old_leader - p.leader_braking * p.dt, 0.0)
-        gap = np.where(np.isfinite(gap), gap - p.gap_error, reckoned)
-        leader_speed = np.where(np.isfinite(leader_speed), leader_speed - p.speed_error, slowed)
-        own = np.where(np.isfinite(speed), speed + p.speed_error, old_speed + p.max_acceleration * p.dt)
-        return gap, np.maximum(leader_speed, 0.0), np.maximum(own, 0.0), heat
+        if self._seen is None or len(self._seen.gap) != len(gap):
+            self._seen = Bounds.unknown(len(gap))
+        old = self._seen
+        received, never = np.isfinite(leader_speed), np.isinf(old.unseen_s)
+        known = np.maximum(np.where(received, leader_speed - p.speed_error, 0.0), 0.0)
+        lost = np.where(never, 0.0, old.slow_leader - known + 2 * p.speed_error)
+        over = p.track_s + np.where(never, 0.0, old.unseen_s)
+        braking = np.where(received, lost / over, old.leader_braking + p.unseen_jerk * p.dt)
+        braking = np.clip(braking, 0.0, p.leader_braking)
+        share = np.where(never, 1.0, np.minimum(p.dt / p.track_s, 1.0))
+        leader = np.where(received, known, np.maximum(old.leader - braking * p.dt, 0.0))
+        reckoned = old.gap + (leader - old.speed) * p.dt
+        faster = old.speed + p.acceleration_at(old.speed) * p.dt
+        return Bounds(
+            np.where(np.isfinite(gap), gap - p.gap_error, reckoned),
+            leader,
+            np.maximum(np.where(np.isfinite(speed), speed + p.speed_error, faster), 0.0),
+            old.heat,
+            np.where(received, old.slow_leader + share * (known - old.slow_leader), old.slow_leader),
+            braking,
+            np.where(received, 0.0, old.unseen_s + p.dt),
+        )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.safety.proof import hardest_braking_when_lost
 from deeptruck_cacc.safety.shield import Promise
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import SPEED, TruckInterface
@@ -59,6 +60,17 @@ def measure(
     return best
 
 
+def bridged_time_gap(promise: Promise) -> float:
+    """Least time gap (s, by 0.1) from which a steady leader may vanish for `bridged_s` at 5 to 29 m/s without
+    braking beyond `mild_braking`. Raises InputError where 10 s do not suffice."""
+    speed: Array = np.arange(5.0, 30.0, dtype=float)
+    for tenths in range(5, 101):
+        hardest = hardest_braking_when_lost(promise, speed, tenths / 10, promise.bridged_s)
+        if (hardest <= promise.mild_braking + 1e-9).all():
+            return tenths / 10
+    raise InputError("behind a leader that vanishes the truck brakes hard at every time gap")
+
+
 def _gap(promise: Promise) -> float:
     """Needed gap at 20 m/s behind 20 m/s, cold."""
     v = np.array([20.0])
@@ -100,7 +112,11 @@ def known(interface: TruckInterface) -> Promise | None:
 def main() -> None:
     """Measure the pool again and rewrite promises.json: python -m deeptruck_cacc.safety.truck_limits."""
     names = ("trucksim", "freightliner", "volvo")
-    table = {name: measure(load(f"truck:{name}")).to_dict() for name in names}
+    found = {name: measure(load(f"truck:{name}")) for name in names}
+    table = {
+        name: replace(promise, bridged_time_gap=bridged_time_gap(promise)).to_dict()
+        for name, promise in found.items()
+    }
     rounded = {name: {k: round(v, 4) for k, v in row.items()} for name, row in table.items()}
     TABLE.write_text(json.dumps(rounded, indent=1) + "\n")
 

@@ -68,7 +68,7 @@ def test_the_worst_truck_obeys_short_of_the_full_brake(wish, rate):
     genes[:, :2] = 16.0 / 32.0  # own speed and the leader's
     _, pull, wishes, _, _ = np.split(genes[0], 5 + proof.KNOTS * np.arange(4))
     pull[:], wishes[:] = 6.0 / 8.0, wish  # the leader keeps its speed
-    least, _ = proof.rollouts(PROMISE, genes, steps=2, shielded=False)
+    least = proof.rollouts(PROMISE, genes, steps=2, shielded=False).least
     start = PROMISE.needed_gap(column(16.1), column(15.9), column(0.0), 0.0) + PROMISE.gap_error
     lost = PROMISE.dt * max(rate, 0.0) * PROMISE.dt  # the second step begins faster than the leader
     assert least == pytest.approx(start - lost - PROMISE.d_safety, abs=1e-12)
@@ -85,6 +85,50 @@ def test_random_policies_leaders_and_radars_find_no_violation():
     outcome = proof.random_search(PROMISE, 3000)
     assert outcome.violations == 0 and outcome.rollouts == 3000
     assert proof.random_search(PROMISE, 500, shielded=False).violations > 100
+
+
+def test_a_search_finds_a_shield_that_trusts_a_lost_leader_too_long():
+    class Trusting(Promise):
+        """Its leader keeps its speed while it is not seen; the true one does not."""
+
+    trusting = Trusting(unseen_jerk=0.0, track_s=1e6)
+    true = replace(PROMISE, unseen_jerk=6.0)
+    found = 0
+
+    class Believing(Shield):
+        def _bounds(self, *seen):
+            kept, self.promise = self.promise, trusting
+            bounds = super()._bounds(*seen)
+            self.promise = kept
+            return bounds
+
+    original, proof.Shield = proof.Shield, Believing
+    try:
+        found = proof.random_search(true, 3000).violations
+    finally:
+        proof.Shield = original
+    assert found > 0 and proof.random_search(true, 3000).violations == 0
+
+
+def test_it_brakes_no_earlier_than_the_worst_leader_consistent_with_the_track_needs():
+    """Without measurement errors: within soft_m, and what a step's travel may differ by, of equation 4."""
+    exact = replace(PROMISE, gap_error=0.0, speed_error=0.0)
+    outcome = proof.adversarial_search(exact, population=300, generations=8)
+    assert outcome.violations == 0
+    assert 0.0 < outcome.earliest_m < PROMISE.soft_m + 32.0 * PROMISE.dt
+    seen = proof.random_search(PROMISE, 2000).earliest_m  # what errors at their edge cost
+    assert outcome.earliest_m < seen < 20.0
+
+
+@pytest.mark.parametrize("name", ["trucksim", "freightliner", "volvo"])
+def test_a_steady_leader_that_is_lost_for_three_seconds_causes_mild_braking_at_most(name):
+    promise = truck_limits.known(simulators.load(f"truck:{name}").interface)
+    speed = np.arange(5.0, 30.0)
+    assert promise.bridged_s == 3.0 and promise.bridged_time_gap <= 2.0
+    hardest = proof.hardest_braking_when_lost(promise, speed, promise.bridged_time_gap, promise.bridged_s)
+    assert (hardest <= promise.mild_braking + 1e-9).all()
+    near = proof.hardest_braking_when_lost(promise, speed, 1.2, promise.bridged_s)
+    assert near.max() > 2.0
 
 
 def test_adversarial_search_finds_no_violation_and_finds_a_broken_shield():
@@ -129,17 +173,67 @@ def test_it_acts_where_it_adds_a_brake_alone_and_not_where_the_policy_brakes_as_
     assert not shield.acted[0]
 
 
-def test_it_brakes_when_nothing_was_ever_seen_and_soon_when_the_leader_is_lost():
+def test_it_brakes_when_nothing_was_ever_seen():
     shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
     assert shield.filter(nan, nan, column(20.0), column(500.0), column(0.0))[1][0] == 100.0
-    shield.reset()
-    braked_after = None
-    shield.filter(column(50.0), column(20.0), column(20.0), column(500.0), column(0.0))
-    for k in range(40):
-        _, brake = shield.filter(nan, nan, column(20.0), column(500.0), column(0.0))
-        if brake[0] == 100.0 and braked_after is None:
-            braked_after = k * 0.1
-    assert braked_after is not None and braked_after < 3.0
+
+
+def lost(leader: float, gap: float, steps: int, *, braked_s: float = 0.0, braking: float = 0.0) -> np.ndarray:
+    """Brake commands (steps,) at 20 m/s once a leader is lost that was seen at a constant speed for 2 s, then
+    for `braked_s` braking; the gap is the one at the loss."""
+    shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
+    for k in range(-20, round(braked_s / 0.1) + 1):
+        now = leader - 0.1 * max(k, 0) * braking
+        shield.filter(column(gap), column(now), column(20.0), column(500.0), column(0.0))
+    sent = [shield.filter(nan, nan, column(20.0), column(500.0), column(0.0)) for _ in range(steps)]
+    return np.array([brake[0] for _, brake in sent])
+
+
+def test_a_leader_that_is_lost_far_off_or_pulling_away_is_lost_without_braking():
+    assert (lost(leader=20.0, gap=80.0, steps=30) == 0.0).all()
+    assert (lost(leader=26.0, gap=55.0, steps=30) == 0.0).all()
+
+
+def test_a_leader_that_is_lost_near_is_braked_for_mildly_first():
+    """At 45 m it has 9 m left; mild braking begins within ease_m, the full one within soft_m of the limit."""
+    brake = lost(leader=20.0, gap=45.0, steps=30)
+    mild = 100.0 * PROMISE.mild_braking / PROMISE.strongest_braking
+    assert 0.0 < brake[0] < mild and (np.diff(brake[:4]) > 0).all()
+    assert np.flatnonzero(brake > mild)[0] > np.flatnonzero(brake == mild)[0] > 3
+
+
+def test_a_leader_that_was_braking_or_standing_when_it_was_lost_is_braked_for_at_once():
+    far = 70.0
+    assert (lost(leader=20.0, gap=far, steps=10) == 0.0).all()
+    braking = lost(leader=20.0, gap=far, steps=20, braked_s=0.5, braking=6.0)
+    assert np.flatnonzero(braking == 100.0)[0] < 15
+    assert (lost(leader=0.0, gap=far, steps=10)[:1] == 100.0).all()
+
+
+def test_braking_seen_is_that_of_the_leader():
+    """A filtered derivative: 1 - exp(-t / track_s) of a braking that began t ago, plus what errors hide."""
+    shield = Shield(PROMISE, 0.0, 100.0)
+    for k in range(31):
+        shield.filter(column(90.0), column(20.0 - 0.2 * k), column(20.0), column(0.0), column(0.0))
+    hidden = 2 * PROMISE.speed_error / PROMISE.track_s
+    assert shield._seen.leader_braking == pytest.approx(2.0 + hidden, abs=0.01)
+
+
+def test_a_leader_that_comes_back_slower_has_braked_over_the_time_it_was_not_seen():
+    shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
+    for speed in (*[20.0] * 20, *[np.nan] * 10, 18.0):
+        gap = nan if np.isnan(speed) else column(90.0)
+        shield.filter(gap, column(speed), column(20.0), column(0.0), column(0.0))
+    over = PROMISE.track_s + 1.0
+    assert shield._seen.leader_braking == pytest.approx((2.0 + 2 * PROMISE.speed_error) / over)
+    assert shield._seen.unseen_s == 0.0
+
+
+def test_a_silent_speedometer_lets_the_truck_accelerate_by_what_it_can():
+    shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
+    shield.filter(column(300.0), column(20.0), column(20.0), column(0.0), column(0.0))
+    shield.filter(column(300.0), column(20.0), nan, column(0.0), column(0.0))
+    assert shield._seen.speed == pytest.approx(20.1 + 0.1 * 24.0 / 20.1)
 
 
 @pytest.mark.parametrize(("brake", "share"), [(25.0, 0.25), (100.0, 1.0)])
@@ -148,7 +242,7 @@ def test_the_heat_of_a_step_is_by_formula(brake, share):
     shield, per_step = Shield(PROMISE, 0.0, 100.0), 0.1 * share * 7.5 * 20.1
     for _ in range(2):
         shield.filter(column(500.0), column(20.0), column(20.0), column(0.0), column(brake))
-    assert shield._seen[3] == pytest.approx(per_step + per_step - 0.1 * per_step / 900.0)
+    assert shield._seen.heat == pytest.approx(per_step + per_step - 0.1 * per_step / 900.0)
 
 
 def test_hot_brakes_need_more_room():
@@ -156,7 +250,7 @@ def test_hot_brakes_need_more_room():
     for _ in range(600):
         shield.filter(column(500.0), column(20.0), column(20.0), column(0.0), column(20.0))
     cold = PROMISE.needed_gap(column(20.0), column(20.0), column(0.0), 0.1)
-    assert PROMISE.needed_gap(column(20.0), column(20.0), shield._seen[3], 0.1) > cold + 5.0
+    assert PROMISE.needed_gap(column(20.0), column(20.0), shield._seen.heat, 0.1) > cold + 5.0
 
 
 @pytest.fixture(scope="module")
