@@ -14,28 +14,28 @@ def fill(samples: Alignment, stamp: int, gap: float = 40.0, leader_speed: float 
 
 
 def test_lockstep_waits_for_all_four_in_any_order() -> None:
-    samples = Alignment(strict=True, uses_grade=True, lose_lead_after_s=1.0)
+    samples = Alignment(strict=True, uses_grade=True, stale_after_s=0.3)
     for name, value in (("leader_speed", 21.0), ("gap", 40.0), ("grade", 0.01)):
         assert samples.put(name, 100, value) is None
-    assert samples.put("speed", 100, 20.0) == Observation(100, 20.0, 40.0, 21.0, 0.01, True)
+    assert samples.put("speed", 100, 20.0) == Observation(100, 20.0, 40.0, 21.0, 0.01)
 
 
 def test_an_observation_comes_once() -> None:
-    samples = Alignment(strict=True, uses_grade=True, lose_lead_after_s=1.0)
+    samples = Alignment(strict=True, uses_grade=True, stale_after_s=0.3)
     assert [bool(o) for o in fill(samples, 100)] == [False, False, False, True]
     assert not any(fill(samples, 100))
     assert samples.put("speed", 200, 20.0) is None  # the rest of 200 is not here yet
 
 
 def test_without_a_grade_sensor_nobody_waits_for_the_road() -> None:
-    samples = Alignment(strict=True, uses_grade=False, lose_lead_after_s=1.0)
+    samples = Alignment(strict=True, uses_grade=False, stale_after_s=0.3)
     samples.put("speed", 5, 20.0)
     samples.put("gap", 5, 40.0)
-    assert samples.put("leader_speed", 5, 21.0) == Observation(5, 20.0, 40.0, 21.0, 0.0, True)
+    assert samples.put("leader_speed", 5, 21.0) == Observation(5, 20.0, 40.0, 21.0, 0.0)
 
 
 def test_in_real_time_a_radar_sample_takes_the_newest_speed_but_its_own_two_halves_must_match() -> None:
-    samples = Alignment(strict=False, uses_grade=True, lose_lead_after_s=1.0)
+    samples = Alignment(strict=False, uses_grade=True, stale_after_s=0.3)
     samples.put("speed", 90, 19.0)
     samples.put("gap", 100, 40.0)
     assert samples.put("leader_speed", 99, 21.0) is None
@@ -43,18 +43,24 @@ def test_in_real_time_a_radar_sample_takes_the_newest_speed_but_its_own_two_halv
     assert seen is not None and (seen.speed, seen.leader_speed) == (19.0, 21.5)
 
 
-def test_a_dropout_is_nan_and_after_a_while_there_is_no_lead() -> None:
-    samples = Alignment(strict=True, uses_grade=True, lose_lead_after_s=1.0)
-    assert not fill(samples, 0, math.inf, math.nan)[-1].lead  # never detected
-    assert fill(samples, 1)[-1].lead
-    lost = fill(samples, SECOND, math.inf, math.nan)[-1]
-    assert lost.lead and math.isnan(lost.gap) and math.isnan(lost.leader_speed)
-    assert not fill(samples, SECOND + 2, math.inf, math.nan)[-1].lead
-    assert fill(samples, SECOND + 3)[-1].lead
+def test_a_dropout_is_nan_and_half_a_reading_is_one() -> None:
+    samples = Alignment(strict=True, uses_grade=True, stale_after_s=0.3)
+    for stamp, (gap, leader) in enumerate([(math.inf, math.nan), (40.0, math.nan), (math.inf, 20.0)]):
+        lost = fill(samples, stamp, gap, leader)[-1]
+        assert math.isnan(lost.gap) and math.isnan(lost.leader_speed)
+
+
+def test_a_radar_that_is_late_is_none_in_real_time() -> None:
+    samples = Alignment(strict=False, uses_grade=True, stale_after_s=0.3)
+    samples.put("speed", SECOND, 20.0)
+    for late, is_taken in ((0.31, False), (0.29, True)):
+        stamp = round((1.0 - late) * SECOND)
+        samples.put("gap", stamp, 40.0)
+        assert (samples.put("leader_speed", stamp, 21.0) is not None) is is_taken
 
 
 def test_an_invalid_grade_counts_as_flat() -> None:
-    samples = Alignment(strict=False, uses_grade=True, lose_lead_after_s=1.0)
+    samples = Alignment(strict=False, uses_grade=True, stale_after_s=0.3)
     samples.put("grade", 1, math.nan)
     samples.put("speed", 1, 20.0)
     samples.put("gap", 1, 40.0)

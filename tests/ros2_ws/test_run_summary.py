@@ -10,11 +10,11 @@ from deeptruck_nodes.run_summary import Signals
 TIME = 0.1 * np.arange(101)
 
 
-def run(gap: float = 20.0, stamps: np.ndarray = TIME) -> Signals:
+def run(gap: float = 20.0, stamps: np.ndarray = TIME, **counts: int) -> Signals:
     gaps = np.full(101, gap)
     gaps[0] = np.nan  # nothing seen yet
     engaged = ((TIME > 0.95) & (TIME < 5.95) | (TIME > 7.95)).astype(float)
-    return Signals((TIME, gaps), (TIME, engaged), stamps)
+    return Signals((TIME, gaps), (TIME, engaged), stamps, counts)
 
 
 def test_gap_control_and_hand_backs() -> None:
@@ -23,6 +23,13 @@ def test_gap_control_and_hand_backs() -> None:
         "in control 7 of 10 s, handed back 1 time",
     ]
     assert run_summary.sentences(run(-0.5), real_time=True)[0] == "smallest gap 0.0 m, 1 crash"
+
+
+def test_what_the_controller_counted_is_said() -> None:
+    found = run_summary.sentences(run(drop_outs=3, shield_interventions=1, full_brakings=0), real_time=True)
+    assert found[-1] == (
+        "the radar lost the leader 3 times, the shield acted 1 time, the truck was braked fully 0 times"
+    )
 
 
 @pytest.mark.parametrize(("real_time", "says"), [(True, "late by up to 120 ms, 1 time"), (False, "")])

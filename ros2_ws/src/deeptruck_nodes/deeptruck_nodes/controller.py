@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 import time
+from dataclasses import dataclass
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState, Range
 
+from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.safety.guard import load_controller
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import messages
@@ -17,6 +19,21 @@ from deeptruck_nodes.messages import SECOND, nanoseconds
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.observation import Alignment, Observation
 from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
+
+EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
+FULL = 0.95  # of the highest brake command: full braking
+
+
+@dataclass
+class Event:
+    """Counts how often something begins."""
+
+    count: int = 0
+    holds: bool = False
+
+    def now(self, holds: bool) -> None:
+        self.count += holds and not self.holds
+        self.holds = holds
 
 
 class Controller(DeeptruckNode):
@@ -33,18 +50,21 @@ class Controller(DeeptruckNode):
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
         self._guard = load_controller(self.p["policy"], interface, shield=self.p["shield"])
         self._guard.reset()
-        self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["lose_lead_after_s"])
+        self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"])
         self._period = round(self._guard.dt * SECOND)
         self._acts_from = 0
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
         self._held = (math.nan, math.nan)
+        self._leads = False  # there is something to follow
         self._simulated = "truck_sim" in self.p["peers"]
         self._bridge_engaged, self._bridge_engaged_at = (
             False,
             -math.inf,
         )  # the bridge's engaged bit; monotonic, s
         self._received = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
-        self._counts = {"shield_acted": 0, "baseline_drove": 0}
+        self._brake_high = ActionScale.of(self._guard).brake_high
+        self._counts = {"shield_acted": 0, "baseline_drove": 0}  # steps
+        self._events = {name: Event() for name in EVENTS}
         self._command = self.publish_on(COMMAND)
         self.listen_to(ROAD, self._on_road)
         self.listen_to(RADAR_RANGE, self._on_range)
@@ -101,7 +121,7 @@ class Controller(DeeptruckNode):
         self._take("grade", nanoseconds(message.header.stamp), grade)
 
     def _on_range(self, message: Range) -> None:
-        self._take("gap", nanoseconds(message.header.stamp), message.range)
+        self._take("gap", nanoseconds(message.header.stamp), messages.detected(message))
 
     def _on_radar_twist(self, message: TwistStamped) -> None:
         self._received["radar"] = time.monotonic()
@@ -118,18 +138,18 @@ class Controller(DeeptruckNode):
         if observation is None or (not self.lockstep and self._is_stale("speed")):
             return
         self._observed_at = time.monotonic()
+        events = sum(event.count for event in self._events.values())
         if observation.stamp >= self._acts_from:
             self._acts_from = observation.stamp + self._period * 9 // 10  # stamps may jitter
             self._held = self._act(observation)
         self._send(observation.stamp)
-        level, says = ("ok", "following") if observation.lead else ("warn", "nothing to follow: no command")
-        self.diagnose(observation.stamp, level, says, {**self._counts, "gap_m": observation.gap})
+        level, says = ("ok", "following") if self._leads else ("warn", "nothing to follow: no command")
+        counts = {**self._counts, **{name: event.count for name, event in self._events.items()}}
+        values = {**counts, "gap_m": observation.gap}
+        self.diagnose(observation.stamp, level, says, values, at_once=sum(counts[n] for n in EVENTS) > events)
 
     def _act(self, seen: Observation) -> tuple[float, float]:
         """The guarded policy's command; NaN, which nobody obeys, where there is nothing to follow."""
-        if not seen.lead:
-            self._guard.reset()
-            return math.nan, math.nan
         numbers = {
             "leader_speed": seen.leader_speed,
             "speed": seen.speed,
@@ -138,8 +158,18 @@ class Controller(DeeptruckNode):
             "grade": seen.grade,
         }
         engine, brake = self._guard.act({name: np.array([value]) for name, value in numbers.items()})
-        self._counts["shield_acted"] += int(self._guard.acted[0])
-        self._counts["baseline_drove"] += int(self._guard.handed_over[0])
+        led = self._leads
+        self._leads = bool(self._guard.unseen_s[0] <= self.p["lose_lead_after_s"] + 1e-6)
+        self._leads &= not self._guard.speed_is_silent[0]
+        acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
+        if not self._leads:
+            self._guard.reset()
+            engine, brake, acted, braking = np.array([math.nan]), np.array([math.nan]), False, False
+        self._counts["shield_acted"] += int(acted)
+        self._counts["baseline_drove"] += int(self._leads and self._guard.handed_over[0])
+        self._events["drop_outs"].now((led or self._leads) and math.isnan(seen.gap))
+        self._events["shield_interventions"].now(acted)
+        self._events["full_brakings"].now(braking)
         return float(engine[0]), float(brake[0])
 
 

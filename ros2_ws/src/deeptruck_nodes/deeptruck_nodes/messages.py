@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from builtin_interfaces.msg import Time
@@ -76,6 +77,11 @@ def numbers(message: TwistStamped | AccelStamped | JointState | Range) -> dict[s
     if isinstance(message, AccelStamped):
         return {"accel.linear.x": message.accel.linear.x}
     return {"twist.linear.x": message.twist.linear.x}
+
+
+def detected(message: Range) -> float:
+    """A radar's distance, m; NaN where it detected nothing or is outside of what it can measure (REP 117)."""
+    return message.range if message.min_range <= message.range <= message.max_range else math.nan
 
 
 def radar_range(stamp: int, gap: float, reach: float) -> Range:

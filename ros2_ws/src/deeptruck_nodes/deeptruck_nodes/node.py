@@ -86,9 +86,12 @@ class DeeptruckNode(Node):
     def close(self) -> None:
         """Leave in order: called once, while messages can still be sent."""
 
-    def diagnose(self, stamp: int, level: str, says: str, values: Mapping[str, object]) -> None:
-        """Publish this node's health, at most once a second of stamps, so that lock-step repeats itself."""
-        if self.diagnosis_is_due(stamp):
+    def diagnose(
+        self, stamp: int, level: str, says: str, values: Mapping[str, object], *, at_once: bool = False
+    ) -> None:
+        """Publish this node's health, at most once a second of stamps, so that lock-step repeats itself;
+        `at_once`: now, because something happened."""
+        if at_once or self.diagnosis_is_due(stamp):
             self._diagnosed = stamp // SECOND
             self._diagnostics.publish(messages.diagnostics(stamp, self.get_name(), level, says, values))
 

@@ -1,4 +1,4 @@
-"""What the controller knows: the newest consistent radar and truck samples, and whether there is a lead."""
+"""What the controller knows: the newest consistent radar and truck samples."""
 
 from __future__ import annotations
 
@@ -10,31 +10,28 @@ SECOND = 1_000_000_000  # ns
 
 @dataclass(frozen=True)
 class Observation:
-    """One sample in SI units; gap and leader speed are NaN where the radar detected nothing.
-
-    `lead` is False when it has detected nothing for so long that there is nothing to follow.
-    """
+    """One sample in SI units; gap and leader speed are NaN where the radar detected nothing."""
 
     stamp: int
     speed: float
     gap: float
     leader_speed: float
     grade: float
-    lead: bool
 
 
 class Alignment:
     """Collects samples by their stamps.
 
     A radar sample is complete when range and speed carry the same stamp. In lock-step (`strict`) the truck's
-    speed, and its grade where it has one, must carry that stamp too; in real time the newest ones count.
+    speed, and its grade where it has one, must carry that stamp too; in real time the newest ones count, and
+    a radar sample that is older than the newest speed by more than `stale_after_s` is none.
     """
 
-    def __init__(self, strict: bool, uses_grade: bool, lose_lead_after_s: float) -> None:
-        self._strict, self._uses_grade, self._patience = strict, uses_grade, lose_lead_after_s
+    def __init__(self, strict: bool, uses_grade: bool, stale_after_s: float) -> None:
+        self._strict, self._uses_grade = strict, uses_grade
+        self._oldest = round(stale_after_s * SECOND)
         self._latest: dict[str, tuple[int, float]] = {}
         self._taken = -1
-        self._detected = -math.inf  # stamp of the last detection
 
     def put(self, name: str, stamp: int, value: float) -> Observation | None:
         """File a speed, gap, leader_speed or grade. Returns the observation it completes, once each."""
@@ -47,15 +44,14 @@ class Alignment:
             needed += ["speed", "grade"] if self._uses_grade else ["speed"]
         if stamp <= self._taken or any(self._latest.get(n, (-1,))[0] != stamp for n in needed):
             return None
+        if stamp < self._latest["speed"][0] - self._oldest:
+            return None
         self._taken = stamp
         return self._observe(stamp, gap)
 
     def _observe(self, stamp: int, gap: float) -> Observation:
         speed, leader_speed = self._latest["speed"][1], self._latest["leader_speed"][1]
         grade = self._latest.get("grade", (0, 0.0))[1]
-        if math.isfinite(gap) and math.isfinite(leader_speed):
-            self._detected = stamp
-        else:
+        if not (math.isfinite(gap) and math.isfinite(leader_speed)):
             gap = leader_speed = math.nan
-        lead = stamp - self._detected <= self._patience * SECOND
-        return Observation(stamp, speed, gap, leader_speed, grade if math.isfinite(grade) else 0.0, lead)
+        return Observation(stamp, speed, gap, leader_speed, grade if math.isfinite(grade) else 0.0)

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 LEADER, ENGAGED, CLOCK = "/leader/state", "/truck/engaged", "/truck/twist"
+DIAGNOSTICS, CONTROLLER = "/diagnostics", "controller"
+COUNTED = {  # what the controller counts, as the last line names it
+    "drop_outs": "the radar lost the leader",
+    "shield_interventions": "the shield acted",
+    "full_brakings": "the truck was braked fully",
+}
 LATE_S = 0.05  # beyond the usual period: half a step of the controller
 Array = NDArray[np.float64]
 
@@ -20,6 +28,7 @@ class Signals:
     gap: tuple[Array, Array]
     engaged: tuple[Array, Array]
     stamps: Array
+    counts: Mapping[str, int] = field(default_factory=dict)  # of COUNTED
 
 
 def of(bag: Path, *, real_time: bool) -> list[str]:
@@ -40,20 +49,23 @@ def sentences(run: Signals, *, real_time: bool) -> list[str]:
         passed = np.diff(times)
         held = float(passed[engaged[:-1] > 0.5].sum())
         back = int(np.sum((engaged[:-1] > 0.5) & (engaged[1:] <= 0.5)))
-        said.append(
-            f"in control {held:.0f} of {float(passed.sum()):.0f} s, "
-            f"handed back {back} time{'' if back == 1 else 's'}"
-        )
+        said.append(f"in control {held:.0f} of {float(passed.sum()):.0f} s, handed back {_times(back)}")
+    if run.counts:
+        said.append(", ".join(f"{COUNTED[name]} {_times(count)}" for name, count in run.counts.items()))
     steps = np.diff(run.stamps)
     if real_time and len(steps):
         late = steps - np.median(steps)
         many = int(np.sum(late > LATE_S))
         if many:
             said.append(
-                f"this machine was late by up to {1000 * float(late.max()):.0f} ms, {many} "
-                f"time{'' if many == 1 else 's'}: the run was not in real time there"
+                f"this machine was late by up to {1000 * float(late.max()):.0f} ms, {_times(many)}: "
+                "the run was not in real time there"
             )
     return said
+
+
+def _times(count: int) -> str:
+    return f"{count} time{'' if count == 1 else 's'}"
 
 
 def _read(bag: Path) -> Signals:
@@ -63,9 +75,13 @@ def _read(bag: Path) -> Signals:
     from rosbags.typesys import Stores, get_typestore
 
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-        connections = [c for c in reader.connections if c.topic in found]
+        counts: dict[str, int] = {}
+        connections = [c for c in reader.connections if c.topic in found or c.topic == DIAGNOSTICS]
         for connection, _, data in reader.messages(connections):
             message = reader.deserialize(data, connection.msgtype)
+            if connection.topic == DIAGNOSTICS:
+                counts = _counts(message) or counts
+                continue
             time = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             value = 0.0 if connection.topic == CLOCK else float(message.position[0])
             found[connection.topic].append((time, value))
@@ -74,4 +90,16 @@ def _read(bag: Path) -> Signals:
         (columns[LEADER][0], columns[LEADER][1]),
         (columns[ENGAGED][0], columns[ENGAGED][1]),
         columns[CLOCK][0],
+        counts,
     )
+
+
+def _counts(message: Any) -> dict[str, int]:
+    """What the controller has counted, of a DiagnosticArray; empty of another node's."""
+    said = {
+        value.key: value.value
+        for status in message.status
+        if status.hardware_id == CONTROLLER
+        for value in status.values
+    }
+    return {name: int(said[name]) for name in COUNTED if name in said}
