@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 import typer
-from deeptruck_nodes import replay_recording, start_simulation, start_vehicle
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import deeptruck_cacc.cli
 import truck_bridge.cli
 from deeptruck_model import cli, console
+from deeptruck_nodes import replay_recording, start_simulation, start_vehicle
 
 
 def _alone(command: Any) -> typer.Typer:

@@ -15,14 +15,14 @@ from types import ModuleType
 import pytest
 import typer
 import yaml
-from deeptruck_nodes.parameters import schema
-from deeptruck_nodes.topics import TOPICS
 from typer.main import get_command
 
 import deeptruck_cacc.cli
 import deeptruck_model.cli
 import truck_bridge.cli
 from deeptruck_model.cli import spread
+from deeptruck_nodes.parameters import schema
+from deeptruck_nodes.topics import TOPICS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deeptruck_model import console, files
-from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
+from deeptruck_model.progress_steps import progress
 
 if TYPE_CHECKING:
     from deeptruck_cacc.controllers.policy import MlpPolicy

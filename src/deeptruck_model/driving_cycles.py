@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
@@ -243,6 +244,8 @@ def drive(
     filters is driven step by step, slower.
     """
     settings = settings or CycleSettings()
+    calls.instance(truck, PhysicsTruck, "truck", "trucks.load('trucksim') makes one")
+    hours, seconds = calls.number(hours, "hours", "h"), calls.number(seconds, "seconds", "s")
     total, dt = 3600.0 * hours + seconds, truck.dt
     rng = np.random.default_rng(seed)
     targets = speed_profile(total, seed=rng, dt=dt, settings=settings.speed)

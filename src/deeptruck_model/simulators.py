@@ -15,9 +15,10 @@ from typing import Any, Protocol, cast, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import reading
+from deeptruck_model import calls, reading
 from deeptruck_model.checks import KINDS, MANIFEST, SCHEMES
 from deeptruck_model.checks import manifest as read_manifest
+from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
 __all__ = [
@@ -86,12 +87,16 @@ class Simulator(MinimalSimulator, Protocol):
         ...
 
 
-def completed(simulator: MinimalSimulator) -> Simulator:
-    """A simulator with what it may leave out; one that has all is returned as it is.
+def completed(simulator: MinimalSimulator | str | Path) -> Simulator:
+    """A simulator with what it may leave out; one that has all is returned as it is, a name is loaded.
 
     Without `force` it starts anew at each recorded response, and keeps no gear or pressure over it. Raises
-    InputError for an object that is no simulator, with what it lacks.
+    InputError for an object that is no simulator, with what it lacks, and as `load` does.
     """
+    if isinstance(simulator, str | Path):
+        return load(simulator)
+    if isinstance(simulator, type):
+        raise InputError(f"{simulator.__name__} is a class; give a simulator that it makes")
     if isinstance(simulator, Simulator):
         return simulator
     from deeptruck_model.outside.truck import adapted
@@ -147,6 +152,7 @@ def load(path: str | Path) -> Simulator:
 
     Raises InputError when there is no such truck, the directory has no manifest, or a file is damaged.
     """
+    calls.path(path, "a simulator")
     scheme, _, rest = str(path).partition(":")
     schemes = _registered(SCHEMES)
     if rest and scheme in schemes:

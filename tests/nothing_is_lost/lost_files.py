@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from deeptruck_nodes import bag_place
-
 from deeptruck_cacc.closed_loop_benefit.plan import BENEFIT
 from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.evaluation import output
@@ -21,6 +19,7 @@ from deeptruck_exam.folder import CASE, CLASSIFIER, PROOF, REAL
 from deeptruck_model import results
 from deeptruck_model.files import LEDGER, Result, unfinished
 from deeptruck_model.mismatch import folders
+from deeptruck_nodes import bag_place
 from examples.demo import drives, real
 
 RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP, BENEFIT)

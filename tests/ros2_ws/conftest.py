@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from deeptruck_nodes import environment
 
 from deeptruck_model.errors import InputError
+from deeptruck_nodes import environment
 
 sys.path.append(str(Path(__file__).parent))  # page_browser.py stands beside the tests
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"

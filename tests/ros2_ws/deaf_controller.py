@@ -4,6 +4,7 @@ import sys
 import time
 
 import rclpy
+
 from deeptruck_nodes import messages
 from deeptruck_nodes.topics import COMMAND, CONTROL_QOS, RADAR_RANGE
 

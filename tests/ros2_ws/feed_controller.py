@@ -9,9 +9,10 @@ import sys
 import time
 
 import rclpy
+from sensor_msgs.msg import JointState
+
 from deeptruck_nodes import messages
 from deeptruck_nodes.topics import COMMAND, CONTROL_QOS, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
-from sensor_msgs.msg import JointState
 
 DRIVES, LISTENS, PERIOD = 2.0, 4.0, 0.2  # s
 TOLD, ENGAGED_PERIOD_S = (0.5, 1.3), 0.05  # s

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from deeptruck_nodes import bag_place
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter, repair
+from deeptruck_nodes import bag_place
 
 
 def recorded(bag: Path, says: str = "old") -> None:

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from deeptruck_nodes import parameters
 
 PACKAGE = Path(__file__).parents[2] / "ros2_ws" / "src" / "deeptruck_nodes"

@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from deeptruck_nodes import environment
 
 from deeptruck_model.errors import InputError
+from deeptruck_nodes import environment
 
 
 @pytest.mark.parametrize("text", ["102", "-1", "x", "1.5"])

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from deeptruck_nodes import run_checks
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -17,6 +16,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import adapt
 from deeptruck_model.recordings import read
 from deeptruck_model.signals import TruckInterface
+from deeptruck_nodes import run_checks
 
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--lockstep", "--duration", 40)
 LEADER = ("--leader", "sine:speed=18,amplitude=2,period=30", "--road", "sine:grade=0.01,length=900")

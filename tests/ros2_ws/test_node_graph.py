@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from deeptruck_nodes import environment, lifeline
-from deeptruck_nodes.messages import SECOND
-from deeptruck_nodes.recorder import header_stamp
-from deeptruck_nodes.topics import RECORDED
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from deeptruck_model import recordings
 from deeptruck_model.recordings.bag_source import BagSource
+from deeptruck_nodes import environment, lifeline
+from deeptruck_nodes.messages import SECOND
+from deeptruck_nodes.recorder import header_stamp
+from deeptruck_nodes.topics import RECORDED
 
 RECORDED_BYTES = 50_000  # by which every topic has been recorded
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc")

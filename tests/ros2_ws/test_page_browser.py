@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import page_browser
 import pytest
-from deeptruck_nodes.messages import SECOND
-from deeptruck_nodes.recorder import header_stamp
 from page_browser import Page
 
 from deeptruck_model.recordings.bag_source import BagSource
+from deeptruck_nodes.messages import SECOND
+from deeptruck_nodes.recorder import header_stamp
 
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc")
 RATE = 50  # Hz

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import page_browser
 import pytest
-from deeptruck_nodes.page import assets
-from deeptruck_nodes.page.live import Link, Live
-from deeptruck_nodes.page.server import Server, Stream
 from page_browser import Page
 
 from deeptruck_model.pages import local
+from deeptruck_nodes.page import assets
+from deeptruck_nodes.page.live import Link, Live
+from deeptruck_nodes.page.server import Server, Stream
 
 pytestmark = pytest.mark.skipif(
     page_browser.CHROMIUM is None, reason="no chromium here; install it (apt-get install chromium) to look"

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 import pytest
+
 from deeptruck_nodes.page.live import Ages, Link, Live
 
 SECOND = 1_000_000_000

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from deeptruck_nodes import environment
 
 from deeptruck_model.recordings.bag_source import BagSource
+from deeptruck_nodes import environment
 
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--leader", "sine", "--lockstep")
 

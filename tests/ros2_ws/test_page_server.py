@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 import pytest
-from deeptruck_nodes.page import assets, place
-from deeptruck_nodes.page.server import ROOM, Server, Stream, Viewer
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.pages import local
 from deeptruck_model.pages.local import CONNECTIONS, PATIENCE
+from deeptruck_nodes.page import assets, place
+from deeptruck_nodes.page.server import ROOM, Server, Stream, Viewer
 
 LONG = 60.0  # s; on a busy machine
 Reply = tuple[int, dict[str, str], bytes]

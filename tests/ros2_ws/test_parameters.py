@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from deeptruck_nodes import parameters
 
 from deeptruck_model.errors import InputError
+from deeptruck_nodes import parameters
 
 NODES = [name for name in parameters.schema() if name != "common"]
 

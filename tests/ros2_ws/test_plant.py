@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import pytest
-from deeptruck_nodes import roads
-from deeptruck_nodes.plant import Plant
-from deeptruck_nodes.truck_sim import ticks_a_step
 
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
+from deeptruck_nodes import roads
+from deeptruck_nodes.plant import Plant
+from deeptruck_nodes.truck_sim import ticks_a_step
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
+
+from deeptruck_cacc.environments.hard_scenes import long_following
 from deeptruck_nodes import leaders
 from deeptruck_nodes.radar import Gap, Radar, RadarErrors
 from deeptruck_nodes.runs import RADARS
-
-from deeptruck_cacc.environments.hard_scenes import long_following
 
 
 def readings(errors: RadarErrors, seed: int = 1, seconds: float = 100.0, dt: float = 0.1) -> np.ndarray:

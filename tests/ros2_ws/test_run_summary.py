@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from deeptruck_nodes import run_summary
 from deeptruck_nodes.run_summary import Signals
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from deeptruck_nodes import bag_place, leaders, runs, start_simulation
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.pages import local
 from deeptruck_model.recordings import CrashSafeWriter
+from deeptruck_nodes import bag_place, leaders, runs, start_simulation
 
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 

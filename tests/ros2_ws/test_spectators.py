@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from deeptruck_nodes import supervisor
 from deeptruck_nodes.environment import DOMAIN, ENDED
 from deeptruck_nodes.supervisor import REVIVALS, Program, Supervisor

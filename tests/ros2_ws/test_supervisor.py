@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from deeptruck_nodes.environment import DOMAIN
 from deeptruck_nodes.supervisor import Program, Supervisor
 

@@ -13,8 +13,8 @@ import typer
 
 from deeptruck_model import checks, files, reading, results
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, mapped, show_accounts
-from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
+from deeptruck_model.progress_steps import progress
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Suggestion, TableSuggestion

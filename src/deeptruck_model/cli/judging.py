@@ -20,8 +20,8 @@ from deeptruck_model.cli.inputs import (
     mapped,
     read,
 )
-from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
+from deeptruck_model.progress_steps import progress
 from deeptruck_model.signals import printed, sensible
 
 if TYPE_CHECKING:

@@ -20,9 +20,9 @@ from deeptruck_model.cli.inputs import (
     mapped,
     show_accounts,
 )
-from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
+from deeptruck_model.progress_steps import progress
 from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 
 if TYPE_CHECKING:

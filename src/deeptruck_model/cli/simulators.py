@@ -11,11 +11,11 @@ import typer
 
 from deeptruck_model import checks, files, results
 from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, MessageFiles, Overwrite, TopicMap, mapped
-from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import is_outside, made, refer
 from deeptruck_model.outside.truck import lacks
+from deeptruck_model.progress_steps import progress
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.calibration import Calibration

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_model import calls
 from deeptruck_model.checks import Clock
 from deeptruck_model.compare import sides, statistics
 from deeptruck_model.compare.alignment import By, Offset, Road, offset, road
@@ -55,6 +56,10 @@ def compare(
     `given` are offsets in s by the names of sides, in place of those that agree best. Raises InputError as
     `recordings.read`, and for a name that is none.
     """
+    if isinstance(texts, str) or not isinstance(texts, Sequence) or len(texts) < 2:
+        raise InputError(
+            f"give two sides or more to compare, as a list of bags or 'SIM@BAG', not {calls.shown(texts)}"
+        )
     loaded = sides.load(texts, STEP_S, topic_map, clock, msg)
     unknown = set(given or ()) - {s.name for s in loaded[1:]}
     if unknown:

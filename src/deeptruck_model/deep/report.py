@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from deeptruck_model import calls
 from deeptruck_model.deep import remarks
 from deeptruck_model.deep.evaluation import (
     CONSTANT,
@@ -26,6 +27,7 @@ from deeptruck_model.deep.remarks import is_deep
 from deeptruck_model.pages.document import Part, Picture, Table, document
 from deeptruck_model.pages.style import MODELLED, RECORDED, WIDTH_IN, png, styled
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.given import Drives, drives
 from deeptruck_model.results import EVALUATION
 from deeptruck_model.signals import CHANNELS, SPEED, printed, sensible
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
@@ -34,8 +36,8 @@ LABELS = {"acceleration": "acceleration", "speed": "speed", "fuel_rate": "fuel r
 
 
 def evaluate(
-    simulator: MinimalSimulator,
-    recordings: Sequence[Recording],
+    simulator: MinimalSimulator | str | Path,
+    recordings: Drives,
     out: str | Path,
     count: int = TRIALS,
     horizon_s: float = HORIZON_S,
@@ -47,11 +49,16 @@ def evaluate(
     """Open-loop error statistics of any simulator: metrics.json, PNG figures and a page of both in `out`.
 
     All of them or none. An older evaluation there is replaced with `overwrite` only. `named` is what the page
-    calls the simulator.
+    calls the simulator. A simulator may be named as `load` does, recordings by paths of bags.
     """
+    folder = calls.path(out, "out")
+    calls.integer(count, "count", 1)
+    calls.integer(seed, "seed")
+    calls.number(horizon_s, "horizon_s", "s")
     simulator = completed(simulator)
-    with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
-        return evaluate_into(draft, simulator, recordings, count, horizon_s, seed, named)
+    known = drives(recordings, rate_hz=1.0 / simulator.dt)
+    with EVALUATION.replacing(folder, overwrite=overwrite) as draft:
+        return evaluate_into(draft, simulator, known, count, horizon_s, seed, named)
 
 
 def evaluate_into(

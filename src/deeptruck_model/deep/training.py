@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
-from deeptruck_model import files, simulators
+from deeptruck_model import calls, files, simulators
 from deeptruck_model.deep import card, coverage, remarks, resume
 from deeptruck_model.deep.arguments import FUEL, PAPER_FUEL, Arguments
 from deeptruck_model.deep.data import FloatArray, Scales, Sequences, loss_weights
@@ -35,6 +35,7 @@ from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
 from deeptruck_model.progress_bar import bar, board
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.given import Drives, drives
 from deeptruck_model.results import DEEP_TRUCK
 from deeptruck_model.simulators import read_manifest
 
@@ -47,7 +48,7 @@ class DivergedError(InputError):
 
 @threadpool_limits.wrap(limits=1)  # the matrices are small: a second thread only waits, at full load
 def train(
-    recordings: Sequence[Recording],
+    recordings: Drives,
     out: str | Path,
     arguments: Arguments = Arguments(),
     resumes: bool = False,
@@ -56,13 +57,16 @@ def train(
 ) -> DeepTruck:
     """Train on `recordings`, write the simulator directory `out`, return it as read back from there.
 
+    Recordings may be named by paths of bags.
     `observe` is called with the updates done and the network after every round. Same data, arguments and
     machine give the same weights, resumed after a kill or not. What a killed run left is gone on with by
     `resumes`; `overwrite` sets it aside and begins anew, and replaces an older deep truck once the new one is
     whole. Raises InputError for data that cannot be trained on, an `out` that is something else, or a resume
     of another run.
     """
-    began, out = time.monotonic(), Path(out)
+    began, out = time.monotonic(), calls.path(out, "out")
+    calls.instance(arguments, Arguments, "arguments", "such as Arguments(hidden=32)")
+    recordings = drives(recordings)
     if not resumes:
         DEEP_TRUCK.check_start(out, overwrite=overwrite)
     DEEP_TRUCK.check(out, overwrite=True)  # whether it is this run's own is known with the data

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from deeptruck_model import calls
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
@@ -20,6 +22,8 @@ from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.given import Drives
+from deeptruck_model.recordings.given import drives as known
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 
 FIRST_S = 300.0
@@ -47,12 +51,15 @@ def with_constant(simulator: Simulator, acceleration: float) -> CorrectedTruck:
     return CorrectedTruck(simulator, [Term(CONSTANT, Static(), (-acceleration / GRAVITY,))], {}, None, True)
 
 
-def adapt(simulator: MinimalSimulator, recordings: Sequence[Recording], first_s: float = FIRST_S) -> Adapted:
+def adapt(simulator: MinimalSimulator | str | Path, recordings: Drives, first_s: float = FIRST_S) -> Adapted:
     """The simulator adapted to the drive that the recordings are the pieces of, by its first `first_s`.
 
-    Raises InputError where they do not belong to the simulator, or hold no free run.
+    The simulator may be named as `load` does, the drive by the path of its bag. Raises InputError where they
+    do not belong to each other, or hold no free run.
     """
+    calls.number(first_s, "first_s", "s")
     simulator = completed(simulator)
+    recordings = known(recordings, rate_hz=1.0 / simulator.dt)
     drives = begin(simulator, recordings, first_s)
     horizon_s = horizon(drives)
     plain, moved = free_runs([(simulator, drives), (with_constant(simulator, STEP), drives)], horizon_s)

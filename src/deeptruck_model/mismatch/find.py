@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,6 +14,7 @@ from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import decide, unrecorded
 from deeptruck_model.mismatch.budget import budget
+from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.classify import classify
 from deeptruck_model.mismatch.comparison import Compared, Uncompared
 from deeptruck_model.mismatch.data.prepared import too_little
@@ -29,8 +31,10 @@ from deeptruck_model.mismatch.road import road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.validate import validate
 from deeptruck_model.mismatch.witnesses import witnesses
+from deeptruck_model.progress_steps import steps
 from deeptruck_model.recordings import Recording
-from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
+from deeptruck_model.recordings.given import Drives
+from deeptruck_model.simulators import MinimalSimulator, Simulator
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 NO_VEHICLE = 0.01  # of the samples: more is no jolt
@@ -42,30 +46,36 @@ OTHER_GEAR = "the simulator drives in another gear than was recorded or follows 
 
 
 def find_mismatch(
-    simulator: MinimalSimulator,
-    recordings: Sequence[Recording],
-    held_out: Sequence[Recording] = (),
+    simulator: MinimalSimulator | str | Path,
+    recordings: Drives,
+    held_out: Drives = (),
     *,
     seed: int = 0,
     exclude: Sequence[str] = (),
     without: Sequence[Span] = (),
-    say: Callable[[str], None] = lambda step: None,
+    say: Callable[[str], None] | None = None,
     rules: Rules = Rules(),
     mass_kg: float | None = None,
 ) -> Mismatch:
     """Compare a simulator with recordings. On data that are merely poor the verdict is `undetermined`.
 
+    A simulator may be named as `load` does, recordings by paths of bags. `say` is called with each step;
+    without it a terminal shows them.
+
     `exclude` leaves effects out of the library, `without` rows of the recordings. `mass_kg` is the mass of
     a simulator that does not state its own: without it forces are per kilogram. Raises InputError where
-    simulator and recordings do not belong together, for an effect that does not exist, and for a mass that is
-    impossible or not the simulator's.
+    simulator and recordings do not belong together, for a held-out drive that is fitted too, for an effect
+    that does not exist, and for a mass that is impossible or not the simulator's.
     """
-    simulator = completed(simulator)
+    truck, fit, held = called(
+        simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
+        mass_kg=mass_kg,
+    )  # fmt: skip
     check_excluded(exclude)
-    _check_mass(simulator, mass_kg)
-    with threadpool_limits(1):
+    _check_mass(truck, mass_kg)
+    with threadpool_limits(1), steps(say, "checking the data") as say:
         c = compared(
-            simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say,
+            truck, fit, held, seed=seed, exclude=exclude, without=without, say=say,
             rules=rules, mass_kg=mass_kg,
         )  # fmt: skip
         if isinstance(c, Uncompared):
@@ -74,8 +84,8 @@ def find_mismatch(
         seen_by = witnesses(c.search, c.drives.prepared, c.budget, rules)
 
         say("correcting the simulator and driving it free")
-        made = correct(simulator, c.search, c.names, rules)
-        driven = validate(simulator, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
+        made = correct(truck, c.search, c.names, rules)
+        driven = validate(truck, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
         verdict = decide.decide(c, slow_road, seen_by, made, driven, rules)
     evidence = replace(c.search.e.everywhere(), residual=c.residual)  # of the simulator as given
     offered = verdict.fit.offered if verdict.fit is not None else AS_GIVEN

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deeptruck_model import simulators
+from deeptruck_model import calls, simulators
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import (
@@ -27,13 +27,14 @@ from deeptruck_model.results import FOUND
 
 def summary(mismatch: Mismatch) -> list[str]:
     """What the terminal and the page begin with, as sentences."""
-    return lines.lines(mismatch.result)
+    found = calls.instance(mismatch, Mismatch, "what is to be summed up", "find_mismatch returns one")
+    return lines.lines(found.result)
 
 
 def read(folder: str | Path) -> Verdict:
     """The verdict that `write`, or 'deeptruck-model mismatch', wrote into a folder, without the forces along
     the drives. Raises InputError where there is none, or it is damaged."""
-    folder = Path(folder)
+    folder = calls.path(folder, "the folder")
     verdict = read_verdict(folder)
     try:
         return Verdict.read(verdict)
@@ -47,8 +48,8 @@ def write(mismatch: Mismatch, out: str | Path, *, overwrite: bool = False) -> No
     """Write the folder `out`, whole or not at all. Raises InputError as `files.Result.check` does, and on a
     full disk."""
     if not isinstance(mismatch, Mismatch):
-        raise InputError(f"write takes what find_mismatch returns, and then a folder; not {mismatch!r:.60}")
-    out = Path(out)
+        raise InputError(f"write takes what find_mismatch returns and a folder, not {calls.shown(mismatch)}")
+    out = calls.path(out, "out")
     with FOUND.replacing(out, overwrite=overwrite) as draft:
         fill(draft, mismatch, apply_command(out))
 
@@ -94,7 +95,7 @@ def apply(directory: str | Path, out: str | Path, *, refit: bool = False, overwr
     `files.Result.check` does."""
     if isinstance(directory, Mismatch):
         raise InputError("apply takes a folder; write the mismatch first: mismatch.write(found, FOLDER)")
-    directory, out = Path(directory), Path(out)
+    directory, out = calls.path(directory, "the folder"), calls.path(out, "out")
     APPLIED.check(out, overwrite=overwrite)
     truck = applicable(directory, refit=refit)
     _check_loads(truck)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import Result
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY
@@ -57,7 +58,12 @@ def write_bag(
     whom it is written, and nothing else. Raises InputError for an existing path, recordings of different
     dt, or a full disk.
     """
-    path = Path(path)
+    path = calls.path(path, "the bag")
+    if isinstance(recordings, Recording) or not all(isinstance(r, Recording) for r in recordings):
+        raise InputError(
+            "recordings must be a list of recordings: write_bag(path, [recording], interface=...)"
+        )
+    calls.instance(interface, TruckInterface, "interface", "recordings have one: recording.interface")
     starts = lay_out(recordings)
     custom = {INTERFACE_KEY: json.dumps(interface.to_dict())}
     notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.pages.document import Folded, Picture, Table, document
 from deeptruck_model.pages.style import MODELLED, WIDTH_IN, plain_log, png, styled
+from deeptruck_model.recordings.given import Drives, drives
 from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.results import COVERAGE
@@ -324,8 +325,9 @@ class Coverage:
             )
 
 
-def coverage(recordings: Sequence[Recording]) -> Coverage:
-    """What the recordings hold. Raises InputError where there are none."""
+def coverage(recordings: Drives) -> Coverage:
+    """What recordings, or the bags at paths, hold. Raises InputError where there are none."""
+    recordings = drives(recordings)
     if not recordings:
         raise InputError("there is no recording to look at")
     shape = (len(SPEED_EDGES) - 1, len(ACCELERATION_EDGES) - 1, len(GRADE_EDGES))

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import reading
+from deeptruck_model import calls, reading
 from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
@@ -56,7 +57,17 @@ def read(
     or units that cannot be right. The recordings share one account of the messages on the topics that were
     read.
     """
-    path = Path(path)
+    path = calls.path(path, "a bag")
+    rate_hz = calls.number(rate_hz, "rate_hz", "Hz")
+    if interface is not None:
+        calls.instance(
+            interface, TruckInterface, "interface", "such as TruckInterface('mine', 'N m', 'percent')"
+        )
+    if topic_map is not None and not isinstance(topic_map, str | Path | Mapping):
+        raise InputError(f"topic_map must be a mapping or a YAML file, not {calls.shown(topic_map)}")
+    if clock is not None and clock not in get_args(Clock):
+        known = " or ".join(map(repr, sorted(get_args(Clock), reverse=True)))
+        raise InputError(f"clock must be {known}, not {calls.shown(clock)}")
     sources = DEFAULT_TOPICS if topic_map is None else load(topic_map)
     with reading.of(path):
         return _read(

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from deeptruck_model.checks import Clock
+from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import TopicMap
@@ -29,6 +30,8 @@ def read_all(
     `among` are the other bags of the same command, from whose names these must differ too.
     `progress` goes through the bags as they are read, as a progress bar does.
     """
+    if isinstance(bags, str | Path):
+        raise InputError(f"bags must be a list of paths: read_all([{str(bags)!r}])")
     names = distinct([Path(bag) for bag in (*bags, *among)])
     return [
         recording

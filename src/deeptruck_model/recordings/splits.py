@@ -20,7 +20,12 @@ def split(
     A recording in which a border falls is cut there; single samples left over by that are dropped. Raises
     InputError for fractions that are negative or do not add up to 1.
     """
-    if len(fractions) != 3 or min(fractions) < 0 or abs(sum(fractions) - 1.0) > 1e-9:
+    if (
+        not isinstance(fractions, Sequence)
+        or len(fractions) != 3
+        or min(fractions) < 0
+        or abs(sum(fractions) - 1.0) > 1e-9
+    ):
         raise InputError(f"split fractions must be three shares that add up to 1, not {fractions}")
     durations = [len(recording) * recording.dt for recording in recordings]
     borders = np.cumsum([0.0, *fractions]) * sum(durations)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import reading
+from deeptruck_model import calls, reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.results import PHYSICS_TRUCK
 from deeptruck_model.signals import TruckInterface
@@ -65,7 +65,7 @@ class PhysicsTruck:
         command_filters: Sequence[CommandFilter] = (),
         dt: float = 0.1,
     ) -> None:
-        if not 0.0 < dt <= 60.0:
+        if not 0.0 < calls.number(dt, "dt", "s") <= 60.0:
             raise InputError(f"dt is {dt:g} s; it must be above 0 and at most 60")
         self.specification = specification
         self.forces, self.command_filters = tuple(forces), tuple(command_filters)
@@ -102,7 +102,7 @@ class PhysicsTruck:
     def step(self, state: TruckState, u: Array, w: Array) -> tuple[TruckState, Array]:
         """One step of dt; u (batch, 2), w (batch, 1), or (batch, 0) without a grade sensor."""
         u = np.ascontiguousarray(u, np.float64)
-        grade = self._grade(w, (len(state.records),))
+        grade = self._grade(np.asarray(w, np.float64), (len(state.records),))
         if u.shape != (len(state.records), 2):
             raise InputError(f"u has shape {u.shape}, expected {(len(state.records), 2)}")
         state = state.copy()
@@ -126,6 +126,10 @@ class PhysicsTruck:
 
     def with_parameters(self, values: Mapping[str, float]) -> PhysicsTruck:
         """The same truck with some scalars replaced. Raises InputError for a wrong name or value."""
+        if not isinstance(values, Mapping):
+            raise InputError(
+                f"parameters are given by name, such as {{'mass': 28000.0}}, not as {calls.shown(values)}"
+            )
         return self._with(self.specification.with_values(values))
 
     def with_batch_parameters(self, values: Mapping[str, Array]) -> PhysicsTruck:
@@ -253,7 +257,8 @@ def _refuse(row: int, what: str = "a command or grade") -> None:
 
 
 def load(name: str, overrides: str | None = None, *, dt: float = 0.1) -> PhysicsTruck:
-    """A reference truck, with parameters replaced from a YAML file where one is named."""
+    """A reference truck, with parameters replaced from a YAML file where one is named. Raises InputError."""
+    calls.path(name, "a truck")
     specification = from_pool(name)
     if overrides is not None:
         specification = override(specification, read_yaml(Path(overrides)), overrides)

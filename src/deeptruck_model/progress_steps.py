@@ -52,3 +52,15 @@ def progress(first: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[str]
     finally:
         ended.set()
         reminder.join()
+
+
+@contextmanager
+def steps(say: Callable[[str], None] | None, first: str) -> Iterator[Callable[[str], None]]:
+    """What a Python call reports its steps to: `say`; without one a terminal, and nothing elsewhere."""
+    if say is not None:
+        yield say
+    elif sys.stderr.isatty():
+        with progress(first) as shown:
+            yield shown
+    else:
+        yield lambda step: None

@@ -1,0 +1,58 @@
+"""What `find_mismatch` was given, checked before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from deeptruck_model import calls
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.prepare import Span
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.given import check_apart, drives
+from deeptruck_model.simulators import Simulator, completed
+
+
+def called(
+    simulator: Any,
+    recordings: Any,
+    held_out: Any,
+    *,
+    seed: Any,
+    exclude: Any,
+    without: Any,
+    say: Any,
+    rules: Any,
+    mass_kg: Any,
+) -> tuple[Simulator, list[Recording], list[Recording]]:
+    """The simulator, and the recordings to fit and to hold out, read where bags were named.
+
+    Raises InputError for what cannot be meant.
+    """
+    calls.integer(seed, "seed")
+    calls.instance(rules, Rules, "rules", "change single ones by Rules(speed_scale=...)")
+    if say is not None and not isinstance(say, Callable):  # type: ignore[arg-type]
+        raise InputError(f"say must be a function of a text, such as print, not {calls.shown(say)}")
+    if mass_kg is not None:
+        calls.number(mass_kg, "mass_kg", "kg")
+    if isinstance(exclude, str):
+        raise InputError(f"exclude must be a list of effects: exclude=[{exclude!r}]")
+    truck = completed(simulator)
+    rate = 1.0 / truck.dt
+    fit = drives(recordings, "recordings", rate_hz=rate, among=held_out)
+    held = drives(held_out, "held_out", rate_hz=rate, among=recordings)
+    check_apart(fit, held)
+    _check_spans(without, [*fit, *held])
+    return truck, fit, held
+
+
+def _check_spans(without: Any, recordings: Sequence[Recording]) -> None:
+    if not isinstance(without, Sequence) or not all(isinstance(span, Span) for span in without):
+        raise InputError(f"without must be a list of Span(NAME, FROM_S, TO_S), not {calls.shown(without)}")
+    names = list(dict.fromkeys(r.name for r in recordings))
+    for span in without:
+        if span.recording not in names:
+            raise InputError(
+                f"there is no recording '{span.recording}' to leave rows out of; there are {', '.join(names)}"
+            )

@@ -1,0 +1,59 @@
+"""Recordings as a Python call is given them: read already, or the bags that they are in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from deeptruck_model import calls
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.several import read_all
+
+Drives: TypeAlias = Sequence[Recording] | Sequence[str | Path] | str | Path
+
+
+def drives(
+    given: Any, name: str = "recordings", *, rate_hz: float = 10.0, among: Any = ()
+) -> list[Recording]:
+    """The recordings that `given` is: recordings, a bag, or several bags, which are read at `rate_hz`.
+
+    `among` is what else the call was given: bags of one name there get distinct names. Raises InputError for
+    anything else, and as `read` does.
+    """
+    parts = _parts(given)
+    if parts is not None and all(isinstance(part, Recording) for part in parts):
+        return [part for part in parts if isinstance(part, Recording)]
+    if parts is not None and all(isinstance(part, str | Path) for part in parts):
+        others = [part for part in _parts(among) or () if isinstance(part, str | Path)]
+        return read_all(parts, rate_hz=rate_hz, among=others)
+    raise InputError(
+        f"{name} must be recordings, as read('monday') gives, or paths of bags, not {calls.shown(given)}"
+    )
+
+
+def _parts(given: Any) -> list[Any] | None:
+    if isinstance(given, str | Path | Recording):
+        return [given]
+    return list(given) if isinstance(given, Iterable) else None
+
+
+def check_apart(recordings: Sequence[Recording], held_out: Sequence[Recording]) -> None:
+    """Raises InputError for a drive that is both to be fitted and held out, under whatever name: it would
+    judge itself."""
+    fitted = {_content(r): r.name for r in recordings}
+    for r in held_out:
+        if (name := fitted.get(_content(r))) is not None:
+            same = f"'{r.name}'" if name == r.name else f"'{r.name}' is the drive '{name}', which"
+            raise InputError(
+                f"{same} is to be fitted and held out; hold out drives that are not fitted, or none: "
+                "then a part of them is set aside"
+            )
+
+
+def _content(r: Recording) -> tuple[float, float, bytes]:
+    speed = np.ascontiguousarray(r.channels["speed"], dtype="<f8")
+    return r.dt, r.start_s, np.where(np.isnan(speed), np.nan, speed).tobytes()
