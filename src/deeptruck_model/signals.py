@@ -89,8 +89,9 @@ class TruckInterface:
     """Which of the paper's u, w and y exist on a truck, and in which units.
 
     `engine_unit` is one of ENGINE_UNITS; `brake_unit` one of BRAKE_UNITS, or None where braking is not
-    recorded; `grade` and `fuel` say whether w and the fuel output exist. `vehicle` is one of VEHICLE_KINDS
-    and `mass_kg` what it weighed, None where nobody says.
+    recorded; `grade` and `fuel` say whether the grade in w and the fuel output exist; `gear` that a simulator
+    takes the recorded gear as a condition. `vehicle` is one of VEHICLE_KINDS and `mass_kg` what it weighed,
+    None where nobody says.
     """
 
     name: str
@@ -100,6 +101,7 @@ class TruckInterface:
     fuel: bool = True
     vehicle: str | None = None
     mass_kg: float | None = None
+    gear: bool = False
 
     def __post_init__(self) -> None:
         if self.engine_unit not in ENGINE_UNITS:
@@ -122,8 +124,8 @@ class TruckInterface:
 
     @property
     def w(self) -> tuple[str, ...]:
-        """Names of the uncontrollable conditions, in column order; empty without a grade sensor."""
-        return ("grade",) if self.grade else ()
+        """Names of the uncontrollable conditions, in column order: grade and recorded gear, where taken."""
+        return tuple(name for name, taken in (("grade", self.grade), ("gear", self.gear)) if taken)
 
     @property
     def y(self) -> tuple[str, ...]:
@@ -134,7 +136,8 @@ class TruckInterface:
     def summary(self) -> str:
         """Its name, the units of its commands, and what else it has, in a few words."""
         commands = (self.engine_unit, self.brake_unit or "no brake")
-        also = (name for name, there in (("grade", self.grade), ("fuel", self.fuel)) if there)
+        has = (("grade", self.grade), ("fuel", self.fuel), ("recorded gear", self.gear))
+        also = (name for name, there in has if there)
         return f"{self.name} ({', '.join((*commands, *also))})"
 
     def unit(self, channel: str) -> str:
@@ -146,8 +149,8 @@ class TruckInterface:
         return channel_of(channel).unit
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON and bag metadata; from_dict is its inverse."""
-        return asdict(self)
+        """Plain data for JSON and bag metadata; from_dict is its inverse. `gear` only where it is taken."""
+        return {name: value for name, value in asdict(self).items() if name != "gear" or value}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> TruckInterface:
@@ -156,8 +159,12 @@ class TruckInterface:
             found = cls(**data)
         except TypeError as error:
             raise InputError(f"truck interface {data!r} is not understood: {error}") from None
-        if not isinstance(found.name, str) or {type(found.grade), type(found.fuel)} != {bool}:
-            raise InputError(f"truck interface {data!r} needs a name, and true or false for grade and fuel")
+        if not isinstance(found.name, str) or {type(found.grade), type(found.fuel), type(found.gear)} != {
+            bool
+        }:
+            raise InputError(
+                f"truck interface {data!r} needs a name, and true or false for grade, fuel and gear"
+            )
         return found
 
 

@@ -40,6 +40,7 @@ from deeptruck_model.checks.simulators import (
 )
 from deeptruck_model.compatibility import Given, Taken
 from deeptruck_model.errors import InputError, MisfitsError
+from deeptruck_model.vehicle_kinds import UNSTATED
 
 __all__ = [
     "EXTRA_KEY",
@@ -97,8 +98,16 @@ def refuse(misfits: Iterable[str]) -> None:
 
 def mass(mass_kg: float | None) -> None:
     """Raises InputError for a mass (kg) that no vehicle can have."""
-    if mass_kg is not None and not 0.0 < mass_kg < float("inf"):
-        raise InputError(f"a mass of {mass_kg:g} kg cannot be; state what the truck weighs, in kg")
+    low, high = UNSTATED.least_mass_kg, UNSTATED.most_mass_kg
+    if mass_kg is None or low <= mass_kg <= high:
+        return
+    tonnes = low <= 1000.0 * mass_kg <= high
+    cure = (
+        f"if {mass_kg:g} t were meant, give {1000.0 * mass_kg:g}"
+        if tonnes
+        else f"state what the truck weighs, {low:g} to {high:g} kg"
+    )
+    raise InputError(f"a mass of {mass_kg:g} kg is no vehicle's; {cure}")
 
 
 def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -42,6 +42,12 @@ def simulator(text: str) -> SimulatorFacts:
     Raises InputError for a truck or override that is not there, a factory that makes no simulator, or a
     directory that is none.
     """
+    if text.startswith("truck:") and "?" in text:
+        from deeptruck_model.trucks.specification import follows_recorded_gear
+
+        named, _ = follows_recorded_gear(text)
+        facts = simulator(named)
+        return replace(facts, name=text, interface=replace(facts.interface, gear=True))
     if text.startswith("truck:"):
         file = text.removeprefix("truck:")
         if file.endswith((".yaml", ".yml")):

@@ -37,7 +37,8 @@ Asks mass, gears, axle ratio, tyres, torque, frontal area and brakes, or reads t
 
   full_braking_m_s2: 6
 
-They are checked against each other, and with --recordings against the ratio of engine speed to speed.
+They are checked against each other, and with --recordings against the ratio of engine speed to speed. From
+recordings with gear, engine speed and engine command it also learns shift speeds, and what a pedal asks for.
 
 Examples:
 
@@ -59,7 +60,11 @@ def new(
         typer.Option("--from", help="YAML file with the data sheet; else it is asked.", metavar="FILE"),
     ] = None,
     recordings: Annotated[
-        list[Path] | None, typer.Option(help="Bags of this truck to check the gears by.", metavar="BAG")
+        list[Path] | None,
+        typer.Option(
+            help="Bags of this truck: its gears are checked, its shift speeds and pedal learned.",
+            metavar="BAG",
+        ),
     ] = None,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
@@ -76,6 +81,7 @@ def new(
     if source is None and not sys.stdin.isatty():
         raise InputError("there is no terminal to ask at; give the data sheet by --from FILE.yaml")
     from deeptruck_model import overall_ratios
+    from deeptruck_model.driven_controls import learned
     from deeptruck_model.recordings import read_all
     from deeptruck_model.trucks import own_truck
 
@@ -83,19 +89,22 @@ def new(
     data = {} if source is None else dict(reading.yaml_mapping(source, "give a data sheet"))
     units = _units(data, drives)
     _check_commands(truck, units, drives)
-    data = {**(data or _asked(drives)), **units}
+    data = {**(data or _asked(drives, units)), **units}
     sheet = own_truck.sheet(data, str(source) if source else "the answers")
     made = own_truck.specification(sheet, truck.stem)
     if off := overall_ratios.misfit(sheet.overall_ratios, drives):
         raise InputError(f"the data sheet is not that of the recorded truck: {off}")
+    driven = learned(made, drives)
     with files.new_file(truck) as draft:
-        draft.write_text(own_truck.text(sheet, made, truck.name), encoding="utf-8")
+        draft.write_text(own_truck.text(sheet, driven.truck, truck.name, driven.says), encoding="utf-8")
     rpm = own_truck.CRUISE * sheet.overall_ratios[-1] / own_truck.RPM
     typer.echo(f"{truck}: {sheet.mass_kg:g} kg, {len(sheet.gear_ratios)} gears, {rpm:.0f} rpm at 80 km/h")
     if bags and not len(overall_ratios.observed(drives)):
         typer.echo("note: no engine speed was recorded, so the gears were not checked", err=True)
     elif bags:
         typer.echo("the gears are those of the recordings")
+    for line in driven.says:
+        typer.echo(line)
     typer.echo(f"load it as truck:{truck}; 'deeptruck-model calibrate-truck' fits it to recordings")
 
 
@@ -120,12 +129,21 @@ def _check_commands(truck: Path, units: dict[str, Any], drives: list[Recording])
         checks.refuse(misfits(Taken(f"the truck {truck.name}", interface, r.dt), given))
 
 
+def _unit(known: tuple[str, ...], value: str) -> None:
+    """Raises InputError for a unit that a physics truck does not have."""
+    if value not in known:
+        raise InputError(f"give {' or '.join(known)}, not {value!r}")
+
+
 def _lacks(recording: Recording, channel: str) -> bool:
     return channel not in recording.channels
 
 
-def _asked(drives: list[Recording]) -> dict[str, Any]:
-    """The data sheet as it is typed; an answer that cannot be used is asked again."""
+def _asked(drives: list[Recording], units: dict[str, Any]) -> dict[str, Any]:
+    """The data sheet as it is typed, and the units of the commands where no recording has them.
+
+    An answer that cannot be used is asked again.
+    """
     from deeptruck_model import overall_ratios
     from deeptruck_model.trucks import own_truck
     from deeptruck_model.trucks.specification import from_pool
@@ -163,5 +181,19 @@ def _asked(drives: list[Recording]) -> dict[str, Any]:
     ask_number("rated_torque_nm", "1750")
     ask_number("frontal_area_m2", "10")
     ask_number("full_braking_m_s2", "6")
+    for key, asks, known in (
+        (
+            "engine_unit",
+            "Engine command: a torque, or % of reference torque or pedal",
+            ENGINE_UNITS[:2],
+        ),
+        (
+            "brake_unit",
+            "Brake command: % of pedal or pressure, or a deceleration",
+            BRAKE_UNITS[:2],
+        ),
+    ):
+        if key not in units:
+            ask(key, known[0], partial(_unit, known), f"{asks} ({' or '.join(known)})")
     answers["converter"] = typer.confirm("Has it a torque converter?", default=False)
     return answers

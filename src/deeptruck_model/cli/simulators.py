@@ -115,6 +115,10 @@ def calibrate_truck(
     recordings: Annotated[list[Path], typer.Option(help="Bags to fit; list several.")],
     out: Annotated[Path, typer.Option(help="Folder for the fitted truck.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="Bags used only to judge.")] = None,
+    keep: Annotated[
+        bool,
+        typer.Option("--keep", help="Write the fitted truck even if it drives held-out recordings worse."),
+    ] = False,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
     msg: MessageFiles = None,
@@ -150,8 +154,22 @@ def calibrate_truck(
         )
         overall_ratios.check(given, [*fit, *held])
         found = calibrate(given, fit, held, say=say)
+    typer.echo("\n".join([*_calibrated(found), *_stated_mass(found, fit)]))
+    if not keep:
+        _check_no_worse(found)
     found.truck.save(out, overwrite=overwrite)
-    typer.echo("\n".join([*_calibrated(found), *_stated_mass(found, fit), f"truck in {out}"]))
+    typer.echo(f"truck in {out}")
+
+
+def _check_no_worse(found: Calibration) -> None:
+    """Raises InputError where the fitted truck has a larger speed error on held-out recordings."""
+    if found.before is None or found.after is None or found.after.speed <= found.before.speed:
+        return
+    raise InputError(
+        f"the fit makes the speed error on {', '.join(found.held_out)} larger, {found.before.speed:.3g} to "
+        f"{found.after.speed:.3g} m/s, so that nothing was written: --keep writes it, 'deeptruck-model "
+        "mismatch' looks for what these parameters do not have"
+    )
 
 
 def _stated_mass(found: Calibration, recordings: Sequence[Recording]) -> Iterator[str]:
@@ -183,10 +201,13 @@ def _calibrated(found: Calibration) -> Iterator[str]:
         yield "note: the held-out recordings are too short for free runs; nothing shows what this is worth"
     else:
         low, high = found.better
+        change = f"smaller by {100 * low:.0f} to {100 * high:.0f} %"
+        if low < 0.0:
+            change = f"between {-100 * low:.0f} % larger and {abs(100 * high):.0f} % "
+            change += "smaller" if high >= 0.0 else "larger"
         yield (
             f"speed error of free runs of {found.horizon_s:.0f} s on {', '.join(found.held_out)}: "
-            f"{found.before.speed:.3g} -> {found.after.speed:.3g} m/s "
-            f"(smaller by {100 * low:.0f} to {100 * high:.0f} %, 95 %)"
+            f"{found.before.speed:.3g} -> {found.after.speed:.3g} m/s ({change}, 95 %)"
         )
         if not found.validated:
             yield "note: it drives held-out recordings no better; 'deeptruck-model mismatch' looks further"

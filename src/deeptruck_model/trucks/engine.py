@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from deeptruck_model.trucks.compiled import part
-from deeptruck_model.trucks.parameters import TABLE
+from deeptruck_model.trucks.parameters import PEDAL, TABLE
 
 IDLE_GAIN = 20.0  # N m for each rad/s below idle
 SYNC_TIME = 0.12  # s in which the engine reaches the next gear's speed
@@ -51,6 +51,15 @@ def fuel_rate(p: Any, engine_speed: float, indicated: float, most: float) -> flo
     loss = p.efficiency_speed_loss * off_speed * off_speed + p.efficiency_load_loss * off_load * off_load
     efficiency = p.indicated_efficiency * max(1.0 - loss, 0.3)
     return p.fuel_gain * indicated * engine_speed / (efficiency * p.fuel_energy)
+
+
+@part
+def by_pedal(p: Any, command: float, most: float) -> float:
+    """The command, in its own unit, for the share of `most` that a pedal of `command` percent asks for."""
+    place = clip(command / (100.0 / (PEDAL - 1)), 0.0, PEDAL - 1.0)
+    i = min(int(place), PEDAL - 2)
+    share = p.pedal[i] + (place - i) * (p.pedal[i + 1] - p.pedal[i])
+    return share * most / p.command_scale if command > 0.0 else command
 
 
 @part

@@ -81,6 +81,12 @@ def _next_gear(s: Any, p: Any) -> float:
 
 
 @part
+def _asked(s: Any, p: Any) -> float:
+    """The recorded gear, where the truck follows it; 0 where it chooses. NaN is not asked for."""
+    return min(float(int(s.asked_gear + 0.5)), p.gears) if s.asked_gear > 0.5 else 0.0
+
+
+@part
 def _finish_change(s: Any, p: Any) -> None:
     s.shift_timer = 0.0
     s.gear = s.target_gear
@@ -117,21 +123,35 @@ def _left_behind(s: Any, p: Any) -> bool:
 
 
 @part
+def _begin_in(s: Any, p: Any, gear: float) -> None:
+    """A run begins in the recorded gear: the gear that fits the speed was a guess."""
+    s.gear = s.target_gear = gear
+    if s.clutch == LOCKED:
+        s.engine_speed = max(input_speed(s, p, gear), p.idle_speed)
+        s.clutch = LOCKED if input_speed(s, p, gear) >= p.declutch_speed else OPEN
+
+
+@part
 def choose_gear(s: Any, p: Any, h: float) -> float:
     """Advance the gearbox by h, set ratio and torque factor; returns the engine speed a change wants."""
     s.pedal = lag(s.pedal, abs(s.demand), PEDAL_LAG, h)
     s.since_shift += h
     s.synchronising = 0.0
+    asked = _asked(s, p)
+    if asked > 0.0 and s.time == 0.0:
+        _begin_in(s, p, asked)
     if s.shift_timer > 0.0:
+        if asked > 0.0:
+            s.target_gear = asked
         s.shift_timer -= h
         if s.shift_timer < 1e-9:
             _finish_change(s, p)
     elif s.clutch == LOCKED or (p.converter > 0.0 and s.clutch == OPEN) or _left_behind(s, p):
-        gear = _next_gear(s, p)
+        gear = asked if asked > 0.0 else _next_gear(s, p)
         if gear != s.gear:
             _start_change(s, p, gear)
     elif p.converter == 0.0 and (s.clutch == OPEN or input_speed(s, p, s.gear) < p.declutch_speed):
-        s.gear = gear_for_speed(s, p, p.engage_speed)
+        s.gear = asked if asked > 0.0 else gear_for_speed(s, p, p.engage_speed)
         s.target_gear = s.gear
     s.shifting = 1.0 if s.shift_timer > 0.0 else 0.0
     return _mesh(s, p)

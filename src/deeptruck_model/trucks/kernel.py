@@ -57,14 +57,18 @@ def rollout(
     parameters: Any,
     u: Any,
     grade: Any,
+    asked: Any,
     recorded: Any,
     substeps: int,
     h: float,
     y: Any,
     seen: Any,
 ) -> int:
-    """u (batch, T, 2), grade (batch, T), recorded (batch, T or 0, n_y). Fills y (batch, T, n_y) from 1 on and
-    seen (batch, T or 0, n) with the first n fields of the states, whose memory raw (batch, fields) is."""
+    """u (batch, T, 2), grade (batch, T), gears asked (batch, T or 0), recorded (batch, T or 0, n_y).
+
+    Fills y (batch, T, n_y) from 1 on and seen (batch, T or 0, n) with the first n fields of the states, whose
+    memory raw (batch, fields) is.
+    """
     forced = recorded.shape[1] > 0
     for i in range(states.shape[0]):
         p = parameters[i % parameters.shape[0]]
@@ -73,6 +77,8 @@ def rollout(
             engine, brake, slope = u[i, k, 0], u[i, k, 1], grade[i, k]
             if not (isfinite(engine) and isfinite(brake) and isfinite(slope)):
                 return i
+            if asked.shape[1] > 0:
+                s.asked_gear = asked[i, k]
             y[i, k + 1, 0] = advance(s, p, engine, brake, slope, substeps, h)
             y[i, k + 1, 1] = s.speed
             if y.shape[2] > 2:

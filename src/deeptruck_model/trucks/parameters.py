@@ -13,6 +13,7 @@ from deeptruck_model.reading import near
 
 GEARS = 18  # room for the largest gearbox
 TABLE = 64  # points of the full-load curve, uniform in engine speed
+PEDAL = 21  # points of the pedal curve, every 5 %
 
 _ROWS = """
 body | mass | kg | 1000 | 100000 | gross mass
@@ -122,10 +123,12 @@ RECORD = np.dtype(
         ("command_scale", "f8"),  # N m for one unit of engine command
         ("brake_scale", "f8"),  # share of full pressure, or m/s^2, for one unit of brake command
         ("by_deceleration", "f8"),  # 1: the brake command is a deceleration
+        ("by_pedal", "f8"),  # 1: the engine command is a pedal, whose curve `pedal` is
         ("gears", "f8"),
         ("table_step", "f8"),  # rad/s between points of full_load
         ("ratios", "f8", (GEARS,)),
         ("full_load", "f8", (TABLE,)),  # N m at the flywheel
+        ("pedal", "f8", (PEDAL,)),  # share of the torque there is
     ]
 )
 

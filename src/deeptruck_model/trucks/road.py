@@ -7,7 +7,7 @@ from typing import Any
 
 from deeptruck_model.trucks.brakes import brake, heat
 from deeptruck_model.trucks.compiled import part
-from deeptruck_model.trucks.engine import clip, demand, friction, full_load, run_engine
+from deeptruck_model.trucks.engine import by_pedal, clip, demand, friction, full_load, run_engine
 from deeptruck_model.trucks.gearbox import choose_gear, couple
 from deeptruck_model.trucks.state import LOCKED, SLIPPING
 
@@ -27,6 +27,8 @@ def find_forces(s: Any, p: Any, engine: float, brake_command: float, grade: floa
     brake_force and rolling_force are here what can act; `move` reduces them where less holds the truck.
     """
     drag, full = friction(p, s.engine_speed), full_load(p, s.engine_speed)
+    if p.by_pedal > 0.0:
+        engine = by_pedal(p, engine, max(full + drag, 1.0))
     s.demand = demand(p, engine, max(full + drag, 1.0))
     speed = choose_gear(s, p, h)
     fuel = run_engine(s, p, engine, max(speed, p.idle_speed), drag, full, h)

@@ -17,21 +17,25 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.reading import near
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks.coast_down import KEY, REPLACES, CoastDown
-from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, RECORD, TABLE, check_values
+from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, PEDAL, RECORD, TABLE, check_values
 
 OVERRIDES = "give a table of parameters such as 'mass: 25000'"
 STRUCTURE = ("name", "interface", "ratios", "full_load")
+PEDAL_CURVE = "pedal"  # may be left out: the engine command is then a torque
+RECORDED_GEAR = "?gear=recorded"
 
 
 @dataclass(frozen=True)
 class Specification:
-    """Everything that makes a truck. `full_load` is (engine speeds rad/s, flywheel torques N m)."""
+    """Everything that makes a truck. `full_load` is (engine speeds rad/s, flywheel torques N m), `pedal`
+    (pedal %, share of the torque there is), where the engine command is a pedal."""
 
     name: str
     interface: TruckInterface
     values: Mapping[str, float]
     ratios: tuple[float, ...]
     full_load: tuple[tuple[float, ...], tuple[float, ...]]
+    pedal: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     def __post_init__(self) -> None:
         missing = [name for name in PARAMETERS if name not in self.values]
@@ -49,6 +53,9 @@ class Specification:
         by_deceleration = self.interface.brake_unit == "m/s^2"
         record["by_deceleration"] = by_deceleration
         record["brake_scale"] = 1.0 if by_deceleration else 0.01
+        if self.pedal is not None:
+            record["by_pedal"] = 1.0
+            record["pedal"] = np.interp(np.linspace(0.0, 100.0, PEDAL), *self.pedal)
         record["gears"] = len(self.ratios)
         record["ratios"][0, : len(self.ratios)] = self.ratios
         speeds = np.linspace(0.0, self.values["high_idle_speed"], TABLE)
@@ -68,6 +75,8 @@ class Specification:
         plain["transmission"]["ratios"] = list(self.ratios)
         speeds, torques = self.full_load
         plain["engine"]["full_load"] = {"speed": list(speeds), "torque": list(torques)}
+        if self.pedal is not None:
+            plain["engine"][PEDAL_CURVE] = {"command": list(self.pedal[0]), "share": list(self.pedal[1])}
         return plain
 
 
@@ -81,6 +90,21 @@ def _check_structure(truck: Specification) -> None:
         raise InputError(
             f"'full_load' of truck '{truck.name}' needs as many torques as rising speeds (rad/s)"
         )
+    if truck.pedal is not None:
+        pedal, share = truck.pedal
+        if (
+            truck.interface.engine_unit != "percent"
+            or len(pedal) != len(share)
+            or len(pedal) < 2
+            or np.any(np.diff(pedal) <= 0.0)
+            or np.any(np.diff(share) < 0.0)
+            or min(share) < 0.0
+            or max(share) > 1.0
+        ):
+            raise InputError(
+                f"'pedal' of truck '{truck.name}' needs an engine command in percent, rising 'command' (%), "
+                "and as many 'share' of the torque there is, 0 to 1, that do not fall"
+            )
     if truck.interface.engine_unit not in ("N m", "percent") or truck.interface.brake_unit not in (
         "percent",
         "m/s^2",
@@ -103,10 +127,10 @@ def flatten(data: Mapping[str, Any], source: str) -> dict[str, Any]:
     for key, value in data.items():
         if key in PARTS and isinstance(value, Mapping):
             flat.update(flatten(value, source))
-        elif key in PARAMETERS or key in STRUCTURE:
+        elif key in PARAMETERS or key in STRUCTURE or key == PEDAL_CURVE:
             flat[key] = value
         else:
-            hint = near(str(key), [*PARAMETERS, *PARTS, *STRUCTURE])
+            hint = near(str(key), [*PARAMETERS, *PARTS, *STRUCTURE, PEDAL_CURVE])
             raise InputError(f"{source}: a physics truck has no '{key}'; {hint}")
     return flat
 
@@ -134,6 +158,11 @@ def _structure(flat: Mapping[str, Any], source: str) -> dict[str, Any]:
         if not isinstance(curve, Mapping) or set(curve) != {"speed", "torque"}:
             raise InputError(f"{source}: 'full_load' needs the lists 'speed' (rad/s) and 'torque' (N m)")
         made["full_load"] = tuple(_numbers(curve[k], f"full_load: {k}", source) for k in ("speed", "torque"))
+    if flat.get(PEDAL_CURVE) is not None:
+        curve = flat[PEDAL_CURVE]
+        if not isinstance(curve, Mapping) or set(curve) != {"command", "share"}:
+            raise InputError(f"{source}: 'pedal' needs the lists 'command' (%) and 'share' (0 to 1)")
+        made["pedal"] = tuple(_numbers(curve[k], f"pedal: {k}", source) for k in ("command", "share"))
     return made
 
 
@@ -174,7 +203,9 @@ def _specified(data: Mapping[str, Any], source: str) -> Specification:
         raise InputError(f"{source}: 'interface' must be a table such as {{grade: true}}")
     interface = TruckInterface.from_dict({"name": made["name"], **flat["interface"]})
     values = check_values({k: v for k, v in flat.items() if k in PARAMETERS})
-    return Specification(made["name"], interface, values, made["ratios"], made["full_load"])
+    return Specification(
+        made["name"], interface, values, made["ratios"], made["full_load"], made.get("pedal")
+    )
 
 
 def read_yaml(path: Path) -> Mapping[str, Any]:
@@ -198,6 +229,17 @@ def from_pool(name: str) -> Specification:
         raise InputError(f"there is no truck '{name}'; {near(name, list(pool()))}")
     path = resources.files("deeptruck_model.trucks") / "pool" / f"{name}.yaml"
     return specification_from_dict(yaml.safe_load(path.read_text()), f"truck '{name}'")
+
+
+def follows_recorded_gear(text: str) -> tuple[str, bool]:
+    """What stands behind `truck:` without RECORDED_GEAR, and whether that was there.
+
+    Raises InputError for another '?'.
+    """
+    named, mark, option = text.partition("?")
+    if mark and mark + option != RECORDED_GEAR:
+        raise InputError(f"'{mark}{option}' is no option of a truck; the one there is: {RECORDED_GEAR}")
+    return named, bool(mark)
 
 
 def is_truck_file(text: str) -> bool:

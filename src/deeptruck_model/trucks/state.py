@@ -38,6 +38,7 @@ _HIDDEN = (
     "acceleration",  # of the last substep
     "demand",  # commanded share of full torque, or of the engine brake when negative
     "target_gear",
+    "asked_gear",  # the recorded gear, where the truck follows it; below 0.5 or NaN it chooses
     "shift_timer",
     "since_shift",
     "synchronising",

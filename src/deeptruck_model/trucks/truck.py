@@ -22,6 +22,7 @@ from deeptruck_model.trucks.forces import CommandFilter, Force, View, total_forc
 from deeptruck_model.trucks.parameters import check_value
 from deeptruck_model.trucks.specification import (
     Specification,
+    follows_recorded_gear,
     from_file,
     from_pool,
     is_truck_file,
@@ -102,10 +103,12 @@ class PhysicsTruck:
     def step(self, state: TruckState, u: Array, w: Array) -> tuple[TruckState, Array]:
         """One step of dt; u (batch, 2), w (batch, 1), or (batch, 0) without a grade sensor."""
         u = np.ascontiguousarray(u, np.float64)
-        grade = self._grade(np.asarray(w, np.float64), (len(state.records),))
+        grade, asked = self._conditions(w, (len(state.records),))
         if u.shape != (len(state.records), 2):
             raise InputError(f"u has shape {u.shape}, expected {(len(state.records), 2)}")
         state = state.copy()
+        if asked.size:
+            state.records["asked_gear"] = asked
         y = np.empty((len(u), len(self.interface.y)))
         self.advance(state, u, grade, y)
         return state, y
@@ -155,6 +158,13 @@ class PhysicsTruck:
         """The same truck with the grade in w, for worlds that impose it on a truck without the sensor."""
         return self._with(replace(self.specification, interface=replace(self.interface, grade=True)))
 
+    def with_recorded_gear(self) -> PhysicsTruck:
+        """The same truck with the recorded gear in w: it changes when the recorded truck did.
+
+        Where that gear is NaN or below 0.5, the truck chooses itself.
+        """
+        return self._with(replace(self.specification, interface=replace(self.interface, gear=True)))
+
     def with_dt(self, dt: float) -> PhysicsTruck:
         """The same truck stepped by dt seconds from outside."""
         return PhysicsTruck(
@@ -168,7 +178,7 @@ class PhysicsTruck:
         u = np.ascontiguousarray(u, np.float64)
         if u.ndim != 3 or u.shape[2] != 2:
             raise InputError(f"u has shape {u.shape}, expected (batch, T, 2)")
-        grade = self._grade(w, u.shape[:2])
+        grade, asked = self._conditions(w, u.shape[:2])
         state = self.reset(y0)
         y = np.empty((*u.shape[:2], len(self.interface.y)))
         y[:, 0] = y0[:, : y.shape[2]]
@@ -178,10 +188,10 @@ class PhysicsTruck:
             seen[:, 0] = raw[:, : len(INSIDE)]
         past = np.zeros((len(u), 0, 2)) if recorded is None else np.ascontiguousarray(recorded, np.float64)
         if self.forces or self.command_filters:
-            self._roll_with_forces(state, u, grade, past, y, raw, seen)
+            self._roll_with_forces(state, u, grade, asked, past, y, raw, seen)
         else:
             row = kernel.rollout(
-                state.records, raw, self.record, u, grade, past, self.substeps, self.substep, y, seen
+                state.records, raw, self.record, u, grade, asked, past, self.substeps, self.substep, y, seen
             )
             _refuse(row)
         return Run(y, {name: seen[:, :, j] for j, name in enumerate(INSIDE)} if inside else {})
@@ -212,11 +222,18 @@ class PhysicsTruck:
         if len(self.record) not in (1, batch):
             raise InputError(f"the truck has parameters for {len(self.record)} rows, the batch has {batch}")
 
-    def _grade(self, w: Array, shape: tuple[int, ...]) -> Array:
+    def _conditions(self, w: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
+        """Grade, and the recorded gear (of no column where the truck chooses), both of `shape`."""
         expected = (*shape, len(self.interface.w))
         if np.shape(w) != expected:
-            raise InputError(f"w has shape {np.shape(w)}, expected {expected}")
-        return np.ascontiguousarray(w[..., 0], np.float64) if self.interface.grade else np.zeros(shape)
+            raise InputError(
+                f"w has shape {np.shape(w)}, expected {expected}: {', '.join(self.interface.w) or 'nothing'}"
+            )
+        columns = {
+            name: np.ascontiguousarray(np.asarray(w, np.float64)[..., i])
+            for i, name in enumerate(self.interface.w)
+        }
+        return columns.get("grade", np.zeros(shape)), columns.get("gear", np.zeros((*shape[:-1], 0)))
 
     def advance(self, state: TruckState, u: Array, grade: Array, y: Array) -> None:
         """One step in place, for loops that keep the state to themselves; y (batch, n_y) is filled."""
@@ -241,9 +258,19 @@ class PhysicsTruck:
             y[:, 2] = state.records["fuel_rate"]
 
     def _roll_with_forces(
-        self, state: TruckState, u: Array, grade: Array, past: Array, y: Array, raw: Array, seen: Array
+        self,
+        state: TruckState,
+        u: Array,
+        grade: Array,
+        asked: Array,
+        past: Array,
+        y: Array,
+        raw: Array,
+        seen: Array,
     ) -> None:
         for k in range(u.shape[1] - 1):
+            if asked.shape[1]:
+                state.records["asked_gear"] = asked[:, k]
             self.advance(state, np.ascontiguousarray(u[:, k]), np.ascontiguousarray(grade[:, k]), y[:, k + 1])
             if seen.shape[1]:
                 seen[:, k + 1] = raw[:, : len(INSIDE)]
@@ -266,11 +293,15 @@ def load(name: str, overrides: str | None = None, *, dt: float = 0.1) -> Physics
 
 
 def load_text(text: str) -> PhysicsTruck:
-    """The truck that `truck:TEXT` names: NAME, NAME:overrides.yaml, or the truck file FILE.yaml."""
-    if is_truck_file(text):
-        return PhysicsTruck(from_file(Path(text)))
-    name, _, overrides = text.partition(":")
-    return load(name, overrides or None)
+    """The truck that `truck:TEXT` names: NAME, NAME:overrides.yaml or the truck file FILE.yaml, each with
+    `?gear=recorded` behind it where the truck is to follow the recorded gear."""
+    named, follows = follows_recorded_gear(text)
+    if is_truck_file(named):
+        truck = PhysicsTruck(from_file(Path(named)))
+    else:
+        name, _, overrides = named.partition(":")
+        truck = load(name, overrides or None)
+    return truck.with_recorded_gear() if follows else truck
 
 
 def load_directory(path: Path, manifest: Mapping[str, Any]) -> PhysicsTruck:

@@ -1,0 +1,215 @@
+"""Shift speeds and the curve of the pedal, as recordings with gear and engine speed show them.
+
+A data sheet has neither. Shift speeds are the straight lines of engine speed over demand along which the
+recorded changes of gear lie (Theil and Sen). The curve of the pedal is the median share of the torque there
+is at each position of a pedal that is held, by the force that moves the truck of the data sheet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+from scipy.stats import theilslopes
+
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.signals import SPEED
+from deeptruck_model.trucks import PARAMETERS, PhysicsTruck, Specification
+from deeptruck_model.trucks.specification import RECORDED_GEAR
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST_CHANGES = 20  # in each direction
+HELD_S = 1.0  # in a gear, before a change counts
+LEAST_SPEED = 2.0  # m/s: slower, the clutch slips
+DEMAND_SPREAD = 0.15  # between the 10th and 90th percentile, for a slope over demand
+BIN, LEAST_BIN_S, LEAST_BINS = 10.0, 5.0, 4  # % of pedal, s in a bin, bins
+STEADY, STEADY_S = 8.0, 1.0  # % that a held pedal moves at most, in so many s before
+SMOOTH_S = 1.0  # of the acceleration
+RUN_S = 40.0  # of free runs
+
+
+@dataclass(frozen=True)
+class Learned:
+    """The truck with what was learned, and a line for each thing that was."""
+
+    truck: Specification
+    says: tuple[str, ...]
+
+
+def learned(truck: Specification, recordings: Sequence[Recording]) -> Learned:
+    """The truck with the shift speeds and the pedal of the recordings, each where free runs along these then
+    have a smaller speed error."""
+    usable = [r for r in recordings if {"gear", "engine_speed", "engine_command"} <= r.channels.keys()]
+    before = _error(PhysicsTruck(truck), usable)
+    if before is None:
+        return Learned(truck, ())
+    said, says = before, []
+    for what, find in (("pedal", _with_pedal), ("shift speeds", _with_shift_speeds)):
+        found = find(truck, usable)
+        after = None if found is None else _error(PhysicsTruck(found), usable)
+        if found is None or after is None:
+            continue
+        better = after < said
+        says.append(
+            f"{what}: {'learned' if better else 'not taken over'}; free runs of {RUN_S:.0f} s are off by "
+            f"{after:.2f} m/s (rms) with what the recordings show, by {said:.2f} without"
+        )
+        if better:
+            truck, said = found, after
+    following = _error(PhysicsTruck(truck).with_recorded_gear(), usable)
+    if following is not None:
+        says.append(f"recorded gear, by {RECORDED_GEAR}: they are then off by {following:.2f} m/s")
+    return Learned(truck, tuple(says))
+
+
+def _error(truck: PhysicsTruck, recordings: Sequence[Recording]) -> float | None:
+    """Root mean square of the speed error of free runs of RUN_S, end to end, m/s; None without one."""
+    total, count = 0.0, 0
+    for r in recordings:
+        n, names = round(RUN_S / r.dt), (*truck.interface.u, *truck.interface.w)
+        inputs = np.column_stack([r.channels.get(name, np.zeros(len(r))) for name in names])
+        y = np.column_stack([r.channels.get(name, np.zeros(len(r))) for name in truck.interface.y])
+        needed = np.column_stack([inputs[:, : len(truck.interface.u)], r.channels["speed"]])
+        starts = [k for k in range(0, len(r) - n, n) if np.isfinite(needed[k : k + n]).all()]
+        if not starts:
+            continue
+        x = np.nan_to_num(np.stack([inputs[k : k + n] for k in starts]))
+        u, w = np.split(x, [len(truck.interface.u)], axis=2)
+        run = PhysicsTruck(truck.specification, dt=r.dt).rollout(u, w, np.nan_to_num(y[starts]), inside=False)
+        off = run.y[:, :, SPEED] - np.stack([r.channels["speed"][k : k + n] for k in starts])
+        total, count = total + float(np.sum(off**2)), count + off.size
+    return float(np.sqrt(total / count)) if count else None
+
+
+def _gear(r: Recording) -> Array:
+    """The last gear that was engaged at each sample; NaN before the first."""
+    gear = np.round(r.channels["gear"])
+    at = np.where(np.isfinite(gear) & (gear >= 1.0), np.arange(len(gear)), -1)
+    last = np.maximum.accumulate(at)
+    return np.where(last >= 0, gear[np.maximum(last, 0)], np.nan)
+
+
+def _changes(r: Recording) -> Iterator[tuple[int, float, float]]:
+    """The sample before each change of gear, and the gears before and after, both held for HELD_S."""
+    gear, held = _gear(r), max(1, round(HELD_S / r.dt))
+    at = np.flatnonzero(np.diff(gear) != 0)
+    for k, before, after in zip(at, (0, *at[:-1]), (*at[1:], len(gear) - 1), strict=True):
+        moving = r.channels["speed"][k] > LEAST_SPEED
+        if moving and k - before >= held and after - k >= held and np.isfinite(gear[k]):
+            yield int(k), float(gear[k]), float(gear[k + 1])
+
+
+def _turning(truck: Specification, r: Recording) -> Array:
+    """Speed of the gearbox input in the recorded gear, rad/s."""
+    gear = np.clip(np.nan_to_num(_gear(r), nan=1.0), 1, len(truck.ratios)).astype(int)
+    overall = np.array(truck.ratios) * truck.values["final_drive"] / truck.values["wheel_radius"]
+    turning: Array = overall[gear - 1] * r.channels["speed"]
+    return turning
+
+
+def _torques(truck: Specification, speed: Array) -> tuple[Array, Array]:
+    """Full-load torque and motoring friction at engine speeds (rad/s), N m."""
+    v, w = truck.values, np.maximum(speed, 40.0)
+    friction = v["friction_constant"] + v["friction_linear"] * w + v["friction_quadratic"] * w**2
+    full = v["full_load_gain"] * np.interp(speed, *truck.full_load)
+    return full, v["engine_friction"] * friction + v["accessory_power"] / w
+
+
+def _demand(truck: Specification, r: Recording) -> Array:
+    """The share of the torque there is that is asked for, 0 to 1."""
+    command = r.channels["engine_command"]
+    if truck.pedal is not None:
+        return np.asarray(np.interp(command, *truck.pedal))
+    full, drag = _torques(truck, _turning(truck, r))
+    percent = truck.interface.engine_unit == "percent"
+    torque = command * truck.values["reference_torque"] / 100.0 if percent else command
+    return np.clip(torque / np.maximum(full + drag, 1.0), 0.0, 1.0)
+
+
+def _with_shift_speeds(truck: Specification, recordings: Sequence[Recording]) -> Specification | None:
+    """The truck with the engine speeds of recorded changes, at no and at full demand; None for too few."""
+    seen: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
+    for r in recordings:
+        turning, demand, back = _turning(truck, r), _demand(truck, r), max(1, round(HELD_S / r.dt))
+        for k, old, new in _changes(r):
+            asked = float(np.nanmax(demand[max(0, k - back) : k + 1], initial=0.0))  # torque is cut before
+            seen[new > old].append((asked, float(turning[k])))
+    out = {}
+    for up, name in ((True, "upshift"), (False, "downshift")):
+        pairs = np.array([pair for pair in seen[up] if np.isfinite(pair).all()])
+        if len(pairs) < LEAST_CHANGES:
+            return None
+        demand, speed = pairs.T
+        low, high = np.quantile(demand, [0.1, 0.9])
+        if high - low > DEMAND_SPREAD:
+            slope, base, *_ = theilslopes(speed, demand)
+        else:
+            slope, base = 0.0, float(np.median(speed))
+        for end, x in (("low", 0.0), ("high", 1.0)):
+            limits = PARAMETERS[f"{name}_{end}"]
+            out[f"{name}_{end}"] = round(float(np.clip(base + slope * x, limits.low, limits.high)), 2)
+    return truck.with_values(out)
+
+
+def _with_pedal(truck: Specification, recordings: Sequence[Recording]) -> Specification | None:
+    """The truck with a pedal; None where the command is no percentage, or too little of it was driven."""
+    if truck.interface.engine_unit != "percent" or truck.pedal is not None:
+        return None
+    steady = [_steady(truck, r) for r in recordings]
+    pedal, torque, most = (np.concatenate(x) for x in zip(*steady, strict=True))
+    bins = np.round(pedal / BIN).astype(int)
+    enough = [b for b in range(1, 11) if np.sum(bins == b) * recordings[0].dt >= LEAST_BIN_S]
+    if len(enough) < LEAST_BINS:
+        return None
+    share = np.clip(torque / most, 0.0, 1.0)
+    knots = [0.0, *(BIN * b for b in enough)]
+    shares = [0.0, *np.maximum.accumulate([float(np.median(share[bins == b])) for b in enough])]
+    if knots[-1] < 100.0:
+        slope = shares[-1] / knots[-1]
+        knots, shares = [*knots, 100.0], [*shares, min(max(shares[-1], slope * 100.0), 1.0)]
+    return replace(truck, pedal=(tuple(knots), tuple(round(float(s), 4) for s in shares)))
+
+
+def _steady(truck: Specification, r: Recording) -> tuple[Array, Array, Array]:
+    """Pedal (%), combustion torque and the most there is (N m) where pedal and gear are held, unbraked."""
+    v, n = truck.values, len(r)
+    speed, pedal, gear = r.channels["speed"], r.channels["engine_command"], _gear(r)
+    brake = np.nan_to_num(r.channels.get("brake_command", np.zeros(n)))
+    grade = np.nan_to_num(r.channels.get("grade", np.zeros(n)))
+    turning = _turning(truck, r)
+    ratio = turning / np.maximum(speed, 0.1)
+    window = max(5, 2 * round(SMOOTH_S / r.dt / 2) + 1)
+    known = np.isfinite(speed) & np.isfinite(pedal) & np.isfinite(gear) & (speed > LEAST_SPEED)
+    if n <= window:
+        known[:] = False
+        acceleration = np.zeros(n)
+    else:
+        acceleration = savgol_filter(np.nan_to_num(speed), window, 2, deriv=1, delta=r.dt)
+    held = _held(pedal, STEADY, round(STEADY_S / r.dt)) & _held(gear, 0.5, round(STEADY_S / r.dt))
+    use = known & held & (brake <= 0.0) & (pedal > BIN / 2)
+    mass = v["mass"] + v["wheel_inertia"] / v["wheel_radius"] ** 2 + v["engine_inertia"] * ratio**2
+    weight = v["mass"] * v["gravity"]
+    force = mass * acceleration + 0.5 * v["air_density"] * v["drag_area"] * speed**2
+    force = force + weight * (grade + v["rolling_resistance"] + v["rolling_resistance_speed"] * speed)
+    full, drag = _torques(truck, turning)
+    flywheel = force / np.maximum(ratio, 0.1) / v["driveline_efficiency"]
+    torque = np.where(
+        np.isfinite(r.channels.get("engine_torque", np.full(n, np.nan))),
+        r.channels.get("engine_torque", np.full(n, np.nan)),
+        flywheel,
+    )
+    return pedal[use], (torque + drag)[use], np.maximum(full + drag, 1.0)[use]
+
+
+def _held(values: Array, most: float, steps: int) -> Mask:
+    """Whether values moved by at most `most` in the steps before each."""
+    out = np.zeros(len(values), dtype=bool)
+    if len(values) > steps:
+        before = np.lib.stride_tricks.sliding_window_view(values, steps + 1)
+        out[steps:] = np.ptp(before, axis=1) <= most
+    return out
