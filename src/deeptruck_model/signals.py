@@ -84,14 +84,25 @@ ENGINE_UNITS = ("N m", "percent", "g/s", "cm^3/s")
 BRAKE_UNITS = ("percent", "m/s^2", "bar")
 
 
+PERSON = "person"
+LATER = ("gear", "driven_by")  # keys of an interface that 0.1.0 does not know
+
+
+def check_driver(driven_by: object) -> None:
+    """Raises InputError for anything but PERSON, or None."""
+    if driven_by not in (None, PERSON):
+        raise InputError(f"driven_by is '{PERSON}' or left out, not {driven_by!r}")
+
+
 @dataclass(frozen=True)
 class TruckInterface:
     """Which of the paper's u, w and y exist on a truck, and in which units.
 
     `engine_unit` is one of ENGINE_UNITS; `brake_unit` one of BRAKE_UNITS, or None where braking is not
     recorded; `grade` and `fuel` say whether the grade in w and the fuel output exist; `gear` that a simulator
-    takes the recorded gear as a condition. `vehicle` is one of VEHICLE_KINDS and `mass_kg` what it weighed,
-    None where nobody says.
+    takes the recorded gear as a condition. `vehicle` is one of VEHICLE_KINDS, `mass_kg` what it weighed and
+    `driven_by` 'person' where the recorded pedals were a driver's, so that they were obeyed; None where
+    nobody says.
     """
 
     name: str
@@ -102,6 +113,7 @@ class TruckInterface:
     vehicle: str | None = None
     mass_kg: float | None = None
     gear: bool = False
+    driven_by: str | None = None
 
     def __post_init__(self) -> None:
         if self.engine_unit not in ENGINE_UNITS:
@@ -111,6 +123,7 @@ class TruckInterface:
         if self.brake_unit is not None and self.brake_unit not in BRAKE_UNITS:
             raise InputError(f"brake command unit '{self.brake_unit}' is not one of {', '.join(BRAKE_UNITS)}")
         check_vehicle(self.vehicle, self.mass_kg)
+        check_driver(self.driven_by)
 
     @property
     def kind(self) -> VehicleKind:
@@ -149,8 +162,11 @@ class TruckInterface:
         return channel_of(channel).unit
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON and bag metadata; from_dict is its inverse. `gear` only where it is taken."""
-        return {name: value for name, value in asdict(self).items() if name != "gear" or value}
+        """Plain data for JSON and bag metadata; from_dict is its inverse.
+
+        What came later is left out where it says nothing: earlier versions read the rest.
+        """
+        return {name: value for name, value in asdict(self).items() if name not in LATER or value}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> TruckInterface:

@@ -208,3 +208,5 @@ def test_a_mass_that_cannot_be_is_refused_at_once(mass_kg: float) -> None:
     checks.mass(900.0)
     with pytest.raises(InputError, match="state what the truck weighs"):
         checks.mass(mass_kg)
+    with pytest.raises(InputError, match="if 28 t were meant, give 28000"):
+        checks.mass(28.0)

@@ -179,15 +179,15 @@ def _compare(target: Place, who: Workers, hours: float | None) -> None:
 
 def _pool(target: Place, trucks: Path | None, level: float) -> None:
     from deeptruck_model.fleet.plan import trucks as table
-    from deeptruck_model.fleet.pool import pool
-    from deeptruck_model.mismatch.report.wording import spoken
+    from deeptruck_model.fleet.pool import headline, pool
+    from deeptruck_model.mismatch.report.wording import opened, spoken
 
     found = pool(target, table(trucks), level)
+    print(*(f"{opened(line)}." for line in headline(found)), sep="\n")
     for kind, c in found["classes"].items():
         print(
-            f"class {kind}: {c['differ']} of {c['tested']} tested trucks differ from {c['references']} "
-            f"references, at a false discovery rate of {level:g}; the smallest possible p is "
-            f"{c['smallest_p']:.2g}"
+            f"class {kind}: {c['tested']} tested by {c['references']} references, {c['differ']} established "
+            f"at a false discovery rate of {level:g}; the smallest possible p is {c['smallest_p']:.2g}"
         )
         if c["tested"] and not c["differ"]:
             needed = c["references_needed"][str(c["tested"])]

@@ -58,9 +58,11 @@ def load(
     out = []
     for name, text in zip(short_names(texts), texts, strict=True):
         simulator, bag = split_name(text)
-        recordings = read(bag, topic_map=topic_map, clock=clock, msg=msg)
-        if simulator is not None:
-            recordings = _driven(simulators.load(simulator), recordings, text)
+        truck = None if simulator is None else simulators.load(simulator)
+        rate = 10.0 if truck is None else 1.0 / truck.dt
+        recordings = read(bag, topic_map=topic_map, rate_hz=rate, clock=clock, msg=msg)
+        if truck is not None:
+            recordings = _driven(truck, recordings, text)
         out.append(replace(_side(name, recordings, step_s), simulated=simulator or "", bag=bag))
     return out
 
@@ -81,7 +83,8 @@ def _driven(simulator: Simulator, recordings: Sequence[Recording], text: str) ->
 
 def _run(simulator: Simulator, r: Recording) -> Recording:
     interface = simulator.interface
-    begin = np.nan_to_num(r.columns(interface.y)[:1])
+    unknown = np.zeros(len(r))  # a fuel rate that was not recorded
+    begin = np.nan_to_num(np.stack([r.channels.get(name, unknown)[:1] for name in interface.y], axis=1))
     run = free_run(simulator, r.columns(interface.u)[None], r.columns(interface.w)[None], begin)
     response = {name: run.y[0, :, k].astype(float) for k, name in enumerate(interface.y)}
     given = {name: r.channels[name] for name in SHOWN if name in (*interface.u, *interface.w, "elevation")

@@ -17,7 +17,7 @@ from deeptruck_model import files, pages
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.compare import VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
-from deeptruck_model.fleet.pool import POOLED
+from deeptruck_model.fleet.pool import POOLED, headline
 from deeptruck_model.fleet.road_map import road_map
 from deeptruck_model.fleet.roads import MERGED, NUMBERS, ROADS, TABLE, said
 from deeptruck_model.fleet.storage import Place
@@ -64,12 +64,13 @@ def _fleet(target: Place) -> dict[str, Any]:
         }
         for name, e in trucks
     ]
-    differ = sum(e["differs"] for _, e in trucks)
+    stands_out, established = headline(pooled)
     total, out = index["total"], index["quarantined"] | index["failed"]
     first = [_first(name, e) for name, e in trucks if e["role"] == "tested"][:FIRST]
     return {
-        "title": _title(differ, sum(e["role"] == "tested" for _, e in trucks), len(trucks)),
+        "title": opened(stands_out),
         "says": [
+            f"{opened(established)}.",
             f"{total['hours']:.1f} h of driving in {total['files']} files; {len(out)} files and "
             f"{len(pooled['quarantined'])} trucks left out.",
             *(_of_class(kind, c, pooled["level"]) for kind, c in pooled["classes"].items()),
@@ -128,13 +129,6 @@ def _folder(target: Place) -> dict[str, Any]:
         "sizes": [],
         "left_out": [],
     }
-
-
-def _title(differ: int, tested: int, trucks: int) -> str:
-    """How many differ; where that is not established of any, how many lie apart from the others."""
-    if differ or not tested:
-        return f"{differ} of {trucks} trucks differ from their siblings"
-    return f"{tested} of {trucks} trucks to look at; none is established to differ"
 
 
 def _of_class(kind: str, c: Mapping[str, Any], level: float) -> str:

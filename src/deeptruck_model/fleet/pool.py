@@ -29,6 +29,7 @@ from deeptruck_model.mismatch.tree import FAMILY
 POOLED = "pool.json"
 Z95 = 1.96
 COMMON = 0.5  # of the trucks of a class: a family that more have is a fault of the simulator
+NAMED = 6  # trucks that a headline names; more are counted
 OF_A_PLACE = "distance along the road"  # what a size depends on that is not of the truck
 
 
@@ -73,6 +74,46 @@ def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, 
     }
     target.write_json(POOLED, out)
     return out
+
+
+def headline(pooled: Mapping[str, Any]) -> tuple[str, str]:
+    """What stands out among the trucks, and what of it is established: two sentences, without full stops."""
+    entries, level = pooled["trucks"], f"{pooled['level']:g}"
+    tested, references = (
+        {n: e for n, e in entries.items() if e["role"] == role} for role in (TESTED, REFERENCE)
+    )
+    differ = [n for n, e in entries.items() if e["differs"]]
+    if tested:
+        first = f"{_named(tested)} of {len(entries)} trucks stand{'s' * (len(tested) == 1)} out"
+        first += _nats(tested, " by {} nats of held-out evidence")
+        first += _nats(references, ", their siblings have {}")
+    else:
+        first = f"none of {len(entries)} trucks stands out from its siblings"
+    if differ:
+        return first, f"established to differ, at a false discovery rate of {level}: {_named(differ)}"
+    needed = max(map(_needed, pooled["classes"].values()), default=0)
+    takes = f", which takes {needed} references in a class" if needed else ""
+    return first, f"none is established to differ{takes}"
+
+
+def _needed(c: Mapping[str, Any]) -> int:
+    """References by which all tested trucks of a class could be discoveries; 0 where none is tested."""
+    return int(c["references_needed"].get(str(c["tested"]), 0)) if c["tested"] else 0
+
+
+def _named(names: Iterable[str]) -> str:
+    """A few trucks by name, many by their number."""
+    names = list(names)
+    return ", ".join(names) if len(names) <= NAMED else str(len(names))
+
+
+def _nats(entries: Mapping[str, Mapping[str, Any]], text: str) -> str:
+    """The least and the most held-out evidence in a text; empty where none is known."""
+    known = sorted(e["held_out"] for e in entries.values() if e["held_out"] is not None)
+    if not known:
+        return ""
+    low, high = f"{known[0]:.0f}", f"{known[-1]:.0f}"
+    return text.format(low if low == high else f"{low} to {high}")
 
 
 def _of(trucks: Mapping[str, Truck], name: str) -> Truck:

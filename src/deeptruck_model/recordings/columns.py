@@ -18,7 +18,7 @@ from deeptruck_model.reading import near
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.topic_map import EXTRA, extra_of, load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
-from deeptruck_model.signals import CHANNELS
+from deeptruck_model.signals import CHANNELS, check_driver
 from deeptruck_model.vehicle_kinds import check_vehicle
 
 TIME_UNITS = {
@@ -41,6 +41,7 @@ KEYS = {
     "grade_window_m": "smoothing of a grade derived from elevation, m",
     "vehicle": "what drove: truck, bus, van or car",
     "mass_kg": "what it weighed on these drives, kg; forces are then given in newtons",
+    "driven_by": "person where a driver's pedals were recorded: then they were obeyed",
 }
 ENTRY_KEYS = {
     "column": "its name in the header",
@@ -95,6 +96,7 @@ class Columns:
     notes: tuple[str, ...] = ()
     vehicle: str | None = None
     mass_kg: float | None = None
+    driven_by: str | None = None
 
 
 def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
@@ -129,6 +131,7 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     if window is not None and window <= 0:
         raise InputError("grade_window_m must be positive")
     check_vehicle(data.get("vehicle"), data.get("mass_kg"))
+    check_driver(data.get("driven_by"))
     return Columns(
         channels=parsed,
         time=_time(data.get("time")),
@@ -143,6 +146,7 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         notes=tuple(notes),
         vehicle=data.get("vehicle"),
         mass_kg=data.get("mass_kg"),
+        driven_by=data.get("driven_by"),
     )
 
 

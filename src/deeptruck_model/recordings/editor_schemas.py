@@ -11,7 +11,7 @@ from typing import Any
 
 from deeptruck_model.recordings import columns, gated_brake, topic_map
 from deeptruck_model.recordings.units import canonical_units, known_units
-from deeptruck_model.signals import CHANNELS
+from deeptruck_model.signals import CHANNELS, PERSON
 from deeptruck_model.vehicle_kinds import UNSTATED, VEHICLE_KINDS
 
 Schema = dict[str, Any]
@@ -52,6 +52,7 @@ def of_columns() -> Schema:
         "grade_window_m": _POSITIVE,
         "vehicle": {"enum": list(VEHICLE_KINDS)},
         "mass_kg": {"type": "number", "minimum": least_mass, "maximum": UNSTATED.most_mass_kg},
+        "driven_by": {"enum": [PERSON]},
     }
     described = {key: {**kinds[key], "description": meaning} for key, meaning in columns.KEYS.items()}
     return {"$schema": DRAFT, "title": "columns of a table", **_mapping(described, ["time", "channels"])}
@@ -62,6 +63,10 @@ def of_topics() -> Schema:
     channels = _channels(topic_map.ENTRY_KEYS, ["topic", "field"], unit=False)
     keys = {k: v for k, v in topic_map.ENTRY_KEYS.items() if k not in _WITH_UNITS}
     channels["properties"][topic_map.EXTRA] = _extra(keys, ["topic", "field"])
+    channels["properties"][topic_map.DRIVEN_BY] = {
+        "enum": [PERSON],
+        "description": columns.KEYS[topic_map.DRIVEN_BY],
+    }
     return {"$schema": DRAFT, "title": "topic map of a bag", **channels}
 
 

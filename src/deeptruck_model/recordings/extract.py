@@ -22,7 +22,15 @@ from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.ordering import REORDER_NS, Part, Queue
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler, Series
-from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC, NO_SPEED, Source, TopicMap, load
+from deeptruck_model.recordings.topic_map import (
+    DEFAULT_TOPICS,
+    EXTRA_TOPIC,
+    NO_SPEED,
+    Source,
+    TopicMap,
+    driver,
+    load,
+)
 from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
 Array = NDArray[np.float64]
@@ -70,7 +78,7 @@ def read(
         raise InputError(f"clock must be {known}, not {calls.shown(clock)}")
     sources = DEFAULT_TOPICS if topic_map is None else load(topic_map)
     with reading.of(path):
-        return _read(
+        found = _read(
             BagSource(path, [Path(file) for file in msg]),
             sources,
             topic_map is not None,
@@ -78,6 +86,8 @@ def read(
             interface,
             Clocks(clock, mixed=mixed_clocks),
         )
+    by = None if topic_map is None else driver(topic_map)
+    return found if by is None else [replace(r, interface=replace(r.interface, driven_by=by)) for r in found]
 
 
 def _read(

@@ -218,6 +218,7 @@ def _interface(name: str, meaning: Columns) -> TruckInterface:
         fuel="fuel_rate" in shown,
         vehicle=meaning.vehicle,
         mass_kg=meaning.mass_kg,
+        driven_by=meaning.driven_by,
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.signals import PERSON
 from deeptruck_model.vehicle_kinds import NO_COASTING, SURELY_BRAKING
 
 
@@ -92,9 +93,10 @@ INPUTS = (
     Input(
         "commands obeyed",
         "Commands that the truck did not follow, as without engagement, are compared as if it had.",
-        "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`",
-        "`engine_torque`",
-        lambda r: r.obeyed or _measured("engine_torque")(r),
+        "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`, or "
+        "`driven_by: person` where a person drove",
+        "`engine_torque`, or `driven_by`",
+        lambda r: r.obeyed or r.interface.driven_by == PERSON or _measured("engine_torque")(r),
     ),
 )
 

@@ -38,6 +38,7 @@ SWITCH = "a measured value: this one is on or off only"
 _OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # units that the others rule out
 _NO_VALUE = r"^(?i:-+|\?+|n/?a|#n/a|null|none|inv|err)$"
 _NAMES = frozenset(("pid", "signal", "name", "parameter", "diagnostic", "sensor", "messwert", "measurement"))
+PEDAL_WORDS = frozenset(("pedal", "accelerator", "throttle"))
 _VALUES = frozenset(("value", "values", "wert", "reading"))
 
 
@@ -109,8 +110,21 @@ class TableSuggestion(Proposal):
             lines.append(f"skip_rows: {self.form.skip_rows}")
         if self.table.decimal != ".":
             lines.append(f'decimal: "{self.table.decimal}"')
+        if self._by_pedal:
+            lines.append(
+                "# The engine command is a pedal: if a person drove, it was obeyed. Else remove this."
+            )
+            lines.append("driven_by: person")
         blocks = (f"  {line}" if line else "" for line in self.blocks())
         return "\n".join([*lines, "channels:", *blocks, *self._extra()]) + "\n"
+
+    @property
+    def _by_pedal(self) -> bool:
+        """Whether the engine command is a pedal, and no column says whether a controller was engaged."""
+        named = [header(one.field.path).words for one in self.candidates.get("engine_command", [])[:1]]
+        return any(words & PEDAL_WORDS for words in named) and not any(
+            "engaged" in header(column.name).words for column in self.columns
+        )
 
     def _extra(self) -> Iterator[str]:
         """The other columns of numbers as entries of `extra`, to be taken by removing the '# '."""

@@ -15,7 +15,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.reading import near
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.units import Conversion, conversion
-from deeptruck_model.signals import CHANNELS, FAULTS
+from deeptruck_model.signals import CHANNELS, FAULTS, check_driver
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,7 @@ ENTRY_KEYS = {
     "offset": "added after the factor, before the unit is converted",
     "density": "of the fuel, in g/cm3 or kg/m3, where its rate is by mass",
 }
+DRIVEN_BY = "driven_by"  # the key by which topic maps and COLUMNS say that a person drove
 EXTRA = "extra"  # the key of channels under names of their own, in topic maps and in COLUMNS
 EXTRA_TOPIC = "/extra"
 EXTRA_NAME = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
@@ -71,6 +72,7 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
         with reading.of(topic_map):
             return load(data)
     entries, gated = dict(topic_map), gated_brake.is_asked(topic_map)
+    check_driver(entries.pop(DRIVEN_BY, None))
     extra = extra_of(entries.pop(EXTRA, {}), "the topic map")
     if gated:
         entries[gated_brake.COMMAND] = entries[gated_brake.SWITCH]
@@ -85,6 +87,14 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
         unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
         sources[gated_brake.COMMAND] = replace(sources[gated_brake.COMMAND], convert=unit, gates=True)
     return sources
+
+
+def driver(topic_map: TopicMap | str | Path) -> str | None:
+    """Who drove, by the topic map; None where it does not say. Raises InputError as `load`."""
+    data = load_yaml(Path(topic_map)) if isinstance(topic_map, str | Path) else topic_map
+    found = data.get(DRIVEN_BY)
+    check_driver(found)
+    return None if found is None else str(found)
 
 
 def facts(topic_map: TopicMap | str | Path) -> Mapped:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from deeptruck_model import cli, driving_cycles, simulators, trucks
@@ -63,6 +64,20 @@ def test_a_later_start_is_found_and_nothing_is_left(bags: Path) -> None:
     assert later.offset.correlation > 0.999
     assert later.difference is not None and later.difference.speed_rms_m_s < 0.02
     assert later.difference.shared_s == pytest.approx(380.0, abs=2.0)
+
+
+def test_a_truck_file_runs_along_a_bag_without_fuel_rate_at_its_own_rate(
+    bags: Path, drive: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    plain = {c: x for c, x in drive.channels.items() if c != "fuel_rate"}
+    put(tmp_path / "plain", replace(drive, channels=plain, interface=replace(drive.interface, fuel=False)))
+    Path("mine.yaml").write_text(yaml.safe_dump(TRUCK.specification.to_dict()))
+    _, beside = compare(["plain", "truck:mine.yaml@plain"]).compared
+    assert beside.difference is not None and beside.difference.speed_rms_m_s < 0.02
+    TRUCK.with_dt(0.2).save(tmp_path / "slower")
+    _, slower = compare(["plain", "slower@plain"]).compared
+    assert slower.difference is not None and slower.difference.speed_rms_m_s < 0.3
 
 
 def test_what_never_agrees_stays_where_it_began(bags: Path) -> None:

@@ -76,6 +76,20 @@ def test_the_affected_are_discovered_and_shares_have_intervals(result):
     assert size["mean"] == pytest.approx(20.0) and set(size["trucks"]) == set(differ)
 
 
+def test_what_stands_out_is_said_before_what_is_established(result):
+    found = pool.pool(place(str(result)), {}, 0.05)
+    none = {**found, "trucks": {n: {**e, "differs": False} for n, e in found["trucks"].items()}}
+    first, second = pool.headline(none)
+    assert first == pool.headline(found)[0] and "stand out by" in first
+    assert second == "none is established to differ, which takes 19 references in a class"
+    alike = {n: {**e, "role": "reference", "differs": False} for n, e in found["trucks"].items()}
+    nothing = {**found, "trucks": alike, "classes": {}}
+    assert pool.headline(nothing) == (
+        "none of 44 trucks stands out from its siblings",
+        "none is established to differ",
+    )
+
+
 def test_what_is_of_a_place_and_who_has_no_drives_is_said(result):
     target = place(str(result))
     for name in ("truck 00", "truck 11"):
@@ -108,7 +122,11 @@ def test_the_page_lists_them_first_and_every_link_leads_to_a_report(result):
     pool.pool(target, {}, 0.05)
     page.show(target)
     text = (result / page.PAGE).read_text()
-    assert "4 of 44 trucks differ from their siblings" in text and "it is cut off &lt;here&gt;" in text
+    heading = re.search("<h1>(.+?)</h1>", text)[1]
+    assert heading.startswith("Truck 00, truck 11, truck 22, truck 33 of 44 trucks stand out by ")
+    assert "nats of held-out evidence, their siblings have" in heading
+    assert "Established to differ, at a false discovery rate of 0.05: truck 00, truck 11" in text
+    assert "it is cut off &lt;here&gt;" in text
     assert text.index("truck 33") < text.index("truck 01") and "2026-W11" in text
     links = {unquote(link) for link in re.findall(r'href="([^"]+)"', text)}
     assert len(links) == 44 and all((result / link).is_file() for link in links)

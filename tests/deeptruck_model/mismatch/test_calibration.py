@@ -95,3 +95,14 @@ def test_the_command_prints_what_it_found_and_saves_a_truck(
     )
     assert simulators.load("mine").parameters()["mass"] == pytest.approx(TRUE["mass"], rel=0.08)
     assert run(*given) == 2 and "add --overwrite" in capsys.readouterr().err
+
+    empty = driving_cycles.drive(
+        POOL, seconds=200.0, seed=7, name="empty"
+    )  # as given: the fit makes it worse
+    write_bag(tmp_path / "empty", [empty], interface=empty.interface)
+    worse = ("truck:trucksim", "--recordings", "drive0", "drive1", "--held-out", "empty", "--out", "worse")
+    assert run(*worse) == 2
+    said = capsys.readouterr()
+    assert "larger" in said.err and "--keep" in said.err
+    assert "drag_area" in said.out and not Path("worse").exists()
+    assert run(*worse, "--keep") == 0 and Path("worse").is_dir()

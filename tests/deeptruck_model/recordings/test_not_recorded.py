@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from deeptruck_model import cli
-from deeptruck_model.recordings import Recording, coverage, import_table, read, write_bag
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import (
+    Recording,
+    coverage,
+    import_table,
+    read,
+    suggest_columns,
+    write_bag,
+)
 from deeptruck_model.recordings.not_recorded import INPUTS, not_recorded
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
@@ -86,7 +94,7 @@ def test_of_a_table_the_columns_are_named_and_no_topics(tmp_path: Path) -> None:
     assert [m["input"] for m in found] == [one.name for one in INPUTS]
     for missing, one in zip(found, INPUTS, strict=True):
         names = re.findall("`(.+?)`", one.column)
-        assert names and {*names} <= {*CHANNELS, "mass_kg"}
+        assert names and {*names} <= {*CHANNELS, "mass_kg", "driven_by"}
         assert missing["signal"].endswith(f"{one.column} in COLUMNS.yaml") and "/" not in missing["signal"]
 
 
@@ -125,3 +133,29 @@ def test_the_documented_table_is_the_one_that_is_used() -> None:
     )
     rows = re.findall(r"^\| (.+) \| (.+) \| (.+) \|$", section, re.MULTILINE)[2:]
     assert rows == [(one.name, one.hides, one.signal) for one in INPUTS]
+
+
+def test_the_pedals_of_a_person_were_obeyed(tmp_path: Path) -> None:
+    table = tmp_path / "drive.csv"
+    rows = (f"{k / 10},{10 + k / 100},{k % 90}" for k in range(300))
+    table.write_text("\n".join(["t,v,accelerator_pedal_pct", *rows]))
+    columns = {
+        "time": {"column": "t"},
+        "channels": {
+            "speed": {"column": "v", "unit": "m/s"},
+            "engine_command": {"column": "accelerator_pedal_pct", "unit": "percent"},
+        },
+    }
+    for name, stated in (("unstated", {}), ("stated", {"driven_by": "person"})):
+        import_table(table, {**columns, **stated}, tmp_path / name)
+        (found,) = read(tmp_path / name)
+        assert found.interface.driven_by == stated.get("driven_by")
+        lacking = {missing.input.name for missing in not_recorded([found])}
+        assert ("commands obeyed" in lacking) == (not stated)
+    with pytest.raises(InputError, match="driven_by is 'person'"):
+        import_table(table, {**columns, "driven_by": "me"}, tmp_path / "other")
+    topics = {"speed": {"topic": "/truck/twist", "field": "twist.linear.x"}, "driven_by": "person"}
+    (mapped,) = read(tmp_path / "unstated", topic_map=topics)
+    assert mapped.interface.driven_by == "person"
+    suggested = suggest_columns(table).text()
+    assert ("\ndriven_by: person\n" in suggested) == ("\n  engine_command: {" in suggested)

@@ -161,7 +161,7 @@ function showReplay(position = replay.position) {
   $("seek").max = duration;
   if (!moving) $("seek").value = position;
   say("recorded", `${position.toFixed(1)} of ${duration.toFixed(1)} s recorded${paused ? ", paused" : ""}`);
-  say("no-seek", may ? "" : "Seeking is off: a copy is recorded, which would not be its source any more.");
+  say("no-seek", may ? "" : "Seeking is off while you record.");
 }
 
 function ask(what) {
@@ -198,7 +198,7 @@ function connect() {
   hear("hello", text => begin(JSON.parse(text)));
   hear("batch", text => {
     take(JSON.parse(text));
-    say("link", "● Connected: what you see is now.", "good");
+    say("link", `● Connected: shows ${replay.position === undefined ? "what happens now" : "the recorded time"}.`, "good");
     drawSoon();
   });
   hear("lost", text => {
