@@ -39,7 +39,7 @@ class Interrupt:
         for process in _descendants():  # not ignored by what a shell has started in the background
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGTERM)
-        if _is_importing(frame):  # a library of which half is loaded may abort the process
+        if not may_raise(frame):
             self.end()
         timer = Timer(GRACE_S, self.end)
         timer.daemon = True
@@ -88,12 +88,18 @@ def held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _is_importing(frame: FrameType | None) -> bool:
+def may_raise(frame: FrameType | None) -> bool:
+    """Whether an exception may be raised in a frame: neither in an import nor in numba.
+
+    A library of which half is loaded may abort the process. numba's compiled wrappers call its Python code
+    for what they return, and go on with the result whatever was raised there: the process crashes.
+    """
     while frame is not None:
-        if frame.f_globals.get("__name__") == "importlib._bootstrap":
-            return True
+        name = frame.f_globals.get("__name__") or ""
+        if name == "importlib._bootstrap" or name.partition(".")[0] == "numba":
+            return False
         frame = frame.f_back
-    return False
+    return True
 
 
 def _descendants() -> list[int]:
