@@ -7,6 +7,7 @@ not to balance.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -111,7 +112,7 @@ class Account:
             more = f" and {len(self.spans) - 6} more" if len(self.spans) > 6 else ""
             yield f"  in {len(self.spans)} pieces: {spans}{more}"
         yield from (f"  {line}" for line in self.channel_lines())
-        yield from (f"  {remark}" for remark in self.remarks)
+        yield from (f"  {remark}" for remark in _grouped(self.remarks))
 
     def channel_lines(self) -> Iterator[str]:
         """For people: a line for each channel and reason that samples of it were set aside for."""
@@ -119,3 +120,12 @@ class Account:
             for reason, entry in tally.aside.items():
                 first = f", first {entry.first}" if entry.first else ""
                 yield f"{name}: {entry.count} of {tally.read} samples {reason}{first}"
+
+
+def _grouped(remarks: list[str]) -> Iterator[str]:
+    """Remarks that differ in their numbers only as one line: the first, and how many more there are."""
+    kinds: dict[str, list[str]] = {}
+    for remark in remarks:
+        kinds.setdefault(re.sub(r"\d+(\.\d+)?", "0", remark), []).append(remark)
+    for first, *more in kinds.values():
+        yield f"{first} (and {len(more)} more like this)" if more else first

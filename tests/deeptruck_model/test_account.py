@@ -39,3 +39,11 @@ def test_lines_name_counts_reasons_and_the_first_place() -> None:
     ]
     assert account.balanced
     assert account.to_dict()["set_aside"] == {"remote frames": {"count": 2, "first": "in line 4"}}
+
+
+def test_remarks_that_differ_in_numbers_only_are_one_line() -> None:
+    account = Account(
+        "drive.log", "frames", remarks=["time jumps back by 3.0 s", "cut off", "time jumps back by 41 s"]
+    )
+    assert list(account.lines())[1:] == ["  time jumps back by 3.0 s (and 1 more like this)", "  cut off"]
+    assert len(account.to_dict()["remarks"]) == 3

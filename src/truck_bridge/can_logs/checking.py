@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -27,7 +28,9 @@ class Checked:
 
     vehicle: str
     frames: int = 0
-    seconds: float = 0.0  # of the log
+    seconds: float = 0.0  # of the log, without its pauses
+    pauses: int = 0
+    paused_s: float = 0.0
     engaged_s: float = 0.0  # of these, in which control could have been held
     received: Counter[str] = field(default_factory=Counter)  # frames by message
     refusals: Counter[str] = field(default_factory=Counter)
@@ -39,6 +42,8 @@ class Checked:
     faults: Counter[str] = field(default_factory=Counter)  # that controllers reported, messages by fault
     faults_s: Times = field(default_factory=dict)
 
+    # rolling radius that engine speed, gear and wheel speed show, as a share of the vehicle file's
+    radii: list[float] = field(default_factory=list)
     account: Account = field(default_factory=lambda: Account("", "frames"))  # of the log
     notes: list[str] = field(default_factory=list)  # fault messages that were not whole
 
@@ -71,7 +76,11 @@ class _Replay:
         for frame in read(path, self._found.account, channel=channel):
             if self._found.frames == 0:
                 self._start = frame.time
-            if self._found.frames == 0 or not 0 <= frame.time - self._now <= HOLE_S:
+            step = frame.time - self._now
+            if self._found.frames and step > HOLE_S:
+                self._found.pauses += 1
+                self._found.paused_s += step
+            if self._found.frames == 0 or not 0 <= step <= HOLE_S:
                 self._begin(frame.time)
                 self._listen()
             self._wait(frame.time)
@@ -114,7 +123,17 @@ class _Replay:
         if name is not None:
             self._found.received[name] += 1
         self._safety.rx_hook(frame.can_id, frame.data, frame.time)
+        if "speed" in self._safety.hearing.accepted:
+            self._measure_radius()
         self._hear_faults(frame)
+
+    def _measure_radius(self) -> None:
+        line, value = self._table.driveline, self._safety.hearing.value
+        coupled = value("driveline") == 1 and value("shifting") != 1 and value("lockup") != 0
+        turning = coupled and min(value("gear_ratio"), value("engine_speed")) > 0
+        if line is not None and turning and value("speed") > line.above_m_s:
+            shown = value("speed") * value("gear_ratio") / value("engine_speed")
+            self._found.radii.append(shown / line.metres_per_radian)
 
     def _hear_faults(self, frame: Frame) -> None:
         reported, at = self._faults.hear(frame.can_id, frame.data, frame.time), frame.time - self._start
@@ -151,11 +170,16 @@ class _Replay:
 
 def lines(found: Checked) -> Iterator[str]:
     """For people."""
-    yield f"{found.frames} frames in {found.seconds:.1f} s"
+    pauses = f", beside {found.pauses} pauses of {found.paused_s:.1f} s in all" if found.pauses else ""
+    yield f"{found.frames} frames in {found.seconds:.1f} s{pauses}"
     yield from found.account.lines()
     yield from found.notes
     yield f"received for {found.vehicle}: {_listed(found.received)}"
     yield f"could have been engaged for {found.engaged_s:.1f} s"
+    if len(found.radii) > 1:
+        middle = statistics.median(found.radii)
+        away = sorted(abs(radius / middle - 1) for radius in found.radii)[int(0.98 * (len(found.radii) - 1))]
+        yield f"rolling radius by the gears: {middle:.3f} of the file's; 98 % within {100 * away:.1f} % of it"
     yield f"refused: {_timed(found.refusals, found.refused_s)}"
     yield f"control would have been lost: {_timed(found.losses, found.lost_s)}"
     yield f"faults reported: {_timed(found.faults, found.faults_s)}"

@@ -64,7 +64,11 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
         "fuel": "fuel_rate" in channels,
     }
     if "engine_command" not in channels:
-        raise InputError(f"{log_path} holds no engine command (EEC1 driver's demand torque)")
+        pedal = _best(found, "EEC2", "AcceleratorPedalPosition") is not None
+        other = "; its pedal can be one: channels: {engine_command: {signal: EEC2.AcceleratorPedalPosition}}"
+        raise InputError(
+            f"{log_path} holds no engine command (EEC1 driver's demand torque)" + (other if pedal else "")
+        )
     notes = faults.notes(found.faults, found.numbers, found.unreadable)
     return channels, {**interface, "account": found.account, **({"notes": notes} if notes else {})}
 

@@ -127,6 +127,8 @@ def test_a_log_with_a_pause_starts_hearing_anew(tmp_path):
     found = checked(tmp_path, "trucksim", [*frames, *later])
     assert found.clean
     assert found.seconds == pytest.approx(6.0, abs=0.1)
+    assert any("in 6.0 s, beside 1 pauses of 3597.0 s in all" in line for line in lines(found))
+    assert any("rolling radius by the gears: 1.0" in line for line in lines(found))
 
 
 def test_who_is_never_heard_says_why(tmp_path):
