@@ -54,6 +54,28 @@ CARRIERS: tuple[Carrier, ...] = (
 )
 
 
+SPEED = (0.0, 45.0)
+RANGES: dict[tuple[str, str], tuple[float, float]] = {  # what a truck on a road can produce, in SI
+    ("CCVS1", "WheelBasedVehicleSpeed"): SPEED,
+    ("EBC2", "FrontAxleSpeed"): SPEED,
+    ("VDS", "NavigationSpeed"): SPEED,
+    ("EEC1", "EngineSpeed"): (0.0, 420.0),  # 4,010 rpm
+    ("ETC2", "ActualGearRatio"): (0.0, 30.0),
+    ("ETC2", "CurrentGear"): (-10.0, 30.0),
+    ("LFE1", "EngineFuelRate"): (0.0, 60.0),  # 216 l/h
+    ("VDS", "Pitch"): (-26.6, 26.6),  # slopes of 0.5; the steepest public road has 0.38
+    ("VDS", "Altitude"): (-450.0, 6000.0),
+    ("AMB", "AmbientAirTemperature"): (-60.0, 70.0),
+    ("VP", "Latitude"): (-90.0, 90.0),
+    ("VP", "Longitude"): (-180.0, 180.0),
+}
+
+
+def physical_range(message: str, signal: str) -> tuple[float, float] | None:
+    """Least and greatest value, SI, that a truck can produce; None where the field's own range is right."""
+    return RANGES.get((message, signal))
+
+
 DEMANDS: tuple[Carrier, ...] = (  # what the driver asks for, in percent
     Carrier("driver_demand_torque", "EEC1", "DriversDemandPercentTorque"),
     Carrier("accelerator_pedal", "EEC2", "AcceleratorPedalPosition"),
@@ -62,10 +84,13 @@ DEMANDS: tuple[Carrier, ...] = (  # what the driver asks for, in percent
 
 
 def converter(carrier: Carrier, codec: Codec, reference_torque: float = math.nan) -> Callable[[float], float]:
-    """Function from the decoded value to SI. Torque is NaN where no reference torque is known."""
-    if carrier.convert is not None:
-        return carrier.convert
+    """Function from the decoded value to SI; NaN outside of what a truck can produce.
+
+    Torque is NaN where no reference torque is known.
+    """
     factor, _ = to_si(codec[carrier.message].signals[carrier.signal].unit)
     if carrier.of_reference:
         factor = reference_torque / 100
-    return lambda value: value * factor
+    low, high = physical_range(carrier.message, carrier.signal) or (-math.inf, math.inf)
+    convert = carrier.convert or (lambda value: value)
+    return lambda value: convert(value * factor) if low <= value * factor <= high else math.nan

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 
 from truck_bridge.channels import CARRIERS, DEMANDS, Carrier, converter
+from truck_bridge.safety import Hearing
 from truck_bridge.vehicles import Vehicle
 
 FRESH_S = 0.5  # a signal not received for so long is NaN (slow ones: three of their periods)
 
 
 class ReceivedSignals:
-    """Latest valid value of each channel, in SI, and of the driver's demands, in percent."""
+    """Latest valid value of each channel, in SI, and of the driver's demands, in percent.
+
+    Whose frame carries a channel, and whether its value counts, is decided by the vehicle's table and the
+    safety core's own class, so that controller and core never follow two different frames.
+    """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._codec = vehicle.codec
+        self._codec, self._named = vehicle.codec, vehicle.named
+        self._hearing = Hearing(vehicle.table, Counter())
         torque = vehicle.reference_torque["engine"]
         self._carriers: dict[str, list[tuple[Carrier, Callable[[float], float]]]] = {}
         taken: set[str] = set() if vehicle.interface["grade"] else {"grade"}
         taken.add("acceleration")  # VDC2 counts in 0.1 m/s^2; the wheel speed's difference is finer
-        for carrier in (*CARRIERS, *DEMANDS):
+        for carrier in sorted((*CARRIERS, *DEMANDS), key=self._preference):
             if carrier.channel in taken:
                 continue  # a second wheel speed is for the safety core
             taken.add(carrier.channel)
@@ -36,21 +43,41 @@ class ReceivedSignals:
         """Take the channels a frame of the truck carries."""
         if can_id & 0xFF not in self._sources:
             return
+        self._hearing.take(can_id, data, now)
         decoded = self._codec.decode(can_id, data)
         if decoded is None:
             return
+        named = self._named.get(decoded.name)
         for message, signal in self._less:
             if message == decoded.name and not math.isnan(decoded.values[signal]):
                 self._less[message, signal] = decoded.values[signal]
         for carrier, convert in self._carriers.get(decoded.name, ()):
             less = self._less[carrier.less] if carrier.less else 0.0
             value = convert(decoded.values[carrier.signal] - less)
-            if self._is_idle_talk(carrier.channel, value, decoded.source):
+            if named is not None:
+                source, names = min(named, key=lambda one: self._rank(carrier, one[1]))
+                if source != decoded.source:
+                    continue
+                if carrier.signal in names and names[carrier.signal] not in self._hearing.accepted:
+                    value = math.nan
+            elif self._is_idle_talk(carrier.channel, value, decoded.source):
                 continue
             period = self._codec[carrier.message].period_s or 0.0
             self._values[carrier.channel] = (value, now, max(FRESH_S, 3 * period))
             if carrier.channel == "speed":
                 self._differentiate(value, now, period)
+
+    def _preference(self, carrier: Carrier) -> int:
+        """First the message from which the core takes the channel."""
+        named = self._named.get(carrier.message, ())
+        return min((self._rank(carrier, names) for _, names in named), default=2) > 0
+
+    @staticmethod
+    def _rank(carrier: Carrier, names: dict[str, str]) -> int:
+        """Of the nodes that send a message: first who sends the signal that the core calls as the channel,
+        then who sends it under another name.
+        """
+        return 2 - (carrier.signal in names) - (names.get(carrier.signal) == carrier.channel)
 
     def _is_idle_talk(self, channel: str, value: float, source: int) -> bool:
         """Several controllers send the same message, each with its own signals: who has never said a channel

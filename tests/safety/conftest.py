@@ -10,7 +10,7 @@ import functools
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 
@@ -24,6 +24,7 @@ SANE = {
     "engine_percent": 20.0,
     "gear_ratio": 1.0,
     "driveline": 1.0,
+    "retarder_obeys": float(0x0F),  # nobody else
 }
 
 
@@ -45,6 +46,8 @@ class Bench:
     now: float = 100.0
     signals: dict[str, float] = field(default_factory=dict)
     silent: set[str] = field(default_factory=set)  # messages the truck does not send
+    frozen: set[str] = field(default_factory=set)  # signals that repeat their value exactly
+    rough: int = 0
     counters: dict[str, int] = field(default_factory=dict)
     due: dict[str, float] = field(default_factory=dict)
     demands: dict[str, float] = field(default_factory=dict)
@@ -54,6 +57,11 @@ class Bench:
 
     def axis(self, name: str) -> Axis:
         return next(axis for axis in self.table.axes if axis.name == name)
+
+    def that_may_jump(self) -> Bench:
+        """Another bench, of a truck whose signals may jump."""
+        table = jumping(self.table)
+        return Bench(table, Safety(table))
 
     def value(self, name: str) -> float:
         """What the truck says; the engine turns as fast as wheels and gear ratio make it."""
@@ -68,12 +76,16 @@ class Bench:
         word = (1 << 64) - 1
         for signal in heard.signals:
             f = signal.field
-            number = raw.get(signal.name, round((self.value(signal.name) - f.offset) / f.scale))
+            number = round((self.value(signal.name) - f.offset) / f.scale)
+            if signal.still_s < math.inf and signal.name not in self.frozen:
+                number += self.rough  # no engine turns evenly
+            number = raw.get(signal.name, number)
             word = word & ~(((1 << f.bits) - 1) << f.start) | number << f.start
         return word.to_bytes(8, "little")
 
     def hear(self, only: str | None = None) -> None:
         """All messages of the truck (or one), now."""
+        self.rough = 1 - self.rough
         for heard in self.table.heard:
             if heard.name not in self.silent and only in (None, heard.name):
                 self.safety.rx_hook(heard.key | 3 << 26, self.said(heard), self.now)
@@ -178,6 +190,15 @@ class Bench:
 @functools.cache
 def table_of(name: str) -> Table:
     return vehicles.load(name).table
+
+
+def jumping(table: Table) -> Table:
+    """The table without limits to how fast a signal may change, for tests of what follows a jump."""
+    heard = [
+        replace(one, signals=tuple(replace(signal, fastest=math.inf) for signal in one.signals))
+        for one in table.heard
+    ]
+    return replace(table, heard=tuple(heard))
 
 
 def bench_of(name: str) -> Bench:

@@ -125,9 +125,13 @@ class _Place:
             getattr(self.parent, self.field)[self.index] = other
 
 
+def path_of(module: str) -> Path:
+    """Of a module of the safety core by its name, or of a path below src."""
+    return SOURCE / f"{module}.py" if "/" not in module else SOURCE.parents[1] / module
+
+
 def _parse(module: str) -> ast.Module:
-    place = SOURCE / f"{module}.py" if "/" not in module else SOURCE.parents[1] / module
-    return ast.parse(place.read_text())
+    return ast.parse(path_of(module).read_text())
 
 
 def _places(tree: ast.Module) -> list[_Place]:
@@ -149,10 +153,13 @@ def _places(tree: ast.Module) -> list[_Place]:
     return found
 
 
-def mutants(module: str) -> list[Mutant]:
-    """Every mutant of a module: one of the safety core by its name, or a path below src."""
+def mutants(module: str, text: str | None = None) -> list[Mutant]:
+    """Every mutant of a module: one of the safety core by its name, or a path below src.
+
+    `text` is another version of its source.
+    """
     found = []
-    for number, place in enumerate(_places(_parse(module))):
+    for number, place in enumerate(_places(_parse(module) if text is None else ast.parse(text))):
         before = ast.unparse(place.statement).splitlines()
         for change, other in enumerate(_swaps(place.node)):
             whole = place.node is place.statement

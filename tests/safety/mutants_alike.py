@@ -37,6 +37,8 @@ ALIKE: set[tuple[str, str, str]] = {
         ("core", "self._commanded = -math.inf", "self._commanded = -math.inf", "pass"),
         ("core", "self._commanded = -math.inf", "-math", "math"),
         ("core", "self._now = self._engaged_at = self._faded_at = -math.inf", "-math", "math"),
+        # a signal that never came has no value, and the first one begins its time
+        ("hearing", "NEVER = (math.nan, -math.inf, -math.inf)", "-math.inf)", "math.inf)"),
         # the first arrival of all sets it
         ("hearing", "count: int = 0", "0", "1"),
         # both branches agree where they meet

@@ -6,7 +6,8 @@ Survivors that change nothing a truck could notice are listed in docs/can_bridge
 mutants_alike.py. Exit code 1 when any other survives.
 
 A whole run writes docs/results/bridge_mutation.md with a digest of the core; CI refuses a core that differs
-from it, and runs a sample (`--sample N`) that the digest draws.
+from it, and runs a sample (`--sample N`) that the digest draws. `--since COMMIT` runs only mutants that the
+core of that commit did not have, and writes that the rest are carried over from its run.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ import importlib.machinery
 import io
 import os
 import random
+import subprocess
 import sys
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
-from mutants import SOURCE, Mutant, mutants
+from mutants import SOURCE, Mutant, mutants, path_of
 from mutants_alike import ALIKE
 
 HERE = Path(__file__).resolve().parent
@@ -95,13 +98,32 @@ def digest() -> str:
     return hashlib.sha256(b"".join(sources)).hexdigest()
 
 
-def _write(count: int, survivors: list[Mutant]) -> None:
+def _new(found: list[Mutant], commit: str) -> list[Mutant]:
+    """The mutants that the core of a commit did not have."""
+    before: Counter[tuple[str, str, str]] = Counter()
+    for module in TESTS:
+        name = f"{commit}:./{path_of(module).name}"
+        text = subprocess.run(["git", "show", name], cwd=SOURCE, capture_output=True, text=True, check=True)
+        before.update((m.module, m.before, m.after) for m in mutants(module, text.stdout))
+    new = []
+    for mutant in found:
+        key = (mutant.module, mutant.before, mutant.after)
+        if before[key] > 0:
+            before[key] -= 1
+        else:
+            new.append(mutant)
+    return new
+
+
+def _write(count: int, survivors: list[Mutant], carried: int = 0, since: str = "") -> None:
     listed = [f"- {m.module}.py:{m.line}: `{m.before}` as `{m.after}`" for m in survivors] or ["None."]
     alike = [f"- {module}.py: `{before}` as `{after}`" for module, before, after in sorted(ALIKE)]
+    command = f"python tests/safety/mutate.py{f' --since {since}' if since else ''}"
     lines = [
         "# Mutation of the safety core: measured",
         "",
-        f"`python tests/safety/mutate.py`: {count} mutants, {count - len(survivors)} noticed.",
+        f"`{command}`: {count} mutants, {count - len(survivors)} noticed.",
+        *([f"Carried over from the run at {since}, which noticed all: {carried}."] if since else []),
         f"Core (SHA-256 of its files): `{digest()}`.",
         "",
         "## Survivors",
@@ -119,11 +141,15 @@ def main() -> int:
     """Run all mutants, or a sample."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sample", type=int, help="only so many mutants, drawn by the digest")
+    parser.add_argument("--since", help="only mutants that the core of this commit did not have")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--module", choices=list(TESTS))
     options = parser.parse_args()
     found = [m for name in TESTS if options.module in (None, name) for m in mutants(name)]
     found = [m for m in found if (m.module, m.before, m.after) not in ALIKE]
+    whole = len(found)
+    if options.since:
+        found = _new(found, options.since)
     if options.sample is not None:
         found = random.Random(digest()).sample(found, min(options.sample, len(found)))
     import cantools  # noqa: F401 - loaded once, before the forks
@@ -137,7 +163,7 @@ def main() -> int:
     print(f"{len(found)} mutants, {len(found) - len(survivors)} noticed, {len(survivors)} survived")
     print(f"{len(ALIKE)} more are alike to the original and not run")
     if options.sample is None and options.module is None:
-        _write(len(found), survivors)
+        _write(len(found), survivors, whole - len(found), options.since or "")
     return 1 if survivors else 0
 
 

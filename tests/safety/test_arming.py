@@ -60,13 +60,23 @@ def test_silent_hears_nothing(bench):
     assert "CCVS1 not fresh" in bench.safety.obstacles(bench.now, True)
 
 
-def test_an_impostor_before_our_first_frame_is_harmless_and_noticed_after(bench):
+def test_an_impostor_before_our_first_frame_is_named_at_once_and_forbids_control_for_a_second(bench):
+    twin = "another node uses our address"
     bench.arm()
     bench.safety.rx_hook(bench.axis("engine").can_id, bytes(8), bench.now)
-    assert bench.safety.losses == {}
-    assert bench.safety.engage(bench.now, True, True) == ()
+    assert (bench.safety.losses, bench.safety.refusals) == ({}, {twin: 1})
+    assert bench.safety.warning == f"Do not engage: {twin}"
+    assert bench.safety.engage(bench.now, True, True) == (twin,)
+    heard_at = bench.now
+    bench.wait(0.995)
+    assert bench.safety.engage(heard_at + 1.0, True, True) == (twin,)
+    assert bench.safety.engage(heard_at + 1.005, True, True) == ()
+    assert bench.safety.warning == ""
     bench.safety.rx_hook(bench.axis("engine").can_id, bytes(8), bench.now)
-    assert bench.safety.losses == {"another node uses our address": 1}
+    assert bench.safety.losses == {twin: 1}
+    assert bench.safety.warning == f"Take over: control was handed back ({twin})"
+    bench.safety.rx_hook(bench.axis("engine").can_id, bytes(8), bench.now)
+    assert bench.safety.warning == f"Take over: control was handed back ({twin})"  # releasing
 
 
 def test_a_new_core_has_nothing_to_say(bench):

@@ -34,7 +34,7 @@ def test_the_core_imports_only_itself_and_has_no_clock_or_files(path):
 
 
 def test_the_core_is_a_few_hundred_lines():
-    assert sum(len(path.read_text().splitlines()) for path in FOLDER.glob("*.py")) < 800
+    assert sum(len(path.read_text().splitlines()) for path in FOLDER.glob("*.py")) < 950
 
 
 @pytest.mark.long

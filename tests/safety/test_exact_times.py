@@ -111,6 +111,7 @@ def test_a_core_is_watched_up_to_the_stall_limit(timed, more, asked):
 
 @pytest.mark.parametrize(("more", "state"), [(-TICK, State.ENGAGED), (0.0, State.FADING)])
 def test_doubt_lasts_its_time(timed, more, state):
+    timed = timed.that_may_jump()
     engaged(timed)
     timed.signals["second_speed"] = 18.0
     timed.hear("EBC2")

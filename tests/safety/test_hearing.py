@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from truck_bridge.safety import Driveline, Field, Heard, Measured
+from truck_bridge.safety import Driveline, Field, Followed, Heard, Measured, Obeyed
 from truck_bridge.safety.checks import checksum_ok, counter_ok
 from truck_bridge.safety.hearing import Hearing
 
@@ -144,14 +144,14 @@ def test_two_wheel_speeds(bench, gap, doubted):
     message = Heard("M", KEY, 0.1, 0.3, speeds)
     ears = Hearing(table(bench, (message,), driveline=None), Counter())
     ears.take(ID, frame(a=20, b=round((20 + gap + 10) / 0.125)), 1.0)
-    assert ears.implausible() == (["two wheel speeds"] if doubted else [])
+    assert list(ears.doubts(1.0, {})) == (["two wheel speeds"] if doubted else [])
 
 
 def test_one_wheel_speed_alone_is_plausible(bench):
     message = Heard("M", KEY, 0.1, 0.3, (Measured("speed", BYTE, 0, 250),))
     ears = Hearing(table(bench, (message,)), Counter())
     ears.take(ID, frame(a=20), 1.0)
-    assert ears.implausible() == []
+    assert ears.doubts(1.0, {}) == {}
 
 
 NAMES = ("speed", "gear_ratio", "engine_speed", "driveline", "shifting", "lockup")
@@ -162,24 +162,31 @@ def driving(bench, **values):
     """Ears that heard these bytes; line of 0.2 m/rad: 200 rad/s in ratio 2 is 20 m/s."""
     signals = tuple(Measured(n, Field(8 * k, 8, 1.0, 0.0, 250), 0, 250) for k, n in enumerate(NAMES))
     message = Heard("M", KEY, 0.1, 0.3, signals)
-    ears = Hearing(table(bench, (message,), driveline=Driveline(0.2, 0.2, 3.0)), Counter())
-    data = bytes((GOOD | values)[name] for name in NAMES) + b"\xff\xff"
-    ears.take(ID, data, 1.0)
+    line = Driveline(0.2, 0.125, 3.0, 0.5)
+    ears = Hearing(table(bench, (message,), driveline=line, obeyed=(), followed=()), Counter())
+    ears.take(ID, bytes_of(**values), 1.0)
     return ears
+
+
+def bytes_of(**values):
+    return bytes((GOOD | values)[name] for name in NAMES) + b"\xff\xff"
 
 
 @pytest.mark.parametrize(
     ("values", "doubt"),
     [
         ({}, False),
-        ({"engine_speed": 240}, False),  # exactly 20 %
-        ({"engine_speed": 241}, True),
-        ({"engine_speed": 160}, False),
-        ({"engine_speed": 159}, True),
+        # the greater times 1/8, and 0.5 m/s
+        ({"speed": 17, "engine_speed": 200}, False),  # 20 m/s by the engine: 3.0 exactly
+        ({"speed": 16, "engine_speed": 200}, True),
+        ({"speed": 20, "engine_speed": 170}, False),
+        ({"speed": 20, "engine_speed": 169}, True),
         ({"gear_ratio": 1}, True),
         ({"gear_ratio": 0}, False),  # neutral
-        ({"speed": 3, "engine_speed": 200}, False),  # too slow to judge
-        ({"speed": 4, "engine_speed": 200}, True),
+        ({"speed": 3, "engine_speed": 0}, False),  # too slow to judge
+        ({"speed": 4, "engine_speed": 0}, True),
+        ({"speed": 0, "engine_speed": 30}, False),
+        ({"speed": 0, "engine_speed": 31}, True),  # both wheels stand, the engine drives
         ({"engine_speed": 0, "driveline": 0}, False),
         ({"engine_speed": 0, "shifting": 1}, False),
         ({"engine_speed": 0, "lockup": 0}, False),
@@ -187,7 +194,7 @@ def driving(bench, **values):
     ],
 )
 def test_wheel_and_engine_speed(bench, values, doubt):
-    assert driving(bench, **values).implausible() == (["wheel and engine speed"] if doubt else [])
+    assert list(driving(bench, **values).doubts(1.0, {})) == (["wheel and engine speed"] if doubt else [])
 
 
 def test_a_truck_without_lock_up_signal_counts_as_locked(bench):
@@ -197,24 +204,164 @@ def test_a_truck_without_lock_up_signal_counts_as_locked(bench):
         table(bench, (Heard("M", KEY, 0.1, 0.3, signals),), driveline=Driveline(0.2, 0.2, 3.0)), Counter()
     )
     ears.take(ID, bytes([20, 2, 100, 1, 0, 0xFF, 0xFF, 0xFF]), 1.0)
-    assert ears.implausible() == ["wheel and engine speed"]
+    assert list(ears.doubts(1.0, {})) == ["wheel and engine speed"]
 
 
 def test_a_truck_whose_driveline_says_nothing_is_not_judged(bench):
     ears = Hearing(table(bench, (), driveline=Driveline(0.2, 0.2, 3.0)), Counter())
-    assert ears.implausible() == []
+    assert ears.doubts(1.0, {}) == {}
 
 
 def test_doubt_must_last_half_a_second_and_starts_anew(bench):
     ears = driving(bench, engine_speed=100)
-    assert ears.persistently_implausible(2.0) == []
-    assert ears.persistently_implausible(2.499) == []
-    assert ears.persistently_implausible(2.5) == ["wheel and engine speed"]
+
+    def lasting(now):
+        return ears.lasting(ears.doubts(now, {}), now)
+
+    assert lasting(2.0) == []
+    assert lasting(2.499) == []
+    assert lasting(2.5) == ["wheel and engine speed"]
     ears.take(ID, bytes([20, 2, 200, 1, 0, 1, 0xFF, 0xFF]), 2.6)
-    assert ears.persistently_implausible(2.6) == []
+    assert lasting(2.6) == []
     ears.take(ID, bytes([20, 2, 100, 1, 0, 1, 0xFF, 0xFF]), 2.7)
-    assert ears.persistently_implausible(3.1) == []
-    assert ears.persistently_implausible(3.6) == ["wheel and engine speed"]
+    assert lasting(3.1) == []
+    assert lasting(3.6) == ["wheel and engine speed"]
+
+
+@pytest.mark.parametrize(("lasted", "judged"), [(3.0, False), (3.01, True)])
+def test_what_lasts_longer_than_a_gear_change_is_none(bench, lasted, judged):
+    ears = driving(bench, engine_speed=100, shifting=1)
+    ears.take(ID, bytes_of(engine_speed=100, shifting=1), 1.0 + lasted)
+    assert list(ears.doubts(1.0 + lasted, {})) == (["wheel and engine speed"] if judged else [])
+
+
+def watching(bench, now=1.0, **values):
+    """Ears that know who is obeyed: 0 and 42 are explained; torque to 10 beyond our demand, braking to 5."""
+    names = ("speed", "shifting", "obeys", "torque", "retarder")
+    signals = tuple(Measured(n, Field(8 * k, 8, 1.0, -100.0, 250), -100, 150) for k, n in enumerate(names))
+    ears = Hearing(
+        table(
+            bench,
+            (Heard("M", KEY, 0.1, 0.3, signals),),
+            driveline=None,
+            obeyed=(Obeyed("obeys", (0.0, 42.0)), Obeyed("never", (1.0,))),
+            followed=(Followed("engine", "torque", 10.0, 4.0), Followed("retarder", "retarder", -5.0)),
+        ),
+        Counter(),
+    )
+    sane = {"speed": 20, "shifting": 0, "obeys": 42, "torque": 50, "retarder": 0}
+    ears.take(ID, bytes(int((sane | values)[n]) + 100 for n in names) + b"\xff\xff\xff", now)
+    return ears
+
+
+OURS = {"engine": 50.0, "retarder": -10.0}
+TORQUE, RETARDER = "torque beyond our demand", "retarder beyond our demand"
+
+
+@pytest.mark.parametrize(
+    ("values", "doubts"),
+    [
+        ({}, []),
+        ({"obeys": 0}, []),
+        ({"obeys": 3}, ["obeys is 3"]),
+        ({"obeys": 3, "shifting": 1}, []),
+        ({"torque": 60}, []),
+        ({"torque": 61}, [TORQUE]),
+        ({"torque": -50}, []),  # less than we demand: limits, lag
+        ({"torque": 61, "shifting": 1}, []),
+        ({"torque": 61, "speed": 4}, []),
+        ({"torque": 61, "speed": 5}, [TORQUE]),
+        ({"retarder": -15}, []),
+        ({"retarder": -16}, [RETARDER]),
+        ({"retarder": -16, "speed": 3}, []),
+        ({"retarder": -16, "speed": 4}, [RETARDER]),
+    ],
+)
+def test_who_is_obeyed_and_what_is_done_against_our_demand(bench, values, doubts):
+    found = watching(bench, **values).doubts(1.0, OURS)
+    assert found == dict.fromkeys(doubts, 1.0)  # s
+
+
+def test_without_a_demand_of_ours_nothing_is_held_against_it(bench):
+    assert watching(bench, torque=100, retarder=-100).doubts(1.0, {}) == {}
+
+
+def test_contradictions_of_speeds_may_last_half_a_second(bench):
+    assert driving(bench, engine_speed=0).doubts(1.0, {}) == {"wheel and engine speed": 0.5}
+
+
+def moving(bench, fastest=math.inf, still=math.inf):
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250, fastest, still),))
+    refusals: Counter[str] = Counter()
+    return Hearing(table(bench, (message,)), refusals), refusals
+
+
+@pytest.mark.parametrize(("after", "to", "taken"), [(0.05, 52, True), (0.05, 53, False), (0.05, 48, True),
+    (0.05, 47, False), (0.25, 53, True), (0.25, 54, False), (2.0, 71, True), (2.0, 72, False)])  # fmt: skip
+def test_a_value_moves_no_faster_than_a_truck_and_one_step_of_its_field(bench, after, to, taken):
+    ears, refusals = moving(bench, fastest=10.0)
+    ears.take(ID, frame(a=50), 1.0)
+    assert ears.accepted == {"a"}
+    ears.take(ID, frame(a=to), 1.0 + after)
+    assert ears.value("a") == (to if taken else 50)
+    assert ears.accepted == ({"a"} if taken else set())
+    assert refusals == ({} if taken else {"a jumps": 1})
+    assert ears.stale(1.0 + 0.301) == ([] if taken else ["M"])
+
+
+def test_a_value_that_stands_still_for_too_long_refreshes_nothing(bench):
+    ears, refusals = moving(bench, still=0.5)
+    for now in (1.0, 1.25, 1.5):
+        ears.take(ID, frame(a=50), now)
+    assert refusals == {}
+    ears.take(ID, frame(a=50), 1.51)
+    assert refusals == {"a stands still": 1}
+    assert ears.stale(1.79) == []
+    assert ears.stale(1.81) == ["M"]
+    ears.take(ID, frame(a=51), 1.9)
+    ears.take(ID, frame(a=51), 2.3)
+    assert ears.stale(2.3) == []
+
+
+def test_what_is_not_valid_does_not_end_a_standstill(bench):
+    ears, refusals = moving(bench, still=0.5)
+    for now, a in ((1.0, 50), (1.3, 255), (1.6, 50)):
+        ears.take(ID, frame(a=a), now)
+    assert refusals == {"a invalid": 1, "a stands still": 1}
+
+
+@pytest.mark.parametrize(("a", "heard"), [(10, True), (4, False), (0xFF, False)])
+def test_a_second_sender_of_a_signal_is_named_and_not_believed(bench, a, heard):
+    ears, refusals = hearing(bench)
+    ears.take(ID, frame(a=12, b=96), 1.0)
+    what = "a from a second sender (0x03)"
+    assert ears.take(ID | 3, frame(a=a, b=0xFFFF), 1.1) == (what if heard else "")
+    assert refusals == ({what: 1} if heard else {})
+    assert (ears.value("a"), ears.accepted) == (12.0, set())
+    assert ears.seconds(2.1) == ([what] if heard else [])
+    assert ears.seconds(2.11) == []
+
+
+def test_every_signal_of_a_second_sender_is_named(bench):
+    ears, _ = hearing(bench)
+    ears.take(ID | 11, frame(), 1.0)
+    assert ears.seconds(1.0) == ["a from a second sender (0x0B)", "b from a second sender (0x0B)"]
+
+
+@pytest.mark.parametrize(("can_id", "size"), [(ID | 3, 7), (0x0CF00303, 8), (ID ^ 1 << 24 | 3, 8)])
+def test_short_frames_and_other_groups_are_no_second_sender(bench, can_id, size):
+    ears, refusals = hearing(bench)
+    assert ears.take(can_id, frame()[:size], 1.0) == ""
+    assert (refusals, ears.seconds(1.0)) == ({}, [])
+
+
+def test_a_second_sender_that_the_table_names_is_none(bench):
+    others = (Measured("c", BYTE, 0, 250),)
+    heard = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),)), Heard("N", KEY | 3, 0.1, 0.3, others)
+    ears = Hearing(table(bench, heard), Counter())
+    ears.take(ID, frame(a=10), 1.0)
+    assert ears.take(ID | 3, frame(a=20), 1.0) == ""
+    assert (ears.value("a"), ears.value("c"), ears.seconds(1.0)) == (10.0, 20.0, [])
 
 
 def test_driver_signals_count_at_their_threshold_and_unheard_ones_never(bench):

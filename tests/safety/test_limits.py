@@ -219,6 +219,7 @@ def test_steps_below_one_bit_are_not_swallowed(bench, vehicle):
 
 def test_the_envelope_follows_the_speed_no_faster_than_a_truck(bench, vehicle):
     """A jump of the measured speed must not make the demand jump."""
+    bench = bench.that_may_jump()
     bench.signals |= {"speed": 5.0, "driveline": 0.0, "engine_percent": 0.0}
     _, points, _rate, *_ = REQUIREMENTS[vehicle]["brake"]
     bench.engage(brake=points[0][1]).run(4.0)
@@ -265,9 +266,24 @@ def test_the_times_and_tolerances_are_the_requirement(bench):
         handover_scale=0.5,
         fade_longest=4.0,
         persist=0.5,
+        unexplained=1.0,
+        gear_change=3.0,
         releases=4,
     )
-    assert (table.speed_gap_m_s, table.driveline.tolerance, table.driveline.above_m_s) == (2.0, 0.2, 3.0)
+    line = table.driveline
+    assert (table.speed_gap_m_s, line.tolerance, line.above_m_s, line.slack_m_s) == (2.0, 0.04, 3.0, 0.5)
+    signals = {signal.name: signal for heard in table.heard for signal in heard.signals}
+    assert {name for name, signal in signals.items() if signal.fastest == 12.0} == {"speed", "second_speed"}
+    assert {name for name, signal in signals.items() if signal.still_s == 0.5} == {"engine_speed"}
+    assert {one.signal: one.explained for one in table.obeyed} == {
+        "engine_obeys": (0x00, 0x2A),
+        "engine_mode": (0, 1, 2, 4, 8, 9, 14),
+        "retarder_obeys": (0x0F, 0x2A),
+    }
+    assert {(one.axis, one.signal, one.beyond, one.above_m_s) for one in table.followed} == {
+        ("engine", "engine_percent", 30.0, 3.0),
+        ("retarder", "retarder_percent", -30.0, 3.0),
+    }
     assert table.needs_lead
 
 

@@ -31,7 +31,7 @@ def fades_without_a_step(bench, cause):
     name = "brake" if cause == "brake" else "engine"
     start = bench.now
     bench.left.clear()
-    seconds = bench.run_until(State.FADING, within=1.0)
+    seconds = bench.run_until(State.FADING, within=1.5)
     bench.run_until(State.RELEASING)
     demands = falls(bench, name, start)
     axis = bench.axis(name)
@@ -64,7 +64,7 @@ def test_a_controller_that_does_not_know_it_is_engaged_is_lost(bench):
     assert bench.safety.losses == {"controller not engaged": 1}
 
 
-@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("number", range(11))
 def test_losing_any_message_fades(bench, number):
     if number >= len(bench.table.heard):
         return
@@ -140,6 +140,64 @@ def test_a_second_sender_of_a_message_fades(bench):
     bench.run(1.2, spoof)
     assert bench.safety.losses == {f"{heard.name} too often": 1}
     assert bench.safety.state is State.FADING
+
+
+def heard(bench, name):
+    return next(one for one in bench.table.heard if name in {signal.name for signal in one.signals})
+
+
+@pytest.mark.parametrize("name", ["speed", "second_speed", "engine_speed", "gear_ratio", "driveline"])
+def test_a_second_sender_of_a_signal_refuses_engagement_and_ends_control(bench, name):
+    """By another of the truck's own addresses, before and after engaging."""
+    message, what = heard(bench, name), f"{name} from a second sender (0x21)"
+    frame = (message.key & ~0xFF | 0x21 | 3 << 26), bench.said(message)
+    bench.arm()
+    bench.safety.rx_hook(*frame, bench.now)
+    assert what in bench.safety.engage(bench.now, True, True)
+    later = type(bench)(bench.table, type(bench.safety)(bench.table)).engage(engine=60.0).run(1.0)
+    later.safety.rx_hook(*frame, later.now)
+    assert later.safety.state is State.FADING
+    assert what in later.safety.refusals
+
+
+def test_both_wheel_speeds_that_fall_to_zero_fade(bench):
+    bench.signals["lockup"] = 1.0
+    bench.engage(engine=60.0).run(1.0)
+    bench.signals |= {"speed": 0.0, "engine_speed": bench.value("engine_speed")}
+    assert fades_without_a_step(bench, "engine") < 0.35
+    assert bench.safety.refusals["speed jumps"] > 0
+
+
+def test_an_engine_speed_that_stands_still_fades(bench):
+    bench.engage(engine=60.0).run(1.0)
+    bench.frozen.add("engine_speed")
+    assert 0.5 < fades_without_a_step(bench, "engine") < 0.65
+    assert bench.safety.losses == {"EEC1 stale": 1}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("engine_obeys", 3, "engine_obeys is 3"),
+        ("engine_mode", 6, "engine_mode is 6"),
+        ("retarder_obeys", 3, "retarder_obeys is 3"),
+        ("engine_percent", 91, "engine_percent beyond our demand"),
+        ("retarder_percent", -31, "retarder_percent beyond our demand"),
+    ],
+)
+def test_what_our_demand_does_not_explain_fades_after_a_second(bench, name, value, said):
+    bench.engage(engine=60.0).run(2.5)
+    bench.signals[name] = value
+    assert 0.95 < fades_without_a_step(bench, "engine") < 1.15
+    assert bench.safety.losses == {f"implausible: {said}": 1}
+
+
+def test_during_a_gear_change_others_may_be_obeyed(bench):
+    bench.engage(engine=60.0).run(2.5)
+    bench.signals |= {"shifting": 1.0, "engine_obeys": 3.0}
+    assert bench.run(3.9).safety.state is State.ENGAGED
+    bench.run(0.2)
+    assert bench.safety.losses == {"implausible: engine_obeys is 3": 1}
 
 
 def test_a_stranger_that_commands_the_truck_fades(bench):

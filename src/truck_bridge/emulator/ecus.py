@@ -26,6 +26,8 @@ from truck_bridge.vehicles import Vehicle
 
 __all__ = ["Driver", "EcuEmulator"]
 
+ROUGH_RPM = 1.0  # unevenness of the engine speed in EEC1
+
 
 class EcuEmulator:
     """A truck on a bus. `grade` maps distance along the road, m, to its slope (rise over run).
@@ -44,6 +46,7 @@ class EcuEmulator:
     ) -> None:
         self.vehicle = vehicle
         self.driver = Driver()
+        self._rng = np.random.default_rng(0)
         self._bus = bus
         self._truck = _as_driven(truck if truck is not None else load_truck(vehicle.truck))
         # what the truck does not report is on the bus as 'not available'
@@ -103,6 +106,10 @@ class EcuEmulator:
     def inside(self, key: str, otherwise: float = math.nan) -> float:
         """What the physics truck knows of itself, in SI."""
         return float(self._seen[key][0]) if key in self._seen else otherwise
+
+    def roughness(self) -> float:
+        """rpm: no engine turns evenly, so that hardly two messages in a row have the same speed."""
+        return float(self._rng.uniform(-ROUGH_RPM, ROUGH_RPM))
 
     def step(self, now: float) -> None:
         """Hear, drive the truck up to `now`, speak. Call it at least every 10 ms of its time."""

@@ -43,6 +43,7 @@ class Truck(Protocol):
     def command(self) -> tuple[float, float]: ...
     def demand(self, axis: str) -> float: ...
     def inside(self, key: str, otherwise: float = math.nan) -> float: ...
+    def roughness(self) -> float: ...
 
 
 Values = Mapping[str, float]
@@ -58,14 +59,29 @@ def _full_command(truck: Truck) -> float:
     return truck.vehicle.reference_torque["engine"] if newton_metres else 100.0
 
 
+def _torque_mode(truck: Truck, obeyed: int) -> int:
+    """SPN 899: on whose behalf the engine makes torque; a brake's demand is a limit of torque."""
+    names = {address: who for who, address in truck.vehicle.addresses.items()}
+    if obeyed == 0xFF:
+        return 1 if truck.driver.accelerator > 0 else 0  # the driver, or nobody and the idle governor
+    modes = {"transmission": 6, "brake": 8, "retarder": 10}
+    return 2 if obeyed == truck.vehicle.address else modes.get(names.get(obeyed, ""), 14)
+
+
+def _obeyed(truck: Truck, axis: str) -> int:
+    """Source address of the controlling device: the controller's own where nobody demands."""
+    receiver = truck.receivers.get(axis)
+    obeyed = 0xFF if receiver is None else receiver.controlling
+    return truck.vehicle.addresses[axis] if obeyed == 0xFF else obeyed
+
+
 def _eec1(truck: Truck) -> Values:
-    controlled, own = truck.receivers["engine"].controlling, truck.vehicle.addresses["engine"]
     return {
-        "EngineTorqueMode": 0 if controlled == 0xFF else 7,  # 7: another node's TSC1
+        "EngineTorqueMode": _torque_mode(truck, truck.receivers["engine"].controlling),
         "DriversDemandPercentTorque": truck.driver.accelerator,
         "ActualPercentTorque": _percent_torque(truck, "indicated_torque"),
-        "EngineSpeed": truck.inside("engine_speed", 0.0) * 30 / math.pi,
-        "EngineControllingAddress": own if controlled == 0xFF else controlled,
+        "EngineSpeed": truck.inside("engine_speed", 0.0) * 30 / math.pi + truck.roughness(),
+        "EngineControllingAddress": _obeyed(truck, "engine"),
         "EngineDemandPercentTorque": 100 * max(truck.command[0], 0.0) / _full_command(truck),
     }
 
@@ -157,6 +173,7 @@ def _erc1(truck: Truck) -> Values:
     return {
         "RetarderTorqueMode": 0.0 if math.isnan(truck.demand("retarder")) else 7.0,
         "ActualRetarderPercentTorque": torque,
+        "RetarderControllingAddress": _obeyed(truck, "retarder"),
         "RetarderRequestingBrakeLight": 0.0,
     }
 

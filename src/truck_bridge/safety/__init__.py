@@ -1,6 +1,32 @@
 """The safety core: pure, and dependent on nothing but its own tables."""
 
 from truck_bridge.safety.core import Safety, State
-from truck_bridge.safety.tables import Axis, Driveline, Field, Heard, Limits, Measured, Table, Timing
+from truck_bridge.safety.hearing import Hearing
+from truck_bridge.safety.tables import (
+    Axis,
+    Driveline,
+    Field,
+    Followed,
+    Heard,
+    Limits,
+    Measured,
+    Obeyed,
+    Table,
+    Timing,
+)
 
-__all__ = ["Axis", "Driveline", "Field", "Heard", "Limits", "Measured", "Safety", "State", "Table", "Timing"]
+__all__ = [
+    "Axis",
+    "Driveline",
+    "Field",
+    "Followed",
+    "Heard",
+    "Hearing",
+    "Limits",
+    "Measured",
+    "Obeyed",
+    "Safety",
+    "State",
+    "Table",
+    "Timing",
+]

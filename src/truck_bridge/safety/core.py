@@ -36,6 +36,7 @@ class State(Enum):
 
 
 IN_CONTROL = (State.ENGAGED, State.FADING)
+TWIN = "another node uses our address"
 
 
 class Safety:
@@ -56,7 +57,7 @@ class Safety:
         self._demands: dict[str, float] = {}
         self._commanded = -math.inf
         self._link = True
-        self._now = self._engaged_at = self._faded_at = -math.inf
+        self._now = self._engaged_at = self._faded_at = self._twin = -math.inf
 
     def _listen(self) -> None:
         """Anew: nothing heard yet."""
@@ -129,7 +130,10 @@ class Safety:
         found += [f"{name} not fresh" for name in hearing.stale(now)]
         found += [f"driver: {name}" for name in hearing.driver_acts()]
         found += [f"truck: {name}" for name in hearing.forbids()]
-        found += [f"implausible: {pair}" for pair in hearing.implausible()]
+        found += [f"implausible: {doubt}" for doubt in hearing.doubts(now, {})]
+        found += hearing.seconds(now)
+        if now - self._twin <= table.timing.quiet:
+            found.append(TWIN)
         if now - self.others.refused <= table.timing.quiet:
             found.append("another controller demands what it may not")
         if table.needs_lead and not lead_vehicle:
@@ -208,8 +212,9 @@ class Safety:
             self.fade(now, f"{name} stale")
         for name in self.hearing.forbids():
             self.fade(now, f"truck: {name}")
-        for pair in self.hearing.persistently_implausible(now):
-            self.fade(now, f"implausible: {pair}")
+        demanded = {motion.axis.name: motion.value for motion in self._motions.values()}
+        for doubt in self.hearing.lasting(self.hearing.doubts(now, demanded), now):
+            self.fade(now, f"implausible: {doubt}")
 
     @property
     def _speed(self) -> float:
@@ -224,7 +229,11 @@ class Safety:
         source, own = can_id & 0xFF, self._motions.get(can_id)
         if source == self.table.address and can_id not in self.table.always:
             if own is None or own.data != data:  # an echo of our own frame is no conflict
-                self.release(now, "another node uses our address")
+                self._twin = now
+                self.refusals[TWIN] += 1
+                if self.state is State.STANDBY:
+                    self.warning = f"Do not engage: {TWIN}"
+                self.release(now, TWIN)
         elif demanded := self.others.take(can_id, data, now):
             self.fade(now, demanded)
         if message := self.hearing.take(can_id, data, now):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from truck_bridge.safety.checks import checksum_ok, counter_ok
-from truck_bridge.safety.tables import Heard, Table
+from truck_bridge.safety.tables import Heard, Measured, Table
 
-NEVER = (math.nan, -math.inf)  # value and time of a signal that has not come yet
+NEVER = (math.nan, -math.inf, -math.inf)  # a signal that has not come yet; see Hearing._values
 TOO_OFTEN = 1.75  # times the nominal rate: a second sender, or a flood
 
 
@@ -31,25 +32,55 @@ class Hearing:
         self._table = table
         self._refusals = refusals
         self._messages = {heard.key: heard for heard in table.heard}
+        self._by_group: dict[int, list[Heard]] = {}
+        for heard in table.heard:
+            self._by_group.setdefault(heard.key >> 8, []).append(heard)
         self._arrivals = {heard.key: _Arrivals() for heard in table.heard}
-        self._values: dict[str, tuple[float, float]] = {}  # signal: value, time of reception
-        self._doubtful: dict[str, float] = {}  # implausible pairs, since when
+        # signal: value, time of reception, time since which it repeats that value
+        self._values: dict[str, tuple[float, float, float]] = {}
+        self.accepted: set[str] = set()  # signals that the last frame refreshed
+        self._seconds: dict[str, float] = {}  # signals that an undeclared node sends too: when, last
+        self._doubtful: dict[str, float] = {}  # contradictions, since when
 
     def take(self, can_id: int, data: bytes, now: float) -> str:
         """Take a frame if it is one of ours to hear. Returns why control must fade, or nothing."""
+        self.accepted = set()
         heard = self._messages.get(can_id & 0x03FF_FFFF)
         if heard is None:
-            return ""
+            return self._second(can_id, data, now)
         if not self._sound(heard, can_id, data):
             return ""
         word = int.from_bytes(data, "little")
         for signal in heard.signals:
-            value = signal.field.read(word)
-            if value is None or not signal.low <= value <= signal.high:
-                self._refusals[f"{signal.name} invalid"] += 1
+            value = _valid(signal, word)
+            last, at, since = self._values.get(signal.name, NEVER)
+            since = since if value == last else now
+            if value is None:
+                self._refuse(f"{signal.name} invalid")
+            elif abs(value - last) > signal.fastest * max(now - at, heard.period_s) + signal.field.scale:
+                self._refuse(f"{signal.name} jumps")
+            elif now - since > signal.still_s:
+                self._refuse(f"{signal.name} stands still")
             else:
-                self._values[signal.name] = (value, now)
+                self._values[signal.name] = (value, now, since)
+                self.accepted.add(signal.name)
         return self._count(heard, now)
+
+    def _second(self, can_id: int, data: bytes, now: float) -> str:
+        """A node that the table does not name: it may not send a signal that control depends on."""
+        word, found = int.from_bytes(data, "little"), ""
+        if len(data) == 8:
+            for heard in self._by_group.get(can_id >> 8 & 0x3_FFFF, ()):
+                for signal in heard.signals:
+                    if _valid(signal, word) is not None:
+                        found = f"{signal.name} from a second sender (0x{can_id & 0xFF:02X})"
+                        self._refuse(found)
+                        self._seconds[found] = now
+        return found
+
+    def seconds(self, now: float) -> list[str]:
+        """Signals that an undeclared node sends too, heard of late."""
+        return [what for what, at in self._seconds.items() if now - at <= self._table.timing.quiet]
 
     def _sound(self, heard: Heard, can_id: int, data: bytes) -> bool:
         """Length, checksum and counter."""
@@ -99,23 +130,44 @@ class Hearing:
         """Truck signals at a value that forbids control."""
         return [name for name, value in self._table.forbidden if self.value(name) == value]
 
-    def implausible(self) -> list[str]:
-        """Pairs of signals that contradict each other now."""
+    def doubts(self, now: float, demanded: Mapping[str, float]) -> dict[str, float]:
+        """What contradicts what now, and for how long that may last, s. `demanded` is ours, by axis."""
         speed, ratio, line = self.value("speed"), self.value("gear_ratio"), self._table.driveline
-        found = []
+        timing, found = self._table.timing, {}
         if abs(speed - self.value("second_speed")) > self._table.speed_gap_m_s:
-            found.append("two wheel speeds")
-        if line is not None and self._coupled() and ratio > 0 and speed > line.above_m_s:
-            turning = self.value("engine_speed") * line.metres_per_radian
-            if abs(turning - speed * ratio) > line.tolerance * speed * ratio:
-                found.append("wheel and engine speed")
+            found["two wheel speeds"] = timing.persist
+        if line is not None and ratio > 0 and self._coupled(now):
+            turning = self.value("engine_speed") * line.metres_per_radian / ratio
+            most = max(speed, turning)
+            if most > line.above_m_s and abs(turning - speed) > line.tolerance * most + line.slack_m_s:
+                found["wheel and engine speed"] = timing.persist
+        if self._shifting(now):
+            return found
+        for obeyed in self._table.obeyed:
+            value = self.value(obeyed.signal)
+            if not math.isnan(value) and value not in obeyed.explained:
+                found[f"{obeyed.signal} is {value:g}"] = timing.unexplained
+        for followed in self._table.followed:
+            away = self.value(followed.signal) - demanded.get(followed.axis, math.nan)
+            if away / followed.beyond > 1 and speed > followed.above_m_s:
+                found[f"{followed.signal} beyond our demand"] = timing.unexplained
         return found
 
-    def _coupled(self) -> bool:
-        """Driveline engaged, no gear change under way, converter locked where there is one."""
-        return self.value("driveline") == 1 and self.value("shifting") != 1 and self.value("lockup") != 0
+    def _shifting(self, now: float) -> bool:
+        value, _, since = self._values.get("shifting", NEVER)
+        return value == 1 and now - since <= self._table.timing.gear_change
 
-    def persistently_implausible(self, now: float) -> list[str]:
-        """Pairs that have contradicted each other for longer than a gear change or a jolt explains."""
-        self._doubtful = {pair: self._doubtful.get(pair, now) for pair in self.implausible()}
-        return [p for p, since in self._doubtful.items() if now - since >= self._table.timing.persist]
+    def _coupled(self, now: float) -> bool:
+        """Driveline engaged, no gear change under way, converter locked where there is one."""
+        return self.value("driveline") == 1 and not self._shifting(now) and self.value("lockup") != 0
+
+    def lasting(self, doubts: Mapping[str, float], now: float) -> list[str]:
+        """Doubts that have lasted for longer than a gear change, a jolt or an actuator explains."""
+        self._doubtful = {doubt: self._doubtful.get(doubt, now) for doubt in doubts}
+        return [doubt for doubt, since in self._doubtful.items() if now - since >= doubts[doubt]]
+
+
+def _valid(signal: Measured, word: int) -> float | None:
+    """The number of a signal, or None where there is none or no truck can produce it."""
+    value = signal.field.read(word)
+    return value if value is not None and signal.low <= value <= signal.high else None

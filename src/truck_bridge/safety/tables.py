@@ -5,6 +5,7 @@ Units are those of the signals: m/s, rad/s, and for an axis the unit of its dema
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 SIGNED = (1 << 56) - 1  # bytes 1 to 7; byte 8 holds counter and checksum
@@ -64,12 +65,14 @@ class Axis:
 
 @dataclass(frozen=True)
 class Measured:
-    """One signal of a heard message and the range a truck can produce."""
+    """One signal of a heard message, and what a truck can produce: range, change, standstill."""
 
     name: str
     field: Field
     low: float
     high: float
+    fastest: float = math.inf  # greatest change, unit/s
+    still_s: float = math.inf  # longest that a sound sensor repeats one value exactly
 
 
 @dataclass(frozen=True)
@@ -96,12 +99,33 @@ class Allowed:
 
 
 @dataclass(frozen=True)
+class Obeyed:
+    """What a controller says that it obeys: a heard signal, and its values where that is the controller
+    itself or us.
+    """
+
+    signal: str
+    explained: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What an actuator does, against our demand of its axis: a heard signal in the unit of the demand."""
+
+    axis: str
+    signal: str
+    beyond: float  # signed: farther than this from the demand, somebody else demands
+    above_m_s: float = 3.0  # below, the idle governor may drive the truck against our demand
+
+
+@dataclass(frozen=True)
 class Driveline:
     """Wheel speed against engine speed: speed = engine_speed rolling_radius / (gear_ratio final_drive)."""
 
     metres_per_radian: float  # rolling radius over final drive ratio
     tolerance: float  # relative
-    above_m_s: float = 3.0
+    above_m_s: float = 3.0  # of the greater of the two: below, clutches slip
+    slack_m_s: float = 0.5  # a speed is up to 0.1 s old, and service brakes reach 5 m/s^2
 
 
 @dataclass(frozen=True)
@@ -114,6 +138,8 @@ class Timing:
     handover_scale: float = 0.5
     fade_longest: float = 4.0
     persist: float = 0.5  # an implausible pair of signals for so long is a fault
+    unexplained: float = 1.0  # somebody else's demand obeyed for so long, outside of gear changes, is a fault
+    gear_change: float = 3.0  # what lasts longer is no gear change
     quiet: float = 1.0  # after a demand that its sender may not make, no engagement for so long
     releases: int = 4  # release frames on each axis before silence
 
@@ -132,5 +158,7 @@ class Table:
     driveline: Driveline | None
     engage_speed: tuple[float, float]
     needs_lead: bool
+    obeyed: tuple[Obeyed, ...] = ()
+    followed: tuple[Followed, ...] = ()
     timing: Timing = Timing()
     speed_gap_m_s: float = 2.0  # greatest difference of two wheel speeds

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from importlib import resources
 from itertools import pairwise
@@ -11,11 +12,22 @@ from typing import Any
 import yaml
 
 from deeptruck_model.reading import plain
-from truck_bridge import j1939
+from truck_bridge import channels, j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
 from truck_bridge.j1939.codec import Codec, Layout, Signal
-from truck_bridge.safety import Axis, Driveline, Field, Heard, Limits, Measured, Table, Timing
+from truck_bridge.safety import (
+    Axis,
+    Driveline,
+    Field,
+    Followed,
+    Heard,
+    Limits,
+    Measured,
+    Obeyed,
+    Table,
+    Timing,
+)
 from truck_bridge.safety.tables import Allowed
 from truck_bridge.units import to_si
 from truck_bridge.vehicles.schema import VEHICLE, check
@@ -67,8 +79,10 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
     received = tuple(_received(key, value, data, codec) for key, value in data["receive"].items())
     _distinct("receive: message and sender", [f"0x{message.key:X}" for message in received])
     known = _distinct("receive: signal", [signal.name for message in received for signal in message.signals])
-    for key in ("driver", "forbidden"):
-        for signal in set(data[key]) - known:
+    follows = data.get("follows", {})
+    needed = {key: set(data.get(key, ())) for key in ("driver", "forbidden", "obeys")}
+    for key, names in (needed | {"follows": {spec["signal"] for spec in follows.values()}}).items():
+        for signal in sorted(names - known):
             raise InputError(f"{key}: signal '{signal}' is not received; known: {', '.join(sorted(known))}")
     table = Table(
         address=own,
@@ -82,6 +96,8 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         timing=_timing(data),
         engage_speed=_pair("engage.speed", data["engage"]["speed"]),
         needs_lead=data["engage"]["needs_lead"],
+        obeyed=tuple(Obeyed(name, tuple(map(float, those))) for name, those in data.get("obeys", {}).items()),
+        followed=tuple(_followed(axis, spec, sent) for axis, spec in follows.items()),
     )
     return Vehicle(
         data["name"],
@@ -96,7 +112,25 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         sent,
         table,
         _blocking(data["faults"]) if "faults" in data else Blocking(),
+        _named(data),
     )
+
+
+def _named(data: dict[str, Any]) -> dict[str, list[tuple[int, dict[str, str]]]]:
+    """Who sends a message of `receive`, with the core's name of each of its signals."""
+    found: dict[str, list[tuple[int, dict[str, str]]]] = {}
+    for key, spec in data["receive"].items():
+        names = {source: name for name, source in spec["signals"].items()}
+        found.setdefault(spec.get("message", key), []).append((_address(data, spec["from"]), names))
+    return found
+
+
+def _followed(axis: str, spec: dict[str, Any], sent: dict[str, Transmitted]) -> Followed:
+    if axis not in sent:
+        raise InputError(f"follows: nothing commands '{axis}'; known: {', '.join(sent)}")
+    if spec["beyond"] == 0:
+        raise InputError(f"follows.{axis}.beyond is 0; give how far the signal may be from the demand")
+    return Followed(axis, spec["signal"], float(spec["beyond"]))
 
 
 def _blocking(spec: dict[str, Any]) -> Blocking:
@@ -186,13 +220,19 @@ def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec
     layout = codec[spec.get("message", key)]
     if spec.get("check", checksums.NONE) != checksums.NONE:
         _room_to_sign(key, layout)
+    for column in ("range", "fastest", "still"):
+        for name in spec.get(column, {}):
+            if name not in spec["signals"]:
+                raise InputError(f"receive.{key}.{column}: no signal '{name}' in this message")
     measured = []
     for name, source in spec["signals"].items():
         signal = _signal(layout, source)
         factor, _ = to_si(signal.unit)
         field = _field(signal, factor)
-        low, high = spec.get("range", {}).get(name, (field.offset, field.offset + field.scale * field.last))
-        measured.append(Measured(name, field, low, high))
+        own = field.offset, field.offset + field.scale * field.last
+        low, high = spec.get("range", {}).get(name) or channels.physical_range(layout.name, source) or own
+        fastest, still = (spec.get(column, {}).get(name, math.inf) for column in ("fastest", "still"))
+        measured.append(Measured(name, field, low, high, fastest, still))
     sender = layout.pgn << 8 | _address(data, spec["from"])
     return Heard(key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
 

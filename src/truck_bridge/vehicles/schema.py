@@ -75,6 +75,8 @@ RECEIVE = {
     "check": Optional(OneOf(*checksums.KINDS)),
     "signals": MapOf(str),
     "range": Optional(MapOf([ANY])),
+    "fastest": Optional(MapOf(Number(1e-6, 1e6))),
+    "still": Optional(MapOf(SECONDS)),
 }
 FAULTS = {
     "lamps": Optional([OneOf(*diagnostics.LAMPS)]),
@@ -88,6 +90,8 @@ TIMING = {  # s; what a controller may be late by is a few of its cycles, and no
     "handover_scale": Number(0.05, 1),  # 1: rates are never raised
     "fade_longest": Number(0.5, 10),
     "persist": Number(0.05, 2),
+    "unexplained": Number(0.1, 5),
+    "gear_change": Number(0.1, 10),
     "quiet": Number(0.1, 60),
     "releases": Whole(1, 20),
 }
@@ -113,6 +117,8 @@ VEHICLE: dict[str, Any] = {
     "receive": MapOf(RECEIVE),
     "driver": MapOf(ANY),
     "forbidden": MapOf(ANY),
+    "obeys": Optional(MapOf([ANY])),
+    "follows": Optional(MapOf({"signal": str, "beyond": Number(-1e6, 1e6)})),
     "faults": Optional(FAULTS),
     "engage": {"speed": [ANY], "needs_lead": bool},
     "timing": Optional({key: Optional(spec) for key, spec in TIMING.items()}),

@@ -64,6 +64,8 @@ class Vehicle:
     transmitted: dict[str, Transmitted]  # by axis: engine, retarder, brake
     table: Table
     blocking: Blocking
+    # by message of the table: who sends it, and the table's name of each of its signals
+    named: dict[str, list[tuple[int, dict[str, str]]]]
 
     def demands(self, engine: float, brake: float) -> dict[str, float]:
         """Demands by axis from the truck interface's engine and brake command.
