@@ -2,7 +2,8 @@
 
 `python bridge_process.py VEHICLE CHANNEL ENGINE BRAKE`: arms, commands every 20 ms, engages when it may, and
 does what the lines on stdin say: `mute` and `speak` (the controller), `nan`, `release`, `wire FAULT`,
-`clock SECONDS` (by which its clock jumps), `quit`. Prints `engaged` and then the reason when control is lost.
+`lie KIND SIGNALS SIZE` (see fault_lies.py), `clock SECONDS` (by which its clock jumps), `quit`.
+Prints `engaged` and then the reason when control is lost.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import sys
 import threading
 import time
 
+from fault_lies import of_line
 from fault_wire import BadLoopback
 
 from truck_bridge import vehicles
@@ -47,8 +49,9 @@ class Process:
             time.sleep(PERIOD)
         thread.join()
 
-    def obey(self, word: str, value: str = "") -> None:
+    def obey(self, word: str, *values: str) -> None:
         """One line from stdin."""
+        value = values[0] if values else ""
         match word:
             case "mute" | "speak":
                 self.muted = word == "mute"
@@ -58,6 +61,8 @@ class Process:
                 self.bridge.release(time.monotonic())
             case "wire":
                 self.bus.fault = value
+            case "lie":
+                self.bus.lie = of_line(self.bridge.vehicle, values)
             case "clock":
                 true = time.monotonic
                 time.monotonic = lambda: true() + float(value)

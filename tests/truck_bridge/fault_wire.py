@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 
 import can
 import numpy as np
+from fault_lies import Lie
 
 from truck_bridge.bus import LoopbackBus
 
@@ -48,6 +50,15 @@ def take(inbox: Inbox, now: float) -> can.Message | None:
     return None
 
 
+def told(
+    lie: Lie | None, waiting: deque[can.Message], source: Callable[[], can.Message | None], now: float
+) -> can.Message | None:
+    """The next frame, or what a lie makes of it: one frame, two or none."""
+    while not waiting and (message := source()) is not None:
+        waiting.extend([message] if lie is None else lie.messages(message, now))
+    return waiting.popleft() if waiting else None
+
+
 class Wire(can.BusABC):
     """An in-memory bus in simulated time."""
 
@@ -61,6 +72,8 @@ class Wire(can.BusABC):
         self.now = 0.0
         self.fault = ""
         self.down = False
+        self.lie: Lie | None = None  # about the frames that arrive here
+        self._told: deque[can.Message] = deque()
         super().__init__(channel="wire")
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
@@ -73,20 +86,23 @@ class Wire(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if self.down:
             raise can.CanOperationError("unplugged")
-        return take(self.inbox, self.now), False
+        return told(self.lie, self._told, lambda: take(self.inbox, self.now), self.now), False
 
 
 class BadLoopback(LoopbackBus):
     """A loopback bus in real time; `fault` may change at any moment."""
 
     fault = ""
+    lie: Lie | None = None
 
     def __init__(self, channel: str, seed: int = 0) -> None:
         self._rng, self._held = np.random.default_rng(seed), deque()
+        self._told: deque[can.Message] = deque()
         super().__init__(channel)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        message, _ = super()._recv_internal(0.0 if self._held else timeout)
+        message, _ = super()._recv_internal(0.0 if self._held or self._told else timeout)
         if message is not None:
             arrive(message, self.fault, self._rng, self._held, time.monotonic())
-        return take(self._held, time.monotonic()), False
+        now = time.monotonic()
+        return told(self.lie, self._told, lambda: take(self._held, now), now), False

@@ -1,0 +1,113 @@
+"""Lies on the bus: what a node, a gateway or a broken sensor may make of the frames that the bridge hears.
+
+A lie is a line: kind, signals of the vehicle's table (or `all`), size. It is told from its first frame on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import can
+
+from truck_bridge.j1939 import checksums
+from truck_bridge.safety import Heard, Measured
+from truck_bridge.vehicles import Vehicle
+
+KINDS = {  # size: what it means
+    "freeze": "nothing: the last frame is repeated for ever",
+    "hold": "nothing: the last value is repeated, the frame around it lives",
+    "value": "the value that is told",
+    "scale": "factor",
+    "drift": "unit/s",
+    "error": "nothing: the sentinel 'error'",
+    "absent": "nothing: the sentinel 'not available'",
+    "beyond": "nothing: the greatest number that the field holds",
+    "second": "source address of a second sender that tells half of the value beside the true frame",
+    "double": "nothing: the same address sends twice, every second frame with half of the value",
+    "silent": "nothing: the message does not come",
+}
+
+
+@dataclass
+class Lie:
+    """What becomes of a vehicle's frames."""
+
+    vehicle: Vehicle
+    kind: str
+    signals: tuple[str, ...]
+    size: float = math.nan
+    _since: float = math.nan
+    _kept: dict[int, bytes] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        assert self.kind in KINDS
+        if self.signals == ("all",):
+            self.signals = tuple(s.name for heard in self.vehicle.table.heard for s in heard.signals)
+        self._heard = {
+            heard.key: heard
+            for heard in self.vehicle.table.heard
+            if any(signal.name in self.signals for signal in heard.signals)
+        }
+        assert self._heard, f"no signal {self.signals} in {self.vehicle.name}"
+
+    def messages(self, message: can.Message, now: float) -> Iterator[can.Message]:
+        """What arrives in place of a frame."""
+        heard = self._heard.get(message.arbitration_id & 0x03FF_FFFF)
+        if heard is None:
+            yield message
+            return
+        self._since = now if math.isnan(self._since) else self._since
+        for can_id, data in self._frames(heard, message.arbitration_id, bytes(message.data), now):
+            yield can.Message(arbitration_id=can_id, data=data, is_extended_id=True)
+
+    def _frames(self, heard: Heard, can_id: int, data: bytes, now: float) -> Iterator[tuple[int, bytes]]:
+        kept = self._kept.setdefault(heard.key, data)
+        if self.kind == "silent":
+            return
+        if self.kind == "freeze":
+            yield can_id, kept
+        elif self.kind in ("second", "double"):
+            yield can_id, data
+            other = can_id & ~0xFF | int(self.size) if self.kind == "second" else can_id
+            yield other, self._bent(heard, other, data, kept, now)
+        else:
+            yield can_id, self._bent(heard, can_id, data, kept, now)
+
+    def _bent(self, heard: Heard, can_id: int, data: bytes, kept: bytes, now: float) -> bytes:
+        word, then = int.from_bytes(data, "little"), int.from_bytes(kept, "little")
+        for signal in heard.signals:
+            if signal.name in self.signals:
+                raw = self._raw(signal, word, then, now - self._since)
+                word = word & ~signal.field.mask | raw << signal.field.start
+        bent = word.to_bytes(8, "little")
+        return bent if heard.check == "none" else checksums.sign(heard.check, can_id, bent, data[7] & 0x0F)
+
+    def _raw(self, signal: Measured, word: int, then: int, elapsed: float) -> int:
+        f = signal.field
+        raw, top = (word & f.mask) >> f.start, (1 << f.bits) - 1
+        value = f.offset + f.scale * raw
+        match self.kind:
+            case "hold":
+                return (then & f.mask) >> f.start
+            case "error":
+                return top - (1 << max(f.bits - 8, 0)) if f.bits >= 8 else top - 1
+            case "absent":
+                return top
+            case "beyond":
+                return f.last
+            case "value":
+                value = self.size
+            case "scale":
+                value *= self.size
+            case "drift":
+                value += self.size * elapsed
+            case "second" | "double":
+                value *= 0.5
+        return min(max(round((value - f.offset) / f.scale), 0), f.last)
+
+
+def of_line(vehicle: Vehicle, words: list[str]) -> Lie:
+    """From `KIND SIGNAL,SIGNAL SIZE`."""
+    return Lie(vehicle, words[0], tuple(words[1].split(",")), float(words[2]))
