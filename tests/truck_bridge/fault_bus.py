@@ -26,6 +26,7 @@ from fault_world import NAMES, load
 from truck_bridge.bridge import Bridge
 from truck_bridge.emulator.ecus import EcuEmulator
 from truck_bridge.j1939 import checksums
+from truck_bridge.safety import Heard
 from truck_bridge.vehicles import Vehicle
 
 STEP, ENGAGED_AT, FAULT_AT, LENGTH = 0.01, 0.6, 1.6, 8.0
@@ -156,19 +157,24 @@ FORGED: dict[str, Forger] = {
 }
 
 
-def must_end(scene: str) -> bool:
-    """Whether the scene is one that must end control, or refuse it, whatever the truck does meanwhile."""
+def must_end(scene: str, vehicle: Vehicle) -> bool:
+    """Whether the scene is one that must end control, or refuse it, whatever the truck does meanwhile.
+
+    Not where a counter already refuses the second frame of an address, nor what an open converter explains.
+    """
     if scene in FORGED:
         return True
     kind, signals, _ = LIES[scene]
-    if kind in ("error", "absent", "silent", "beyond", "double", "second"):
+    if kind == "double":
+        return not any(heard.check != "none" for heard in _messages(vehicle, signals))
+    if kind in ("error", "absent", "silent", "beyond", "second") or scene == "pitch at 89.9":
         return True
-    by_engine = "engine_speed" in signals or "all" in signals
-    return (
-        (kind in ("freeze", "scale", "value") and by_engine)
-        or scene in ("engine_percent freeze", "gear_ratio scaled", "pitch at 89.9")
-        or (kind == "value" and set(signals) <= set(SPEEDS))
-    )
+    if kind == "freeze":
+        return bool({"engine_speed", "engine_percent", "all"} & set(signals))
+    if kind == "value" and set(signals) <= set(SPEEDS):
+        return True
+    by_engine = signals == ("engine_speed",) or scene == "gear_ratio scaled"
+    return kind in ("scale", "value") and by_engine and not _messages(vehicle, ("lockup",))
 
 
 def scenes(vehicle: Vehicle) -> list[str]:
@@ -178,10 +184,14 @@ def scenes(vehicle: Vehicle) -> list[str]:
     return [name for name, (_, signals, _) in LIES.items() if set(signals) <= known] + forged
 
 
+def _messages(vehicle: Vehicle, signals: tuple[str, ...]) -> list[Heard]:
+    """Those that carry one of these signals."""
+    return [one for one in vehicle.table.heard if {signal.name for signal in one.signals} & set(signals)]
+
+
 def senders(vehicle: Vehicle, signals: tuple[str, ...]) -> set[int]:
     """Addresses of the true senders of these signals."""
-    heard = (one for one in vehicle.table.heard if {signal.name for signal in one.signals} & set(signals))
-    return {one.key & 0xFF for one in heard}
+    return {one.key & 0xFF for one in _messages(vehicle, signals)}
 
 
 def play(seed: int, scene: str | None = None) -> Verdict:
@@ -227,7 +237,7 @@ def play(seed: int, scene: str | None = None) -> Verdict:
         broken.append("engaged")
     if not early and not engaged:
         broken.append("did not engage")
-    if not early and math.isnan(ended) and must_end(scene):
+    if not early and math.isnan(ended) and must_end(scene, vehicle):
         broken.append("control was kept")
     if scene == "nothing" and not math.isnan(ended):
         broken.append("control ended for nothing")

@@ -20,7 +20,7 @@ def play_processes(seed: int) -> Verdict:
     rng = np.random.default_rng(seed)
     name = vehicles.NAMES[seed % len(vehicles.NAMES)]
     vehicle = vehicles.load(name)
-    drawn = [one for one in scenes(vehicle) if must_end(one) or one == "nothing"]
+    drawn = [one for one in scenes(vehicle) if must_end(one, vehicle) or one == "nothing"]
     what = str(rng.choice(drawn))
     kind, signals, sizes = LIES.get(what, ("", (), NO_SIZE))
     known = [size for size in sizes if kind != "second" or size not in senders(vehicle, signals)]
@@ -37,7 +37,7 @@ def play_processes(seed: int) -> Verdict:
         broken = limits_kept(stage)
     if what == "nothing" and not math.isnan(ended):
         broken.append("control ended for nothing")
-    if must_end(what) and math.isnan(ended):
+    if must_end(what, vehicle) and math.isnan(ended):
         broken.append("control was kept")
     return Verdict(what, vehicle.name, ended, 0.0, 0.0, 0.0, tuple(broken))
 

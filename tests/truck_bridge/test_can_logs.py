@@ -236,6 +236,9 @@ def test_a_log_without_speed_or_command_is_refused(tmp_path):
     speed = load()["CCVS1"].encode({"WheelBasedVehicleSpeed": 36.0}).hex()
     with pytest.raises(InputError, match="no engine command"):
         import_can_log(written(tmp_path, f"(0.0) can0 18FEF100#{speed}\n"), {})
+    pedal = load()["EEC2"].encode({"AcceleratorPedalPosition": 20.0}).hex()
+    with pytest.raises(InputError, match=r"its pedal can be one: .*EEC2\.AcceleratorPedalPosition"):
+        import_can_log(written(tmp_path, f"(0.0) can0 18FEF100#{speed}\n(0.1) can0 0CF00300#{pedal}\n"), {})
 
 
 def test_the_table_and_the_csv(tmp_path):
