@@ -12,7 +12,7 @@ from fault_scene import Scene, limits_kept, scene
 from truck_bridge import vehicles
 
 LISTEN_S = 4.0  # after the fault
-LATE_S = 0.3  # of processes on a loaded machine
+START_S = 120.0  # for processes to start on a loaded machine
 
 
 def play_processes(seed: int) -> Verdict:
@@ -26,7 +26,7 @@ def play_processes(seed: int) -> Verdict:
     known = [size for size in sizes if kind != "second" or size not in senders(vehicle, signals)]
     size = float(rng.choice(known))
     with scene(name) as stage:
-        if not stage.engaged():
+        if not stage.engaged(START_S):
             return Verdict(what, name, math.nan, 0.0, math.nan, 0.0, ("did not engage",))
         stage.listen(1.0)
         since = time.monotonic()
