@@ -260,9 +260,14 @@ def report(verdicts: list[Verdict]) -> Iterator[str]:
             continue
         ended = [v.ended_s for v in mine if not math.isnan(v.ended_s)]
         times = f"{np.median(ended):>7.2f} s{max(ended):>7.2f} s" if ended else f"{'-':>9}{'-':>9}"
-        gained = f"{min(v.gained for v in mine):>+6.1f} {max(v.gained for v in mine):>+6.1f}"
+        driven = [v for v in mine if not math.isnan(v.gained)]  # on processes the road is not seen
+        gained = (
+            f"{min(v.gained for v in driven):>+6.1f} {max(v.gained for v in driven):>+6.1f}"
+            if driven
+            else "-"
+        )
         broken = sorted({b for v in mine for b in v.broken})
-        false = f"{max(v.false_s for v in mine):>7.2f} s"
+        false = f"{max(v.false_s for v in driven):>7.2f} s" if driven else f"{'-':>9}"
         yield f"{scene:<28}{len(mine):>5}{len(ended):>6}{times}{false}{gained:>14}  {broken or 'none'}"
     broken = sum(bool(v.broken) for v in verdicts)
     yield f"{len(verdicts)} runs, {broken} broken"

@@ -27,7 +27,7 @@ def play_processes(seed: int) -> Verdict:
     size = float(rng.choice(known))
     with scene(name) as stage:
         if not stage.engaged(START_S):
-            return Verdict(what, name, math.nan, 0.0, math.nan, 0.0, ("did not engage",))
+            return Verdict(what, name, math.nan, math.nan, math.nan, math.nan, ("did not engage",))
         stage.listen(1.0)
         since = time.monotonic()
         if kind:
@@ -39,7 +39,7 @@ def play_processes(seed: int) -> Verdict:
         broken.append("control ended for nothing")
     if must_end(what, vehicle) and math.isnan(ended):
         broken.append("control was kept")
-    return Verdict(what, vehicle.name, ended, 0.0, 0.0, 0.0, tuple(broken))
+    return Verdict(what, vehicle.name, ended, math.nan, math.nan, math.nan, tuple(broken))
 
 
 def _listen(stage: Scene, what: str, since: float) -> None:
