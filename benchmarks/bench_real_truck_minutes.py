@@ -1,12 +1,13 @@
 """Minutes of a real truck, `veh002`: alone, and after a fleet of made-up trucks.
 
 The log and the test are those of bench_real_truck.py. Training, adapting and the size of the fleet are those
-of `deeptruck-model experiment minutes`; only how steep its roads are was taken from this truck's first half.
+of `python benchmarks/paper/run.py minutes`; only how steep its roads are was taken from this truck's first half.
 """
 
 from __future__ import annotations
 
 import os
+import sys
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -16,14 +17,18 @@ from itertools import chain
 from pathlib import Path
 
 import harness
+
+sys.path.append(str(harness.ROOT))  # `benchmarks` is no part of the installed packages
+
+# isort: split
 import numpy as np
 from bench_real_truck import LOG, Deep, LeastSquares, halves, rms, windows
 from matplotlib.figure import Figure
 
+from benchmarks.paper.drives import FLEET_SEED, by_fuel, fleet
+from benchmarks.paper.experiments import ADAPTED, FLEET, FLEET_MINUTES, MINUTES, SCRATCH
 from deeptruck_model.deep import Arguments, train
 from deeptruck_model.deep.data import common_interface, cut
-from deeptruck_model.deep.experiments.drives import FLEET_SEED, by_fuel, fleet
-from deeptruck_model.deep.experiments.paper import ADAPTED, FLEET, FLEET_MINUTES, MINUTES, SCRATCH
 from deeptruck_model.driving_cycles import CycleSettings, RoadSettings
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface

@@ -13,18 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc import training
-from deeptruck_cacc.controllers.loading import load_policy
-from deeptruck_cacc.controllers.policy import MANIFEST
-from deeptruck_cacc.environments import scenes
-from deeptruck_cacc.environments.hard_scenes import LANE_CHANGE, gap_closing, long_following
-from deeptruck_cacc.environments.rollouts import Trace, roll_out
-from deeptruck_cacc.environments.scenes import Scene
-from deeptruck_cacc.evaluation import figures, metrics
-from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig
-from deeptruck_model import files, simulators
-from deeptruck_model.deep.experiments.beside_paper import Job, learn
-from deeptruck_model.deep.experiments.paper_page import (
+from benchmarks.paper.learning import Job, learn
+from benchmarks.paper.page import (
     CLOSED_SPEED,
     CLOSED_TIME_GAP_S,
     CLOSING_S,
@@ -48,6 +38,16 @@ from deeptruck_model.deep.experiments.paper_page import (
     table,
     write,
 )
+from deeptruck_cacc import training
+from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.policy import MANIFEST
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.hard_scenes import LANE_CHANGE, gap_closing, long_following
+from deeptruck_cacc.environments.rollouts import Trace, roll_out
+from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_cacc.evaluation import figures, metrics
+from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig
+from deeptruck_model import files, simulators
 from deeptruck_model.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
 from deeptruck_model.simulators import Simulator
 

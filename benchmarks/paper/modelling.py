@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from deeptruck_model import files, simulators, sweeps
-from deeptruck_model.deep.arguments import PAPER_FUEL, PAPER_PASSES
-from deeptruck_model.deep.experiments import beside_paper, output
-from deeptruck_model.deep.experiments.beside_paper import RECIPES, VARIANTS, Job, drives, learn, runs_of
-from deeptruck_model.deep.experiments.drives import VALIDATION_SEED, drive_of
-from deeptruck_model.deep.experiments.output import COLOURS, FED, sample_run
-from deeptruck_model.deep.experiments.paper_page import (
+from benchmarks.paper import learning, output
+from benchmarks.paper.drives import VALIDATION_SEED, drive_of
+from benchmarks.paper.learning import RECIPES, VARIANTS, Job, drives, learn, runs_of
+from benchmarks.paper.output import COLOURS, FED, sample_run
+from benchmarks.paper.page import (
     FIELD_SEEDS,
     PROBE_FIT_MIN,
     SEEDS,
@@ -28,6 +26,8 @@ from deeptruck_model.deep.experiments.paper_page import (
     table,
     write,
 )
+from deeptruck_model import files, simulators, sweeps
+from deeptruck_model.deep.arguments import PAPER_FUEL, PAPER_PASSES
 from deeptruck_model.deep.report import LABELS, error_figure, scenario_figure
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
@@ -351,7 +351,7 @@ def _probed(out: Path) -> list[str]:
     if not kept.exists():
         return []
     found = {HEADINGS[recipe]: scores for recipe, scores in json.loads(kept.read_text()).items()}
-    return [PROBED, "", *beside_paper.table(found), f"{PROBED_SAYS} {beside_paper.learned(found)}", ""]
+    return [PROBED, "", *learning.table(found), f"{PROBED_SAYS} {learning.learned(found)}", ""]
 
 
 def _probe(out: Path) -> None:
@@ -362,7 +362,7 @@ def _probe(out: Path) -> None:
         truck = _truck(Job(str(out / WORK), "trucksim", recipe, 0))
         if truck is not None and recipe not in found:
             fit, test = drive_of("trucksim", PROBE_FIT_MIN, VALIDATION_SEED), drives("trucksim")[1]
-            found[recipe] = beside_paper.probe(truck, fit, test)
+            found[recipe] = learning.probe(truck, fit, test)
             files.write(kept, json.dumps(found).encode())
 
 

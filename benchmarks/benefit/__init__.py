@@ -2,11 +2,11 @@
 
 from typing import TYPE_CHECKING, Any
 
-from deeptruck_cacc.closed_loop_benefit.plan import EFFECTS, RECIPES, Effort, Recipe, check
+from benchmarks.benefit.plan import EFFECTS, RECIPES, Effort, Recipe, check
 
 if TYPE_CHECKING:
-    from deeptruck_cacc.closed_loop_benefit.effects import CASES, Case
-    from deeptruck_cacc.closed_loop_benefit.experiment import pays
+    from benchmarks.benefit.effects import CASES, Case
+    from benchmarks.benefit.experiment import pays
 
 __all__ = ["CASES", "EFFECTS", "RECIPES", "Case", "Effort", "Recipe", "check", "pays"]
 
@@ -15,6 +15,6 @@ def __getattr__(name: str) -> Any:
     """What needs a truck, on its first use."""
     if name not in ("CASES", "Case", "pays"):
         raise AttributeError(name)
-    from deeptruck_cacc.closed_loop_benefit import experiment
+    from benchmarks.benefit import experiment
 
     return getattr(experiment, name)

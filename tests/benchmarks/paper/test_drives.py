@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.paper.drives import by_fuel, fleet, random_truck
 from deeptruck_model import trucks
-from deeptruck_model.deep.experiments.drives import by_fuel, fleet, random_truck
 from deeptruck_model.driving_cycles import YARD
 from deeptruck_model.signals import TruckInterface
 

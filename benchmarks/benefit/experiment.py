@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.closed_loop_benefit import report
-from deeptruck_cacc.closed_loop_benefit.belief import believed
-from deeptruck_cacc.closed_loop_benefit.effects import CASES, STOPS, TESTS, Case
-from deeptruck_cacc.closed_loop_benefit.plan import BENEFIT, EFFECTS, RECIPES, WORK, Effort, check
+from benchmarks.benefit import report
+from benchmarks.benefit.belief import believed
+from benchmarks.benefit.effects import CASES, STOPS, TESTS, Case
+from benchmarks.benefit.plan import BENEFIT, EFFECTS, RECIPES, WORK, Effort, check
 from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Policy

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.paper import experiments, output
+from benchmarks.paper.drives import drive_of
+from benchmarks.paper.output import SHORT_RUNS, of_seeds
 from deeptruck_model.cli import whole
-from deeptruck_model.deep.experiments import output, paper
-from deeptruck_model.deep.experiments.drives import drive_of
-from deeptruck_model.deep.experiments.output import SHORT_RUNS, of_seeds
 from deeptruck_model.recordings import write_bag
 
 
 def test_field_experiment_writes_tables_and_figures(tmp_path):
-    metrics = paper.field(tmp_path, seeds=2, updates=4)
+    metrics = experiments.field(tmp_path, seeds=2, updates=4)
     assert metrics["volvo"]["trials"] == 10 and metrics["freightliner"]["horizon_s"] == pytest.approx(15.0)
     assert (tmp_path / "volvo" / "error_statistics.png").stat().st_size > 10_000
     assert "freightliner, 16 min: worst of 2 seeds" in (tmp_path / "README.md").read_text()
@@ -59,12 +59,14 @@ def test_rows_of_seeds_take_each_figure_on_its_own():
 
 @pytest.mark.long
 def test_minutes_of_data_are_drawn_for_every_truck(tmp_path, monkeypatch):
-    monkeypatch.setattr(paper, "TRUCKS", ("freightliner", "volvo"))
-    monkeypatch.setattr(paper, "MINUTES", (1, 2))
-    monkeypatch.setattr(paper, "FLEET", 2)
-    monkeypatch.setattr(paper, "FLEET_MINUTES", 2)
-    monkeypatch.setattr(paper, "drive_of", lambda name, length, seed: drive_of(name, min(length, 2), seed))
-    metrics = paper.minutes_of_data(tmp_path, updates=5)
+    monkeypatch.setattr(experiments, "TRUCKS", ("freightliner", "volvo"))
+    monkeypatch.setattr(experiments, "MINUTES", (1, 2))
+    monkeypatch.setattr(experiments, "FLEET", 2)
+    monkeypatch.setattr(experiments, "FLEET_MINUTES", 2)
+    monkeypatch.setattr(
+        experiments, "drive_of", lambda name, length, seed: drive_of(name, min(length, 2), seed)
+    )
+    metrics = experiments.minutes_of_data(tmp_path, updates=5)
     assert list(metrics["volvo"]["adapted"]) == [0, 1, 2]
     assert list(metrics["volvo"]["from scratch"]) == [1, 2]
     assert "volvo: 2 min, adapted" in (tmp_path / "README.md").read_text()
@@ -74,7 +76,7 @@ def test_minutes_of_data_are_drawn_for_every_truck(tmp_path, monkeypatch):
 def test_singles_are_the_members(truck, drive):
     recording = drive(30)
     u, w, y0 = recording.u[None], recording.w[None], recording.y[:1]
-    runs = [single.rollout(u, w, y0, None).y for single in paper.singles(truck)]
+    runs = [single.rollout(u, w, y0, None).y for single in experiments.singles(truck)]
     np.testing.assert_allclose(np.mean(runs, axis=0), truck.rollout(u, w, y0, None).y, atol=1e-9)
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.benefit import CASES, Case, Effort, experiment, pays, report
+from benchmarks.benefit.belief import believed
+from benchmarks.benefit.effects import LateEngine, SlowBrake, UnsensedRoad, downhill
+from benchmarks.benefit.plan import BENEFIT, EFFECTS
 from deeptruck_cacc import cli
-from deeptruck_cacc.closed_loop_benefit import CASES, Case, Effort, experiment, pays, report
-from deeptruck_cacc.closed_loop_benefit.belief import believed
-from deeptruck_cacc.closed_loop_benefit.effects import LateEngine, SlowBrake, UnsensedRoad, downhill
-from deeptruck_cacc.closed_loop_benefit.plan import BENEFIT, EFFECTS
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.rollouts import Trace

@@ -10,8 +10,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from deeptruck_cacc.closed_loop_benefit.effects import STOPS
-from deeptruck_cacc.closed_loop_benefit.plan import FIGURES, PAGE, PICTURE
+from benchmarks.benefit.effects import STOPS
+from benchmarks.benefit.plan import FIGURES, PAGE, PICTURE
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.paper import learning, modelling, page
+from benchmarks.paper.drives import TRAIN_SEED, drive_of
+from benchmarks.paper.page import Row, at
 from deeptruck_model.cli import whole
-from deeptruck_model.deep.experiments import beside_paper, modelling_page, paper_page
-from deeptruck_model.deep.experiments.drives import TRAIN_SEED, drive_of
-from deeptruck_model.deep.experiments.paper_page import Row, at
 
 SPEED = Row("speed", "within 1.5", at("speed"), most=1.5)
 
@@ -31,7 +31,7 @@ def test_a_cell_is_the_median_and_bold_where_a_seed_misses() -> None:
 
 @pytest.mark.parametrize(
     "row",
-    [r for rows in modelling_page.FIELD_ROWS.values() for r in rows if np.isfinite(r.most)],
+    [r for rows in modelling.FIELD_ROWS.values() for r in rows if np.isfinite(r.most)],
     ids=lambda r: r.what,
 )
 def test_a_field_truck_is_held_to_what_the_paper_says(row: Row) -> None:
@@ -41,22 +41,22 @@ def test_a_field_truck_is_held_to_what_the_paper_says(row: Row) -> None:
 
 
 def test_a_table_says_how_many_seeds_ran() -> None:
-    lines = paper_page.table([SPEED], {"its recipe": [{"speed": 1.0}], "ours": []})
+    lines = page.table([SPEED], {"its recipe": [{"speed": 1.0}], "ours": []})
     assert lines[2] == "| seeds | | 1 | not run |" and lines[3] == "| speed | within 1.5 | 1.00 | - |"
 
 
 @pytest.fixture
 def little(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nine minutes of every truck, one of the two field trucks and one variant."""
-    volvo = {"volvo": modelling_page.FIELD_ROWS["volvo"]}
-    monkeypatch.setattr(modelling_page, "FIELD_ROWS", volvo)
-    few = {name: beside_paper.VARIANTS[name] for name in ("short", "cubic")}
-    monkeypatch.setattr(modelling_page, "VARIANTS", few)
+    volvo = {"volvo": modelling.FIELD_ROWS["volvo"]}
+    monkeypatch.setattr(modelling, "FIELD_ROWS", volvo)
+    few = {name: learning.VARIANTS[name] for name in ("short", "cubic")}
+    monkeypatch.setattr(modelling, "VARIANTS", few)
     whole = drive_of("trucksim", 9, TRAIN_SEED)
-    monkeypatch.setattr(beside_paper, "drives", lambda truck: (whole, whole))
-    monkeypatch.setattr(modelling_page, "drives", beside_paper.drives)
-    monkeypatch.setattr(beside_paper, "drive_of", lambda *_: whole.piece(0, 600))
-    monkeypatch.setattr(modelling_page, "drive_of", lambda *_: whole)
+    monkeypatch.setattr(learning, "drives", lambda truck: (whole, whole))
+    monkeypatch.setattr(modelling, "drives", learning.drives)
+    monkeypatch.setattr(learning, "drive_of", lambda *_: whole.piece(0, 600))
+    monkeypatch.setattr(modelling, "drive_of", lambda *_: whole)
 
 
 @pytest.mark.usefixtures("little")
@@ -73,11 +73,11 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     assert "| | paper | fuel in l/s | fuel in cm³/s, as printed |" in page
     assert "is trained on engine_speed, engine_torque, gear besides" in page
     assert "| our default, not trained on gear and engine | brake pressure | " in page
-    for name in (*modelling_page.CAPTIONS, "volvo.png"):
+    for name in (*modelling.CAPTIONS, "volvo.png"):
         assert f"(paper/{name})" in page and (out / "paper" / name).stat().st_size > 5000
     found = json.loads((out / "work" / "trucksim-paper-0.json").read_text())
     assert found["updates"] == 2 and found["auxiliary"] == [] and len(found["curves"]) == 2
-    monkeypatch.setattr(beside_paper, "train", None)  # nothing is trained again
+    monkeypatch.setattr(learning, "train", None)  # nothing is trained again
     again = CliRunner().invoke(whole(), command)
     assert again.exit_code == 0 and (out / "paper.md").read_text() == page
     (out / "notes.txt").write_text("mine")
@@ -87,7 +87,7 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
 
 @pytest.mark.usefixtures("little")
 def test_what_a_killed_training_observed_counts_once(tmp_path: Path) -> None:
-    job = beside_paper.Job(str(tmp_path), "trucksim", "paper", 0, 2)
+    job = learning.Job(str(tmp_path), "trucksim", "paper", 0, 2)
     tmp_path.joinpath(f"{job.name}.jsonl").write_text('{"updates": 1, "training": 9.0, "deployment": 9.0}\n')
-    curves = beside_paper.learn(job)["curves"]
+    curves = learning.learn(job)["curves"]
     assert [line["updates"] for line in curves] == [1, 2] and curves[0]["training"] != 9.0

@@ -16,11 +16,7 @@ from sklearn.linear_model import RidgeClassifierCV, RidgeCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from deeptruck_model import files, trucks
-from deeptruck_model.deep.arguments import PAPER_FUEL, Arguments
-from deeptruck_model.deep.data import Scales
-from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
-from deeptruck_model.deep.experiments.drives import (
+from benchmarks.paper.drives import (
     OTHER_SEED,
     PAPER,
     TEST_SEED,
@@ -29,8 +25,8 @@ from deeptruck_model.deep.experiments.drives import (
     field_drives,
     passes,
 )
-from deeptruck_model.deep.experiments.output import COLOURS, Unseen, sample_trials
-from deeptruck_model.deep.experiments.paper_page import (
+from benchmarks.paper.output import COLOURS, Unseen, sample_trials
+from benchmarks.paper.page import (
     FIELD_RUNS,
     FIELD_S,
     LOOKS_AT_FEEDBACK,
@@ -41,6 +37,10 @@ from deeptruck_model.deep.experiments.paper_page import (
     TRANSIENT_OF_SAMPLE_S,
     TRANSIENT_S,
 )
+from deeptruck_model import files, trucks
+from deeptruck_model.deep.arguments import PAPER_FUEL, Arguments
+from deeptruck_model.deep.data import Scales
+from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.paper import classics
+from benchmarks.paper.classics import physics
 from deeptruck_model import trucks
 from deeptruck_model.deep import statistics, trials
-from deeptruck_model.deep.experiments import models
-from deeptruck_model.deep.experiments.models import physics
 from deeptruck_model.driving_cycles import drive
 from deeptruck_model.simulators import Simulator
 
@@ -23,7 +23,7 @@ def test_learns_a_linear_truck(drive, name):
         recording.channels["acceleration"] = acceleration
         recording.channels["speed"] = 200 + np.cumsum(acceleration) * recording.dt
         recordings.append(recording)
-    model = models.MODELS[name](recordings[:1])
+    model = classics.MODELS[name](recordings[:1])
     assert isinstance(model, Simulator)
     metrics = statistics(trials(model, recordings[1:], 10, 10.0))
     assert metrics["speed"]["rmse_at_end"] < 0.2
@@ -31,7 +31,7 @@ def test_learns_a_linear_truck(drive, name):
 
 def test_a_model_that_runs_away_stays_a_number(drive):
     recording = drive(60)
-    wild = models.Regression(recording.interface, recording.dt, lambda rows: rows[:, -3:-1] ** 2 + 1e3)
+    wild = classics.Regression(recording.interface, recording.dt, lambda rows: rows[:, -3:-1] ** 2 + 1e3)
     runs = trials(wild, [recording], 3, 20.0)
     assert np.isfinite(runs.modelled).all() and statistics(runs)["speed"]["mean_abs"] > 100
 
@@ -42,7 +42,7 @@ def recording():
 
 
 def test_fitting_makes_it_better_on_another_drive(recording, monkeypatch):
-    monkeypatch.setattr(models, "RUNS", 25)
+    monkeypatch.setattr(classics, "RUNS", 25)
     test = drive(trucks.load("trucksim"), seconds=900, seed=2)
 
     def error(evaluations):
@@ -61,14 +61,14 @@ def test_ratios_are_read_off_the_recording(recording):
 def test_states_of_the_drive_itself_repeat_it(monkeypatch):
     truck = trucks.load("trucksim")
     recording = drive(truck, seconds=300, seed=1)
-    monkeypatch.setattr(models, "NEAREST", 1)
-    runs = trials(models.LookAlikes(truck, recording), [recording], 10, 40.0)
+    monkeypatch.setattr(classics, "NEAREST", 1)
+    runs = trials(classics.LookAlikes(truck, recording), [recording], 10, 40.0)
     assert np.abs(runs.error[..., 1]).max() < 1e-9
 
 
 def test_what_looked_alike_is_a_better_guess_than_a_settled_truck():
     truck = trucks.load("trucksim")
     known, test = drive(truck, seconds=3600, seed=1), drive(truck, seconds=600, seed=2)
-    guessed = statistics(trials(models.LookAlikes(truck, known), [test], 40, 20.0))
+    guessed = statistics(trials(classics.LookAlikes(truck, known), [test], 40, 20.0))
     settled = statistics(trials(truck, [test], 40, 20.0))
     assert guessed["acceleration"]["mean_abs"] < settled["acceleration"]["mean_abs"]

@@ -14,12 +14,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from deeptruck_model import trucks
-from deeptruck_model.deep import report
-from deeptruck_model.deep.arguments import Arguments
-from deeptruck_model.deep.evaluation import calibrated, inside, statistics, trials
-from deeptruck_model.deep.experiments import models
-from deeptruck_model.deep.experiments.drives import (
+from benchmarks.paper import classics
+from benchmarks.paper.classics import LookAlikes, physics
+from benchmarks.paper.drives import (
     FIELD,
     FLEET_SEED,
     LOOK_ALIKE_SEED,
@@ -32,8 +29,7 @@ from deeptruck_model.deep.experiments.drives import (
     fleet,
     trained,
 )
-from deeptruck_model.deep.experiments.models import LookAlikes, physics
-from deeptruck_model.deep.experiments.output import (
+from benchmarks.paper.output import (
     SHORT_RUNS,
     Row,
     budget,
@@ -43,7 +39,11 @@ from deeptruck_model.deep.experiments.output import (
     table,
     write,
 )
-from deeptruck_model.deep.experiments.paper_page import FIELD_RUNS, FIELD_S
+from benchmarks.paper.page import FIELD_RUNS, FIELD_S
+from deeptruck_model import trucks
+from deeptruck_model.deep import report
+from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.evaluation import calibrated, inside, statistics, trials
 from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.driving_cycles import drive
@@ -181,7 +181,7 @@ def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
     truck = trained(drives, chosen(seeds, updates))
     compared: dict[str, Simulator] = {"deep truck": truck}
     compared |= {
-        name: fit(drives) for name, fit in {**models.MODELS, "fitted physics truck": physics}.items()
+        name: fit(drives) for name, fit in {**classics.MODELS, "fitted physics truck": physics}.items()
     }
     metrics = {name: statistics(trials(model, [test])) for name, model in compared.items()}
     title = "Deep truck beside the classics: 1 h training, 3 h test, 90 x 40 s"

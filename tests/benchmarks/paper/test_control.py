@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_cacc import beside_paper, cli, training
+from benchmarks.paper import control, page
+from benchmarks.paper.drives import TRAIN_SEED, drive_of
+from deeptruck_cacc import cli, training
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.environments.scenes import Scene
-from deeptruck_model.deep.experiments import beside_paper as modelling
-from deeptruck_model.deep.experiments import paper_page
-from deeptruck_model.deep.experiments.drives import TRAIN_SEED, drive_of
 
 
 def run(*arguments: object) -> int:
@@ -28,10 +27,10 @@ def test_the_control_half_has_every_chain_and_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = drive_of("trucksim", 9, TRAIN_SEED)
-    monkeypatch.setattr(modelling, "drives", lambda truck: (whole, whole))
-    monkeypatch.setattr(modelling, "drive_of", lambda *_: whole.piece(0, 600))
-    few = {r: replace(a, updates=2, rounds=1) for r, a in modelling.RECIPES.items()}
-    monkeypatch.setattr(modelling, "RECIPES", few)
+    monkeypatch.setattr(learning, "drives", lambda truck: (whole, whole))
+    monkeypatch.setattr(learning, "drive_of", lambda *_: whole.piece(0, 600))
+    few = {r: replace(a, updates=2, rounds=1) for r, a in learning.RECIPES.items()}
+    monkeypatch.setattr(learning, "RECIPES", few)
     command = ["experiment", "paper", "--out", tmp_path, "--seeds", 1, "--iterations", 1]
     assert run(*command, "--chain", "paper", "--chain", "default") == 0
     out = tmp_path / "paper"
@@ -40,7 +39,7 @@ def test_the_control_half_has_every_chain_and_goes_on(
         "| seeds | | 1 | not run | 1 | not run |" in page
         and "TruckSIM-set: time-gap error after 10 s" in page
     )
-    for file in beside_paper.CAPTIONS:
+    for file in control.CAPTIONS:
         assert f"(paper/{file.format('paper')})" in page
     printed = json.loads((out / "work/policies/paper/policy.json").read_text())["card"]
     assert printed["config"]["printed_reward"] and printed["config"]["path"] == 800
@@ -64,14 +63,14 @@ def test_an_overshoot_is_an_error_on_the_other_side() -> None:
     scene = Scene(np.full(2, 15.0), np.array([14.0, 16.0]), np.full(2, 30.0), np.full(2, 2.0), still, still)
     signals = {"speed_error": np.column_stack([slow, fast]), "time_gap_error": np.full((400, 2), 0.01)}
     trace = Trace(0.1, scene, {**signals, "crash": np.zeros((400, 2), bool)})
-    over = beside_paper._overshoot(trace)
+    over = control._overshoot(trace)
     assert over["slow"] == pytest.approx(0.3) and over["fast"] == 0.0
-    found = beside_paper._of_set(trace)
+    found = control._of_set(trace)
     assert found["crashes"] == 0
     assert found["time_gap"] == [0.01, 0.01] and found["speed"] == [0.0, 0.0]
 
 
 def test_the_leader_ripples_only_at_the_end() -> None:
-    scene = beside_paper.closing_with_ripple(np.random.default_rng(0), 3, 400, 0.1)
+    scene = control.closing_with_ripple(np.random.default_rng(0), 3, 400, 0.1)
     assert not scene.leader_acceleration[:, :170].any()
-    assert set(np.abs(scene.leader_acceleration[:, 170:]).ravel()) == {paper_page.RIPPLE}
+    assert set(np.abs(scene.leader_acceleration[:, 170:]).ravel()) == {page.RIPPLE}

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model.deep.experiments import beside_paper
+from benchmarks.paper import learning
 
 
 def _runs(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -15,19 +15,17 @@ def _runs(seed: int) -> tuple[np.ndarray, np.ndarray]:
 def test_a_probe_finds_what_a_linear_map_gives_and_nothing_in_noise() -> None:
     (fit, noise), (test, other) = _runs(0), _runs(1)
     weights = np.array([1.0, -2.0, 0.5, 0.0])
-    score, low, high = beside_paper._score(
-        fit, test, fit @ weights + 0.5 * noise, test @ weights + 0.5 * other
-    )
+    score, low, high = learning._score(fit, test, fit @ weights + 0.5 * noise, test @ weights + 0.5 * other)
     assert low < score < high and score == pytest.approx(5.25 / 5.5, abs=0.01)  # the share that is no noise
-    score, low, _ = beside_paper._score(fit, test, noise, other)
+    score, low, _ = learning._score(fit, test, noise, other)
     assert score == pytest.approx(0.0, abs=0.02) and low < 0.0
 
 
 def test_a_probe_of_classes_gives_the_share_that_is_right() -> None:
     (fit, _), (test, _) = _runs(0), _runs(1)
-    score, _, _ = beside_paper._score(fit, test, np.sign(fit[..., 0]), np.sign(test[..., 0]))
+    score, _, _ = learning._score(fit, test, np.sign(fit[..., 0]), np.sign(test[..., 0]))
     assert score > 0.97
-    score, low, high = beside_paper._score(
+    score, low, high = learning._score(
         fit[..., 1:], test[..., 1:], np.sign(fit[..., 0]), np.sign(test[..., 0])
     )
     assert low < 0.5 < high or score == pytest.approx(0.5, abs=0.03)
@@ -35,7 +33,7 @@ def test_a_probe_of_classes_gives_the_share_that_is_right() -> None:
 
 def test_learned_is_what_lies_above_the_untrained_state() -> None:
     clear, same = [0.9, 0.88, 0.92], [0.8, 0.78, 0.89]
-    scores = {target: {"state": clear, "untrained": same} for target in beside_paper.TARGETS}
+    scores = {target: {"state": clear, "untrained": same} for target in learning.TARGETS}
     scores["gear"] = {"state": clear, "untrained": [0.8, 0.78, 0.82]}
-    assert beside_paper.learned({"ours": scores}).endswith("do not overlap: gear (ours).")
-    assert beside_paper.learned({}).endswith(": nothing.")
+    assert learning.learned({"ours": scores}).endswith("do not overlap: gear (ours).")
+    assert learning.learned({}).endswith(": nothing.")

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.paper.page import LOOKS
 from deeptruck_model import trucks
 from deeptruck_model.deep.arguments import Arguments
-from deeptruck_model.deep.experiments.paper_page import LOOKS
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
