@@ -1,7 +1,8 @@
 """Minutes of a real truck, `veh002`: alone, and after a fleet of made-up trucks.
 
 The log and the test are those of bench_real_truck.py. Training, adapting and the size of the fleet are those
-of `python benchmarks/paper/run.py minutes`; only how steep its roads are was taken from this truck's first half.
+of `python benchmarks/paper/run.py minutes`; only how steep its roads are was taken from this truck's first
+half.
 """
 
 from __future__ import annotations

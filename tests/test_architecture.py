@@ -254,7 +254,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 
 def third_party(*roots: Path) -> set[str]:
     """Top-level packages that are neither ours nor Python's."""
-    local = {path.stem for root in roots for path in root.rglob("*.py")} | {"examples", "tests"}
+    local = {path.stem for root in roots for path in root.rglob("*.py")} | {"examples", "tests", "benchmarks"}
     names = {
         name.partition(".")[0] for root in roots for path in root.rglob("*.py") for name in imported(path)
     }

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 
 import deeptruck_cacc.cli
 import truck_bridge.cli
+from benchmarks.benefit import run as benefit
+from benchmarks.paper import run as paper
 from deeptruck_model import cli, console
 from deeptruck_nodes import replay_recording, start_simulation, start_vehicle
 
@@ -28,6 +30,8 @@ APPS = {
     "deeptruck-model": cli.whole(),
     "deeptruck-cacc": deeptruck_cacc.cli.app,
     "truck-bridge": truck_bridge.cli.app,
+    "benchmarks/paper/run.py": paper.app,
+    "benchmarks/benefit/run.py": benefit.app,
     "deeptruck-simulation": _alone(start_simulation.main),
     "deeptruck-vehicle": _alone(start_vehicle.main),
     "deeptruck-replay": _alone(replay_recording.main),
@@ -45,12 +49,12 @@ WRONG = [
     "python:none:none",
     "☃",
 ]
+PAPER = ("error-statistics", "field", "classics", "minutes", "modelling", "control")
 # all that these need is where to write
 NO_INPUT = {
     "deeptruck-model prove",
-    "deeptruck-model experiment",
-    "deeptruck-cacc experiment",
-    "deeptruck-cacc pays",
+    *(f"benchmarks/paper/run.py {command}" for command in PAPER),
+    "benchmarks/benefit/run.py",
 }
 
 
@@ -59,6 +63,7 @@ def commands() -> Iterator[tuple[str, tuple[str, ...], Any]]:
     for program, app in APPS.items():
         top: Any = console._command(app)
         inside = getattr(top, "commands", None)
+        inside = inside and {name: one for name, one in inside.items() if not one.hidden}
         yield from ((program, (name,), one) for name, one in (inside or {}).items())
         if inside is None:
             yield program, (), top
@@ -137,6 +142,22 @@ def test_wrong_and_half_arguments_are_refused(
             line += [*option, *(data.draw(value, p.name) for _ in range(abs(p.nargs)))]
     refused(program, line, capsys)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("more", [[], ["--help"], ["minutes", "--seeds", "3", "--no-such-option"]])
+@pytest.mark.parametrize(
+    ("program", "name", "to"),
+    [
+        ("deeptruck-model", "experiment", "benchmarks/paper/run.py"),
+        ("deeptruck-cacc", "experiment", "benchmarks/paper/run.py"),
+        ("deeptruck-cacc", "pays", "benchmarks/benefit/run.py"),
+    ],
+)
+def test_a_command_that_moved_names_its_new_place_whatever_it_is_given(
+    program: str, name: str, to: str, more: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    says = refused(program, [name, *more], capsys)
+    assert f"{program}: '{name}' moved to python {to}" in says and says.count("\n") == 1
 
 
 def test_help_shows_values_in_capitals_or_as_choices(capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,6 +20,8 @@ from typer.main import get_command
 import deeptruck_cacc.cli
 import deeptruck_model.cli
 import truck_bridge.cli
+from benchmarks.benefit import run as benefit
+from benchmarks.paper import run as paper
 from deeptruck_model.cli import spread
 from deeptruck_nodes.parameters import schema
 from deeptruck_nodes.topics import TOPICS
@@ -32,8 +34,8 @@ PAGES = [
     ROOT / "examples" / "README.md",
     *sorted(DOCS.rglob("*.md")),
 ]
-TYPER = r"(deeptruck-[a-z]+|truck-bridge|python (ros2_ws|examples|demo)\S*) \S"
-SCRIPT = r"python (-m \S+|(benchmarks|tests)/\S+\.py)"  # with argparse, or with options written out
+TYPER = r"(deeptruck-[a-z]+|truck-bridge|python (ros2_ws|examples|demo|benchmarks/\w+/run)\S*) \S"
+SCRIPT = r"python (-m \S+|(benchmarks|tests)/(?!\w+/run\.py)\S+\.py)"  # argparse, or options written out
 OTHERS = r"make \w+|\. \S+/activate$|#|$"
 RUN_HERE = [DOCS / "tutorial.md", DOCS / "cacc.md", DOCS / "cacc_shield.md"]
 RUN_BY = {  # the snippets of other pages need what their own tests have at hand
@@ -108,6 +110,7 @@ def programs() -> dict[str, typer.Typer]:
         app = typer.Typer()
         app.command()(importlib.import_module(place).main)
         known[program] = known[f"ros2_ws/{place.rpartition('.')[2]}.py"] = app
+    known |= {f"benchmarks/{name}/run.py": run.app for name, run in (("paper", paper), ("benefit", benefit))}
     for path in [*(ROOT / "examples").rglob("*.py"), ROOT / "demo.py"]:
         text = path.read_text()
         if "def main(" in text:
@@ -140,9 +143,9 @@ def test_every_command_is_understood(programs: dict[str, typer.Typer], page: str
         words = words[1:]
     words = [word for word in words if word != "--help"]  # every command has it, and stops there
     command = get_command(programs[words[0]])
-    if words[0] in ("deeptruck-model", "deeptruck-cacc", "truck-bridge") and words[1:]:
+    if hasattr(command, "commands") and words[1:]:
         context = command.make_context(words[0], words[1:2], resilient_parsing=True)
-        found = command.get_command(context, words[1])  # type: ignore[attr-defined]
+        found = command.get_command(context, words[1])
         assert found is not None, f"{page}: {words[0]} has no command {words[1]}"
         command, words = found, words[1:]
     if len(words) == 1 or any(word.isupper() for word in words):

@@ -38,6 +38,7 @@ from benchmarks.paper.page import (
     table,
     write,
 )
+from benchmarks.paper.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
 from deeptruck_cacc import training
 from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.policy import MANIFEST
@@ -48,7 +49,6 @@ from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.evaluation import figures, metrics
 from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig
 from deeptruck_model import files, simulators
-from deeptruck_model.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]

@@ -26,12 +26,12 @@ from benchmarks.paper.page import (
     table,
     write,
 )
+from benchmarks.paper.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
 from deeptruck_model import files, simulators, sweeps
 from deeptruck_model.deep.arguments import PAPER_FUEL, PAPER_PASSES
 from deeptruck_model.deep.report import LABELS, error_figure, scenario_figure
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
-from deeptruck_model.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
 from deeptruck_model.signals import printed
 
 Found = Mapping[tuple[str, str], list[dict[str, Any]]]

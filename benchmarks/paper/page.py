@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.paper.results import PAPER_HALVES, PAPER_PAGE, PICTURES, WORK
 from deeptruck_model import files
-from deeptruck_model.results import PAPER_HALVES, PAPER_PAGE, PICTURES, WORK
 
 # Training
 LOOKS = 60
@@ -84,8 +84,8 @@ seeds, in brackets the least and the largest of them; it is in bold where any se
 The row 'seeds' says how many ran. Two commands measure the whole page, and continue where they were stopped:
 
 ```bash
-deeptruck-model experiment paper --out runs/experiments
-deeptruck-cacc experiment paper --out runs/experiments
+python benchmarks/paper/run.py modelling --out runs/experiments
+python benchmarks/paper/run.py control --out runs/experiments
 ```
 """
 

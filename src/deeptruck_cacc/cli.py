@@ -195,78 +195,6 @@ def export(
 
 
 @app.command()
-def pays(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for pays.md, pays.png, pays.json, work/.")],
-    effect: Annotated[
-        list[str] | None, typer.Option(help="Effect; repeat for several. Default: all of them.")
-    ] = None,
-    recipe: Annotated[
-        list[str] | None, typer.Option(help="default, trusting or gentle; repeat. Default: all.")
-    ] = None,
-    seeds: Annotated[int, typer.Option(help="Policies of each simulator.", min=1)] = 3,
-    iterations: Annotated[int, typer.Option(help="Updates of each training.", min=1)] = 90,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-) -> None:
-    """Does correcting the simulator pay? Train on the old and the corrected one, drive the true truck.
-
-    About an hour of one core.
-
-    Example: deeptruck-cacc pays --out results/pays --effect payload --recipe trusting
-    """
-    from rich.console import Console
-
-    from deeptruck_cacc import closed_loop_benefit as experiment
-
-    effects, recipes = effect or experiment.EFFECTS, recipe or tuple(experiment.RECIPES)
-    experiment.check(out, effects, recipes, resume=resume, overwrite=overwrite)
-    effort = experiment.Effort(seeds=seeds, iterations=iterations)
-    say = Console(stderr=True).print
-    experiment.pays(out, effects, recipes, effort, resume=resume, overwrite=overwrite, say=say)
-    typer.echo(f"{out}: pays.md, pays.png and pays.json")
-
-
-class Experiment(StrEnum):
-    """The paper's experiments with controllers."""
-
-    paper = "paper"
-
-
-@app.command()
-def experiment(
-    name: Annotated[Experiment, typer.Argument(help="paper: its control experiments beside ours.")],
-    out: Annotated[
-        Path,
-        typer.Option(metavar="DIR", help="Folder; the page is in its subfolder of the experiment's name."),
-    ] = Path("runs/experiments"),
-    seeds: Annotated[int, typer.Option(help="Policies of each trainer.", min=1, max=100)] = 10,
-    iterations: Annotated[int, typer.Option(help="Updates of each training; 0: the trainer's.", min=0)] = 0,
-    chain: Annotated[
-        list[str] | None,
-        typer.Option(help="paper, trpo, default or unaided; repeat for several. Default: all of them."),
-    ] = None,
-) -> None:
-    """The paper's control experiments: TRPO as printed beside our trainer, on deep trucks and the truck.
-
-    It writes its half of the page that 'deeptruck-model experiment paper' begins, learns a deep truck that
-    is not there yet, and goes on where a run of it was stopped.
-
-    Example: deeptruck-cacc experiment paper --out runs/experiments
-    """
-    from rich.console import Console
-
-    from deeptruck_cacc import beside_paper
-    from deeptruck_model.results import PAPER_PAGE
-
-    chains = tuple(chain or beside_paper.CHAINS)
-    if unknown := [one for one in chains if one not in beside_paper.CHAINS]:
-        raise InputError(f"there is no chain '{unknown[0]}'; known: {', '.join(beside_paper.CHAINS)}")
-    folder = out / name.value
-    beside_paper.experiment(folder, seeds, iterations, chains, say=Console(stderr=True).print)
-    typer.echo(f"{folder / PAPER_PAGE}: written")
-
-
-@app.command()
 def sweep(
     simulator: SimulatorPath,
     out: Annotated[
@@ -336,6 +264,11 @@ def _config(
     given |= {"scene": scene} if scene else {}
     given |= {"memory": memory} if memory is not None else {}
     return kind(**given)
+
+
+IN_A_CHECKOUT = "in a checkout of the repository"
+console.moved(app, "pays", f"python benchmarks/benefit/run.py {IN_A_CHECKOUT}")
+console.moved(app, "experiment", f"python benchmarks/paper/run.py {IN_A_CHECKOUT}")
 
 
 def main() -> None:

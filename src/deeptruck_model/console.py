@@ -60,6 +60,19 @@ def run(app: typer.Typer, program: str, arguments: Sequence[str] | None = None) 
     sys.exit(code)
 
 
+def moved(app: typer.Typer, name: str, to: str) -> None:
+    """Keep the name of a command that has moved for one release: it ends with exit code 2 and says where to.
+
+    `help` does not list it, and it takes whatever arguments it had.
+    """
+
+    def gone() -> None:
+        raise InputError(f"'{name}' moved to {to}")
+
+    anything = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
+    app.command(name, hidden=True, context_settings=anything)(gone)
+
+
 def _code(app: typer.Typer, program: str, words: Sequence[str]) -> int:
     """The exit code of a command line, of which bad input is printed."""
     try:

@@ -35,23 +35,6 @@ BAG_FILES = ("*_0.mcap", "metadata.yaml")
 BAG = Result("an imported bag", BAG_FILES)
 WRITTEN_BAG = Result("a written bag", BAG_FILES)  # by a program that calls `write_bag`
 BAG_WITH_ROAD = Result("a bag with a recovered slope", BAG_FILES)
-_JUDGED = ("metrics.json", "error_statistics.png", "samples.png", "scenarios.png")
-EXPERIMENT = Result(
-    "an experiment",
-    (
-        "README.md",
-        *("sample_run.png", "minutes.png"),
-        *(f"{folder}{name}" for folder in ("", "freightliner/", "volvo/") for name in _JUDGED),
-    ),
-)
-
-PAPER_PAGE, PICTURES, WORK = "paper.md", "paper", "work"
-PAPER_HALVES = ("modelling.md", "control.md")
-_DEEPEST = 7  # levels below `work`, enough for the seeds and TensorBoard files of a training in it
-BESIDE_PAPER = Result(
-    "a page beside the paper",
-    (PAPER_PAGE, f"{PICTURES}/*", *(f"{WORK}{'/*' * depth}" for depth in range(1, _DEEPEST + 1))),
-)
 
 FOUND = Result(
     "a mismatch result",

@@ -155,7 +155,6 @@ def test_words_come_before_computing(tmp_path):
         f"evaluate nope --simulator nope --out {tmp_path}/e",
         f"export nope --out {tmp_path}/p.onnx",
         f"sweep --simulator nope --out {tmp_path}/s --set window=-5",
-        f"pays --effect moon --recipe haste --out {tmp_path}/e",
     ]
     subprocess.run([sys.executable, "-c", BARE.format(commands=commands)], check=True, timeout=240)
 

@@ -1,14 +1,14 @@
-"""`deeptruck-model train`, `sweep`, `export` and `experiment`."""
+"""`deeptruck-model train`, `sweep` and `export`."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import checks, files, results
+from deeptruck_model import checks, console, files, results
 from deeptruck_model.cli.inputs import (
     Bags,
     ClockOption,
@@ -231,59 +231,6 @@ def _export_fmu(simulator: str, out: Path) -> None:
     typer.echo(f"{out}: FMI 3 for co-simulation; it needs Python with deeptruck, see docs/simulators.md")
 
 
-class Experiment(StrEnum):
-    """The experiments of `deeptruck_model.deep.experiments.paper`."""
-
-    error_statistics = "error-statistics"
-    field = "field"
-    paper = "paper"
-    classics = "classics"
-    minutes = "minutes"
-
-
-MODED = (Experiment.error_statistics, Experiment.field)
-
-
-def experiment(
-    name: Annotated[Experiment, typer.Argument(help="Which of the paper's experiments, or one past it.")],
-    out: Annotated[
-        Path, typer.Option(help="Folder; a subfolder of the experiment's name is written.")
-    ] = Path("runs/experiments"),
-    seeds: Annotated[
-        int, typer.Option(help="Models trained; 0 takes the experiment's own number.", min=0)
-    ] = 0,
-    budget: Annotated[int, typer.Option(help="Gradient updates of each; 0 chooses.", min=0)] = 0,
-    mode: Annotated[
-        Mode, typer.Option(help="paper: the paper's recipe, for error-statistics and field.")
-    ] = Mode.default,
-    workers: Annotated[int, typer.Option(help="Trucks learned side by side, for paper.", min=1)] = 1,
-    overwrite: Overwrite = False,
-) -> None:
-    """Repeat an experiment of the paper on the reference trucks: figures, table and metrics.json.
-
-    'paper' writes paper.md, all figures of the paper beside ours; a stopped run goes on where it was.
-
-    Example: deeptruck-model experiment error-statistics --seeds 30
-    """
-    if mode is not Mode.default and name not in MODED:
-        raise InputError(f"{name.value} has no --mode; {' and '.join(e.value for e in MODED)} have")
-    folder = out / name.value
-    if name is Experiment.paper:
-        from deeptruck_model.deep.experiments import modelling_page
-
-        modelling_page.experiment(folder, seeds, budget, workers, say=lambda line: typer.echo(line, err=True))
-        typer.echo(f"written: {folder / results.PAPER_PAGE}")
-        return
-    results.EXPERIMENT.check(folder, overwrite=overwrite)
-    given: dict[str, Any] = {"seeds": seeds} if seeds else {}
-    given |= {"mode": mode.value} if name in MODED else {}
-    with results.EXPERIMENT.replacing(folder, overwrite=overwrite) as draft:
-        from deeptruck_model.deep.experiments.paper import EXPERIMENTS
-
-        EXPERIMENTS[name.value](draft, updates=budget, **given)
-    typer.echo(f"written: {folder}")
-
-
 def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(train)
@@ -291,4 +238,4 @@ def register(app: typer.Typer) -> None:
     app.command()(evaluate)
     app.command()(calibrate)
     app.command()(export)
-    app.command()(experiment)
+    console.moved(app, "experiment", "python benchmarks/paper/run.py in a checkout of the repository")

@@ -1,24 +1,24 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.paper import control, page
+from benchmarks.paper import control, learning, page
 from benchmarks.paper.drives import TRAIN_SEED, drive_of
-from deeptruck_cacc import cli, training
+from benchmarks.paper.run import Chain, app
+from deeptruck_cacc import training
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_model import console
 
 
 def run(*arguments: object) -> int:
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
-        patch.setattr(sys, "argv", ["deeptruck-cacc", *map(str, arguments)])
-        cli.main()
+    with pytest.raises(SystemExit) as ended:
+        console.run(app, "paper", ["control", *map(str, arguments)])
     return int(ended.value.code or 0)
 
 
@@ -31,7 +31,7 @@ def test_the_control_half_has_every_chain_and_goes_on(
     monkeypatch.setattr(learning, "drive_of", lambda *_: whole.piece(0, 600))
     few = {r: replace(a, updates=2, rounds=1) for r, a in learning.RECIPES.items()}
     monkeypatch.setattr(learning, "RECIPES", few)
-    command = ["experiment", "paper", "--out", tmp_path, "--seeds", 1, "--iterations", 1]
+    command = ["--out", tmp_path, "--seeds", 1, "--iterations", 1]
     assert run(*command, "--chain", "paper", "--chain", "default") == 0
     out = tmp_path / "paper"
     page = (out / "paper.md").read_text()
@@ -49,9 +49,9 @@ def test_the_control_half_has_every_chain_and_goes_on(
 
 
 def test_an_unknown_chain_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("experiment", "paper", "--out", tmp_path, "--chain", "moon") == 2
-    assert "there is no chain 'moon'; known: paper, trpo, default, unaided" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
+    assert run("--out", tmp_path, "--chain", "moon") == 2
+    assert "'moon' is not one of 'paper', 'trpo', 'default', 'unaided'" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir()) and tuple(Chain) == tuple(control.CHAINS)
 
 
 def test_an_overshoot_is_an_error_on_the_other_side() -> None:

@@ -1,14 +1,18 @@
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks import paper
 from benchmarks.paper import experiments, output
 from benchmarks.paper.drives import drive_of
 from benchmarks.paper.output import SHORT_RUNS, of_seeds
-from deeptruck_model.cli import whole
-from deeptruck_model.recordings import write_bag
+from benchmarks.paper.run import app
+from deeptruck_model import console
 
 
 def test_field_experiment_writes_tables_and_figures(tmp_path):
@@ -21,17 +25,25 @@ def test_field_experiment_writes_tables_and_figures(tmp_path):
 
 def test_field_experiment_in_paper_mode_says_so(tmp_path):
     out = ["--out", str(tmp_path), "--seeds", "1", "--budget", "2"]
-    done = CliRunner().invoke(whole(), ["experiment", "field", "--mode", "paper", *out])
+    done = CliRunner().invoke(app, ["field", "--mode", "paper", *out])
     assert done.exit_code == 0, done.output
     page = (tmp_path / "field" / "README.md").read_text()
     assert "mode paper: ten runs of 15 s" in page and "1 seed(s), 2 updates each, mode paper." in page
 
 
-def test_an_experiment_without_modes_refuses_one(tmp_path):
-    done = CliRunner().invoke(whole(), ["experiment", "minutes", "--mode", "paper", "--out", str(tmp_path)])
-    assert done.exit_code != 0 and "minutes has no --mode; error-statistics and field have" in str(
-        done.exception
-    )
+def test_a_file_in_the_way_of_an_experiment_is_one_line(tmp_path, capsys):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(SystemExit) as ended:
+        console.run(app, "paper", ["classics", "--out", str(tmp_path / "file")])
+    errors = capsys.readouterr().err
+    assert ended.value.code == 2 and errors.count("\n") == 1 and "file is no folder" in errors
+
+
+def test_the_script_runs_as_a_file():
+    run = Path(paper.__file__).with_name("run.py")
+    words = [sys.executable, run, "control", "--out", "none", "--chain", "moon"]
+    done = subprocess.run(words, check=False, capture_output=True, text=True, cwd="/")
+    assert done.returncode == 2 and "run.py: Invalid value for '--chain'" in done.stderr
 
 
 def test_what_is_fed_back_is_all_that_parts_the_two_forms(drive, truck):
@@ -78,38 +90,3 @@ def test_singles_are_the_members(truck, drive):
     u, w, y0 = recording.u[None], recording.w[None], recording.y[:1]
     runs = [single.rollout(u, w, y0, None).y for single in experiments.singles(truck)]
     np.testing.assert_allclose(np.mean(runs, axis=0), truck.rollout(u, w, y0, None).y, atol=1e-9)
-
-
-def test_commands_from_bag_to_figures(drive, tmp_path):
-    app = whole()
-    recording = drive(60)
-    write_bag(tmp_path / "bag", [recording], interface=recording.interface)
-    runner, bag, sim = CliRunner(), str(tmp_path / "bag"), str(tmp_path / "sim")
-    trained = runner.invoke(app, ["train", bag, "--out", sim, "--seed", "3", "--budget", "20"])
-    assert trained.exit_code == 0, trained.output
-    again = runner.invoke(app, ["train", bag, "--out", sim, "--seed", "3", "--budget", "20", "--resume"])
-    assert again.exit_code == 0 and "finished before" in again.output
-    more = ["--budget", "20", "--kind", "grey"]
-    grey = runner.invoke(app, ["train", bag, "--out", str(tmp_path / "grey"), *more])
-    assert grey.exit_code == 0, grey.output
-    adapted = runner.invoke(
-        app, ["train", bag, "--out", str(tmp_path / "b"), "--budget", "5", "--from", str(tmp_path / "grey")]
-    )
-    assert adapted.exit_code == 0, adapted.output
-    assert json.loads((tmp_path / "b" / "simulator.json").read_text())["shape"]["gains"]
-    calibrated = runner.invoke(app, ["calibrate", sim, bag, "--out", str(tmp_path / "calibrated")])
-    assert calibrated.exit_code == 0, calibrated.output
-    assert "the truck was trained on bag: intervals that it sets come out too narrow" in calibrated.stderr
-    sim = str(tmp_path / "calibrated")
-    assert runner.invoke(app, ["calibrate", sim, bag, "--out", sim]).exit_code != 0
-    evaluated = runner.invoke(app, ["evaluate", sim, bag, "--out", str(tmp_path / "out"), "--trials", "5"])
-    assert evaluated.exit_code == 0, evaluated.output
-    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    assert metrics["trials"] == 5 and 0 < metrics["speed"]["inside_90"] <= 1
-    assert "in the 90 % interval" in evaluated.output
-    assert "warning: the truck was trained on bag: its errors there are optimistic" in evaluated.stderr
-    unseen = drive(60, seed=9)
-    write_bag(tmp_path / "unseen", [unseen], interface=unseen.interface)
-    again = ["--out", str(tmp_path / "out"), "--overwrite"]
-    other = runner.invoke(app, ["evaluate", sim, str(tmp_path / "unseen"), *again])
-    assert other.exit_code == 0 and "the truck was trained on" not in other.stderr

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from benchmarks.paper import learning, modelling, page
 from benchmarks.paper.drives import TRAIN_SEED, drive_of
 from benchmarks.paper.page import Row, at
-from deeptruck_model.cli import whole
+from benchmarks.paper.run import app
 
 SPEED = Row("speed", "within 1.5", at("speed"), most=1.5)
 
@@ -61,8 +61,8 @@ def little(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("little")
 def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeypatch: Any) -> None:
-    command = ["experiment", "paper", "--seeds", "1", "--budget", "2", "--out", str(tmp_path)]
-    done = CliRunner().invoke(whole(), command)
+    command = ["modelling", "--seeds", "1", "--budget", "2", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, command)
     assert done.exit_code == 0, done.output
     out = tmp_path / "paper"
     assert f"written: {out / 'paper.md'}" in done.output.replace("\n", "")
@@ -78,10 +78,10 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     found = json.loads((out / "work" / "trucksim-paper-0.json").read_text())
     assert found["updates"] == 2 and found["auxiliary"] == [] and len(found["curves"]) == 2
     monkeypatch.setattr(learning, "train", None)  # nothing is trained again
-    again = CliRunner().invoke(whole(), command)
+    again = CliRunner().invoke(app, command)
     assert again.exit_code == 0 and (out / "paper.md").read_text() == page
     (out / "notes.txt").write_text("mine")
-    refused = CliRunner().invoke(whole(), command)
+    refused = CliRunner().invoke(app, command)
     assert refused.exit_code != 0 and "notes.txt, which is no part of a page beside" in str(refused.exception)
 
 

@@ -121,10 +121,7 @@ def test_all_that_does_not_fit_is_said_at_once(script: Script, monday: Path, tmp
     assert code == 2 and "2 things do not fit" in errors and "metadata.yaml exists already" in errors
 
 
-def test_what_is_no_bag_or_no_folder_is_one_line(script: Script, monday: Path, tmp_path: Path) -> None:
+def test_what_is_no_bag_is_one_line(script: Script, monday: Path, tmp_path: Path) -> None:
     assert script("train", monday, "--out", tmp_path / "sim", "--budget", 4)[0] == 0
     code, _, errors = script("train", tmp_path / "sim", "--out", tmp_path / "other")
     assert code == 2 and "sim is a simulator directory, not a bag" in errors and "repair" not in errors
-    (tmp_path / "file").write_text("x")
-    code, _, errors = script("experiment", "classics", "--out", tmp_path / "file")
-    assert code == 2 and errors.count("\n") == 1 and "file is no folder" in errors

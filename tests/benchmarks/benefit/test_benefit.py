@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.benefit import CASES, Case, Effort, experiment, pays, report
+from benchmarks.benefit import experiment, report
 from benchmarks.benefit.belief import believed
-from benchmarks.benefit.effects import LateEngine, SlowBrake, UnsensedRoad, downhill
-from benchmarks.benefit.plan import BENEFIT, EFFECTS
-from deeptruck_cacc import cli
+from benchmarks.benefit.effects import CASES, Case, LateEngine, SlowBrake, UnsensedRoad, downhill
+from benchmarks.benefit.experiment import pays
+from benchmarks.benefit.plan import BENEFIT, EFFECTS, Effort
+from benchmarks.benefit.run import start
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.rollouts import Trace
@@ -187,9 +188,9 @@ def test_it_pays_only_where_no_seed_says_otherwise(old, corrected, says):
 def test_unknown_names_are_refused(tmp_path, monkeypatch, capsys):
     with pytest.raises(InputError, match="no effect 'moon'; known: road_grade"):
         pays(tmp_path / "out", ["moon"])
-    monkeypatch.setattr(sys, "argv", ["deeptruck-cacc", "pays", "--out", str(tmp_path), "--recipe", "haste"])
+    monkeypatch.setattr(sys, "argv", ["run.py", "--out", str(tmp_path), "--recipe", "haste"])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        start()
     assert ended.value.code == 2 and "haste" in capsys.readouterr().err
 
 

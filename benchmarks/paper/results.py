@@ -1,0 +1,23 @@
+"""What the experiments leave behind: the kind of each folder and what it may hold."""
+
+from __future__ import annotations
+
+from deeptruck_model.files import Result
+
+_JUDGED = ("metrics.json", "error_statistics.png", "samples.png", "scenarios.png")
+EXPERIMENT = Result(
+    "an experiment",
+    (
+        "README.md",
+        *("sample_run.png", "minutes.png"),
+        *(f"{folder}{name}" for folder in ("", "freightliner/", "volvo/") for name in _JUDGED),
+    ),
+)
+
+PAPER_PAGE, PICTURES, WORK = "paper.md", "paper", "work"
+PAPER_HALVES = ("modelling.md", "control.md")
+_DEEPEST = 7  # levels below `work`, enough for the seeds and TensorBoard files of a training in it
+BESIDE_PAPER = Result(
+    "a page beside the paper",
+    (PAPER_PAGE, f"{PICTURES}/*", *(f"{WORK}{'/*' * depth}" for depth in range(1, _DEEPEST + 1))),
+)
