@@ -19,10 +19,10 @@ from pathlib import Path
 
 import harness
 import numpy as np
-from deeptruck_nodes.messages import SECOND
-from deeptruck_nodes.recorder import header_stamp
 
 from deeptruck_model.recordings.bag_source import BagSource
+from deeptruck_nodes.messages import SECOND
+from deeptruck_nodes.recorder import header_stamp
 
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--leader", "sine")
 

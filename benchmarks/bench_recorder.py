@@ -17,12 +17,12 @@ from pathlib import Path
 import harness
 import numpy as np
 import rclpy
-from deeptruck_nodes import environment, messages, parameters, topics
-from deeptruck_nodes.messages import SECOND
-from deeptruck_nodes.supervisor import Program, Supervisor, node
 from rclpy.serialization import serialize_message
 
 from deeptruck_model.recordings.bag_source import BagSource
+from deeptruck_nodes import environment, messages, parameters, topics
+from deeptruck_nodes.messages import SECOND
+from deeptruck_nodes.supervisor import Program, Supervisor, node
 
 NAMES = tuple(f"/bench/twist{n}" for n in range(5))
 
