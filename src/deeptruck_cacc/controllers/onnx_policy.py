@@ -78,6 +78,8 @@ def load_onnx(path: Path) -> OnnxPolicy:
         options = onnxruntime.SessionOptions()
         # one thread: a pool that waits busily takes the cores of the other nodes
         options.intra_op_num_threads = options.inter_op_num_threads = 1
+        # errors alone: of a fixed batch it warns at every call, and the shapes are checked below
+        options.log_severity_level = 3
         session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # its own kinds of error are of no common base
         said = reading.plain(str(error), reading.MOST_SAID)

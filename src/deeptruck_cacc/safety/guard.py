@@ -129,8 +129,11 @@ class Guard:
         raw = self._arrays(observation)
         seen, unknown = self._filled(raw)
         # Near standstill a time gap is no distance: the truck then aims for `standstill_m`.
-        least = self.standstill_m / np.maximum(seen["speed"], 0.5)
-        seen["target_time_gap"] = np.maximum(seen["target_time_gap"], least)
+        # Nor does it aim for a gap at which the shield would act: the two would drive against each other.
+        least = np.full(len(unknown), self.standstill_m)
+        if self.shield is not None:
+            least = np.maximum(least, self.shield.steady_gap(seen["speed"]))
+        seen["target_time_gap"] = np.maximum(seen["target_time_gap"], least / np.maximum(seen["speed"], 0.5))
         own, other = np.array(self.policy.act(seen)), np.array(self.fallback.act(seen))
         self.handed_over = self._outside(seen) | ~np.isfinite(own).all(axis=0)
         engine, brake = np.where(unknown, np.nan, np.where(self.handed_over, other, own))

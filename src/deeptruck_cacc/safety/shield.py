@@ -127,13 +127,23 @@ class Shield:
         easing = (seen.unseen_s > 0) & (slack < p.ease_m)
         limit = np.maximum(limit, np.where(easing, np.minimum(2.0 - 2.0 * slack / p.ease_m, 1.0) * mild, 0.0))
         sent_brake = np.clip(np.maximum(asked, limit), 0.0, self.brake_high)
-        closing = (slack < p.soft_m) | missing | easing
-        sent_engine = np.where(closing, self.engine_low, engine)
+        # not a cut: a policy that follows at the limit would get its engine on and off
+        left = np.clip(slack / p.soft_m, 0.0, 1.0)
+        throttled = self.engine_low + left * (np.maximum(engine, self.engine_low) - self.engine_low)
+        sent_engine = np.where(left < 1.0, throttled, engine)
+        sent_engine = np.where(missing | easing, self.engine_low, sent_engine)
         self.braking = slack < 0
         self.acted = missing | (sent_brake > asked) | (sent_engine != engine)
         heating = np.minimum(sent_brake / self.brake_high, 1.0) * p.strongest_braking * seen.speed
         self._seen = seen._replace(heat=seen.heat + p.dt * (heating - seen.heat / p.cooling_s))
         return sent_engine, sent_brake
+
+    def steady_gap(self, speed: Array) -> Array:
+        """Least gap (m, (batch,)) at which the truck may follow a leader of its speed without the shield."""
+        p = self.promise
+        heat = np.zeros(len(speed)) if self._seen is None else self._seen.heat
+        slow, fast = np.maximum(speed - p.speed_error, 0.0), speed + p.speed_error
+        return p.needed_gap(fast, slow, heat, p.dt) + p.gap_error + 2 * p.soft_m
 
     def _bounds(self, gap: Array, leader_speed: Array, speed: Array) -> Bounds:
         """What this step's measurements and the last bounds leave possible.

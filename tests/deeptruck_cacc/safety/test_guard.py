@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deeptruck_cacc.controllers.baselines import LAWS
+from deeptruck_cacc.controllers.baselines import LAWS, baseline
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_cacc.safety.guard import Guard, guard, load_controller
+from deeptruck_cacc.safety.shield import Promise
 from deeptruck_model import trucks
+from deeptruck_model.signals import SPEED
 
 TRUCK = trucks.load("trucksim").interface
 STEADY = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
@@ -101,6 +103,26 @@ def test_a_leader_without_a_speed_is_not_seen() -> None:
     begins = 2 * p.speed_error / p.track_s  # what the errors of two readings may hide
     lost = sum((begins + p.unseen_jerk * p.dt * k) * p.dt for k in range(1, 6))
     assert driver.shield._seen.leader == pytest.approx(20.0 - p.speed_error - lost)
+
+
+@pytest.mark.parametrize("speed", [8.0, 25.0])
+def test_on_a_truck_that_was_never_measured_the_engine_is_not_switched_on_and_off(speed: float) -> None:
+    """Its cautious promise needs more than 2 s: policy and shield must not drive against each other."""
+    truck = trucks.load("trucksim")
+    driver = guard(baseline("acc", truck.interface), Promise())
+    rng, gap = np.random.default_rng(3), 2.0 * speed
+    y = np.zeros((1, len(truck.interface.y)))
+    y[0, SPEED] = speed
+    state = truck.reset(y)
+    engines: list[float] = []
+    for _ in range(600):
+        own, noise = y[0, SPEED], rng.normal(size=2)
+        seen = {**STEADY, "gap": gap + 0.1 * noise[0], "leader_speed": speed + 0.05 * noise[1], "speed": own}
+        engine, brake = driver.act(seen)
+        state, y = truck.step(state, np.column_stack([engine, brake]), np.zeros((1, 1)))
+        gap += truck.dt * (speed - (own + y[0, SPEED]) / 2)
+        engines.append(engine[0] / 2000.0)
+    assert np.abs(np.diff(engines)).max() < 0.3 and gap / speed > 2.05
 
 
 def test_outside_its_coverage_the_fallback_drives() -> None:

@@ -48,6 +48,35 @@ def test_needed_gap_is_equation_4():
     assert PROMISE.needed_gap(column(20.0), column(15.0), column(0.0), 0.1) == pytest.approx(gap)
 
 
+@pytest.mark.parametrize("stop_heat", [1.0, 1.2, 1.5])
+def test_the_heat_of_the_stop_itself_fades_the_brakes(stop_heat):
+    """At 30 m/s a stop heats cold brakes beyond the 400 J/kg from which they lose 2.5e-4 for each J/kg."""
+    late, rise = 0.1 + 0.6, 24.0 / 30.0
+    peak = 30.0 + rise * late
+    braking = 4.2 * (1.0 - 2.5e-4 * (stop_heat * peak**2 / 2 - 400.0))
+    travelled = 30.0 * late + rise * late**2 / 2 + peak**2 / (2 * braking)
+    gap = 2.0 + travelled + peak * 0.1 / 2 + braking * 0.1**2 / 2 - 10.0**2 / (2 * 6.0)
+    promise = replace(PROMISE, stop_heat=stop_heat)
+    assert promise.needed_gap(column(30.0), column(10.0), column(0.0), 0.1) == pytest.approx(gap)
+
+
+@pytest.mark.parametrize(("since", "share"), [(0.0, 0.0), (0.5, 0.0), (0.6, 1.2 * 4.2)])
+def test_the_worst_truck_heats_its_brakes_once_they_grip(since, share):
+    """dt (stop_heat braking v - heat / cooling_s) under the full brake; 300 J/kg is below where they fade."""
+    _, after, heat = proof._worst_truck(
+        PROMISE, column(20.0), column(since), column(300.0), column(0.0), column(1.0)
+    )
+    assert after == pytest.approx(since + 0.1)
+    assert heat == pytest.approx(300.0 + 0.1 * (share * 20.0 - 300.0 / 900.0))
+
+
+def test_the_worst_truck_heats_its_brakes_by_the_share_pressed():
+    _, after, heat = proof._worst_truck(
+        PROMISE, column(20.0), column(0.4), column(300.0), column(0.0), column(0.3)
+    )
+    assert after == 0.0 and heat == pytest.approx(300.0 + 0.1 * (0.3 * 7.5 * 20.0 - 300.0 / 900.0))
+
+
 @pytest.mark.parametrize("speed", [3.0, 10.0, 20.0, 30.0])
 @pytest.mark.parametrize("leader", [0.0, 8.0, 20.0, 31.0])
 def test_needed_gap_suffices_and_is_too_large_by_the_time_between_calls_alone(speed, leader):
@@ -162,6 +191,25 @@ def test_it_lets_a_safe_command_pass_untouched():
     sent = shield.filter(column(100.0), column(20.0), column(20.0), column(700.0), column(0.0))
     np.testing.assert_array_equal(np.ravel(sent), [700.0, 0.0])
     assert not shield.acted[0]
+
+
+def test_before_the_limit_the_engine_is_taken_back_and_not_cut():
+    """Half of soft_m before the limit half the engine command is left, and a quarter of the brake is on."""
+    shield = Shield(PROMISE, 0.0, 100.0)
+    needed = PROMISE.needed_gap(column(20.1), column(19.9), column(0.0), PROMISE.dt)
+    gap = needed + PROMISE.gap_error + 0.5 * PROMISE.soft_m
+    engine, brake = shield.filter(gap, column(20.0), column(20.0), column(800.0), column(0.0))
+    assert engine == pytest.approx(400.0) and brake == pytest.approx(25.0)
+
+
+def test_at_its_steady_gap_it_is_at_rest():
+    for speed in (5.0, 15.0, 28.0):
+        shield = Shield(PROMISE, 0.0, 100.0)
+        gap = shield.steady_gap(column(speed))
+        shield.filter(gap - 1.4, column(speed), column(speed), column(800.0), column(0.0))
+        assert not shield.acted[0]
+        shield.filter(gap - 1.6, column(speed), column(speed), column(800.0), column(0.0))
+        assert shield.acted[0]
 
 
 def test_it_acts_where_it_adds_a_brake_alone_and_not_where_the_policy_brakes_as_hard():
