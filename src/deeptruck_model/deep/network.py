@@ -166,14 +166,14 @@ class TruckNetwork(nn.Module):
         """What is fed of a response `own` (.., n_y) beside a recorded one, which replaces it where it is
         finite.
 
-        Where C holds the truck, v' = 0 and a = -v / dt. A recorded speed overrules that v', and C then gives
-        a = (recorded v' - v) / dt: fed as it was, a fall to rest that did not happen would answer itself.
+        Where C holds the truck, v' = 0 and a = -v / dt. Training at rest feeds v = 0 and so a = 0. Beside a
+        recorded speed, which need not be 0, a is 0 too: -v / dt would be a fall to rest that did not happen,
+        and would answer itself.
         """
         fed = torch.where(torch.isnan(recorded), own, recorded)
         overruled = (own[..., SPEED] == 0) & ~torch.isnan(recorded[..., SPEED])
         overruled &= torch.isnan(recorded[..., ACCELERATION])
-        moved = own[..., ACCELERATION] + (fed[..., SPEED] - own[..., SPEED]) / self.dt
-        acceleration = torch.where(overruled, moved, fed[..., ACCELERATION])
+        acceleration = torch.where(overruled, 0.0, fed[..., ACCELERATION])
         return torch.cat([acceleration[..., None], fed[..., SPEED:]], dim=-1)
 
     def _code(self, speed: Tensor) -> Tensor:

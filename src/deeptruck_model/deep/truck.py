@@ -61,7 +61,8 @@ class DeepTruck:
         self.details: dict[str, Any] = dict(details or {})
         self._interface = interface
         self._packed = inference.pack(network)
-        self._default_y = network.mean[-network.shape.responses :].numpy().astype(np.float64)
+        first = network.shape.controls + network.shape.conditions
+        self._default_y = network.mean[first : network.shape.signals].numpy().astype(np.float64)
 
     @property
     def interface(self) -> TruckInterface:
@@ -89,7 +90,7 @@ class DeepTruck:
     def force(self, state: DeepState, y: Array) -> DeepState:
         """Every member is fed the recorded y (batch, n_y) next; where it is NaN, its own response."""
         recorded = np.ascontiguousarray(y, np.float64)
-        return state._replace(y=inference.force(state.y, recorded, self.network.dt))
+        return state._replace(y=inference.force(state.y, recorded))
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
         """Free run from y0 (batch, n_y), or forced run with `recorded` (batch, T, n_y)."""

@@ -163,6 +163,14 @@ def test_a_standstill_that_the_record_overrules_does_not_answer_itself():
     np.testing.assert_allclose(unfolded[0, 0, :, 0].numpy(), run[1:], atol=1e-4)
 
 
+def test_an_unknown_start_is_the_mean_of_its_own_channel() -> None:
+    mean = np.array([500.0, 0.1, 14.0, 2.0, 8.0, 120.0], np.float32)  # u, a, v, fuel rate; gear, engine speed
+    network = TruckNetwork(Shape(1, 0, 3, 4, 4, auxiliary=2), Scales(mean, np.ones(6, np.float32)), 0.1)
+    truck = DeepTruck(network, TruckInterface("two targets", brake_unit=None, grade=False))
+    start = truck.reset(np.array([[np.nan, 5.0, np.nan]])).y[0, 0]
+    np.testing.assert_allclose(start, [0.1, 5.0, 2.0], rtol=1e-6)
+
+
 def test_a_free_run_of_it_starts_and_stops():
     truck = standing_by_itself()
     u = np.zeros((1, 60, 1))

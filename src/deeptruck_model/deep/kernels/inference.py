@@ -116,12 +116,12 @@ def step(packed: Any, dt: Any, h: Any, c: Any, y: Any, u: Any, w: Any) -> Any:
 
 
 @compiled
-def force(y: Any, recorded: Any, dt: Any) -> Any:
+def force(y: Any, recorded: Any) -> Any:
     """What every member is fed of its y (members, batch, n_y) beside a recorded (batch, n_y)."""
     fed = np.empty_like(y)
     for m in range(y.shape[0]):
         for b in range(y.shape[1]):
-            forced(y[m, b], recorded[b], dt, fed[m, b])
+            forced(y[m, b], recorded[b], fed[m, b])
     return fed
 
 
@@ -154,7 +154,7 @@ def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, along: Any
                         mean[rows.start + b, k, j] += delta / members
                         square[rows.start + b, k, j] += delta * delta / members
                     if along:
-                        forced(y[b], recorded[rows.start + b, k], dt, y[b])
+                        forced(y[b], recorded[rows.start + b, k], y[b])
                 if k + 1 == steps:
                     break
                 u_now[:], w_now[:] = u[rows, k], w[rows, k]

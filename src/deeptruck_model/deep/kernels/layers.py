@@ -171,13 +171,12 @@ def constrain(raw: Any, y: Any, dt: Any, y_next: Any, bounded: Any) -> None:
 
 
 @compiled
-def forced(own: Any, recorded: Any, dt: Any, fed: Any) -> Any:
+def forced(own: Any, recorded: Any, fed: Any) -> Any:
     """Fill fed (n_y,) with the recorded response (n_y,), and with the model's own where that is NaN, as
     TruckNetwork does. Returns whether a recorded speed overruled C, which held the truck."""
     overruled = own[1] == 0 and recorded[1] == recorded[1] and recorded[0] != recorded[0]
-    acceleration = own[0] + (recorded[1] - own[1]) / dt if overruled else own[0]
     for j in range(len(fed)):
         fed[j] = recorded[j] if recorded[j] == recorded[j] else own[j]  # fed and own may be one array
     if overruled:
-        fed[0] = acceleration
+        fed[0] = 0.0
     return overruled

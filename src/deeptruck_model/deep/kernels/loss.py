@@ -93,7 +93,7 @@ def _feed(k: Any, target: Any, units: Any, recorded: Any, first: Any, run: Any, 
     responses = fed.shape[1]
     hidden = run.c.shape[2]
     for b in range(fed.shape[0]):
-        overruled = k > 0 and recorded and forced(run.y[k - 1, b], target[k, b, :responses], units.dt, fed[b])
+        overruled = k > 0 and recorded and forced(run.y[k - 1, b], target[k, b, :responses], fed[b])
         for j in range(responses):
             value = target[k, b, j]
             run.own[k, b, j] = k > 0 and not (recorded and value == value) and not (overruled and j == 0)
