@@ -12,6 +12,7 @@ import gzip
 import io
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from pyarrow import csv
 from deeptruck_model.account import Account
 from deeptruck_model.errors import InputError
 
-DELIMITERS = ",;\t|"  # one of these is found by the header where none is given
+DELIMITERS = ",;\t| "  # one of these is found by the header where none is given; blanks may be several
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 SAMPLED = 100  # rows by which the number of cells of a row is found
 RAGGED = "with more or fewer cells than the header"
@@ -41,6 +42,8 @@ class CsvText:
         self.path, self.account, self.skip_rows = path, account, skip_rows
         self.encoding = encoding
         self.data = self._utf8()
+        if delimiter == " ":
+            self.data = single_blanks(self.data)
         first = self.data[:200].split(b"\n")[0].decode("utf-8", "replace").strip().strip('"')
         if skip_rows == 0 and re.fullmatch(r"sep=.", first):  # as Excel writes it
             delimiter, self.skip_rows = delimiter or first[-1], 1
@@ -74,7 +77,7 @@ class CsvText:
             line = records.line_num
 
     def _found_delimiter(self) -> str:
-        counts = {mark: len(self._header(mark)[0]) for mark in DELIMITERS}
+        counts = {mark: len(self._header(mark)[0]) for mark in DELIMITERS.strip()}
         return "," if counts[","] > 1 else max(counts, key=lambda mark: counts[mark])
 
     def _header(self, delimiter: str) -> tuple[list[str], int, int]:
@@ -219,11 +222,17 @@ class CsvText:
         if not body.startswith((b"\n", b"\r")) and not any(mark in body for mark in uneven):
             return lambda row: f"line {first + row}"
 
-        def place(row: int) -> str:
-            record = next(islice(self._records(self.start, self.delimiter), row, None), (row, []))
-            return f"line {first + record[0]}"
+        @cache
+        def lines() -> list[int]:
+            return [line for line, _ in self._records(self.start, self.delimiter)]
 
-        return place
+        return lambda row: f"line {first + (lines()[row] if row < len(lines()) else row)}"
+
+
+def single_blanks(data: bytes) -> bytes:
+    """Text whose columns are parted by any number of blanks, with one between them and none before a unit."""
+    data = re.sub(rb" (?=[\[(][^\])\n]*[\])])", b"_", re.sub(rb"[ \t]+", b" ", data))
+    return re.sub(rb"(?m)^ +| +(?=\r?$)", b"", data)
 
 
 def _filled(cells: list[str]) -> int:

@@ -1,6 +1,6 @@
 """Columns out of a CSV or Parquet file, with an account of every row and cell that is no sample.
 
-The one reader of tables: recordings, leaders and roads are read by it.
+The one reader of tables: recordings are read by it, and leaders and roads by `curve_file`.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv as text_csv
 import difflib
 import re
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import parquet
 
-from deeptruck_model import reading
+from deeptruck_model import mat_file, reading
 from deeptruck_model.account import Account
 from deeptruck_model.csv_text import BLANK, SAMPLED, CsvText
 from deeptruck_model.errors import InputError
@@ -31,8 +30,13 @@ PARQUET = (".parquet", ".pq")
 SHOWN = 12  # columns that an error lists
 MOST_ABOVE, MOST_BELOW = 3, 10  # rows of units above the numbers, of totals below them
 MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
-MOST_BEFORE = 20  # lines in which the header of a leader or road is looked for
 NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
+WITH_UNIT = r"^(?P<number>[+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.,:/+-]\D*\d?)$"
+STATES = {  # words of switches
+    **dict.fromkeys(("true", "on", "yes", "pressed", "active", "ein", "an", "ja", "wahr"), 1.0),
+    **dict.fromkeys(("false", "off", "no", "released", "inactive", "aus", "nein", "falsch"), 0.0),
+}
+GEARS = {"n": 0.0, "neutral": 0.0, "r": -1.0, "reverse": -1.0}  # letters of gears that are numbers, too
 _WITH_MARK = {mark: rf"^[+-]?\d*[{mark}]\d+([eE][+-]?\d+)?$" for mark in ",."}
 LABELS = {  # in a cell of a row that sums up those above it
     "total", "totals", "sum", "mean", "average", "avg", "min", "max", "minimum", "maximum", "median", "std",
@@ -104,12 +108,37 @@ class TextTable:
         """A column as float64 (n,), NaN for cells that are blank or no number, and which are the latter."""
         column = self.column(name)
         if pa.types.is_string(column.type):
-            return floats(self.cells(name), self.decimal)
+            cells = self.cells(name)
+            values, unreadable = floats(cells, self.decimal)
+            if unreadable.any() and (self.unit_in_cells(name) or not np.isfinite(values).any()):
+                return self._beside_numbers(cells)
+            return values, unreadable
         try:
             numbers = pc.cast(column, pa.float64(), safe=False).fill_null(np.nan).to_numpy()
         except pa.ArrowException:
             raise InputError(f"{self.path}: column '{name}' of type {column.type} holds no numbers") from None
         return numbers.astype(np.float64), np.zeros(len(numbers), dtype=bool)
+
+    def unit_in_cells(self, name: str) -> str:
+        """The unit behind the numbers in nearly all cells of a column, as in '54 km/h'; '' where none is."""
+        if not pa.types.is_string(self.column(name).type):
+            return ""
+        filled = self.cells(name).drop_null()
+        parts = pc.extract_regex(filled, WITH_UNIT).drop_null()
+        units = pc.value_counts(pc.struct_field(parts, "unit")).to_pylist() if len(parts) else []
+        count, unit = max(((int(one["counts"]), str(one["values"])) for one in units), default=(0, ""))
+        return unit if count > 0.9 * len(filled) else ""
+
+    def _beside_numbers(self, cells: pa.ChunkedArray) -> tuple[Array, Mask]:
+        """Numbers whose unit stands behind them, and words of switches as 1 and 0."""
+        words = pc.utf8_lower(cells)
+        states = pa.array([*STATES]), pa.array([*STATES.values()])
+        index = pc.index_in(words, states[0])
+        known = pc.is_valid(index)
+        number = pc.struct_field(pc.extract_regex(cells, WITH_UNIT), "number")
+        values, unreadable = floats(pc.coalesce(number, cells), self.decimal)
+        of_words = pc.take(states[1], index.combine_chunks()).fill_null(np.nan).to_numpy(zero_copy_only=False)
+        return np.where(known.to_numpy(), of_words, values), unreadable & ~known.to_numpy()
 
     def numbers(self, name: str, channel: str | None = None) -> Array:
         """A column as float64 (n,), NaN for cells that are blank or no number.
@@ -118,6 +147,10 @@ class TextTable:
         where no cell is a number, or where most that are none would be by the other decimal mark.
         """
         values, unreadable = self.values(name)
+        if channel == "gear" and unreadable.any():
+            for row in np.flatnonzero(unreadable):
+                letter = str(self.cells(name)[int(row)]).lower()
+                values[row], unreadable[row] = GEARS.get(letter, np.nan), letter not in GEARS
         tally = self.account.channel(channel or name)
         tally.read += int((~np.isnan(values)).sum() + unreadable.sum())
         tally.used += int((~np.isnan(values)).sum())
@@ -216,8 +249,8 @@ def read_table(
     account = Account(str(path), "rows")
     place: Callable[[int], str] = _parquet_row
     try:
-        if path.suffix.lower() in PARQUET:
-            table = parquet.read_table(path, page_checksum_verification=True)
+        if path.suffix.lower() in (*PARQUET, mat_file.SUFFIX):
+            table = mat_file.read(path) if path.suffix.lower() == mat_file.SUFFIX else _parquet(path)
             names = list(table.column_names)
             account.total.read = table.num_rows
             rows = np.arange(table.num_rows)
@@ -240,33 +273,8 @@ def read_table(
     return found
 
 
-def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
-    """A column of a table over an ascending one, such as a road's grade over distance: both (n,), n > 1.
-
-    Lines before the header, the delimiter and the decimal mark are found. What was set aside is said on
-    stderr. Raises InputError with the line where a row has no number, or where `over` does not grow.
-    """
-    reading.check_file(path, "give a CSV or Parquet table")
-    table = read_table(
-        path,
-        skip_rows=_lines_before(path, over, of),
-        cure=f"it needs a header with {over} and {of}, and rows of as many cells",
-    )
-    table = replace(table, decimal=decimal_mark(table, over, of))
-    table = table.with_key(~np.isnan(table.values(over)[0]), over, (over,))
-    x, y = table.values(over)[0], table.values(of)[0]
-    without = ~np.isfinite(x) | ~np.isfinite(y)
-    if without.any():
-        at = table.at(int(np.argmax(without)))
-        raise InputError(f"{path}: {at} needs a number under {over} and {of}")
-    if len(x) < 2:
-        raise InputError(f"{path} has one row; it needs at least two")
-    if (np.diff(x) <= 0).any():
-        at = table.at(int(np.argmax(np.diff(x) <= 0)) + 1)
-        raise InputError(f"{path}: {over} does not grow in {at}; sort the rows and drop doubled ones")
-    if table.account.total.left_out:
-        print("\n".join(table.account.lines()), file=sys.stderr)
-    return x, y
+def _parquet(path: Path) -> pa.Table:
+    return parquet.read_table(path, page_checksum_verification=True)
 
 
 _THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
@@ -369,20 +377,6 @@ def _sums_up(table: TextTable) -> Mask:
 
 def _is_label(cell: str | None) -> bool:
     return str(cell).lower().rstrip(":.").strip() in LABELS
-
-
-def _lines_before(path: Path, *names: str) -> int:
-    """Lines before the header with these names, 0 where none has them."""
-    if path.suffix.lower() in PARQUET:
-        return 0
-    for lines in range(MOST_BEFORE):
-        try:
-            header = CsvText(path, None, "utf-8", lines, Account(str(path), "rows")).header
-        except (UnicodeError, OSError, text_csv.Error, EOFError):
-            return 0  # as read_table says
-        if {name.strip() for name in header} >= set(names):
-            return lines
-    return 0
 
 
 def decimal_mark(table: TextTable, *names: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
+from deeptruck_model.log_kinds import check_measurement, holds_frames
 
 TEXT = (".log", ".candump", ".txt", "")
 PACKED = ".gz"  # of any kind but a folder
@@ -21,7 +22,10 @@ WRITABLE = (".log", ".asc", ".blf", MF4, ".trc", BAG)
 FLUSH_S = 0.5  # what a recorder took before survives a kill -9
 TABLES = (".csv", ".tsv", ".parquet", ".xlsx")  # of signals, not frames
 FRAMES_AS_CSV = b"timestamp,arbitration_id,"  # how a CSV log of python-can begins
-KINDS = "candump text (.log), ASC, BLF, TRC, MF4, or a rosbag with raw frames"
+KINDS = (
+    "candump or BUSMASTER text (.log), ASC, BLF, TRC, MF4, a capture of SocketCAN (.pcap, .pcapng), a CSV "
+    "table of raw frames, or a rosbag with them"
+)
 
 
 def check(path: Path) -> None:
@@ -31,6 +35,7 @@ def check(path: Path) -> None:
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise InputError(f"{path} is a folder without a rosbag's metadata.yaml; give a CAN log: {KINDS}")
     _check_frames(path)
+    check_measurement(path)
     _check_mf4(_unpacked(path))
 
 
@@ -61,14 +66,20 @@ def _check_frames(path: Path) -> None:
     suffix = _unpacked(path).suffix.lower()
     if path.is_dir() or suffix not in TABLES:
         return
-    opened = gzip.open if path.suffix.lower() == PACKED else open
-    with suppress(OSError, EOFError, zlib.error), opened(path, "rb") as file:  # damage is said by the reader
-        if suffix == ".csv" and file.read(len(FRAMES_AS_CSV)) == FRAMES_AS_CSV:
-            return
+    if suffix in (".csv", ".tsv") and (of_python_can(path) or holds_frames(path)):
+        return
     raise InputError(
         f"{path} is a table, not a CAN log: 'deeptruck-model import {path} --columns COLUMNS.yaml --out BAG' "
         f"reads tables of signals; give a CAN log here: {KINDS}"
     )
+
+
+def of_python_can(path: Path) -> bool:
+    """Whether a table is a CSV log of python-can, which writes bytes in base 64."""
+    opened = gzip.open if path.suffix.lower() == PACKED else open
+    with suppress(OSError, EOFError, zlib.error), opened(path, "rb") as file:  # damage is said by the reader
+        return file.read(len(FRAMES_AS_CSV)) == FRAMES_AS_CSV
+    return False
 
 
 def _check_mf4(path: Path) -> None:

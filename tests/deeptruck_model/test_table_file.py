@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 
 from deeptruck_model.csv_text import BLANK, RAGGED, UNCLOSED
+from deeptruck_model.curve_file import read_curve
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
 from deeptruck_model.table_file import (
@@ -22,7 +23,6 @@ from deeptruck_model.table_file import (
     HEADER,
     SHOWN,
     floats,
-    read_curve,
     read_table,
 )
 

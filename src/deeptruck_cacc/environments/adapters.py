@@ -20,6 +20,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from deeptruck_cacc.controllers.scaling import FeatureMap, paper_signals
 from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.environment import PATH, CaccEnv
+from deeptruck_cacc.environments.registration import register
 from deeptruck_cacc.environments.reward import Reward
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
@@ -213,9 +214,4 @@ class CaccSb3VecEnv(_Face, VecEnv):
         return [False for _ in self._get_indices(indices)]
 
 
-if "deeptruck/Cacc-v0" not in gymnasium.registry:
-    gymnasium.register(
-        "deeptruck/Cacc-v0",
-        entry_point="deeptruck_cacc.environments.adapters:CaccGymEnv",
-        vector_entry_point="deeptruck_cacc.environments.adapters:CaccVectorEnv",
-    )
+register()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks, files, reading, results
+from deeptruck_model.checks import Clock
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, mapped, show_accounts
 from deeptruck_model.errors import InputError
 from deeptruck_model.progress_steps import progress
@@ -114,7 +116,7 @@ def suggest_map(
         with files.new_file(out) as draft:
             draft.write_text(found.text(), encoding="utf-8")
         print(f"\nproposed {what}: {out}; check it, then give it as {option} {out}")
-    for line in found.lacking:
+    for line in (*found.lacking, *found.doubts):
         print(f"note: {line}", file=sys.stderr)
 
 
@@ -134,22 +136,43 @@ def _tell_topics(found: Suggestion) -> None:
 
 
 def import_log(
-    table: Annotated[
-        Path,
-        typer.Argument(metavar="TABLE|CAN_LOG|BAG", help="CSV or Parquet table, CAN log, or bag to convert"),
+    tables: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="TABLE|CAN_LOG|BAG...", help="CSV, Parquet or MAT tables, CAN logs, or bags to convert"
+        ),
     ],
     columns: Annotated[
         Path, typer.Option(help="COLUMNS.yaml: what the columns mean; of a bag, its topic map")
     ],
-    out: Annotated[Path, typer.Option(help="the bag to write, a new folder")],
+    out: Annotated[
+        Path, typer.Option(help="the bag to write, a new folder; of several sources the folder of their bags")
+    ],
     clock: ClockOption = None,
     msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Import one table, CAN log or bag."""
+    """Import tables, CAN logs or bags; several ones into bags of their names below `out`."""
     from deeptruck_model.recordings import import_checks
 
-    import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
+    outs = [out] if len(tables) == 1 else [out / table.stem for table in tables]
+    if twice := sorted({place.name for place in outs if outs.count(place) > 1}):
+        raise InputError(f"several sources are called {', '.join(twice)}: rename them, or import each alone")
+    checks.every(
+        *(
+            partial(import_checks.check, table, columns, place, overwrite=overwrite, clock=clock)
+            for table, place in zip(tables, outs, strict=True)
+        )
+    )
+    if len(tables) > 1:
+        out.mkdir(parents=True, exist_ok=True)
+    for table, place in zip(tables, outs, strict=True):
+        _import_one(table, columns, place, clock, msg, overwrite)
+
+
+def _import_one(
+    table: Path, columns: Path, out: Path, clock: Clock | None, msg: list[Path] | None, overwrite: bool
+) -> None:
     from deeptruck_model.recordings import import_table
 
     done = import_table(table, columns, out, overwrite=overwrite, clock=clock, msg=msg or ())

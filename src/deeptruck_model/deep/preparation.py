@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from deeptruck_model.deep.data import (
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, data_hash
+from deeptruck_model.recordings import Recording, data_hash, plausibility
 from deeptruck_model.signals import CHANNELS, TruckInterface
 from deeptruck_model.simulators import read_manifest
 
@@ -76,6 +77,8 @@ class Prepared:
 def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     """Cut, mend and split the recordings. Raises InputError where nothing can be trained on."""
     remarks.refuse_twice(recordings)
+    for _, pieces_of in groupby(recordings, lambda r: r.name.partition("#")[0]):
+        plausibility.refuse(list(pieces_of))
     interface = common_interface(recordings)
     pieces = [piece for recording in recordings for piece in cut(recording, interface)]
     if not pieces:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -47,6 +47,8 @@ class Candidate:
     offset: float = 0.0
     place: int = 0
     needs: str = ""
+    across: str = ""  # another field of which the norm is taken with this one
+    follows: bool = False  # whether it was seen to change as the speed does
 
     @property
     def order(self) -> tuple[object, ...]:
@@ -65,6 +67,7 @@ class Candidate:
     def line(self) -> str:
         """The line of a topic map or of the channels in COLUMNS.yaml."""
         name = yaml_text(self.field.path)
+        name = f"[{name}, {yaml_text(self.across)}]" if self.across else name
         source = f"topic: {yaml_text(self.topic.name)}, field: {name}" if self.topic else f"column: {name}"
         unit = f", unit: {yaml_text(self.unit or '?')}"
         if (self.scale, self.offset) != (1.0, 0.0):
@@ -100,6 +103,7 @@ class Proposal:
 
     candidates: dict[str, list[Candidate]]
     commanded: dict[str, list[Candidate]]
+    doubts: list[str] = field(default_factory=list, kw_only=True)  # in what is proposed, a line each
 
     SOURCE: ClassVar[str] = "topic"
     BLANK: ClassVar[str] = "topic: /TOPIC, field: FIELD"
@@ -141,6 +145,9 @@ class Proposal:
                 yield f"{title} NOT FOUND, {NEEDED[channel]}. Fill in:"
                 unit = known_units(channel)[0]
                 yield f"# {channel}: {{{self.BLANK}, unit: {unit}}}"
+                if channel == "brake_command" and self.taken("brake_switch"):
+                    yield "# The deceleration while the brake switch is on may stand in:"
+                    yield f"# {channel}: {{derive: deceleration, gate: brake_switch}}"
                 if channel == "engine_command" and (fuel := self.taken("fuel_rate")):
                     yield "# The fuel rate may stand in where no torque was recorded:"
                     yield f"# {replace(fuel, channel=channel).line}"

@@ -54,13 +54,20 @@ BY_WORDS: dict[str, Words] = {
     ),
     "acceleration": _words(
         "acceleration,accel,acc,ax",
-        "pedal throttle brake brakes angular lateral vertical gravity axis relative rel y z",
+        "pedal throttle brake brakes angular lateral lat transverse vertical gravity axis relative rel y z "
+        "position pos",
         STATISTIC | LEADER,
     ),
     "engine_command": _words(
-        "accelerator,accel pedal,acc pedal,gas pedal,throttle,gas,engine command,engine cmd,engine request,"
-        "torque request,torque requested,torque command,torque cmd,torque demand",
-        "brake brakes retarder steering exhaust temperature temp pressure min max limit switch kickdown",
+        "accelerator,accel pedal,acc pedal,gas pedal,accel position,accel pos,throttle,gas,engine command,"
+        "engine cmd,engine request,"
+        "torque request,torque requested,torque command,torque cmd,torque demand,pedal",
+        "clutch acceleration brake brakes retarder steering exhaust temperature temp pressure min max limit "
+        "switch kickdown",
+    ),
+    "brake_switch": _words(
+        "brake switch,brake light,brake lamp,brake pressed,brake active,brake on,brakes pressed",
+        "parking temperature temp wear engine exhaust retarder",
     ),
     "brake_command": _words(
         "brake,brakes,xbr,deceleration request,deceleration demand,deceleration target",
@@ -74,7 +81,11 @@ BY_WORDS: dict[str, Words] = {
     ),
     "engine_torque": _words("torque", "brake steering wheel retarder friction losses reference", STATISTIC),
     "elevation": _words("elevation,altitude,alt"),
-    "gap": _words("gap,distance,headway,range", "travelled traveled trip total time rate min max"),
+    "gap": _words(
+        "gap,distance,headway,range",
+        "travelled traveled trip total time rate bottom ground driven",
+        STATISTIC,
+    ),
     "leader_speed": _words(
         ",".join(f"{who} {what}" for who in sorted(LEADER) for what in ("speed", "velocity", "vel")),
         "relative rel rate wheel axle tire tyre left right",
@@ -84,8 +95,8 @@ BY_WORDS: dict[str, Words] = {
         "ambient temperature,outside temperature,air temperature,ambient temp,outside temp,ambient",
         "intake charge manifold",
     ),
-    "latitude": _words("latitude,lat"),
-    "longitude": _words("longitude,lon,lng"),
+    "latitude": _words("latitude,lat", "acceleration accel acc speed velocity"),
+    "longitude": _words("longitude,lon,lng", "acceleration accel acc speed velocity"),
 }
 UNIT_WORDS = {
     "kmh": "km/h", "kph": "km/h", "mph": "mph", "mps": "m/s", "rpm": "rpm", "percent": "percent",
@@ -109,6 +120,7 @@ _BY_RANGE: dict[
     "grade": ((0.005, 0.4, "ratio"), (0.12, 40.0, "percent"), (0.1, 22.0, "deg")),
     "pitch": ((0.005, 0.4, "rad"), (0.1, 25.0, "deg"), (0.12, 40.0, "percent")),
     "gear": ((1.0, 24.0, "1"),),
+    "brake_switch": ((0.0, 3.0, "1"),),
     "engine_speed": ((60.0, 300.0, "rad/s"), (500.0, 7000.0, "rpm")),
     "engine_torque": ((0.0, 130.0, ""), (0.0, 6000.0, "N m")),  # up to 130: percent of an unnamed torque
     "elevation": ((0.0, 6000.0, "m"), (0.0, 20000.0, "ft")),

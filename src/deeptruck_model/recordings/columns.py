@@ -35,6 +35,8 @@ KEYS = {
     "encoding": "of the text; utf-8 where absent",
     "skip_rows": "lines before the header",
     "decimal": "the decimal mark; a point where absent",
+    "only": "rows of one vehicle, where a table has several: a column, and its text in the rows to take",
+    "pivot": "where each row has one value: the column with the names, and the column with the values",
     "split_at": "steps in SI units; a larger jump starts a new piece",
     "extra": "further columns of numbers, carried under names of their own",
     "conceal": "channels that go into BAG.sealed.csv only, never into the bag",
@@ -97,6 +99,8 @@ class Columns:
     vehicle: str | None = None
     mass_kg: float | None = None
     driven_by: str | None = None
+    only: Mapping[str, str] = field(default_factory=dict)
+    pivot: tuple[str, str] | None = None
 
 
 def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
@@ -147,7 +151,23 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         vehicle=data.get("vehicle"),
         mass_kg=data.get("mass_kg"),
         driven_by=data.get("driven_by"),
+        only=_only(data.get("only") or {}),
+        pivot=_pivot(data.get("pivot")),
     )
+
+
+def _only(entry: Any) -> dict[str, str]:
+    if not isinstance(entry, Mapping):
+        raise InputError("only needs a column and its text in the rows to take, as in {Vehicle: T-101}")
+    return {str(column): str(text) for column, text in entry.items()}
+
+
+def _pivot(entry: Any) -> tuple[str, str] | None:
+    if entry is None:
+        return None
+    if not isinstance(entry, Mapping) or set(entry) != {"name", "value"}:
+        raise InputError("pivot needs two columns, as in {name: Signal, value: Value}")
+    return str(entry["name"]), str(entry["value"])
 
 
 def _known(data: Mapping[str, Any], keys: set[str], where: str) -> None:

@@ -26,7 +26,7 @@ _WITH_UNITS = ("unit", "density")
 _KINDS: dict[str, Schema] = {
     "column": _NAME,
     "topic": _TEXT,
-    "field": _TEXT,
+    "field": {"anyOf": [_TEXT, {"type": "array", "items": _TEXT, "minItems": 1, "maxItems": 2}]},
     "scale": {**_NUMBER, "not": {"const": 0}},
     "offset": _NUMBER,
     "late_s": {"type": "number", "minimum": -columns.LATEST_S, "maximum": columns.LATEST_S},
@@ -46,6 +46,8 @@ def of_columns() -> Schema:
         "encoding": _TEXT,
         "skip_rows": {"type": "integer", "minimum": 0},
         "decimal": _TEXT,
+        "only": {"type": "object", "additionalProperties": {"type": ["string", "number"]}},
+        "pivot": _mapping({"name": _NAME, "value": _NAME}, ["name", "value"]),
         "split_at": _mapping(dict.fromkeys(columns.SPLITS, _POSITIVE)),
         "extra": _extra({k: v for k, v in columns.ENTRY_KEYS.items() if k not in _WITH_UNITS}, ["column"]),
         "conceal": {"anyOf": [{"type": "array", "items": concealed}, concealed]},

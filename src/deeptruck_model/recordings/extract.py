@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -36,6 +37,7 @@ from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+SIDEWAYS = 1.0  # m/s, rms: what moves so across its axis is written in another frame than the truck's
 _DRAIN = 200_000  # messages that may wait before they are resampled
 _NO_NUMBER = "without a number in"
 _LISTED = 3  # fields that a reason names
@@ -105,7 +107,13 @@ def _read(
         _check_topics(bag, sources, asked=asked)
         name = path.stem if path.is_file() else path.resolve().name
         account = Account(str(path), "messages")
-        resampler = Resampler(name, rate_hz=rate_hz, account=account)
+        data = stored.get(INTERFACE_KEY)
+        known = interface or (TruckInterface.from_dict(data) if isinstance(data, dict) else None)
+        units = {
+            command: _command_unit(sources, command, known.unit(command) if known else None) or ""
+            for command in ("engine_command", "brake_command")
+        }
+        resampler = Resampler(name, rate_hz=rate_hz, account=account, units=units)
         sources = with_engaged(sources)
         obedience = Obedience(sources, account, no_load=no_load(bag))
         _feed(bag, sources, resampler, clocks, obedience, account)
@@ -145,7 +153,8 @@ def of_messages(
         if source.topic in received and source.field in received[source.topic].columns:
             by_topic.setdefault(source.topic, []).append(channel)
     account = Account(name, "messages", sources={topic: len(received[topic].stamps) for topic in by_topic})
-    resampler = Resampler(name, rate_hz=rate_hz, account=account)
+    units = {command: interface.unit(command) for command in ("engine_command", "brake_command")}
+    resampler = Resampler(name, rate_hz=rate_hz, account=account, units=units)
     obedience = Obedience(sources, account, no_load=no_load)
     queues = {topic: Queue(topic, Path(name)) for topic in by_topic}
     for topic, channels in by_topic.items():
@@ -173,11 +182,13 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
                 f"{bag.path}: {source.topic} ({topics[source.topic]}), mapped for '{channel}', cannot be "
                 f"read: {why}; give the definition with '--msg FILE.msg', or map another topic"
             )
-        elif not walker.has(topics[source.topic], source.field):
-            raise InputError(
-                f"{bag.path}: {source.topic} is a {topics[source.topic]}, which has no field "
-                f"'{source.field}' for '{channel}'"
-            )
+        else:
+            for field in filter(None, (source.field, source.across)):
+                if not walker.has(topics[source.topic], field):
+                    raise InputError(
+                        f"{bag.path}: {source.topic} is a {topics[source.topic]}, which has no field "
+                        f"'{field}' for '{channel}'"
+                    )
 
 
 def _feed(
@@ -194,10 +205,11 @@ def _feed(
     for channel, source in sources.items():
         if source.topic in topics:
             by_topic.setdefault(source.topic, []).append(channel)
-    readers = {
-        topic: Columns(walker, topics[topic], tuple(sources[c].field for c in channels))
+    vectors = {
+        topic: _Vectors(channels, sources, partial(walker.has, topics[topic]))
         for topic, channels in by_topic.items()
     }
+    readers = {topic: Columns(walker, topics[topic], one.paths) for topic, one in vectors.items()}
     queues = {topic: Queue(topic, bag.path) for topic in readers}
     account.sources = dict.fromkeys(readers, 0)
     clock_topic = sources["speed"].topic
@@ -209,7 +221,7 @@ def _feed(
         reader = readers[batch.topic]
         stamps, columns = reader.read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
         stamps = clocks.timed(batch.topic, stamps, batch.log_ns, reader.clocked)
-        queues[batch.topic].put(stamps, columns)
+        queues[batch.topic].put(stamps, vectors[batch.topic].resolved(columns))
         if batch.topic == clock_topic:
             ends.append((int(batch.log_ns.max()), int(stamps.max())))
         horizon = max([horizon, *(stamp for log_ns, stamp in ends if log_ns < batch.safe_ns)])
@@ -217,12 +229,53 @@ def _feed(
         if sum(queue.waiting for queue in queues.values()) > _DRAIN and horizon > -(2**63):
             drain.until(horizon - REORDER_NS)
     drain.until(None)
+    vectors[clock_topic].check(f"{bag.path}: {clock_topic}")
     account.total.read = sum(account.sources.values())
     for topic, kind, count in bag.other_types(set(readers)):
         account.total.read += count
         account.sources[topic] += count
         account.total.set_aside(f"on {topic} of type {kind}, as most there are {topics[topic]}", count=count)
     account.remarks += [note for queue in queues.values() for note in queue.notes()]
+
+
+class _Vectors:
+    """The fields of a topic's channels, those of which a norm is taken, and what moves across the speed."""
+
+    def __init__(
+        self, channels: Sequence[str], sources: Mapping[str, Source], has: Callable[[str], bool]
+    ) -> None:
+        self._sources = [sources[channel] for channel in channels]
+        paths = [source.field for source in self._sources]
+        normed = [k for k, source in enumerate(self._sources) if source.across]
+        self._norms = [(k, len(paths) + j) for j, k in enumerate(normed)]
+        paths += [source.across for source in self._sources if source.across]
+        self._speed = sources["speed"] if "speed" in channels else None
+        beside = f"{self._speed.field[:-1]}y" if self._speed and self._speed.field.endswith(".x") else ""
+        if self._speed is None or self._speed.across or not beside or not has(beside):
+            self._speed = None
+        self.paths = (*paths, beside) if self._speed else tuple(paths)
+        self._squares, self._count = 0.0, 0
+
+    def resolved(self, columns: list[Array]) -> list[Array]:
+        """A column for each channel."""
+        if self._speed:
+            sideways = _converted(columns[-1], self._speed)
+            known = np.isfinite(sideways)
+            self._squares += float((sideways[known] ** 2).sum())
+            self._count += int(known.sum())
+        for k, other in self._norms:
+            columns[k] = np.hypot(columns[k], columns[other])
+        return columns[: len(self._sources)]
+
+    def check(self, where: str) -> None:
+        """Raises InputError where what is mapped for speed is one component of a vector in another frame."""
+        across = (self._squares / max(self._count, 1)) ** 0.5
+        if self._speed and across > SIDEWAYS:
+            x, y = self._speed.field, f"{self._speed.field[:-1]}y"
+            raise InputError(
+                f"{where}: {x} is mapped for speed, but {y} moves too ({across:.1f} m/s), so that x is not "
+                f"forward but east, or north: map the norm of both by 'field: [{x}, {y}]'"
+            )
 
 
 class _Drain:

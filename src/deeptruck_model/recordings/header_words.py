@@ -151,6 +151,10 @@ _SPELLINGS = {  # as exports write a unit, in lower case without blanks: as unit
     "minutes": "min", "minuten": "min", "hours": "h", "stunden": "h", "tage": "days",
     "℃": "degC", "°c": "degC", "°f": "degF",
     "â°c": "degC", "â°f": "degF", "cc/min": "ml/min", "cm3/min": "ml/min", "cm³/min": "ml/min",
+    "kilometer_per_hour": "km/h", "kilometers_per_hour": "km/h", "mile_per_hour": "mph",
+    "meter_per_second": "m/s",
+    "revolutions_per_minute": "rpm", "revolution_per_minute": "rpm", "degree_celsius": "degC",
+    "liter_per_hour": "l/h", "gram_per_second": "g/s", "newton_meter": "N m",
     "mi/hr": "mph", "miles": "mi", "g-force": "g", "l/s": "l/s",
 }  # fmt: skip
 _NO_CHANNEL = frozenset((  # units of what is no channel of ours: they say that the column is none either
@@ -249,7 +253,9 @@ def _english(text: str) -> frozenset[str]:
     found: set[str] = set()
     written = words(text)
     for word in written:
-        if word in _LETTERS:
+        if word == "a" and re.search(r"\bA\b", text):
+            found |= {"current"}  # A stands for a current, where a stands for an acceleration
+        elif word in _LETTERS:
             found |= {_LETTERS[word]} if written - {word} <= _BESIDE_LETTERS | COMMANDED else set()
         elif word in _WHOLE:
             found |= {*_WHOLE[word].split()}

@@ -9,6 +9,7 @@ from typing import Any
 from deeptruck_model import checks, files
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
+from deeptruck_model.log_kinds import CAPTURES, check_measurement, holds_frames
 from deeptruck_model.recordings.columns import load_columns
 from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
 from deeptruck_model.results import BAG, apart
@@ -43,6 +44,7 @@ def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Calla
         raise InputError(f"'--clock {clock}' is for bags, whose messages have two times; {table} is none")
     return [
         lambda: check_table(table),
+        lambda: check_measurement(table),
         lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),
     ]
 
@@ -68,9 +70,11 @@ def is_bag(path: Path, columns: Meaning) -> bool:
 
 
 def is_can_log(path: Path) -> bool:
-    """Whether a log holds CAN frames, by its suffix."""
+    """Whether a log holds CAN frames, by its suffix, or the header of a table."""
     inner = Path(path.stem) if path.suffix.lower() == ".gz" else path
-    return inner.suffix.lower() in CAN_SUFFIXES
+    if inner.suffix.lower() in (".csv", ".tsv", ".txt") and path.is_file():
+        return holds_frames(path)
+    return inner.suffix.lower() in (*CAN_SUFFIXES, *CAPTURES)
 
 
 def columns_of_log(log: Path, columns: Meaning) -> dict[str, Any]:
@@ -78,8 +82,8 @@ def columns_of_log(log: Path, columns: Meaning) -> dict[str, Any]:
     meaning = _mapping(columns)
     if "time" in meaning:
         raise InputError(
-            f"{log} is read as a CAN log, for its suffix, but these columns describe a table (they have a "
-            f"'time'); {A_MAP}, and a table needs another suffix, such as .csv"
+            f"{log} is read as a CAN log, but these columns describe a table (they have a 'time'); "
+            f"{A_MAP}; of a CAN log 'columns' has a vehicle (docs/can_bridge.md), or nothing: {{}}"
         )
     return meaning
 
@@ -95,10 +99,11 @@ def is_table(path: Path) -> bool:
     """
     if not path.is_file() or path.suffix.lower() in (*BAG_SUFFIXES, ".mcap"):
         return False
+    check_measurement(path)
     if is_can_log(path):
         raise InputError(
-            f"{path} is read as a CAN log, for its suffix: 'truck-bridge decode' shows its signals "
-            "(docs/can_bridge.md); a table needs another suffix, such as .csv"
+            f"{path} is read as a CAN log: 'truck-bridge decode' shows its signals (docs/can_bridge.md), "
+            "and 'deeptruck-model import' needs no columns but a vehicle; a table ends on .csv or .parquet"
         )
     return True
 

@@ -14,27 +14,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import files
+from deeptruck_model import files, row_keys
 from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.csv_text import RAGGED
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import gated_brake, import_checks
+from deeptruck_model.recordings import gated_brake, import_checks, plausibility
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.columns import Column, Columns, load_columns
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
-from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, period
+from deeptruck_model.recordings.header_words import fits, header, spelled
+from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, period
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
-from deeptruck_model.recordings.resample import Series, uniform
+from deeptruck_model.recordings.resample import Series, count_derived, uniform
 from deeptruck_model.recordings.row_times import timed
+from deeptruck_model.recordings.units import conversion
 from deeptruck_model.results import BAG
+from deeptruck_model.row_keys import key_of, only, widened
 from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
 from deeptruck_model.table_file import TextTable, read_table
 
 Array = NDArray[np.float64]
 
 IMPORTERS = "deeptruck.importers"
+LEAST_RENEWALS = 20  # by which a value is seen to be held between them
 
 CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
 
@@ -103,14 +107,29 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         decimal=meaning.decimal,
     )
     account = table.account
+    if meaning.pivot:
+        table = widened(table, *meaning.pivot, meaning.time.columns)
+    table = only(table, meaning.only)
+    for name in meaning.time.columns:
+        table.column(name)
+    headers = {name: header(name) for name in table.columns}
+    if not meaning.only:
+        speeds = [table.values(meaning.channels["speed"].name)[0]]
+        if key := key_of(table, speeds, {name: one.words for name, one in headers.items()}):
+            raise InputError(f"{path}: {key}: take one by {key.line}")
+        if row_keys.take_turns(speeds[0]):
+            raise InputError(
+                f"{path}: speed goes back and forth from row to row, as where rows of several vehicles take "
+                "turns: export a column that says of which one a row is, and take one by 'only'"
+            )
     if not meaning.time.columns:
         table = table.below_units(meaning.channels["speed"].name)
         if RAGGED in account.total.aside:
             account.remarks.append("rows are the clock: what lies behind one that was left out is too early")
-    table, time = timed(table, meaning.time)
+    table, time, begins = timed(table, meaning.time)
     notes = [f"{TABLE_NOTE}{path.name}", *meaning.notes]
     values = {channel: _values(table, channel, column) for channel, column in meaning.channels.items()}
-    cuts = [
+    cuts = begins + [
         time_of
         for channel, step in meaning.split_at.items()
         for time_of in _jumps(time, values[channel], step)
@@ -137,7 +156,7 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         recordings = [gated_brake.substituted(recording) for recording in recordings]
     derive = "grade" not in values and "elevation" in values and "elevation" not in meaning.conceal
     window = meaning.grade_window_m or GRADE_WINDOW_M
-    recordings = [_with_grade(recording, window) for recording in recordings] if derive else recordings
+    recordings = [_with_grade(r, window, account) for r in recordings] if derive else recordings
     inside = np.zeros(len(time), dtype=bool)
     for start, end in account.spans:
         inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)
@@ -153,6 +172,12 @@ def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
 
 def _values(table: TextTable, channel: str, column: Column) -> Array:
     values = table.numbers(column.name, channel)
+    written = spelled(table.unit_in_cells(column.name), column.name)
+    if written and fits(channel, written) and conversion(channel, written).factor != column.convert.factor:
+        raise InputError(
+            f"{table.path}: cells of '{column.name}' are in {written}, and COLUMNS has another unit for "
+            f"{channel}: give it unit: {written}"
+        )
     if column.scale != 1.0 or column.offset != 0.0:
         values = column.scale * values + column.offset
     values = gated_brake.on(values) if column.gates else values
@@ -163,6 +188,16 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
     """The channel's samples; where rows between them leave it blank, it was sampled only in the others. What
     stands in one row after the other and then no more is no slow sensor, but one that failed."""
     valid = ~np.isnan(values)
+    every = 1 if channel in (*HELD, *LATCHED) else renewed_every(values[valid])
+    if every > 1:
+        rows = np.flatnonzero(valid)
+        changes = np.flatnonzero(np.diff(values[valid], prepend=np.nan) != 0.0)
+        kept = [np.arange(i, j, every) for i, j in pairwise([*changes, len(rows)])]
+        rows = rows[np.concatenate(kept)]
+        notes.append(
+            f"{channel} is renewed every {every} rows and held between them: taken where it is renewed"
+        )
+        return Series(time[rows], values[rows])
     rows_apart = np.diff(np.flatnonzero(valid))
     if valid.all() or (len(rows_apart) and np.median(rows_apart) < 2.0):
         if not valid.all():
@@ -170,6 +205,18 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
         return Series(time, values)
     notes.append(f"{channel} taken as sampled in the {valid.sum()} rows of {len(values)} that have it")
     return Series(time[valid], values[valid])
+
+
+def renewed_every(values: Array) -> int:
+    """Rows from one renewal of a value that is held between them to the next; 1 where it is not held.
+
+    A coarse sensor too stays the same for some rows, but for other numbers of them each time.
+    """
+    apart = np.diff(np.flatnonzero(np.diff(values) != 0.0))
+    if len(apart) < LEAST_RENEWALS or (every := int(np.median(apart))) < 2:
+        return 1
+    off = np.abs(apart - every * np.rint(apart / every))
+    return every if (off <= every // 10).mean() > 0.95 else 1
 
 
 def _jumps(time: Array, values: Array, step: float) -> Array:
@@ -222,11 +269,12 @@ def _interface(name: str, meaning: Columns) -> TruckInterface:
     )
 
 
-def _with_grade(recording: Recording, window_m: float) -> Recording:
+def _with_grade(recording: Recording, window_m: float, account: Account) -> Recording:
     elevation = recording.channels.get("elevation")
     if elevation is None:
         return recording
     grade = grade_from_elevation(recording.channels["speed"], elevation, recording.dt, window_m)
+    count_derived(account, "grade", grade, recording.start_s, recording.dt)
     note = f"grade derived from elevation over distance, smoothed over {window_m:g} m"
     channels = {**recording.channels, "grade": grade}
     return replace(recording, channels=channels, notes=(*recording.notes, note))
@@ -285,7 +333,11 @@ def _import_can_log(
 
 
 def _of_what_is_there(recordings: list[Recording]) -> list[Recording]:
-    """With the interface of a truck that has no brake, grade or fuel rate where these were never valid."""
+    """With the interface of a truck that has no brake, grade or fuel rate where these were never valid.
+
+    Raises InputError where a channel contradicts the others.
+    """
+    plausibility.refuse(recordings)
     interface, there = recordings[0].interface, {channel for r in recordings for channel in r.channels}
     fitting = replace(
         interface,

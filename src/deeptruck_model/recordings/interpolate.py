@@ -19,8 +19,8 @@ GAP_S = 1.5  # a hole longer than this, and than GAP_PERIODS of the source's own
 GAP_PERIODS = 3.0
 SNAP = 1e-3  # a sample this close to a tick, in steps, is that tick's value
 
-_HELD = ("engine_command", "brake_command")
-_LATCHED = ("gear", "brake_switch", *FAULTS)
+HELD = ("engine_command", "brake_command")
+LATCHED = ("gear", "brake_switch", *FAULTS)
 _STEP_MEANS = ("acceleration", "fuel_rate")
 
 
@@ -47,9 +47,9 @@ def at_ticks(
     if not len(time):
         return np.full(len(ticks), np.nan)
     patience = max(GAP_S, GAP_PERIODS * own_period)
-    if channel in _HELD:
+    if channel in HELD:
         return _step_mean_of_held(time, values, ticks, dt, patience)
-    if channel in _LATCHED:
+    if channel in LATCHED:
         return _held(time, values, ticks, dt, patience)[0]
     near = max(GAP_PERIODS * own_period, 1.5 * dt)
     if channel in _STEP_MEANS and 0 < own_period < 0.7 * dt:

@@ -349,6 +349,11 @@ def _only_mcap(path: Path) -> Path:
     if not path.exists():
         raise InputError(f"{path} does not exist")
     files = [path] if path.is_file() else sorted(path.glob("*.mcap"))
+    if path.suffix == ".db3" or (not files and any(path.glob("*.db3"))):
+        raise InputError(
+            f"{path} is a database (.db3), which is whole at any time: nothing to repair; it is read as it "
+            "is, without metadata.yaml too"
+        )
     if not files:
         raise InputError(f"{path} holds no MCAP file; give the folder that the recorder wrote")
     if len(files) > 1:

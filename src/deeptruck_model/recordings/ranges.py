@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.account import Tally
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.plausibility import LIMITS, no_values
 from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
 
 Array = NDArray[np.float64]
@@ -36,14 +37,14 @@ class Range:
     """Sets a channel's out-of-range samples aside, part by part, and remembers what says that its unit is
     wrong."""
 
-    def __init__(self, channel: str, tally: Tally) -> None:
-        self.channel, self.tally = channel, tally
+    def __init__(self, channel: str, tally: Tally, unit: str = "") -> None:
+        self.channel, self.tally, self.unit = channel, tally, unit
         known = channel_of(channel)
-        self.low, self.high = known.low, known.high
+        self.low, self.high = LIMITS.get((channel, unit), (known.low, known.high))
         self.reason = f"outside {self.low:g}..{self.high:g} {known.unit}"
         if known.unit in ("1", "interface"):
-            self.reason = f"outside {self.low:g}..{self.high:g}"
-        self.measured = self.outside = 0  # samples with a value, and those of them out of range
+            self.reason = f"outside {self.low:g}..{self.high:g} {unit}".strip()
+        self.measured = self.outside = self.none = 0  # samples, those out of range, those that are no values
         self._nonzero = self._negative = 0
         self._size_below = self._size_above = 0.0  # sums of magnitudes below zero and above
         self._crossings = self._gradual = 0
@@ -58,10 +59,14 @@ class Range:
         self.measured += int(valid.sum())
         if self.channel in NEEDED:
             self._look(values[valid], outside[valid], low)
-        if not outside.any():
-            return values
-        self.set_aside(self.reason, time, values, outside)
-        return np.where(outside, np.nan, values)
+        if outside.any():
+            self.set_aside(self.reason, time, values, outside)
+            values = np.where(outside, np.nan, values)
+        for reason, none in no_values(self.channel, self.unit, time, values):
+            self.set_aside(reason, time, values, none)
+            self.none += int(none.sum())
+            values = np.where(none, np.nan, values)
+        return values
 
     def set_aside(self, reason: str, time: Array, values: Array, these: Mask) -> None:
         """Count samples that are not used, with the time and value of the first one."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.account import Account, Tally
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import plausibility
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, SNAP, at_ticks, period
 from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, reversing
 from deeptruck_model.recordings.recording import Recording
@@ -24,8 +25,7 @@ Array = NDArray[np.float64]
 
 MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
 NO_SPEED = "recorded while there was no speed"
-MOVING_M_S = 1.0  # faster than creeping in a queue
-LEAST_ENGINE_RPM = 400.0  # diesel engines idle at 500 to 800 rpm, those of trucks/pool at 600
+DERIVED = "derived where there is no speed"
 _SLOW_S = 1.0  # channels with longer periods reach further than that; they are few and stay in memory
 
 
@@ -67,7 +67,8 @@ def uniform(
     samples of each channel, and the spans. Raises InputError without speed, or where the unit of speed or of
     a command must be wrong.
     """
-    resampler = Resampler(name, rate_hz=rate_hz, cuts=cuts, account=account)
+    units = {command: interface.unit(command) for command in ("engine_command", "brake_command")}
+    resampler = Resampler(name, rate_hz=rate_hz, cuts=cuts, account=account, units=units)
     for channel, one in series.items():
         resampler.add(channel, one)
     resampler.advance(np.inf)
@@ -84,11 +85,13 @@ class Resampler:
         rate_hz: float = 10.0,
         cuts: Sequence[float] = (),
         account: Account | None = None,
+        units: Mapping[str, str] | None = None,
     ) -> None:
         if not rate_hz > 0:
             raise InputError(f"rate_hz must be positive, not {rate_hz}")
         self.name, self.rate_hz, self.cuts = name, rate_hz, np.asarray(cuts, dtype=np.float64)
         self.dt = 0.0  # known once speed samples are there
+        self._units = units or {}  # of commands
         self._account = account
         self._tallies: dict[str, Tally] = {}  # of the samples that were added
         self._gap = 0.0
@@ -109,8 +112,13 @@ class Resampler:
             first, count = f"at {part.time[0]:.6g} s", int((~np.isnan(part.values[:late])).sum())
             tally.set_aside("stamped over a minute before the speed beside them", first, count)
         time, values = part.time[late:], part.values[late:]
-        values = self._ranges.setdefault(channel, Range(channel, tally)).masked(time, values)
+        values = self._range(channel, tally).masked(time, values)
         self._parts.setdefault(channel, []).append(Series(time, values))
+
+    def _range(self, channel: str, tally: Tally) -> Range:
+        if channel not in self._ranges:
+            self._ranges[channel] = Range(channel, tally, self._units.get(channel, ""))
+        return self._ranges[channel]
 
     def advance(self, until: float) -> None:
         """Compute all ticks before `until`; every sample up to MARGIN_S later must have been added."""
@@ -170,7 +178,7 @@ class Resampler:
         return {
             channel
             for channel, r in self._ranges.items()
-            if r.measured > (0 if channel in NEEDED else r.outside)
+            if r.measured > (0 if channel in NEEDED else r.outside + r.none)
         }
 
     def finish(self, interface: TruckInterface, notes: Sequence[str] = ()) -> list[Recording]:
@@ -194,7 +202,7 @@ class Resampler:
             piece.recording(name, self.dt, interface, needed, notes, account)
             for name, piece in zip(names, self._pieces, strict=True)
         ]
-        account.remarks += _slow_engine(found)
+        account.remarks += [doubt.says for doubt in plausibility.doubts(found)]
         return found
 
     def _accounted(self) -> Account:
@@ -290,29 +298,22 @@ class _Piece:
         if "acceleration" not in channels or np.isnan(channels["acceleration"]).all():
             channels["acceleration"] = derive_acceleration(channels["speed"], dt)
             notes = [*notes, "acceleration derived from speed"]
+            count_derived(account, "acceleration", channels["acceleration"], self.start, dt)
         return Recording(name, dt, channels, interface, self.start, tuple(dict.fromkeys(notes)), account)
-
-
-def _slow_engine(recordings: Sequence[Recording]) -> list[str]:
-    """A remark where the engine speed never reaches LEAST_ENGINE_RPM while the truck moves; else nothing."""
-    moving = [
-        r.channels["engine_speed"][r.channels["speed"] > MOVING_M_S] * 30.0 / np.pi
-        for r in recordings
-        if "engine_speed" in r.channels
-    ]
-    fastest = max((float(np.nanmax(rpm)) for rpm in moving if not np.isnan(rpm).all()), default=np.inf)
-    if fastest >= LEAST_ENGINE_RPM:
-        return []
-    return [
-        f"engine_speed: at most {fastest:.0f} rpm while moving, and a diesel engine idles at 500 to 800 rpm; "
-        "is it in rad/s?"
-    ]
 
 
 def _usual_order(channel: str) -> tuple[int, str]:
     """CHANNELS in their order, then those with names of their own."""
     order = list(CHANNELS)
     return (order.index(channel) if channel in CHANNELS else len(order), channel)
+
+
+def count_derived(account: Account, channel: str, values: Array, start: float, dt: float) -> None:
+    """Count the samples (n,) of a channel that is derived, and those of them that nothing gives."""
+    tally, none = account.channel(channel), np.isnan(values)
+    tally.read += len(values)
+    tally.used += int((~none).sum())
+    tally.set_aside(DERIVED, f"at {start + dt * int(np.argmax(none)):.6g} s", int(none.sum()))
 
 
 def derive_acceleration(speed: Array, dt: float) -> Array:

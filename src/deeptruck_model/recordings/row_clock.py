@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from deeptruck_model.account import Account
@@ -15,7 +16,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
 from deeptruck_model.recordings.columns import TIME_UNITS, Clock
 from deeptruck_model.recordings.header_words import NO_TIME, TIME, Header
-from deeptruck_model.recordings.row_times import OF_DAY, is_iso, timed, usual_formats
+from deeptruck_model.recordings.row_times import OF_DAY, is_iso, packed_format, timed, usual_formats
 from deeptruck_model.recordings.table_form import NUMBER
 from deeptruck_model.table_file import MOST_ABOVE, TextTable
 
@@ -64,12 +65,12 @@ def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence
     for trial in _trials(table, headers):
         fresh = replace(table, account=Account(str(table.path), "rows"))
         try:
-            kept, time = timed(fresh, trial.clock)
+            kept, time, _ = timed(fresh, trial.clock)
         except InputError as error:
             refused = refused or (str(error).removeprefix(f"{table.path}: ") if trial.sure else "")
             continue
         seconds = np.full(len(table), np.nan)
-        seconds[np.searchsorted(table.rows, kept.rows)] = time
+        seconds[np.searchsorted(table.rows, np.sort(kept.rows))] = time[np.argsort(kept.rows)]
         columns = trial.clock.columns
         extra = len(frozenset().union(*(headers[name].words for name in columns)) - TIME)
         off = time[-1] if trial.sure else _unlikely(seconds, speeds)  # days for months make it long
@@ -122,6 +123,10 @@ def _numbers(table: TextTable, name: str, unit: str, stated: str, place: int) ->
         yield _Trial(Clock((name,), unit=unit), f"'{name}', {stated}", place)
         return
     if unit:
+        return
+    if form := packed_format(pc.cast(table.column(name), pa.string())):
+        why = f"'{name}' as {_first(table, name)}, a clock without marks"
+        yield _Trial(Clock((name,), format=form), why, place)
         return
     values = table.values(name)[0]
     values = values[np.isfinite(values)]

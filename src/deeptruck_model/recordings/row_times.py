@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -23,6 +25,10 @@ Array = NDArray[np.float64]
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
 TICKS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of Arrow's types
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+BACK_S, RETURN_S, APART_S = 1.0, 5.0, 60.0  # as the clocks of CAN logs: see truck_bridge.can_logs.pieces
+TRUSTED = 20  # rows behind a jump that make it a new piece
+MOST_BACK = 0.05  # of the rows; where more go back, they are in no order
+SAID = 5  # remarks on one table's clock
 DAY_S, HOUR_S = 86400.0, 3600.0
 INTEGER = r"^[+-]?\d{1,18}$|^[+-]?[1-8]\d{18}$"
 OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?")
@@ -43,15 +49,19 @@ USUAL = (  # formats that are proposed where one of them fits
 )  # fmt: skip
 
 
-def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array]:
-    """The rows that have a time, and it in s since the first, (n,), ascending.
+def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]]:
+    """The rows that have a time, it in s since the first, (n,), ascending, and where pieces begin.
 
-    Raises InputError where it is missing in too many, stands still, goes back, or has an unlikely step.
+    Where the clock goes back and stays there (a new trip, a clock that was set, the hour of autumn) a new
+    piece begins APART_S behind the one before it. Rows that overtook one another by BACK_S at most are put
+    in order, the last of equal stamps counts, and a few that are stamped far off their neighbours are set
+    aside. Raises InputError where times are missing in too many rows, stand still, are in no order, or have
+    an unlikely step.
     """
     if len(table) < 2:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
     if not clock.columns:
-        return table, np.arange(len(table)) / clock.rate_hz
+        return table, np.arange(len(table)) / clock.rate_hz, []
     seconds = _seconds(table, clock)
     known = ~np.isnan(seconds)
     lost = int(np.argmax(~known))
@@ -62,21 +72,66 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array]:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
     time = seconds - seconds[0]
     name = " and ".join(f"'{column}'" for column in clock.columns)
-    steps = np.diff(time)
     _check_whole_stamps(table, time, name, clock)
-    if not SHORTEST_S <= abs(float(np.median(steps))) <= LONGEST_S:
+    if clock.unit in TIME_UNITS and clock.format is None and (form := packed_format(_joined(table, clock))):
         raise InputError(
-            f"{table.path}: rows are {np.median(steps):g} s apart; a unit of time other than "
+            f"{table.path}: the numbers in {name} jump at each full minute, as clocks without marks do; "
+            f'set time: {{column: {clock.columns[0]}, format: "{form}"}}'
+        )
+    usual = float(np.median(np.abs(np.diff(time))))
+    if not SHORTEST_S <= usual <= LONGEST_S:
+        raise InputError(
+            f"{table.path}: rows are {usual:g} s apart; a unit of time other than "
             f"'{clock.format or clock.unit}' is likely (between {SHORTEST_S:g} and {LONGEST_S:g} s is usual)"
         )
-    if (steps <= 0).any():
-        at = int(np.argmax(steps <= 0))
-        what = "comes twice" if steps[at] == 0 else f"goes back by {-steps[at]:g} s"
+    table, time = _without_strays(table, time)
+    return _in_pieces(table, time, usual)
+
+
+def _without_strays(table: TextTable, time: Array) -> tuple[TextTable, Array]:
+    """Without the few rows that are stamped far off their neighbours, where time is back in its place."""
+    stray = np.zeros(len(time), dtype=bool)
+    steps = np.diff(time)
+    jumps = np.flatnonzero((steps < -BACK_S) | (steps > RETURN_S))
+    for a, b in pairwise(jumps):
+        opposite = (steps[a] > 0.0) is not (steps[b] > 0.0)
+        if opposite and not stray[a] and b - a <= TRUSTED and -BACK_S <= time[b + 1] - time[a] <= RETURN_S:
+            stray[a + 1 : b + 1] = True
+    return table.without(stray, "stamped far off their neighbours"), time[~stray]
+
+
+def _in_pieces(table: TextTable, time: Array, usual: float) -> tuple[TextTable, Array, list[float]]:
+    back = np.flatnonzero(np.diff(time) < -BACK_S) + 1
+    if len(back) > max(1, MOST_BACK * len(time)):
         raise InputError(
-            f"{table.path}: time {what} in {table.at(at + 1)} ({(steps <= 0).sum()} such rows); "
-            "sort the rows, drop doubled ones, or import each run as its own table"
+            f"{table.path}: time goes back in {len(back)} of {len(time)} rows, "
+            f"first {table.at(int(back[0]))}: they are in no order; "
+            "export them in the order of their time, one table a vehicle"
         )
-    return table, time
+    for at in back[:SAID]:
+        fall = float(time[at - 1] - time[at])
+        autumn = abs(fall + usual - HOUR_S) < 2.0 * usual + 1.0
+        why = "the end of summer time" if autumn else "several drives in one, or a clock that was set"
+        table.account.remarks.append(
+            f"time goes back by {fall:.1f} s in {table.at(int(at))} ({why}): a new piece"
+        )
+    if len(back) > SAID:
+        table.account.remarks.append(f"time goes back {len(back) - SAID} times more")
+    edges, behind = [0, *back, len(time)], 0.0
+    order = np.arange(len(time))
+    shifted = time.copy()
+    starts: list[float] = []
+    for i, j in pairwise(edges):
+        order[i:j] = i + np.argsort(time[i:j], kind="stable")
+        shifted[i:j] += (behind + APART_S if i else 0.0) - float(time[i:j].min()) * bool(i)
+        starts += [float(shifted[i:j].min())] if i else []
+        behind = float(shifted[i:j].max())
+    if swapped := int((np.diff(time) < 0).sum()) - len(back):
+        table.account.remarks.append(f"{swapped} rows put back in the order of their times")
+        columns = {name: column.take(pa.array(order)) for name, column in table.columns.items()}
+        table, shifted = replace(table, columns=columns, rows=table.rows[order]), shifted[order]
+    doubled = np.append(np.diff(shifted) <= 0.0, False)
+    return table.without(doubled, "with a repeated time"), shifted[~doubled], starts
 
 
 def _check_whole_stamps(table: TextTable, time: Array, name: str, clock: Clock) -> None:
@@ -264,6 +319,26 @@ def _ticks_of_date(cell: str) -> int | None:
 def _fraction(digits: str | None) -> int:
     """Digits behind the decimal mark as ns."""
     return int((digits or "").ljust(9, "0")[:9])
+
+
+def packed_format(cells: pa.ChunkedArray) -> str:
+    """The format of clocks written without marks, 095830.00 or 20260504095830; '' for plain numbers.
+
+    Seconds and minutes are never above 59, and a minute is passed, at which plain numbers would jump by 40.
+    """
+    cells = cells.drop_null()
+    known = pc.match_substring_regex(cells, r"^\d{5,6}(\.\d+)?$|^\d{14}(\.\d+)?$")
+    if not len(cells) or not pc.all(known).as_py():
+        return ""
+    whole = pc.cast(pc.replace_substring_regex(cells, r"\..*", ""), pa.int64()).to_numpy()
+    hours, minutes, seconds = whole // 10_000 % 100, whole // 100 % 100, whole % 100
+    if hours.max() > 23 or minutes.max() > 59 or seconds.max() > 59 or np.ptp(whole) < 60:
+        return ""
+    dated = whole[0] > 10**13
+    if dated and not 1970 <= whole[0] // 10**10 <= 2100:
+        return ""
+    fraction = ".%f" if pc.any(pc.match_substring(cells, ".")).as_py() else ""
+    return f"{'%Y%m%d' if dated else ''}%H%M%S{fraction}"
 
 
 def is_iso(cell: str) -> bool:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.reading import plain
@@ -20,11 +21,14 @@ from deeptruck_model.recordings.channel_words import (
     unit_by_range,
     words,
 )
+from deeptruck_model.recordings.evidence import COMPARED, settled
 from deeptruck_model.recordings.message_types import MESSAGE_TYPES, WITH_QUATERNION, Known, Role
-from deeptruck_model.recordings.survey import Field, Survey, Topic, survey
+from deeptruck_model.recordings.survey import Field, Survey, Topic, survey, values_of
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
 
 _VECTOR = re.compile(r"(^|\.)([xyzw])$")
 _GENERIC = frozenset(("data", "value", "vector", "position", "point", "linear", "twist", "accel"))
@@ -44,7 +48,7 @@ class Suggestion(Proposal):
             "# What begins with '#' is not read: other candidates, and channels that were not found.",
             "# A line may have scale and offset too: scale: -1 turns a sign.",
         ]
-        return "\n".join([*head, *self.blocks()]) + "\n"
+        return "\n".join([*head, *(f"# DOUBTFUL: {line}." for line in self.doubts), *self.blocks()]) + "\n"
 
     def absent(self, channel: str) -> str:
         """That a quaternion is no slope."""
@@ -70,9 +74,43 @@ def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
             if one is not None:
                 set_point = one.role is Role.COMMANDED and one.channel not in DEMANDS and one.sure != OURS
                 (commanded if set_point else candidates).setdefault(one.channel, []).append(one)
+    sensors = [one for one in candidates.get("acceleration", []) if one.sure != OURS]
+    axes = [other for one in sensors for axis in "yz" if (other := _along(one, axis)) is not None]
+    candidates.get("acceleration", []).extend(axes)
     for several in (*candidates.values(), *commanded.values()):
         several.sort(key=lambda one: one.order)
-    return Suggestion(candidates, commanded, found)
+    proposal = Suggestion(candidates, commanded, found)
+    chosen = [one for several in candidates.values() for one in several]
+    chosen += [o for one in candidates.get("speed", []) if (o := _along(one, "y")) is not None]
+    wanted: dict[str, dict[str, None]] = {}
+    for one in chosen:
+        if one.topic is not None and one.channel in COMPARED:
+            wanted.setdefault(one.topic.name, {})[one.field.path] = None
+    held = values_of(bag, {topic: [*paths] for topic, paths in wanted.items()}, msg) if wanted else {}
+
+    def values(one: Candidate) -> tuple[Array, Array] | None:
+        found = held.get((one.topic.name if one.topic else "", one.field.path))
+        beside = held.get((one.topic.name if one.topic else "", one.across))
+        if found is None or beside is None:
+            return found
+        return found[0], np.hypot(found[1], beside[1])
+
+    others = {id(one.field) for one in axes}
+    proposal.doubts.extend(settled(proposal, values, lambda one: _along(one, "y")))
+    measured = candidates.get("acceleration", [])
+    measured[:] = [one for one in measured if one.follows or id(one.field) not in others]
+    return proposal
+
+
+def _along(one: Candidate, axis: str) -> Candidate | None:
+    """The same vector's other component; None where there is none that was ever a number."""
+    path = one.field.path
+    if one.topic is None or not path.endswith("x") or path[-2:-1] not in (".", ""):
+        return None
+    other = next((f for f in one.topic.fields if f.path == f"{path[:-1]}{axis}"), None)
+    if other is None or np.isnan(other.largest):
+        return None
+    return replace(one, field=other, place=one.place + 1)
 
 
 def _candidate(topic: Topic, field: Field, interface: TruckInterface | None) -> Candidate | None:

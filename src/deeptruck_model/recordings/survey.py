@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 LONGEST_MESSAGE = 4096  # bytes; images and point clouds hold no channel of a truck and would take long
 LONGEST_ARRAY = 16  # elements of an array without names, of which each is a field
 MOST_FIELDS = 200  # of one topic
+MOST_VALUES = 200_000  # messages of a topic by which candidates are compared
 LOOKED_AT = 20  # messages of a topic in which fields are looked for
 
 
@@ -89,6 +90,32 @@ def survey(path: str | Path, msg: Sequence[str | Path] = ()) -> Survey:
             _take(topics[batch.topic], batch, walker, readers)
     interface = TruckInterface.from_dict(stored) if isinstance(stored, dict) else None
     return Survey(path, sorted(topics.values(), key=lambda topic: topic.name), interface)
+
+
+def values_of(
+    path: str | Path, wanted: Mapping[str, Sequence[str]], msg: Sequence[str | Path] = ()
+) -> dict[tuple[str, str], tuple[Array, Array]]:
+    """Log times in s since the first, ascending, and values, each (n,), of fields (topic -> paths) of a bag;
+    of the first MOST_VALUES messages of each topic."""
+    found: dict[tuple[str, str], list[tuple[NDArray[np.int64], Array]]] = {}
+    counts = dict.fromkeys(wanted, 0)
+    with reading.of(path), BagSource(Path(path), [Path(file) for file in msg]) as bag:
+        walker = Walker(bag.definitions, ros1=bag.ros1, bag=str(path))
+        readers = {topic: Columns(walker, bag.topics[topic], tuple(paths)) for topic, paths in wanted.items()}
+        for batch in bag.batches(set(wanted)):
+            counts[batch.topic] += len(batch.log_ns)
+            if counts[batch.topic] > MOST_VALUES:
+                continue
+            _, columns = readers[batch.topic].read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
+            for field, values in zip(wanted[batch.topic], columns, strict=True):
+                found.setdefault((batch.topic, field), []).append((batch.log_ns, values))
+    first = min((int(log.min()) for parts in found.values() for log, _ in parts), default=0)
+    out = {}
+    for key, parts in found.items():
+        log, values = (np.concatenate(part) for part in zip(*parts, strict=True))
+        log, at = np.unique(log, return_index=True)
+        out[key] = ((log - first) / 1e9, values[at])
+    return out
 
 
 def _topic(name: str, msgtype: str, bag: BagSource) -> Topic:

@@ -10,15 +10,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from deeptruck_model import reading
-from deeptruck_model.csv_text import BYTE_ORDER_MARKS, DELIMITERS
+from deeptruck_model import mat_file, reading
+from deeptruck_model.csv_text import BYTE_ORDER_MARKS, DELIMITERS, single_blanks
 from deeptruck_model.errors import InputError
-from deeptruck_model.table_file import PARQUET
+from deeptruck_model.log_kinds import check_measurement
+from deeptruck_model.table_file import PARQUET, STATES
+from deeptruck_model.table_file import WITH_UNIT as OF_UNIT
 
 LOOKED_AT = 200  # lines in which header and delimiter are looked for
 MOST_HEAD = 2**20  # characters of those lines
 NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?%?")
 DATE = re.compile(r".*\d{1,4}[-./]\d{1,2}[-./]\d{1,4}.*|.*\d{1,2}:\d{2}.*|\d{4}-\d{2}-\d{2}T.*")
+WITH_UNIT = re.compile(OF_UNIT)
 BY_HAND = "write COLUMNS.yaml by hand (docs/recordings.md)"
 
 
@@ -34,7 +37,8 @@ class Form:
 def find_form(path: Path) -> Form:
     """Raises InputError for a file that is missing, no text, or without a header above rows of numbers."""
     reading.check_file(path, "give a CSV or Parquet table")
-    if path.suffix.lower() in PARQUET:
+    check_measurement(path)
+    if path.suffix.lower() in (*PARQUET, mat_file.SUFFIX):
         return Form()
     try:
         data = path.read_bytes()
@@ -51,8 +55,9 @@ def find_form(path: Path) -> Form:
     if "\0" in text[:4096]:
         raise InputError(f"{path} is no text table but binary; export it as CSV or Parquet")
     lines = text[:MOST_HEAD].split("\n")[:LOOKED_AT]
-    found = {mark: _header(lines, mark) for mark in DELIMITERS}
-    best = max(found, key=lambda mark: (found[mark][1] > 0, *found[mark][:2]))
+    blanks = single_blanks("\n".join(lines).encode()).decode().split("\n")
+    found = {mark: _header(blanks if mark == " " else lines, mark) for mark in DELIMITERS}
+    best = max(found, key=lambda mark: (found[mark][1] > 0, mark != " ", *found[mark][:2]))
     columns, rows, header = found[best]
     if columns < 2:
         raise InputError(
@@ -95,16 +100,36 @@ def _header(lines: Sequence[str], delimiter: str) -> tuple[int, int, int]:
     names = [
         sum(bool(cell) and not is_value(cell) for cell in row) if len(row) > 1 else 0 for row in rows[:first]
     ]
+    least = max(min(2, cells - 1), min(cells, sum(map(bool, rows[first]))) // 2)
+    # the nearest line above with as many cells as the rows, else the one with most names
+    as_wide = [
+        k for k, row in enumerate(rows[:first]) if len(row) == cells and names[k] >= max(least, cells // 2)
+    ]
     most = max(names, default=0)
-    enough = most >= max(min(2, cells - 1), min(cells, sum(map(bool, rows[first]))) // 2)
-    return cells, most if enough else 0, names.index(most) if enough else 0
+    header = _below_units(rows, as_wide) if as_wide else names.index(most) if names else 0
+    return (cells, names[header], header) if names and names[header] >= least else (cells, 0, 0)
+
+
+def _below_units(rows: Sequence[list[str]], as_wide: Sequence[int]) -> int:
+    """The header among lines as wide as the rows: the last, unless units stand in it below the names."""
+    *others, last = as_wide
+    if others and others[-1] >= last - 2 and any(_is_unit(cell) for cell in rows[last]):
+        return others[-1]
+    return last
+
+
+def _is_unit(cell: str) -> bool:
+    from deeptruck_model.recordings.header_words import spelled
+
+    return bool(spelled(cell))
 
 
 def _begins(rows: Sequence[list[str]], first: int) -> bool:
     """Whether rows of numbers begin here."""
     if not _is_data(rows[first]):
         return False
-    following = [row for row in rows[first : first + 6] if any(row)]
+    following = rows[first : first + 6]
+    following = [row for row in following if any(row)] if len(rows) < first + 6 else following
     same = [row for row in following if _is_data(row) and abs(len(row) - len(rows[first])) <= 1]
     return 2 * len(same) > len(following)
 
@@ -116,4 +141,8 @@ def _is_data(row: Sequence[str]) -> bool:
 
 def is_value(cell: str) -> bool:
     """Whether a cell is a number, a date or a time of day."""
-    return bool(NUMBER.fullmatch(cell) or DATE.fullmatch(cell)) or cell.lower() in ("nan", "inf")
+    return bool(NUMBER.fullmatch(cell) or DATE.fullmatch(cell) or WITH_UNIT.match(cell)) or cell.lower() in (
+        "nan",
+        "inf",
+        *STATES,
+    )

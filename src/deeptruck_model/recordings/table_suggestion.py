@@ -18,7 +18,8 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.reading import plain
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate, Proposal, span, yaml_text
 from deeptruck_model.recordings.channel_words import COMMANDED, named_channels, units_by_range
-from deeptruck_model.recordings.header_words import IMPERIAL, METRIC, Header, fits, header, spelled
+from deeptruck_model.recordings.evidence import settled
+from deeptruck_model.recordings.header_words import IMPERIAL, METRIC, TIME, Header, fits, header, spelled
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.survey import Field
@@ -26,6 +27,7 @@ from deeptruck_model.recordings.table_form import Form, find_form
 from deeptruck_model.recordings.topic_map import EXTRA
 from deeptruck_model.recordings.unit_evidence import fitting
 from deeptruck_model.recordings.units import conversion
+from deeptruck_model.row_keys import Key, key_of, only, widened
 from deeptruck_model.signals import CHANNELS
 from deeptruck_model.table_file import MOST_ABOVE, TextTable, decimal_mark, read_table
 
@@ -39,6 +41,7 @@ _OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # 
 _NO_VALUE = r"^(?i:-+|\?+|n/?a|#n/a|null|none|inv|err)$"
 _NAMES = frozenset(("pid", "signal", "name", "parameter", "diagnostic", "sensor", "messwert", "measurement"))
 PEDAL_WORDS = frozenset(("pedal", "accelerator", "throttle"))
+_UNITS = frozenset(("unit", "units", "einheit"))
 _VALUES = frozenset(("value", "values", "wert", "reading"))
 
 
@@ -71,6 +74,8 @@ class TableSuggestion(Proposal):
     form: Form
     columns: list[TableColumn]
     clock: RowClock
+    key: Key | None = None
+    pivot: tuple[str, str] | None = None
 
     SOURCE: ClassVar[str] = "column"
     BLANK: ClassVar[str] = "column: COLUMN"
@@ -79,18 +84,8 @@ class TableSuggestion(Proposal):
     def lacking(self) -> list[str]:
         """What must be filled in before `import` reads the table for training, a line each."""
         no_clock = [] if self.clock.line else [f"time has no line yet: {self.clock.why}"]
-        return [*no_clock, *super().lacking]
-
-    @property
-    def _unlike(self) -> str:
-        names = {column: header(column).words for column in self.table.columns}
-        named = next((column for column, found in names.items() if found & _NAMES), None)
-        value = next((column for column, found in names.items() if found & _VALUES), None)
-        if named is None or value is None:
-            return super()._unlike
-        return plain(
-            f"each row has one '{value}' of the '{named}' it names: export a table with a column for each"
-        )
+        several = [f"{self.key}: '{self.key.line}' takes the first"] if self.key else []
+        return [*no_clock, *several, *super().lacking]
 
     def text(self) -> str:
         """COLUMNS.yaml, with what speaks for each line."""
@@ -108,6 +103,12 @@ class TableSuggestion(Proposal):
             lines.append(f"encoding: {self.form.encoding}")
         if self.form.skip_rows:
             lines.append(f"skip_rows: {self.form.skip_rows}")
+        if self.pivot:
+            lines.append("# Each row has one value: each name becomes a column.")
+            lines.append(f"pivot: {{name: {yaml_text(self.pivot[0])}, value: {yaml_text(self.pivot[1])}}}")
+        if self.key:
+            lines += [f"# {self.key}: choose one.", self.key.line]
+        lines += [f"# DOUBTFUL: {line}." for line in self.doubts]
         if self.table.decimal != ".":
             lines.append(f'decimal: "{self.table.decimal}"')
         if self._by_pedal:
@@ -179,13 +180,29 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     form = find_form(path)
     table = read_table(path, delimiter=form.delimiter, encoding=form.encoding, skip_rows=form.skip_rows)
     table = replace(table, decimal=decimal_mark(table, *table.columns))
-    columns = [column for name in table.columns if (column := _column(table, name)) is not None]
+    pivot = _one_value(table)
+    units: dict[str, str] = {}
+    if pivot is not None:
+        units = _units_of(table, pivot[0])
+        time = [name for name in table.columns if header(name).words & TIME][:1]
+        table = widened(table, *pivot, time)
+    headers = {name: header(name, units.get(name) or _below(table, name)) for name in table.columns}
+    speeds = [
+        table.values(name)[0]
+        for name, one in headers.items()
+        if "speed" in one.words and _column(table, name, one) is not None
+    ]
+    key = key_of(table, speeds, {name: one.words for name, one in headers.items()})
+    if key is not None:
+        table = only(table, {key.column: key.values[0]})
+    found_columns = (_column(table, name, headers[name]) for name in table.columns)
+    columns = [column for column in found_columns if column is not None]
     head = replace(
         table,
         columns={name: cells.slice(0, LOOKED_AT) for name, cells in table.columns.items()},
         rows=table.rows[:LOOKED_AT],
     )
-    system = _system(headers := {name: header(name, _below(table, name)) for name in table.columns})
+    system = _system(headers)
     meanings = [meaning for column in columns if (meaning := _meaning(column, system)) is not None]
     speeds = [one.column.values[:LOOKED_AT] for one in meanings if one.channel == "speed"]
     clock = find_clock(head, headers, speeds)
@@ -197,7 +214,35 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         (commanded if set_point else candidates).setdefault(one.channel, []).append(one.candidate)
     for several in (*candidates.values(), *commanded.values()):
         several.sort(key=lambda one: one.order)
-    return TableSuggestion(candidates, commanded, table, form, columns, clock)
+    found = TableSuggestion(candidates, commanded, table, form, columns, clock, key, pivot)
+    seconds, at = np.unique(clock.seconds if clock.seconds is not None else np.zeros(0), return_index=True)
+    at = at[np.isfinite(seconds)]
+    raw = {column.name: column.values for column in columns}
+
+    def values(one: Candidate) -> tuple[Array, Array] | None:
+        return (seconds[: len(at)], raw[one.field.path][at]) if len(at) > 1 else None
+
+    found.doubts.extend(settled(found, values, lambda one: None))
+    return found
+
+
+def _units_of(table: TextTable, names: str) -> dict[str, str]:
+    """The unit of each name, where a column of units stands beside names and values."""
+    beside = next((column for column in table.columns if header(column).words & _UNITS), None)
+    if beside is None:
+        return {}
+    pairs = zip(table.cells(names).to_pylist(), table.cells(beside).to_pylist(), strict=True)
+    return {name: unit for name, unit in dict.fromkeys(pairs) if name and unit}
+
+
+def _one_value(table: TextTable) -> tuple[str, str] | None:
+    """The columns of names and of values where each row has one value; None where rows have several."""
+    named = {column: header(column).words for column in table.columns}
+    name = next((c for c, found in named.items() if found & _NAMES), None)
+    value = next((c for c, found in named.items() if found & _VALUES), None)
+    if name is None or value is None or not pa.types.is_string(table.column(name).type):
+        return None
+    return name, value
 
 
 @dataclass(frozen=True)
@@ -232,7 +277,7 @@ class _Meaning:
         )
 
 
-def _column(table: TextTable, name: str) -> TableColumn | None:
+def _column(table: TextTable, name: str, named: Header) -> TableColumn | None:
     """A column of numbers; None for others."""
     try:
         values, unreadable = table.values(name)
@@ -245,11 +290,13 @@ def _column(table: TextTable, name: str) -> TableColumn | None:
         return None
     field = Field(name)
     field.take(values)
-    return TableColumn(name, header(name, _below(table, name)), values, field)
+    return TableColumn(name, named, values, field)
 
 
 def _below(table: TextTable, name: str) -> str:
-    """The cell of a row of units: a text above numbers."""
+    """The cell of a row of units, a text above numbers, or the unit behind the numbers of the cells."""
+    if spelled(within := table.unit_in_cells(name), name):
+        return within
     if not pa.types.is_string(table.column(name).type):
         return ""
     above = [cell or "" for cell in table.cells(name)[:MOST_ABOVE].to_pylist()]

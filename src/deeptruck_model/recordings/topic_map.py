@@ -27,6 +27,7 @@ class Source:
     convert: Conversion | None = None  # None: already canonical, commands in the interface's unit
     scale: float = 1.0
     offset: float = 0.0
+    across: str = ""  # another field: the channel is the norm of both
     gates: bool = False  # a brake switch in the place of the brake command, see gated_brake
 
 
@@ -48,7 +49,8 @@ TopicMap = Mapping[str, Any]
 NO_SPEED = "the topic map has no 'speed'; a recording needs at least that channel"
 ENTRY_KEYS = {
     "topic": "its name in the bag",
-    "field": "path into the message; data[3] is an element, position[name=gear] the value beside that name",
+    "field": "path into the message, or a list of two for the norm of a vector; data[3] is an element, "
+    "position[name=gear] the value beside that name",
     "unit": "what it is written in; ours where absent",
     "scale": "factor before the unit is converted",
     "offset": "added after the factor, before the unit is converted",
@@ -153,7 +155,11 @@ def _source(channel: str, entry: Any) -> Source:
     scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
     if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
         raise InputError(f"topic map: scale {scale:g} and offset {offset:g} of '{channel}' leave no values")
-    return Source(str(entry["topic"]), str(entry["field"]), convert, scale, offset)
+    named = entry["field"] if isinstance(entry["field"], list) else [entry["field"]]
+    if not 1 <= len(named) <= 2:
+        raise InputError(f"topic map: field of '{channel}' is one path, or two for the norm of a vector")
+    path, across = str(named[0]), str(named[1]) if len(named) > 1 else ""
+    return Source(str(entry["topic"]), path, convert, scale, offset, across)
 
 
 def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:

@@ -1,4 +1,4 @@
-"""Frames out of a log: candump and ASC by our own readers, TRC, BLF and MF4 by python-can, bags by rosbags.
+"""Frames out of a log: text, captures and tables by our own readers, TRC, BLF and MF4 by python-can.
 
 `every` gives all that a log holds, `read` the extended data frames of one bus, which is what J1939 has. Both
 count in an Account: a frame that is read is used, or set aside for a reason.
@@ -17,9 +17,10 @@ from pathlib import Path
 import can
 
 from deeptruck_model.account import Account
+from deeptruck_model.log_kinds import CAPTURES
 from deeptruck_model.reading import plain
 from truck_bridge import log_files
-from truck_bridge.can_logs import text_logs, trc_logs
+from truck_bridge.can_logs import other_logs, text_logs, trc_logs
 from truck_bridge.can_logs.frames import Frame, Kind, of_message
 from truck_bridge.can_logs.pieces import in_pieces
 from truck_bridge.can_logs.whole import COPY, check_blf, check_file
@@ -112,7 +113,15 @@ def _of_file(path: Path, file: Path, account: Account) -> Iterator[Frame]:
     suffix = file.suffix.lower()
     try:
         if file.is_file() and suffix in log_files.TEXT:
-            yield from text_logs.candump(file, account)
+            written = text_logs.candump
+            with file.open("rb") as begin:
+                if begin.read(len(other_logs.BUSMASTER)) == other_logs.BUSMASTER.encode():
+                    written = other_logs.busmaster
+            yield from written(file, account)
+        elif file.is_file() and suffix in CAPTURES:
+            yield from other_logs.capture(file, account)
+        elif file.is_file() and suffix in (".csv", ".tsv") and not log_files.of_python_can(file):
+            yield from other_logs.table(file, account)
         elif file.is_file() and suffix == ".asc":
             yield from text_logs.asc(file, account)
         else:

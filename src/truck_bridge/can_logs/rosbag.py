@@ -9,7 +9,6 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Iterator
-from contextlib import closing
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
@@ -18,10 +17,12 @@ import can
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import MAGIC_SIZE, breakup_chunk, read_magic
 from mcap.writer import CompressionType, Writer
-from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Reader as Rosbag1
+from rosbags.rosbag2 import Reader as Rosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from deeptruck_model.account import Account
@@ -44,8 +45,8 @@ uint8[8] data
 SECOND = 1_000_000_000  # ns
 
 
-def _types() -> Any:
-    store = get_typestore(Stores.ROS2_JAZZY)
+def _types(kind: Stores = Stores.ROS2_JAZZY) -> Any:
+    store = get_typestore(kind)
     store.register(get_types_from_msg(DEFINITION, TYPE))
     return store
 
@@ -62,16 +63,44 @@ def read(path: Path, account: Account) -> Iterator[Frame]:
         yield from _read_unfinished(path)
         account.remarks.append(f"{path} was not finished; its last half second may lack")
         return
-    reader = AnyReader([path], default_typestore=_types())
-    reader.open()
-    with closing(reader):
+    ros1 = path.suffix == ".bag"
+    held: set[str] = set()
+    store = _types(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+    parse = store.deserialize_ros1 if ros1 else store.deserialize_cdr
+    for channels, topic, stamp, raw in _of_mcap(files, held) if files else _of_others(path, held):
+        yield _frame(parse(raw, TYPE), stamp, channels[topic])
+    if TYPE not in held:
+        said = ", ".join(sorted(held)) or "nothing"
+        raise InputError(f"{path} holds no {TYPE}, the type of raw CAN frames; it holds {said}")
+
+
+_Raw = tuple[dict[str, str], str, int, bytes]  # buses by topic; topic, log time in ns and content
+
+
+def _of_mcap(files: list[Path], held: set[str]) -> Iterator[_Raw]:
+    """The frames of MCAP files, whatever is in which form on other topics; `held` gets the types of all."""
+    for file in files:
+        with file.open("rb") as stream:
+            reader = make_reader(stream)
+            summary = reader.get_summary()
+            types = {k: schema.name for k, schema in (summary.schemas if summary else {}).items()}
+            held |= set(types.values())
+            all_channels = (summary.channels if summary else {}).values()
+            chosen = {c.topic for c in all_channels if types.get(c.schema_id) == TYPE}
+            channels = _channels(chosen)
+            for schema, channel, message in reader.iter_messages(topics=sorted(chosen)) if chosen else ():
+                if schema is not None and schema.name == TYPE:
+                    yield channels, channel.topic, message.log_time, message.data
+
+
+def _of_others(path: Path, held: set[str]) -> Iterator[_Raw]:
+    """The frames of a database or a ROS 1 bag."""
+    with Rosbag1(path) if path.suffix == ".bag" else Rosbag2(path) as reader:
+        held |= {connection.msgtype for connection in reader.connections}
         chosen = [connection for connection in reader.connections if connection.msgtype == TYPE]
-        if not chosen:
-            held = ", ".join(sorted({connection.msgtype for connection in reader.connections})) or "nothing"
-            raise InputError(f"{path} holds no {TYPE}, the type of raw CAN frames; it holds {held}")
         channels = _channels({connection.topic for connection in chosen})
-        for connection, stamp, raw in reader.messages(chosen):
-            yield _frame(reader.deserialize(raw, connection.msgtype), stamp, channels[connection.topic])
+        for connection, stamp, raw in reader.messages(chosen) if chosen else ():
+            yield channels, connection.topic, stamp, raw
 
 
 def _read_unfinished(path: Path) -> Iterator[Frame]:

@@ -38,11 +38,12 @@ _CONSOLE = re.compile(  # candump -t a [-x -a -e]: (1.0)  can0  RX - -  18FEF100
     r"\s+\[(?P<length>\d\d?)\](?P<rest>.*)$",
     re.DOTALL,
 )
+_LIKE_A_FRAME = re.compile(r"^\s*\(|[0-9A-Fa-f]{3,8}\s*(?:#|\[)")
 _BYTES = re.compile(r"(?:\s*[0-9A-Fa-f]{2}(?![0-9A-Fa-f]))*")
 _BEHIND = re.compile(r"\s*(?:'[^\n]*'|remote request|ERRORFRAME)?\s*$")
 _ASC_TIME = re.compile(r"\s*(-?\d{1,12}\.\d{1,12})\s+(.*?)\s*$")
 _ASC_FRAME = re.compile(
-    r"(?P<channel>\d+)\s+(?P<id>[0-9A-Fa-f]+)(?P<extended>x?)\s+(?:Rx|Tx|TxRq)\s+(?P<kind>[dr])\b\s*(?P<rest>.*)$",
+    r"(?P<channel>\d+)\s+(?P<id>[0-9A-Fa-f]+)(?P<extended>x?)\s+(?:Rx|Tx)\s+(?P<kind>[dr])\b\s*(?P<rest>.*)$",
     re.IGNORECASE,
 )
 _ASC_ERROR = re.compile(r"(?:CANFD\s+)?(?P<channel>\d+)\s+(?:(?:Rx|Tx)\s+)?ErrorFrame\b", re.IGNORECASE)
@@ -56,6 +57,7 @@ _ASC_OTHER = re.compile(  # events that bear a channel's number as a frame does
     r"|GPS|AFDX|ARINC|Comment|//|CAN \d|Begin|End|[\d ]*(?:chip|status))",
     re.IGNORECASE,
 )
+_ASC_REQUEST = re.compile(r"\sTxRq\s", re.IGNORECASE)  # to the controller: no frame on the bus
 _ASC_START = re.compile(r"Start of measurement", re.IGNORECASE)
 _NUMERIC = frozenset("-0123456789")  # how a line with a time begins
 _ASC_BASE = re.compile(r"\s*base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
@@ -64,7 +66,11 @@ Lines = Iterator[tuple[int, str]]
 
 
 def candump(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of a candump log. Raises InputError at a line that is damaged."""
+    """The frames of a candump log; lines of text above the first one are counted.
+
+    Raises InputError at a line that is damaged.
+    """
+    above = 0
     for number, line in _lines(path):
         if not line.strip() or line.startswith("#"):
             continue
@@ -73,6 +79,10 @@ def candump(path: Path, account: Account) -> Iterator[Frame]:
             account.total.set_aside("lines that explain an error frame", f"in line {number}")
             continue
         frame = _of_candump(line)
+        if frame is None and above == account.total.read - 1 and not _LIKE_A_FRAME.search(line):
+            above += 1
+            account.total.set_aside("lines of text above the first frame", f"in line {number}")
+            continue
         if not line.endswith("\n") and _is_cut(number, frame):
             _leave_out_cut(path, number, account)
             return
@@ -81,6 +91,8 @@ def candump(path: Path, account: Account) -> Iterator[Frame]:
                 f"{path}, line {number}: not a line of candump{_why(line)}: {line.strip()[:60]!a}"
             )
         yield frame
+    if above and above == account.total.read:
+        raise InputError(f"{path}, line 1: not a line of candump, and none of its {above} lines is one")
 
 
 def asc(path: Path, account: Account) -> Iterator[Frame]:
@@ -111,6 +123,8 @@ def asc(path: Path, account: Account) -> Iterator[Frame]:
             return
         if frame is not None:
             yield frame
+        elif timed and _ASC_REQUEST.search(event):
+            account.total.set_aside("requests to transmit (TxRq)", f"in line {number}")
         elif timed and (_ASC_OTHER.match(event) or not event[:1].isdigit()):
             account.total.set_aside("lines of other events", f"in line {number}")
         elif event.split()[1:2] and not re.fullmatch(r"[0-9A-Fa-f]+x?", event.split()[1]):

@@ -81,8 +81,6 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
         {"time": {"column": "t", "unit": "weeks"}, "channels": SPEED},
         "unit 'weeks' of 'time'",
     ),
-    ("t,v\n0,1\n2,2\n1,3\n", {"time": {"column": "t"}, "channels": SPEED}, "time goes back by 1 s in line 4"),
-    ("t,v\n0,1\n1,2\n1,3\n", {"time": {"column": "t"}, "channels": SPEED}, "time comes twice in line 4"),
     (
         "t,v\n0,1\n,2\n1,3\n",
         {"time": {"column": "t"}, "channels": SPEED},

@@ -68,7 +68,11 @@ def test_read_is_used_and_set_aside(
     assert account.total.read == len(speeds) + len(again) + len(grades)
     assert account.total.used == len(speeds) + len(grades) - blank
     assert sum(account.sources.values()) == account.total.read
-    assert sum(tally.read for tally in account.channels.values()) == account.total.used
+    assert (
+        sum(account.channels[name].read for name in TOPICS if name in account.channels) == account.total.used
+    )
+    derived = account.channels["acceleration"]
+    assert derived.read == sum(round(10 * (end - start)) + 1 for start, end in account.spans)
     assert any("/chat" in remark for remark in account.remarks) == bool(unmapped)
 
 
@@ -119,6 +123,7 @@ def test_every_reason_has_its_count_and_first_place(tmp_path: Path, storage: Sto
         "  2 on /twist with a repeated stamp, first at 0.3 s",
         "  1 on /grade of type std_msgs/msg/String, as most there are std_msgs/msg/Float64",
         "  of /twist (52), /grade (21)",
+        "  acceleration: 4 of 50 samples derived where there is no speed, first at 0.7 s",
         "  topics not mapped, so not read: /brake (1), /chat (1)",
     ]
 

@@ -305,7 +305,7 @@ def test_a_brake_of_one_level_in_another_unit_is_refused_and_a_code_is_not() -> 
         uniform({**series, "brake_command": brake}, name="t", interface=truck("N m", "bar"))
     brake = Series(series["speed"].time, np.where(on, 255.0, 0.0))  # a raw 'not available'
     recordings = uniform({**series, "brake_command": brake}, name="t", interface=truck("N m", "bar"))
-    assert balanced(recordings).channels["brake_command"].aside["outside 0..200"].count == on.sum()
+    assert balanced(recordings).channels["brake_command"].aside["outside 0..200 bar"].count == on.sum()
 
 
 def backing(signed: bool = True) -> dict[str, Series]:
@@ -387,7 +387,7 @@ def test_read_is_used_and_set_aside_on_damaged_drives(seed: int) -> None:
         resampler.advance(low - 10.0)
     resampler.advance(np.inf)
     account = balanced(resampler.finish(TRUCK))
-    assert {channel: tally.read for channel, tally in account.channels.items()} == read
+    assert {channel: account.channels[channel].read for channel in series} == read
     assert account.total.read == sum(read.values()) and account.total.left_out > 0
 
 

@@ -195,7 +195,9 @@ TABLES: dict[Callable[[Path], Path], set[str]] = {  # and the channels that are 
     },
     samsara: {"speed", "latitude", "longitude", "engine_speed"},
     geotab: {"speed", "latitude", "longitude", "engine_speed"},
-    canalyzer: {"speed", "engine_speed", "engine_command", "brake_command", "gear", "fuel_rate"},
+    canalyzer: {
+        "speed", "engine_speed", "engine_command", "brake_command", "brake_switch", "gear", "fuel_rate",
+    },
     asammdf: {"speed", "engine_speed", "engine_command", "brake_command", "acceleration", "gear"},
     canape: {"speed", "engine_speed", "engine_command", "acceleration"},
     dspace: {"speed", "engine_command", "brake_command"},
@@ -360,11 +362,13 @@ def test_what_is_no_table(tmp_path: Path, content: str, says: str) -> None:
         suggest_columns(tmp_path / "drive.csv")
 
 
-def test_one_value_a_row_is_named(tmp_path: Path) -> None:
+def test_one_value_a_row_becomes_columns(tmp_path: Path) -> None:
     names = ["Vehicle speed", "Engine RPM"] * 600
     columns = {"SECONDS": TIME, "PID": names, "VALUE": SPEED, "UNITS": ["km/h", "rpm"] * 600}
     found = suggest_columns(written(tmp_path / "drive.csv", columns, delimiter=";"))
-    assert "each row has one 'VALUE' of the 'PID' it names: export a table with a column" in found.lacking[0]
+    assert "pivot: {name: PID, value: VALUE}" in found.text()
+    assert proposed(found) == {"speed": "Vehicle speed", "engine_speed": "Engine RPM"}
+    assert {one.unit for c in proposed(found) if (one := found.taken(c))} == {"km/h", "rpm"}
 
 
 def meant(name: str) -> str:
@@ -402,7 +406,7 @@ HEADERS = {
     "": "Windgeschwindigkeit [m/s]; Gierwinkelgeschwindigkeit [rad/s]; Speed limit (km/h); "
     "Höchstgeschwindigkeit; Relativgeschwindigkeit [m/s]; Turboladerdrehzahl [1/min]; "
     "Getriebeausgangsdrehzahl [1/min]; Raddrehzahl VL [1/min]; Motorbremse [%]; Retarder torque (%); "
-    "Bremslichtschalter; Feststellbremse; Querbeschleunigung [m/s²]; accel_y; Tankfüllstand [%]; "
+    "Feststellbremse; Querbeschleunigung [m/s²]; accel_y; Tankfüllstand [%]; "
     "Fuel used (l); Kraftstoffverbrauch [l/100km]; Radmoment [Nm]; Reibmoment [Nm]; Zeitlücke [s]; "
     "Ansauglufttemperatur [°C]; Battery V; Motorlast [%]; "
     "Acceleration Sensor(X axis)(g); Acceleration Sensor(Total)(g)",

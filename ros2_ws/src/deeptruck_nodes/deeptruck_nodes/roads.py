@@ -61,7 +61,7 @@ class Table:
 
     @functools.cached_property
     def _profile(self) -> tuple[Array, Array, Array]:
-        from deeptruck_model.table_file import read_curve
+        from deeptruck_model.curve_file import read_curve
 
         return _with_elevation(*read_curve(Path(self.path), "distance", "grade"))
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings import Recording, plausibility
 from deeptruck_model.recordings.not_recorded import unrecorded_braking
 from deeptruck_model.signals import channel_of
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
@@ -156,7 +157,7 @@ class SensorFault:
 
     def elsewhere(self) -> SensorFault | None:
         """The same as a fault of the other sensor; None for a bias, which the derivative of speed has not."""
-        if not (self.is_lag or self.is_scale):
+        if not (self.is_lag or (self.is_scale and self.value > 0.0)):
             return None
         (other,) = set(self.between) - {self.channel}
         says = _late(other, self.value) if self.is_lag else _scaled(other, self.value)
@@ -212,6 +213,15 @@ def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:
 
 def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorFault]:
     """Faults between speed and accelerometer, pooled over the recordings. No truck model enters."""
+    found = plausibility.accelerometer(recordings)
+    if found is not None and found.correlation < -plausibility.CORRELATED:
+        says = f"the accelerometer has the wrong sign: {found.slope:.2f} times the derivative of speed"
+        turned = [
+            replace(r, channels={**r.channels, "acceleration": -r.channels["acceleration"]})
+            for r in recordings
+        ]
+        sign = SensorFault("acceleration_bias", -1.0, 0.0, "1", says)
+        return [sign, *sensor_faults(turned, rules)]
     seen = [compare(r.channels["speed"], r.channels["acceleration"], r.dt) for r in recordings]
     seen = [k for k in seen if np.isfinite(k.slope)]
     if not seen:
@@ -222,6 +232,12 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     faults = []
     if abs(offset) > rules.accelerometer_bias and abs(offset) > rules.sensor_sd * offset_se:
         says = f"the accelerometer is {offset:+.3f} m/s^2 off the derivative of speed whatever happens"
+        if found is not None and abs(found.gravity) > plausibility.HAS_GRAVITY:
+            tilt = plausibility.degrees_of_tilt(found.offset)
+            says = (
+                f"acceleration has gravity in it, {GRAVITY * found.gravity:.2f} m/s^2 times the slope of the "
+                f"road, and {offset:+.3f} m/s^2 whatever happens: a tilt of {tilt:.1f} degrees"
+            )
         faults.append(SensorFault("acceleration_bias", offset, offset_se, "m/s^2", says))
     if abs(slope - 1) > rules.speed_scale and abs(slope - 1) > rules.sensor_sd * slope_se:
         se, says = slope_se / slope**2, _scaled("speed", 1 / slope)

@@ -1,0 +1,20 @@
+"""The environment's name in gymnasium, for the entry point of the group `gymnasium.envs`.
+
+gymnasium calls `register` when it is imported, so that nothing else is loaded here.
+"""
+
+from __future__ import annotations
+
+NAME = "deeptruck/Cacc-v0"
+
+
+def register() -> None:
+    """Make `gymnasium.make(NAME)` and `gymnasium.make_vec(NAME, ...)` find the environment."""
+    from gymnasium.envs import registration
+
+    if NAME not in registration.registry:
+        registration.register(
+            NAME,
+            entry_point="deeptruck_cacc.environments.adapters:CaccGymEnv",
+            vector_entry_point="deeptruck_cacc.environments.adapters:CaccVectorEnv",
+        )

@@ -1,0 +1,68 @@
+"""A column of a table over another, as leaders and roads are given."""
+
+from __future__ import annotations
+
+import csv as text_csv
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model import reading
+from deeptruck_model.account import Account
+from deeptruck_model.csv_text import CsvText
+from deeptruck_model.errors import InputError
+from deeptruck_model.row_keys import key_of
+from deeptruck_model.table_file import PARQUET, decimal_mark, read_table
+
+Array = NDArray[np.float64]
+
+MOST_BEFORE = 20  # lines in which the header of a leader or road is looked for
+
+
+def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
+    """A column of a table over an ascending one, such as a road's grade over distance: both (n,), n > 1.
+
+    Lines before the header, the delimiter and the decimal mark are found. What was set aside is said on
+    stderr. Raises InputError with the line where a row has no number, or where `over` does not grow.
+    """
+    reading.check_file(path, "give a CSV or Parquet table")
+    table = read_table(
+        path,
+        skip_rows=_lines_before(path, over, of),
+        cure=f"it needs a header with {over} and {of}, and rows of as many cells",
+    )
+    table = replace(table, decimal=decimal_mark(table, over, of))
+    named = {name: frozenset(name.lower().split()) for name in table.columns}
+    if key := key_of(table, [table.values(of)[0]], named):
+        raise InputError(f"{path}: {key}; give a table of one of them")
+    table = table.with_key(~np.isnan(table.values(over)[0]), over, (over,))
+    x, y = table.values(over)[0], table.values(of)[0]
+    without = ~np.isfinite(x) | ~np.isfinite(y)
+    if without.any():
+        at = table.at(int(np.argmax(without)))
+        raise InputError(f"{path}: {at} needs a number under {over} and {of}")
+    if len(x) < 2:
+        raise InputError(f"{path} has one row; it needs at least two")
+    if (np.diff(x) <= 0).any():
+        at = table.at(int(np.argmax(np.diff(x) <= 0)) + 1)
+        raise InputError(f"{path}: {over} does not grow in {at}; sort the rows and drop doubled ones")
+    if table.account.total.left_out:
+        print("\n".join(table.account.lines()), file=sys.stderr)
+    return x, y
+
+
+def _lines_before(path: Path, *names: str) -> int:
+    """Lines before the header with these names, 0 where none has them."""
+    if path.suffix.lower() in PARQUET:
+        return 0
+    for lines in range(MOST_BEFORE):
+        try:
+            header = CsvText(path, None, "utf-8", lines, Account(str(path), "rows")).header
+        except (UnicodeError, OSError, text_csv.Error, EOFError):
+            return 0  # as read_table says
+        if {name.strip() for name in header} >= set(names):
+            return lines
+    return 0

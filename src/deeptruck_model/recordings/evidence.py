@@ -1,0 +1,95 @@
+"""Candidates of a bag or table held against one another: which follows the speed, and what is doubtful."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import plausibility
+from deeptruck_model.recordings.candidates import OURS, Candidate, Proposal
+from deeptruck_model.recordings.extract import SIDEWAYS
+from deeptruck_model.recordings.message_types import Role
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.resample import Series, uniform
+from deeptruck_model.recordings.units import conversion
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+Values = Callable[[Candidate], tuple[Array, Array] | None]
+
+COMPARED = (
+    "speed", "acceleration", "engine_command", "brake_command", "grade", "elevation", "engine_speed",
+    "latitude", "longitude",
+)  # fmt: skip
+
+
+def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candidate | None]) -> list[str]:
+    """Reorder the candidates of acceleration and speed by what they say of one another; what is doubtful in
+    the proposal, a line each.
+
+    `values` gives the times, s, and raw values, each (n,), of a candidate; `across` the other component of a
+    vector, None where it is none.
+    """
+    speeds = found.candidates.get("speed", [])
+    for k, one in enumerate(speeds):
+        other = across(one) if one.role is not Role.COMMANDED and one.sure != OURS else None
+        moved = values(other) if other is not None else None
+        if moved is not None and float(np.sqrt(np.nanmean(moved[1] ** 2))) > SIDEWAYS and other is not None:
+            both = [one.field.path, other.field.path]
+            speeds[k] = replace(
+                one,
+                across=other.field.path,
+                why=f"{one.why.partition(':')[0]}: {' and '.join(both)} move, as east and north: their norm",
+            )
+    speed = found.taken("speed")
+    measured = found.candidates.get("acceleration", [])
+    if speed is None:
+        return []
+    for k, one in enumerate(measured):
+        if (
+            one.unit
+            and one.sure != OURS
+            and (pieces := _recordings({"speed": speed, "acceleration": one}, values))
+        ):
+            measured[k] = _followed(one, plausibility.accelerometer(pieces))
+    measured.sort(key=lambda one: (one.role, not one.follows, not one.unit))
+    taken = ((channel, found.taken(channel)) for channel in COMPARED)
+    proposed = {channel: one for channel, one in taken if one is not None}
+    return [doubt.says for doubt in plausibility.doubts(_recordings(proposed, values))]
+
+
+def _followed(one: Candidate, found: plausibility.Accelerometer | None) -> Candidate:
+    """The candidate with what speaks for it or against it."""
+    if found is None:
+        return one
+    by = f"slope {found.slope:.2f} on the derivative of speed, correlation {found.correlation:.2f}"
+    if found.still < plausibility.STILL or abs(found.correlation) < plausibility.CORRELATED:
+        still = "stands still" if found.still < plausibility.STILL else "does not follow it"
+        needs = f"another sensor or axis: while the speed changes this one {still} ({by})"
+        return replace(one, unit="", needs=needs)
+    if found.correlation < 0.0:
+        turned = f"{one.why}; turned, as it has {by}"
+        return replace(one, scale=-one.scale, offset=-one.offset, follows=True, why=turned)
+    return replace(one, follows=True, why=f"{one.why}; {by}")
+
+
+def _recordings(chosen: Mapping[str, Candidate], values: Values) -> list[Recording]:
+    """What the candidates are as one drive; none where they cannot be read so."""
+    series, units = {}, {"engine_command": "N m", "brake_command": "percent"}
+    for channel, one in chosen.items():
+        found = values(one)
+        if found is None or not one.unit:
+            continue
+        convert = conversion(channel, one.unit)
+        units[channel] = convert.unit
+        with np.errstate(invalid="ignore"):
+            series[channel] = Series(found[0], convert(one.scale * found[1] + one.offset))
+    interface = TruckInterface("proposed", units["engine_command"], units["brake_command"])
+    try:
+        return uniform(series, name="proposed", interface=interface)
+    except InputError:
+        return []

@@ -1,0 +1,349 @@
+"""What channels say of one another: numbers that stand for no value, and sensors that contradict the speed.
+
+`no_values` finds samples that are certainly none, before they are resampled. `doubts` holds the channels of
+recordings against one another: a `Doubt` says what is likely and the key that settles it, and is `wrong`
+where a truck that is trained on it would be another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.constants import GRAVITY
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.signals import CHANNELS
+from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# per channel: a step between samples, and a rate of change, that no truck has, in units of the channel
+_IMPOSSIBLE = {
+    "speed": (2.0, IMPOSSIBLE_ACCELERATION),  # many sensors show zero below 2 m/s
+    "elevation": (20.0, 10.0),
+    "latitude": (0.01, 0.001),
+    "longitude": (0.01, 0.001),
+    "engine_speed": (50.0, 600.0),
+}
+LIMITS = {  # of commands, by unit; the codes of J1939 for 'error' and 'not available' lie above
+    ("engine_command", "percent"): (-125.0, 125.0),
+    ("brake_command", "percent"): (-0.5, 100.5),
+}
+_PEDAL, _CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its codes for error and no value
+DROPPED = "that jump to a number for no value and back"
+UNAVAILABLE = "of a code for 'not available'"
+
+WINDOW_S, SLOW_S = 2.0, 10.0  # over which rates of change are taken, those of heights and places
+LEAST = 10  # windows that do not overlap
+VARIED, STILL = 0.1, 0.1  # m/s^2, standard deviation of dv/dt that shows an accelerometer; share of it
+CORRELATED, SCALE = 0.7, (0.67, 1.5)
+HAS_GRAVITY = 0.5  # of g times the slope of the road
+OFFSET = 0.15  # m/s^2; 1 degree of tilt is 0.17
+EARTH_M_PER_DEG = 111_195.0
+MOVING_M_S, DRIVING_M_S = 1.0, 3.0
+LEAST_ENGINE_RPM = 400.0  # diesel engines idle at 500 to 800 rpm, those of trucks/pool at 600
+FASTEST_TRUCK = 36.0  # m/s, 130 km/h: no truck is driven faster
+AIR_BRAKE_BAR = 15.0  # compressors of trucks are set to 8 to 13 bar
+PRESSED, BOTH_SHARE = 0.2, 0.1  # of a command's largest value; of the time in which the brake is pressed
+NEAR_UNIT = 0.02  # relative
+SPEEDS = {  # what speed is multiplied by where it is read so
+    3.6: "km/h read as m/s",
+    1 / 3.6: "m/s read as km/h",
+    2.2369: "mph read as m/s",
+    1 / 2.2369: "m/s read as mph",
+    1.6093: "km/h read as mph",
+    1 / 1.6093: "mph read as km/h",
+    1.9438: "knots read as m/s",
+    1 / 1.9438: "m/s read as knots",
+}
+WITHOUT = "or leave acceleration out, and it is derived from speed"
+
+
+def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[tuple[str, Mask]]:
+    """Reasons, and which samples (n,) are certainly no values for each; time (n,) in s, NaN is none already.
+
+    A code is a number that J1939 has for no value; a drop-out is a number at or below zero that stays the
+    same, and is reached and left faster than a truck can.
+    """
+    valid = np.flatnonzero(np.isfinite(values))
+    if len(valid) < 3:
+        return
+    t, v = time[valid], values[valid]
+    found = np.zeros(len(values), dtype=bool)
+    if channel in ("engine_command", "brake_command") and unit == "percent":
+        coded = np.isclose(v, _CODES[0], atol=1e-6) | np.isclose(v, _CODES[1], atol=1e-6)
+        if coded.any() and not coded.all() and v[~coded].max() <= _PEDAL:
+            found[valid[coded]] = True
+            yield UNAVAILABLE, found
+    if channel in _IMPOSSIBLE and bool((v <= 0.0).any()):
+        found = np.zeros(len(values), dtype=bool)
+        least = {"speed": CHANNELS["speed"].low, "elevation": -np.inf}.get(channel, 0.0)
+        below = np.unique(v[(v <= 0.0) & (v >= least)])
+        found[valid[_dropped(t, v, *_IMPOSSIBLE[channel], below)]] = True
+        if found.any():
+            yield DROPPED, found
+
+
+def _dropped(t: Array, v: Array, step: float, rate: float, codes: Array) -> Mask:
+    jump = np.abs(np.diff(v)) > step + rate * np.diff(t)
+    edges = [0, *(np.flatnonzero(jump) + 1), len(v)]
+    dropped = np.zeros(len(v), dtype=bool)
+    if len(edges) == 2:
+        return dropped
+    for i, j in pairwise(edges):
+        dropped[i:j] = v[i] in codes and bool((v[i:j] == v[i]).all()) and (j - i > 1 or v[i] == 0.0)
+    return dropped
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What channels of some recordings say of one another, with the key that settles it; `channel` is the
+    one that is in doubt, `factor` what it is a multiple of, where that is all."""
+
+    channel: str
+    says: str
+    wrong: bool = False
+    factor: float = 1.0
+
+
+def refuse(recordings: Sequence[Recording]) -> None:
+    """Raises InputError where a channel contradicts the others so that another truck would be trained."""
+    for doubt in doubts(recordings):
+        if doubt.wrong:
+            raise InputError(f"'{recordings[0].name.partition('#')[0]}': {doubt.says}")
+
+
+def doubts(recordings: Sequence[Recording]) -> list[Doubt]:
+    """What is doubtful in the pieces of one source, each channel held against the others."""
+    checks = (_acceleration, _speed_by_places, _grade_by_height, _engine_speed, _commands, _fastest)
+    return [doubt for check in checks for doubt in check(recordings)]
+
+
+@dataclass(frozen=True)
+class Accelerometer:
+    """The accelerometer by least squares: slope * dv/dt + offset + gravity * g * sin(slope of the road).
+
+    `correlation` is that of dv/dt with what the offset and the road leave; `gravity` is NaN on a level road
+    or where no grade is known. `still` is the standard deviation of its samples over that of dv/dt.
+    """
+
+    slope: float
+    offset: float
+    gravity: float
+    correlation: float
+    still: float
+
+
+def accelerometer(recordings: Sequence[Recording]) -> Accelerometer | None:
+    """None where acceleration is not measured, or speed hardly changes."""
+    rise, mean, slope = _windows(recordings, WINDOW_S, "speed", "acceleration", "grade")
+    known = np.isfinite(rise) & np.isfinite(mean)
+    if known.sum() < LEAST or rise[known].std() < VARIED:
+        return None
+    graded = known & np.isfinite(slope)
+    road = GRAVITY * np.sin(np.arctan(slope))
+    hilly = graded.sum() > 0.5 * known.sum() and road[graded].std() > VARIED
+    known = graded if hilly else known
+    d, a = rise[known], mean[known]
+    columns = [d, np.ones_like(d), *([road[known]] if hilly else [])]
+    fit = np.linalg.lstsq(np.column_stack(columns), a, rcond=None)[0]
+    left = a - np.column_stack(columns[1:]) @ fit[1:]
+    correlation = float(np.corrcoef(d, left)[0, 1]) if left.std() > 0.0 else 0.0
+    return Accelerometer(
+        float(fit[0]), float(fit[1]), float(fit[2]) if hilly else np.nan, correlation,
+        float(np.nanstd(np.concatenate([r.channels["acceleration"] for r in recordings])) / d.std()),
+    )  # fmt: skip
+
+
+def _acceleration(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    found = accelerometer(recordings)
+    if found is None:
+        return
+    name = "acceleration"
+    if found.still < STILL:
+        yield Doubt(
+            name,
+            f"acceleration stands still at {found.offset:.2g} m/s² while the speed changes: it is another "
+            f"axis or a sensor that failed; take another, {WITHOUT}",
+            wrong=True,
+        )
+        return
+    by = f"{found.slope:.2f} times the derivative of speed (correlation {found.correlation:.2f})"
+    if found.correlation < -CORRELATED:
+        yield Doubt(
+            name, f"acceleration has the wrong sign, it is {by}: give it 'scale: -1', {WITHOUT}", True, -1.0
+        )
+    elif found.correlation < CORRELATED:
+        yield Doubt(
+            name,
+            f"acceleration does not follow the speed, it is {by}: take another axis, {WITHOUT}",
+        )
+        return
+    elif not SCALE[0] < found.slope < SCALE[1]:
+        g = (" (m/s^2 read as g)" if abs(found.slope / GRAVITY - 1) < 0.1
+             else " (g read as m/s^2)" if abs(found.slope * GRAVITY - 1) < 0.1 else "")  # fmt: skip
+        yield Doubt(
+            name,
+            f"acceleration is {by}{g}: give it its unit or 'scale: {1 / found.slope:.4g}', {WITHOUT}",
+            True,
+            found.slope,
+        )
+    if abs(found.gravity) > HAS_GRAVITY:
+        yield Doubt(
+            name,
+            f"acceleration has gravity in it: {GRAVITY * found.gravity:.2f} m/s² times the road's slope: "
+            f"subtract it, {WITHOUT}",
+        )
+    if abs(found.offset) > OFFSET:
+        tilt = degrees_of_tilt(found.offset)
+        also = ""
+        if np.isnan(found.gravity):
+            also = f", or of one that feels gravity on a slope of {100 * np.tan(np.radians(tilt)):.0f} %"
+        yield Doubt(
+            name,
+            f"acceleration is {found.offset:+.2f} m/s² off the derivative of speed, as of a sensor tilted by "
+            f"{tilt:.1f} degrees{also}: correct it by 'offset', {WITHOUT}",
+        )
+
+
+def degrees_of_tilt(offset: float) -> float:
+    """By how much a sensor is tilted that reads so much (m/s^2) of gravity on a level road."""
+    return float(np.degrees(np.arcsin(min(abs(offset) / GRAVITY, 1.0))))
+
+
+def _windows(recordings: Sequence[Recording], window_s: float, rising: str, *others: str) -> list[Array]:
+    """The rate of change of a channel over windows that do not overlap, and the means of others in them."""
+    out: list[list[Array]] = [[] for _ in range(1 + len(others))]
+    for r in recordings:
+        k = max(1, round(window_s / r.dt))
+        if len(r) <= k or rising not in r.channels:
+            continue
+        at = np.arange(0, len(r) - k, k)
+        x = r.channels[rising]
+        out[0].append((x[at + k] - x[at]) / (k * r.dt))
+        for part, name in zip(out[1:], others, strict=True):
+            values = r.channels.get(name, np.full(len(r), np.nan))
+            # what is stamped k + 1 is the mean of the step that ends there
+            sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values))])
+            gaps = np.concatenate([[0], np.cumsum(np.isnan(values))])
+            mean = (sums[at + k + 1] - sums[at + 1]) / k
+            part.append(np.where(gaps[at + k + 1] > gaps[at + 1], np.nan, mean))
+    return [np.concatenate([np.zeros(0), *part]) for part in out]
+
+
+def factor_of(factor: float, taken: Mapping[float, str]) -> str:
+    """What a factor comes of, among those `taken` for others; '' for most."""
+    return next((what for known, what in taken.items() if abs(factor / known - 1.0) < NEAR_UNIT), "")
+
+
+def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    north, speed, latitude = _windows(recordings, SLOW_S, "latitude", "speed", "latitude")
+    (east,) = _windows(recordings, SLOW_S, "longitude")
+    if len(east) != len(north):
+        return
+    pace = EARTH_M_PER_DEG * np.hypot(north, east * np.cos(np.radians(latitude)))
+    moving = (speed > DRIVING_M_S) & (pace > MOVING_M_S)
+    if moving.sum() < LEAST:
+        return
+    factor = float(np.median(speed[moving] / pace[moving]))
+    if SCALE[0] ** 0.25 < factor < SCALE[1] ** 0.25:
+        return
+    what = factor_of(factor, SPEEDS)
+    says = f"speed is {factor:.3f} times what latitude and longitude give"
+    why = f" ({what}): give it its unit" if what else f": correct it by 'scale: {1 / factor:.4g}'"
+    yield Doubt("speed", f"{says}{why}, or leave the places out", bool(what), factor)
+
+
+def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    climb, speed, grade = _windows(recordings, SLOW_S, "elevation", "speed", "grade")
+    use = np.isfinite(climb) & np.isfinite(grade) & (speed > DRIVING_M_S)
+    rise = climb[use] / speed[use]
+    grade = grade[use]
+    if len(rise) < LEAST or rise.std() < 0.005 or not grade.std():
+        return
+    correlation = float(np.corrcoef(rise, grade)[0, 1])
+    factor = float(grade @ rise / (rise @ rise))
+    says = f"grade is {factor:.3g} times what height over distance gives (correlation {correlation:.2f})"
+    if correlation < -CORRELATED:
+        yield Doubt("grade", f"{says}: uphill is positive, give it 'scale: -1'", True, -1.0)
+    elif correlation > CORRELATED and not 0.33 < factor < 3.0:
+        yield Doubt(
+            "grade",
+            f"{says}: give it its unit (ratio, percent, deg), or 'scale: {1 / factor:.3g}'",
+            True,
+            factor,
+        )
+
+
+def _engine_speed(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    moving = [
+        r.channels["engine_speed"][r.channels["speed"] > MOVING_M_S] * 30.0 / np.pi
+        for r in recordings
+        if "engine_speed" in r.channels
+    ]
+    fastest = max((float(np.nanmax(rpm)) for rpm in moving if not np.isnan(rpm).all()), default=np.inf)
+    if fastest < LEAST_ENGINE_RPM:
+        yield Doubt(
+            "engine_speed",
+            f"engine_speed: at most {fastest:.0f} rpm while moving, and a diesel engine idles at 500 to 800 "
+            "rpm; is it in rad/s?",
+        )
+
+
+def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """Both pedals at once, pedals that are swapped, and a pressure that no brake of a truck has."""
+    has = [r for r in recordings if {"engine_command", "brake_command"} <= set(r.channels)]
+    engine, brake, gained = (
+        np.concatenate([np.zeros(0), *(r.channels[name] for r in has)])
+        for name in ("engine_command", "brake_command", "acceleration")
+    )
+    known = np.isfinite(engine) & np.isfinite(brake) & np.isfinite(gained)
+    engine, brake, gained = engine[known], brake[known], gained[known]
+    if not len(engine) or engine.max() <= 0.0 or brake.max() <= 0.0:
+        return
+    if (
+        has[0].interface.brake_unit == "bar"
+        and AIR_BRAKE_BAR < brake.max() <= 105.0
+        and not has[0].interface.vehicle
+    ):
+        yield Doubt(
+            "brake_command",
+            f"brake_command reaches {brake.max():.0f} bar, and air brakes of trucks have at most 13: is it "
+            "in percent? Give it its unit, or say what drove ('vehicle: car')",
+        )
+    gas, braked = engine > PRESSED * engine.max(), brake > PRESSED * brake.max()
+    both = (engine > 0.5 * engine.max()) & (brake > 0.5 * brake.max())
+    if both.sum() * has[0].dt > 5.0 and both.sum() > BOTH_SHARE * braked.sum():
+        yield Doubt(
+            "brake_command",
+            "engine_command and brake_command are both above half of their largest in "
+            f"{both.sum() / braked.sum():.0%} of the braking: check which columns they are",
+        )
+    gas, braked = gas & ~braked, braked & ~gas
+    seconds = min(gas.sum(), braked.sum()) * has[0].dt
+    if seconds > 5.0 and gained[gas].mean() < -0.1 and gained[braked].mean() > 0.1:
+        yield Doubt(
+            "brake_command",
+            f"the truck gains {gained[braked].mean():.2f} m/s² while brake_command is on, and "
+            f"{gained[gas].mean():.2f} m/s² while engine_command is: are the two swapped?",
+        )
+
+
+def _fastest(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    speed = np.concatenate([np.zeros(0), *(r.channels["speed"] for r in recordings)])
+    speed = speed[np.isfinite(speed)]
+    kind = recordings[0].interface.vehicle if recordings else None
+    if kind in (None, "truck", "bus") and len(speed) and np.quantile(speed, 0.99) > FASTEST_TRUCK:
+        most = float(speed.max())
+        yield Doubt(
+            "speed",
+            f"speed reaches {most:.0f} m/s ({3.6 * most:.0f} km/h), and trucks drive at most "
+            f"{3.6 * FASTEST_TRUCK:.0f} km/h: is its unit right? Give it its unit, or "
+            "say what drove ('vehicle: car')",
+        )

@@ -1,0 +1,146 @@
+"""Tables with several things in them: rows of more than one vehicle, and one value a row."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.reading import plain
+from deeptruck_model.table_file import TextTable
+
+Array = NDArray[np.float64]
+
+NUMBERS = frozenset(("id", "device", "source", "number", "nr", "no", "unit"))
+MOST_KEYS = 200  # values of a key column
+LEAST_CHANGES = 0.05  # of the rows, from one value of the key to another where their rows are interleaved
+SMOOTHER = 0.3  # a speed varies so much less within the rows of one vehicle than from row to row
+TURNS = 5.0  # times that a speed differs more from the next row than from the one behind it
+NAMES = frozenset(("vehicle", "truck", "vin", "fleet", "fahrzeug", "veh", "kennzeichen", "plate"))
+
+
+@dataclass(frozen=True)
+class Key:
+    """A column by which rows are of several vehicles, and its values in the order of their first rows."""
+
+    column: str
+    values: tuple[str, ...]
+    interleaved: bool
+
+    @property
+    def line(self) -> str:
+        """The line of COLUMNS.yaml that takes the first of them."""
+        column, value = (json.dumps(text, ensure_ascii=False) for text in (self.column, self.values[0]))
+        return f"only: {{{column}: {value}}}"
+
+    def __str__(self) -> str:
+        some = ", ".join(plain(value, 40) for value in self.values[:4])
+        more = f" and {len(self.values) - 4} more" if len(self.values) > 4 else ""
+        how = ", whose rows are interleaved" if self.interleaved else ""
+        return f"column '{plain(self.column)}' has {len(self.values)} values ({some}{more}){how}"
+
+
+def only(table: TextTable, wanted: Mapping[str, str]) -> TextTable:
+    """The rows in which the columns have these texts. Raises InputError where none has."""
+    for column, value in wanted.items():
+        cells = pc.cast(table.column(column), pa.string())
+        other = ~pc.fill_null(pc.equal(pc.utf8_trim_whitespace(cells), str(value)), False).to_numpy()
+        if other.all():
+            known = ", ".join(plain(str(v), 40) for v in pc.unique(cells).to_pylist()[:8])
+            raise InputError(f"{table.path}: no row has '{value}' in column '{column}'; there is: {known}")
+        table = table.without(other, f"of others than '{value}' in '{column}'")
+    return table
+
+
+def key_of(table: TextTable, speeds: Sequence[Array], words: Mapping[str, frozenset[str]]) -> Key | None:
+    """The column that says of which vehicle a row is; None where there is one alone.
+
+    `speeds`, each (n,), are columns of a speed; `words` has those of each header. Where vehicles take turns,
+    a speed varies much less within the rows of one than from row to row.
+    """
+    for name in table.columns:
+        column = table.column(name)
+        named = words.get(name, frozenset())
+        number = not pa.types.is_string(column.type) or np.isfinite(table.values(name)[0]).any()
+        if pa.types.is_temporal(column.type) or (number and not named & (NAMES | NUMBERS)):
+            continue
+        codes = pc.dictionary_encode(pc.fill_null(pc.cast(column, pa.string()), "")).combine_chunks()
+        values, of = codes.dictionary.to_pylist(), codes.indices.to_numpy()
+        if not 2 <= len(values) <= min(MOST_KEYS, len(table) // 5):
+            continue
+        changes = int((np.diff(of) != 0).sum())
+        key = Key(name, tuple(map(str, values)), changes >= LEAST_CHANGES * len(of))
+        if key.interleaved and any(_smoother(of, speed) for speed in speeds):
+            return key
+        if named & NAMES and (key.interleaved or changes == len(values) - 1):
+            return key
+    return None
+
+
+def _smoother(of: NDArray[np.int64], speed: Array) -> bool:
+    known = np.isfinite(speed)
+    v, of = speed[known], of[known]
+    order = np.argsort(of, kind="stable")
+    same = np.diff(of[order]) == 0
+    across = float(np.abs(np.diff(v)).sum())
+    return across > 0.0 and float(np.abs(np.diff(v[order]))[same].sum()) < SMOOTHER * across
+
+
+def take_turns(speed: Array) -> bool:
+    """Whether a speed differs from row to row and hardly from every other row, as of two vehicles in turn."""
+    v = speed[np.isfinite(speed)]
+    if len(v) < 40:
+        return False
+    near, far = np.median(np.abs(np.diff(v))), np.median(np.abs(v[2:] - v[:-2]))
+    signs = np.sign(np.diff(v))
+    return bool(near > TURNS * max(far, 1e-9) and (signs[1:] == -signs[:-1]).mean() > 0.8)
+
+
+def widened(table: TextTable, name: str, value: str, time: Sequence[str]) -> TextTable:
+    """A table with one value a row as one with a column for each name, blank where a row has another.
+
+    Rows that follow one another with the same `time` (names of columns) become one. The account counts rows
+    as they are here, and a remark says of how many they were made.
+    """
+    names = pc.fill_null(pc.cast(table.cells(name), pa.string()), "")
+    stamps = [pc.fill_null(pc.cast(table.column(one), pa.string()), "") for one in time]
+    joined = pc.binary_join_element_wise(*stamps, " ") if stamps else None
+    fresh = np.ones(len(table), dtype=bool)
+    if joined is not None:
+        same = joined.combine_chunks()
+        fresh[1:] = pc.not_equal(same[1:], same[:-1]).to_numpy(zero_copy_only=False)
+    codes = pc.dictionary_encode(names).combine_chunks()
+    of, row = codes.indices.to_numpy(), np.cumsum(fresh) - 1
+    again = _again(row, of, len(codes.dictionary))
+    row = row if not again.any() else np.cumsum(fresh | again) - 1
+    fresh = fresh | again
+    cells = table.cells(value).combine_chunks()
+    first = pa.array(np.flatnonzero(fresh))
+    columns = {one: table.column(one).take(first) for one in table.columns if one not in (name, value)}
+    for code, label in enumerate(codes.dictionary.to_pylist()):
+        at = np.full(int(fresh.sum()), -1)
+        at[row[of == code]] = np.flatnonzero(of == code)
+        taken = cells.take(pa.array(at, mask=at < 0))
+        columns[label or "(no name)"] = pa.chunked_array([taken])
+    total = table.account.total
+    total.read += len(first) - len(table)
+    total.used = len(first)
+    table.account.remarks.append(
+        f"{len(table)} rows with one value each made {len(first)} of {len(codes.dictionary)} columns"
+    )
+    return replace(table, columns=columns, rows=table.rows[fresh], repeated=frozenset())
+
+
+def _again(row: NDArray[np.int64], of: NDArray[np.int64], names: int) -> NDArray[np.bool_]:
+    """Which rows have a name that their stamp had before."""
+    pair = row * names + of
+    order = np.argsort(pair, kind="stable")
+    repeated = np.zeros(len(pair), dtype=bool)
+    repeated[order[1:]] = np.diff(pair[order]) == 0
+    return repeated

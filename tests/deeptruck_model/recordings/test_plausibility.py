@@ -1,0 +1,183 @@
+"""Channels held against one another: what is set aside, said and refused, and that the cures cure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from driven_tables import COLUMNS, drive, speed, table, with_channels
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, import_table, plausibility, suggest_columns
+from deeptruck_model.signals import TruckInterface
+
+ACCELERATION = {"column": "a", "unit": "m/s^2"}
+INTERFACE = TruckInterface("truck", "percent", "percent")
+
+
+def recording(**channels: Any) -> Recording:
+    t = 0.1 * np.arange(3000)
+    v = speed(t)
+    known = {"speed": v, "acceleration": np.gradient(v, t), **channels}
+    return Recording("drive", 0.1, {c: np.asarray(x, float) for c, x in known.items()}, INTERFACE)
+
+
+def said(**channels: Any) -> list[str]:
+    return [doubt.says for doubt in plausibility.doubts([recording(**channels)])]
+
+
+def test_a_sound_drive_is_not_doubted() -> None:
+    t = 0.1 * np.arange(3000)
+    noise = np.random.default_rng(0).normal(0, 0.1, 3000)
+    assert said(acceleration=np.gradient(speed(t), t) + noise) == []
+
+
+@pytest.mark.parametrize(
+    ("factor", "wrong"),
+    [(-1.0, "has the wrong sign"), (9.80665, "m/s^2 read as g"), (0.102, "g read as m/s^2")],
+)
+def test_sign_and_scale_of_an_accelerometer(factor: float, wrong: str) -> None:
+    t = 0.1 * np.arange(3000)
+    (line,) = said(acceleration=factor * np.gradient(speed(t), t))
+    assert wrong in line
+    with pytest.raises(InputError, match="derivative of speed"):
+        plausibility.refuse([recording(acceleration=factor * np.gradient(speed(t), t))])
+
+
+def test_another_axis_stands_still_or_does_not_follow() -> None:
+    (line,) = said(acceleration=np.full(3000, 0.05))
+    assert "stands still at 0.05 m/s²" in line
+    sideways = said(acceleration=np.sin(0.1 * np.arange(3000) / 1.3))
+    assert len(sideways) == 1 and "does not follow the speed" in sideways[0]
+
+
+def test_tilt_and_gravity_are_found_by_the_grade() -> None:
+    t = 0.1 * np.arange(3000)
+    grade, tilt = 0.04 * np.sin(t / 23), np.radians(2.0)
+    felt = np.gradient(speed(t), t) * np.cos(tilt) + 9.80665 * np.sin(np.arctan(grade) + tilt)
+    found = plausibility.accelerometer([recording(acceleration=felt, grade=grade)])
+    assert found is not None
+    assert found.gravity == pytest.approx(1.0, abs=0.02)
+    assert np.degrees(np.arcsin(found.offset / 9.80665)) == pytest.approx(2.0, abs=0.05)
+    assert found.slope == pytest.approx(1.0, abs=0.02)
+    lines = said(acceleration=felt, grade=grade)
+    assert "has gravity in it" in lines[0] and "tilted by 2.0 degrees" in lines[1]
+
+
+def test_speed_is_held_against_places() -> None:
+    t = 0.1 * np.arange(3000)
+    north = np.cumsum(speed(t)) * 0.1 / 111_195.0
+    assert said(latitude=50 + north, longitude=np.full(3000, 8.0)) == []
+    lines = said(speed=1.609344 * speed(t), acceleration=1.609344 * np.gradient(speed(t), t),
+                   latitude=50 + north, longitude=np.full(3000, 8.0))  # fmt: skip
+    assert "km/h read as mph" in lines[0]
+
+
+def test_grade_is_held_against_height() -> None:
+    t = 0.1 * np.arange(3000)
+    grade = 0.04 * np.sin(t / 23)
+    height = 200 + np.cumsum(grade * speed(t)) * 0.1
+    assert said(grade=grade, elevation=height) == []
+    assert "scale: -1" in said(grade=-grade, elevation=height)[0]
+    assert "ratio, percent, deg" in said(grade=0.01 * grade, elevation=height)[0]
+
+
+def test_pedals_that_are_swapped_pressed_together_or_in_bar() -> None:
+    t = 0.1 * np.arange(3000)
+    a = np.gradient(speed(t), t)
+    gas, brake = np.clip(40 * a, 0, 90), np.clip(-40 * a, 0, 90)
+    assert said(engine_command=gas, brake_command=brake) == []
+    assert "are the two swapped?" in said(engine_command=brake, brake_command=gas)[0]
+    assert "are both above half" in said(engine_command=gas, brake_command=gas)[0]
+    bar = Recording("drive", 0.1, recording(engine_command=gas, brake_command=brake).channels,
+                    TruckInterface("truck", "percent", "bar"))  # fmt: skip
+    assert any("is it in percent?" in doubt.says for doubt in plausibility.doubts([bar]))
+
+
+def test_speed_that_no_truck_drives() -> None:
+    assert any("and trucks drive at most 130 km/h" in line for line in said(speed=np.full(3000, 40.0)))
+
+
+@pytest.mark.parametrize(("code", "count"), [(-1.0, 60), (0.0, 18)])
+def test_drop_outs_of_speed_are_set_aside_and_counted(tmp_path: Path, code: float, count: int) -> None:
+    columns = drive()
+    for start in (180, 380, 580):
+        columns["v"][start : start + count // 3] = code
+    done = import_table(table(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag")
+    values = np.concatenate([r.channels["speed"] for r in done.recordings])
+    gained = np.concatenate([r.channels["acceleration"] for r in done.recordings])
+    assert np.nanmin(values) > 7.0 and np.nanmax(np.abs(gained)) < 1.5
+    account = done.recordings[0].account
+    assert account is not None and account.balanced
+    assert account.channels["speed"].aside[plausibility.DROPPED].count == count
+    derived = account.channels["acceleration"]
+    assert derived.read == sum(map(len, done.recordings)) and derived.used == int(np.isfinite(gained).sum())
+
+
+def test_a_standstill_is_no_drop_out() -> None:
+    t = 0.1 * np.arange(400)
+    v = np.clip(20 - 2.0 * t, 0, None)
+    assert list(plausibility.no_values("speed", "m/s", t, v)) == []
+    v[50:60] = 0.0
+    ((reason, these),) = plausibility.no_values("speed", "m/s", t, v)
+    assert reason == plausibility.DROPPED and these.sum() == 10
+
+
+def test_places_and_heights_before_a_fix() -> None:
+    t = 0.1 * np.arange(100)
+    for channel, value in (("latitude", 49.0), ("longitude", -8.0), ("elevation", 300.0)):
+        values = np.where(t < 2.0, 0.0, value + 1e-5 * t)
+        ((_, these),) = plausibility.no_values(channel, "", t, values)
+        assert these.sum() == 20 and these[:20].all()
+
+
+def test_codes_for_not_available_are_no_commands(tmp_path: Path) -> None:
+    columns = drive()
+    for name, code in (("gas", 102), ("brake", 102)):
+        columns[name][200:260] = code
+    columns |= {"demand": np.where(columns["gas"] == 102, 130, columns["gas"])}
+    for engine in ("gas", "demand"):
+        meaning = with_channels(engine_command={"column": engine, "unit": "percent"})
+        done = import_table(table(tmp_path / f"{engine}.csv", columns), meaning, tmp_path / engine)
+        (r,) = done.recordings
+        for command in ("engine_command", "brake_command"):
+            assert np.isnan(r.channels[command]).sum() == 60 and np.nanmax(r.channels[command]) < 91
+            assert r.account is not None and r.account.channels[command].left_out == 60
+
+
+@pytest.mark.parametrize("cure", [{"scale": -1}, None])
+def test_the_cures_of_a_turned_accelerometer_cure(tmp_path: Path, cure: dict[str, Any] | None) -> None:
+    columns = drive()
+    path = table(tmp_path / "t.csv", {**columns, "a": -columns["a"]})
+    with pytest.raises(InputError, match=r"wrong sign.*'scale: -1', or leave acceleration out"):
+        import_table(path, with_channels(acceleration=ACCELERATION), tmp_path / "bag")
+    assert not (tmp_path / "bag").exists()
+    meaning = with_channels(acceleration={**ACCELERATION, **cure}) if cure else COLUMNS
+    (r,) = import_table(path, meaning, tmp_path / "bag").recordings
+    np.testing.assert_allclose(r.channels["acceleration"][1:-1], columns["a"][1:-1], atol=0.12)
+
+
+def test_what_is_proposed_is_turned_and_a_lateral_sensor_is_not_proposed(tmp_path: Path) -> None:
+    columns = drive()
+    headers = {"Time (s)": columns["t"], "Speed (km/h)": columns["v"], "LatAcc (g)": np.sin(columns["t"]),
+               "Acc (m/s2)": -columns["a"], "Acceleration 2 (m/s2)": np.cos(columns["t"])}  # fmt: skip
+    found = suggest_columns(table(tmp_path / "t.csv", headers))
+    one = found.taken("acceleration")
+    assert one is not None and one.field.path == "Acc (m/s2)" and "scale: -1" in one.line
+    (other,) = [c for c in found.candidates["acceleration"] if c is not one]
+    assert other.field.path == "Acceleration 2 (m/s2)" and "does not follow it" in other.needs
+    (tmp_path / "columns.yaml").write_text(found.text())
+    (r,) = import_table(tmp_path / "t.csv", tmp_path / "columns.yaml", tmp_path / "bag").recordings
+    np.testing.assert_allclose(r.channels["acceleration"], columns["a"])
+
+
+def test_the_tilt_of_an_accelerometer_is_cured_by_its_offset(tmp_path: Path) -> None:
+    columns = drive()
+    path = table(tmp_path / "t.csv", {**columns, "a": columns["a"] + 0.5})
+    (r,) = import_table(path, with_channels(acceleration=ACCELERATION), tmp_path / "a").recordings
+    assert r.account is not None and any("correct it by 'offset'" in line for line in r.account.remarks)
+    cured = with_channels(acceleration={**ACCELERATION, "offset": -0.5})
+    (r,) = import_table(path, cured, tmp_path / "b").recordings
+    assert r.account is not None and r.account.remarks == []
