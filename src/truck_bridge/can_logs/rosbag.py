@@ -81,7 +81,7 @@ def _of_mcap(files: list[Path], held: set[str]) -> Iterator[_Raw]:
     """The frames of MCAP files, whatever is in which form on other topics; `held` gets the types of all."""
     for file in files:
         with file.open("rb") as stream:
-            reader = make_reader(stream)
+            reader = make_reader(stream, validate_crcs=True)
             summary = reader.get_summary()
             types = {k: schema.name for k, schema in (summary.schemas if summary else {}).items()}
             held |= set(types.values())
