@@ -49,8 +49,9 @@ MOST_TORQUE, FULL_BRAKE, GEAR = 1500.0, 120000.0, 20.0  # N m, N, N at the road 
 STICKING_SHARE, LETS_GO_S = 1 / 6, 20.0
 
 
-def built(folder: Path, fmi: int) -> Path:
-    """pointmass.fmu for FMI 2 or 3; skips the test where there is no compiler."""
+def built(folder: Path, fmi: int, *, silent: bool = False) -> Path:
+    """pointmass.fmu for FMI 2 or 3; skips the test where there is no compiler. `silent`: the speed is an
+    output from the first step on."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler here")
@@ -59,7 +60,7 @@ def built(folder: Path, fmi: int) -> Path:
     headers = Path(fmpy.__file__).parent / "c-code"
     library, rest = folder / "pointmass.so", folder / "rest.c"
     rest.write_text(_refusing(headers / f"fmi{fmi}Functions.h"))
-    options = ["-shared", "-fPIC", "-O2", "-w", f"-DFMI={fmi}", f"-I{headers}"]
+    options = ["-shared", "-fPIC", "-O2", "-w", f"-DFMI={fmi}", f"-DSILENT={silent:d}", f"-I{headers}"]
     subprocess.run([compiler, *options, str(SOURCE), str(rest), "-o", str(library)], check=True)
     platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
     file = folder / "pointmass.fmu"

@@ -91,3 +91,27 @@ def test_a_brake_that_lets_go_late_is_named(tmp_path: Path, fmi: int) -> None:
     *fitted, unseen = (pointmass.recorded(name, 150.0, 10 + k) for k, name in enumerate("abcd"))
     found = find_mismatch(truck, fitted, [unseen])
     assert [f.effect for f in found.findings] == ["dragging_brake"]
+
+
+@FMI
+def test_one_whose_speed_is_valid_from_the_first_step_on_drives_as_one_that_has_it_at_once(
+    tmp_path: Path, fmi: int
+) -> None:
+    trucks = []
+    for silent in (False, True):
+        folder = tmp_path / f"{silent}"
+        folder.mkdir()
+        file = pointmass.built(folder, fmi, silent=silent)
+        trucks.append(simulators.load(f"fmu:{file}:{folder / 'map.yaml'}"))
+    u, w = np.tile([600.0, 0.0], (2, 40, 1)), np.zeros((2, 40, 1))
+    y0 = np.array([[0.0, 15.0], [0.0, 3.0]])
+    recorded = np.stack([np.zeros((2, 40)), y0[:, 1:] + 0.01 * np.arange(40)], axis=-1)
+    for run in (
+        lambda t: simulators.free_run(t, u, w, y0),
+        lambda t: simulators.forced_run(t, u, w, recorded),
+    ):
+        at_once, later = (run(t).y for t in trucks)
+        np.testing.assert_array_equal(later, at_once)
+    state, y = trucks[1].step(trucks[1].reset(y0), u[:, 0], w[:, 0])
+    np.testing.assert_array_equal(y, trucks[0].step(trucks[0].reset(y0), u[:, 0], w[:, 0])[1])
+    del state
