@@ -27,7 +27,7 @@ IMPORT_NAMES = {
     "can-j1939": "j1939",
 }
 USED_BY_OTHERS = {"tensorboard": "torch.utils.tensorboard"}  # dependencies that a dependency imports for us
-OPTIONAL = {"asammdf", "libsumo"}  # said to be missing where a user wants it
+OPTIONAL = {"asammdf", "libsumo", "fastsim"}  # said to be missing where a user wants it
 TOOLS = {
     "mypy", "ruff", "pytest-timeout", "pytest-xdist", "pytest-cov", "types-pyyaml",
     "colcon-common-extensions", "build", "twine",

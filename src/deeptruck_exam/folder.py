@@ -23,6 +23,11 @@ _REAL = (
     *(f"found/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
     *_FOUND,
 )
+_MADE = (
+    "line_haul.yaml", "sheet.yaml", "equations.yaml",
+    *(f"drives/*/*/{name}" for name in _BAG),
+    *(f"{kind}/{name}" for kind in ("learned", "fitted") for name in (*TRUCK_FILES, LEDGER)),
+)  # fmt: skip
 CASE = Result("an examined case", _CASE, "choose another folder")
 PROOF = Result(
     "a proof",
@@ -30,6 +35,17 @@ PROOF = Result(
         "proof.md", "scoreboard.json", ".proof.md", ".scoreboard.json", "*.png", "withheld/withheld.json",
         *(f"cases/*/{name}" for name in _CASE),
         *(f"withheld/*/{name}" for name in _REAL),
+    ),
+)  # fmt: skip
+PLANT = Result(
+    "a proof on another's truck",
+    (
+        "plant.md", "plant.json",
+        *(f"{place}/{name}" for place in ("simulators", "blind") for name in _MADE),
+        *(f"cases/*/recordings/*/{name}" for name in _BAG),
+        *(f"cases/*/{name}.json" for name in ("data_sheet", "learned", "own_equations")),
+        *(f"cases/*/found_*/{name}" for name in (*FOUND.names, LEDGER)),
+        *(f"cases/*/found_*/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
     ),
 )  # fmt: skip
 REAL = Result(
@@ -54,6 +70,16 @@ def check(out: Path) -> None:
     Raises InputError as `Result.check`.
     """
     PROOF.check(out, overwrite=True)  # nothing is replaced: what is scored there is kept
+
+
+def check_plant(plant: str, out: Path) -> None:
+    """Whether there is such a plant, and a proof on it can be worked on in `out`.
+
+    Raises InputError for an unknown plant, and as `check`.
+    """
+    if plant != "fastsim":
+        raise InputError(f"--plant: there is no '{plant}'; choose fastsim")
+    PLANT.check(out, overwrite=True)  # what is scored there is kept
 
 
 def check_real(data: Path, out: Path) -> None:

@@ -126,14 +126,14 @@ def _withheld(results: Sequence[Mapping[str, Any]]) -> list[str]:
     """A table of verdicts and agreement; the recovered profile's windows are 21 s long."""
     if not results:
         return ["Not run: the logs are not part of the project (set DEEPTRUCK_REAL_DATA)."]
-    lines = ["| log | said | right | correlation | slope | residual R2 recovered / concealed |"]
+    lines = ["| log | said | right | correlation | slope | residual R2 recovered / withheld |"]
     lines.append("| --- " * 6 + "|")
     for r in results:
         said = " ".join(r["said"]) or r["verdict"]
         a = r["agreement"]
         cells = ["", "", ""]
         if a:
-            explained = f"{a['residual_r2_recovered']:.2f} / {a['residual_r2_concealed']:.2f}"
+            explained = f"{a['residual_r2_recovered']:.2f} / {a['residual_r2_withheld']:.2f}"
             cells = [f"{a['correlation']:.2f}", f"{a['slope']:.2f}", explained]
         lines.append(f"| {r['source']} | {said} | {'yes' if r['right'] else 'no'} | {' | '.join(cells)} |")
     return lines

@@ -267,14 +267,20 @@ def _check_no_other(other: Path | None) -> None:
         raise InputError("--other is for a folder that 'mismatch' wrote; roads.csv finds roads by positions")
 
 
+LEVEL_CASES, PLANT_CASES = 40, 5
+
+
 def prove(
     out: Annotated[Path, typer.Option(help="Folder for the cases, proof.md, scoreboard.json and figures.")],
     level: Annotated[
         list[str] | None, typer.Option(help="Level to prove; repeat for several. Default: all.")
     ] = None,
     cases: Annotated[
-        int, typer.Option(help="Cases of each level; 'nothing_missing' gets five times as many.", min=1)
-    ] = 40,
+        int | None,
+        typer.Option(
+            help="Cases of each level, 40; 'nothing_missing' gets five times as many. Of a plant, 5.", min=1
+        ),
+    ] = None,
     simulator: Annotated[list[str] | None, typer.Option(help="physics, deep or both (default).")] = None,
     jobs: Annotated[int, typer.Option(help="Cases at once.", min=1)] = 2,
     seed: Annotated[
@@ -283,14 +289,25 @@ def prove(
     real: Annotated[
         Path | None, typer.Option(help="Folder of real logs: examine these instead of made-up cases.")
     ] = None,
+    plant: Annotated[
+        str | None, typer.Option(help="Truck that others wrote, to conceal things of: fastsim.")
+    ] = None,
 ) -> None:
     """Examine the mismatch tool on hidden effects, sealed before it starts; resumes where it stopped.
 
     Example: deeptruck-model prove --out proof --cases 5 --simulator physics
     Example: deeptruck-model prove --out real --real logs
+    Example: deeptruck-model prove --plant fastsim --out foreign
     """
-    from deeptruck_exam.folder import check, check_real
+    from deeptruck_exam.folder import check, check_plant, check_real
 
+    if plant is not None:
+        check_plant(plant, out)
+        from deeptruck_exam.plants.prove import prove_plant
+
+        prove_plant(out, range(seed, seed + (cases or PLANT_CASES)), jobs)
+        print(f"table in {out / 'plant.md'}")
+        return
     if real is not None:
         check_real(real, out)
         from deeptruck_exam.real.fleets import examine_real, show
@@ -301,7 +318,8 @@ def prove(
     from deeptruck_exam.cases.levels import LEVELS
     from deeptruck_exam.command import prove as run
 
-    run(out, tuple(level or LEVELS), cases, jobs, seed, tuple(simulator or ("physics", "deep")))
+    kinds = tuple(simulator or ("physics", "deep"))
+    run(out, tuple(level or LEVELS), cases or LEVEL_CASES, jobs, seed, kinds)
     print(f"scoreboard in {out / 'proof.md'}")
 
 

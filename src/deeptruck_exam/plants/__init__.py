@@ -1,0 +1,1 @@
+"""Trucks that others wrote, with something of them concealed."""

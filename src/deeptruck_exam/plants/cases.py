@@ -1,0 +1,107 @@
+"""What of a plant is concealed, and the drives that hold it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deeptruck_exam.plants import fastsim_truck as plant
+from deeptruck_model.recordings import Recording, write_bag
+
+LENGTH_S = 400.0
+PARTS = (("hwfet", 0.0), ("udds", 0.0), ("udds", 900.0), ("hwfet", 350.0))  # the last is held out
+NAMES = tuple(f"drive_{k}" for k in range(len(PARTS)))
+NOMINAL = "nominal"  # the drives that simulators are made of
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """One thing that differs from the data sheet: in words, the tool's name for it, and names that say the
+    same force where they are stated beside it. `each_drive` are kg more or less in each drive."""
+
+    what: str
+    name: str = ""
+    kind: str = "parameter_error"
+    accepts: tuple[str, ...] = ()
+    truth: plant.Truth = field(default_factory=plant.Truth)
+    each_drive: tuple[float, ...] = ()
+    withholds: tuple[str, ...] = ()
+
+    def scored(self) -> dict[str, Any]:
+        """The truth as `score` reads it."""
+        effect = {"key": self.what, "name": self.name, "accepts": list(self.accepts)}
+        return {"verdict": self.kind, "effects": [effect] if self.name else []}
+
+
+MISSING = "missing_physics"
+CONCEALED: Mapping[str, Concealed] = {
+    "nothing": Concealed("nothing"),
+    "auxiliary": Concealed(
+        "auxiliary load +20 kW",
+        "accessory_load",
+        MISSING,
+        ("engine_friction",),
+        truth=plant.Truth(auxiliary_w=20_000.0),
+    ),
+    "mass": Concealed("mass +5 t", "mass", accepts=("payload_change",), truth=plant.Truth(mass_kg=5000.0)),
+    "drag": Concealed(
+        "drag +20 %",
+        "drag_area",
+        accepts=("rolling_resistance_speed", "headwind"),
+        truth=plant.Truth(drag=1.2),
+    ),
+    "rolling": Concealed(
+        "rolling resistance +30 %",
+        "rolling_resistance",
+        accepts=("grade_bias",),
+        truth=plant.Truth(rolling=1.3),
+    ),
+    "efficiency": Concealed(
+        "transmission efficiency -5 %",
+        "torque_gain",
+        accepts=("driveline_loss",),
+        truth=plant.Truth(efficiency=0.95),
+    ),
+    "payload": Concealed(
+        "payload changes between drives",
+        "payload_change",
+        MISSING,
+        ("mass",),
+        each_drive=(0.0, 5000.0, -6000.0, 3000.0),
+    ),
+    "slope": Concealed("slope not logged", "road_grade", MISSING, withholds=("grade",)),
+    "headwind": Concealed(
+        "head wind of 6 m/s", "headwind", MISSING, ("drag_area",), truth=plant.Truth(wind=6.0)
+    ),
+}
+
+
+def drives(concealed: Concealed, seed: int) -> list[Recording]:
+    """The recordings of a case; roads, sensor noise and how fast the cycles are driven depend on the seed.
+
+    Raises ModuleNotFoundError where FASTSim is not installed."""
+    out = []
+    for k, (name, (cycle, start)) in enumerate(zip(NAMES, PARTS, strict=True)):
+        rng = np.random.default_rng([seed, k])
+        target = plant.trace(cycle, start, LENGTH_S, rng.uniform(0.85, 0.97))
+        truth = concealed.truth
+        if concealed.each_drive:
+            truth = replace(truth, mass_kg=concealed.each_drive[k])
+        whole = plant.record(name, target, plant.road(target, rng), truth, rng)
+        shown = {c: v for c, v in whole.channels.items() if c not in concealed.withholds}
+        grade = "grade" in shown
+        out.append(replace(whole, channels=shown, interface=replace(whole.interface, grade=grade)))
+    return out
+
+
+def written(recordings: list[Recording], folder: Path) -> list[Path]:
+    """A bag for each in the folder; one that is there is kept."""
+    paths = [folder / r.name for r in recordings]
+    for path, recording in zip(paths, recordings, strict=True):
+        if not path.exists():
+            write_bag(path, [recording], interface=recording.interface)
+    return paths

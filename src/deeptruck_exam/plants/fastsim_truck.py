@@ -1,0 +1,199 @@
+"""A class 8 line-haul truck as FASTSim (NREL) drives it, and what its bus would show.
+
+FASTSim is backward facing: it finds the power that a speed trace needs. Where the truck falls behind its
+trace, FASTSim loses its slopes, so that the driver here asks for no more than the engine has. It has neither
+gears nor an engine speed, so the bus shows its engine's power as a torque through one fixed ratio, at idle
+speed or above, as a clutch that slips lets it. It knows no wind: a head wind is given to it as the slope that
+asks for the same force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from deeptruck_exam.laws.law import Array
+from deeptruck_exam.laws.series import ou_series
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import TruckInterface
+
+DT = 0.1
+AIR_DENSITY, GRAVITY = 1.2, 9.80665  # kg/m^3, m/s^2: FASTSim's own
+RATIO = 4.0  # engine to wheels, so that 80 km/h are 1680 rpm
+IDLE = 70.0  # rad/s
+SLOWEST = 0.05  # m/s, below which power and force are not compared
+SLOPE_SD, SLOPE_M, STEEPEST = 0.018, 400.0, 0.045
+SPARE = 0.8  # of the engine's power and of its growth, that the driver uses
+LAUNCH_W = 30000.0  # that the engine gives at once
+SMOOTH_S = 3.0  # a driver rounds the corners of a trace of one sample a second
+SPEED_NOISE, ACCELERATION_NOISE, SLOPE_NOISE = 0.02, 0.03, 0.0005
+INTERFACE = TruckInterface("line haul", "N m", "m/s^2", grade=True, fuel=False)
+
+
+@lru_cache
+def sheet() -> dict[str, Any]:
+    """The truck's data."""
+    values: dict[str, Any] = yaml.safe_load((Path(__file__).parent / "line_haul.yaml").read_text())
+    return values
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What of the truck differs from its data sheet: factors, and what is added."""
+
+    mass_kg: float = 0.0
+    drag: float = 1.0
+    rolling: float = 1.0
+    efficiency: float = 1.0
+    auxiliary_w: float = 0.0
+    wind: float = 0.0  # m/s, from ahead
+
+
+def fastsim() -> Any:
+    """The package. Raises ModuleNotFoundError where it is not installed."""
+    import fastsim as package
+
+    return package
+
+
+def trace(cycle: str, start_s: float, length_s: float, scale: float) -> Array:
+    """Target speeds (n,) in m/s each DT of a part of one of FASTSim's cycles, 'udds' or 'hwfet'."""
+    values = fastsim().Cycle.from_resource(f"{cycle}.csv").to_dict()
+    time, speed = (np.array(values[name]) for name in ("time_seconds", "speed_meters_per_second"))
+    at = start_s + DT * np.arange(round(length_s / DT))
+    width = round(SMOOTH_S / DT)
+    raw = np.pad(scale * np.interp(at, time, speed), (width, width), mode="edge")
+    return np.convolve(raw, np.ones(width) / width, mode="same")[width:-width]
+
+
+def road(target: Array, rng: np.random.Generator) -> Array:
+    """Slopes (n,) that go with the way along the target speeds."""
+    way = np.cumsum(target) * DT
+    metres = np.arange(0.0, way[-1] + 10.0, 5.0)
+    slope = SLOPE_SD * ou_series(rng, (1, len(metres)), 5.0, SLOPE_M)[0]
+    slope = np.convolve(slope, np.ones(20) / 20, mode="same")
+    return np.clip(np.interp(way, metres, slope), -STEEPEST, STEEPEST)
+
+
+def record(name: str, target: Array, slope: Array, truth: Truth, rng: np.random.Generator) -> Recording:
+    """What the bus shows of FASTSim's truck along the target speeds on the slopes, both (n,).
+
+    Raises RuntimeError as FASTSim does where the truck falls behind."""
+    mass = sheet()["mass"] + truth.mass_kg
+    wind = 0.5 * AIR_DENSITY * _drag_area(truth) * (2.0 * target * truth.wind + truth.wind**2)
+    felt = slope + np.clip(target / 5.0, 0.0, 1.0) * wind / (mass * GRAVITY)
+    history = _walk(driven(target, felt, truth), felt, truth)
+    speed = history["veh.history.speed_ach_meters_per_second"]
+    mean = np.maximum(np.r_[speed[0], 0.5 * (speed[1:] + speed[:-1])], SLOWEST)
+    engine = sum(history[f"veh.pt_type.Conv.fc.history.{p}"] for p in ("pwr_prop_watts", "pwr_aux_watts"))
+    braking = np.maximum(-history["veh.history.pwr_tractive_watts"], 0.0) / mean / mass
+    braking = np.where(mean > SLOWEST, braking, 0.0)
+    n = len(speed)
+    channels = {
+        "speed": np.maximum(speed + SPEED_NOISE * (speed > 0) * rng.standard_normal(n), 0.0),
+        "acceleration": np.r_[0.0, np.diff(speed)] / DT + ACCELERATION_NOISE * rng.standard_normal(n),
+        "engine_command": _held(engine / engine_speed(mean)),  # FASTSim's step k is from k - 1 to k
+        "brake_command": _held(braking),
+        "grade": _held(slope) + SLOPE_NOISE * rng.standard_normal(n),
+        "engine_speed": engine_speed(mean),
+    }
+    return Recording(name, DT, channels, INTERFACE)
+
+
+def driven(target: Array, slope: Array, truth: Truth) -> Array:
+    """The speeds (n,) at which a truck follows its target from rest, where FASTSim begins, with SPARE of its
+    power."""
+    s, mass = sheet(), sheet()["mass"] + truth.mass_kg
+    efficiency = s["transmission_efficiency"] * truth.efficiency
+    growth = SPARE * s["engine_power"] / s["engine_ramp"] * DT
+    speed, power = np.zeros(len(target)), 0.0
+    gain = 0.5 * inertia(mass) / DT
+    for k in range(len(target) - 1):
+        v = speed[k]
+        resists = mass * GRAVITY * (s["rolling_resistance"] * truth.rolling + slope[k + 1])
+        resists += 0.5 * AIR_DENSITY * _drag_area(truth) * v**2
+        most = efficiency * (
+            min(SPARE * s["engine_power"], max(power, LAUNCH_W) + growth) - truth.auxiliary_w
+        )
+        # power of the mean speed: gain (v'^2 - v^2) + resists (v' + v) / 2 = most
+        half = 0.25 * resists / gain
+        reach = max((v - half) ** 2 + most / gain, 0.0) ** 0.5 - half
+        after = speed[k + 1] = max(min(target[k + 1], reach), 0.0)
+        used = gain * (after**2 - v**2) + 0.5 * resists * (after + v)
+        power = max(used, 0.0) / efficiency + truth.auxiliary_w
+    return speed
+
+
+def inertia(mass: float) -> float:
+    """The mass, in kg, with what the turning wheels add to it."""
+    s = sheet()
+    return float(mass + s["wheels"] * s["wheel_inertia"] / s["wheel_radius"] ** 2)
+
+
+def engine_speed(speed: Array) -> Array:
+    """rad/s at speeds (n,) in m/s, with a clutch that slips below idle."""
+    return np.asarray(np.maximum(IDLE, speed * RATIO / sheet()["wheel_radius"]))
+
+
+def _held(values: Array) -> Array:
+    return np.r_[values[1:], values[-1]]
+
+
+def _drag_area(truth: Truth) -> float:
+    return float(sheet()["drag_coefficient"] * sheet()["frontal_area"] * truth.drag)
+
+
+def _walk(target: Array, slope: Array, truth: Truth) -> Mapping[str, Array]:
+    """FASTSim's histories (n,) by name."""
+    package = fastsim()
+    cycle = {
+        "time_seconds": (DT * np.arange(len(target))).tolist(),
+        "speed_meters_per_second": target.tolist(),
+        "grade": slope.tolist(),
+    }
+    drive = package.SimDrive(_vehicle(package, truth), package.Cycle.from_dict(cycle))
+    drive.run()
+    table = drive.to_dataframe()
+    return {name: np.array(table[name], dtype=np.float64) for name in table.columns if "history" in name}
+
+
+def _vehicle(package: Any, truth: Truth) -> Any:
+    """FASTSim's vehicle: a conventional one of its own, with every number of ours."""
+    s = sheet()
+    data = package.Vehicle.from_resource("2012_Ford_Fusion.yaml").to_dict()
+    engine, chassis = data["pt_type"]["Conv"]["fc"], data["chassis"]
+    data.update(
+        name="line haul",
+        mass_kilograms=s["mass"] + truth.mass_kg,
+        pwr_aux_base_watts=s["auxiliary_power"] + truth.auxiliary_w,
+    )
+    data["pt_type"]["Conv"]["fs"]["pwr_out_max_watts"] = 5e6
+    data["pt_type"]["Conv"]["transmission"]["eff_interp"] = s["transmission_efficiency"] * truth.efficiency
+    engine.update(
+        pwr_out_max_watts=s["engine_power"],
+        pwr_out_max_init_watts=s["engine_power"] / s["engine_ramp"],
+        pwr_ramp_lag_seconds=s["engine_ramp"],
+    )
+    engine["eff_interp_from_pwr_out"]["data"]["values"] = s["engine_efficiency"]
+    chassis.update(
+        drag_coef=s["drag_coefficient"] * truth.drag,
+        frontal_area_square_meters=s["frontal_area"],
+        wheel_rr_coef=s["rolling_resistance"] * truth.rolling,
+        wheel_inertia_kilogram_square_meters=s["wheel_inertia"],
+        num_wheels=s["wheels"],
+        wheel_radius_meters=s["wheel_radius"],
+        wheel_fric_coef=s["wheel_friction"],
+        cg_height_meters=s["centre_height"],
+        wheel_base_meters=s["wheel_base"],
+        drive_axle_weight_frac=s["drive_axle_share"],
+        drive_type="RWD",
+        glider_mass_kilograms=None,
+        cargo_mass_kilograms=None,
+    )
+    return package.Vehicle.from_dict(data)

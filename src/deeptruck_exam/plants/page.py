@@ -1,0 +1,73 @@
+"""plant.md: what was concealed of a plant, what was said of it, and what that did to held-out errors."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Any
+
+ERRORS = ("before", "parameters_only", "after")
+Row = Mapping[str, Any]
+HEAD = ("simulator", "concealed", "said", "right first, in the set", "as given", "refitted", "corrected")
+RIGHT = {"right": (1, 1), "group": (0, 1)}  # outcome: right first, in the set
+
+
+def lines(rows: Sequence[Row]) -> list[str]:
+    """The page."""
+    seeds = sorted({r["seed"] for r in rows})
+    out = [
+        "# FASTSim's line-haul truck",
+        "",
+        f"`deeptruck-model prove --plant fastsim --cases {len(seeds)} --seed {seeds[0]} --out DIR`",
+        "",
+        "FASTSim (NREL) is the truck, its class 8 line-haul vehicle; neither the mismatch tool nor its effect"
+        " classifier was made or trained on it. Three drives are fitted and one is held out. Errors are m/s,"
+        " the median of the seeds, of free runs on the drive held out. The simulators: a physics truck of the"
+        " data sheet by `new` and `calibrate-truck`, one that `train` learned from other drives, and the"
+        " equations of FASTSim solved forwards.",
+        "",
+    ]
+    out += [f"| {' | '.join(HEAD)} |", "| --- " * len(HEAD) + "|"]
+    for simulator, concealed in dict.fromkeys((r["simulator"], r["concealed"]) for r in rows):
+        of_it = [r for r in rows if (r["simulator"], r["concealed"]) == (simulator, concealed)]
+        out.append(f"| {' | '.join(_cells(simulator, concealed, of_it))} |")
+    out += ["", *_totals(rows), ""]
+    if failed := [r for r in rows if r["outcome"] == "failed"]:
+        out += ["## Refused", ""]
+        out += [f"- {r['simulator']}, {r['concealed']}: {r['says'].strip()}" for r in failed]
+    return out
+
+
+def _cells(simulator: str, concealed: str, rows: Sequence[Row]) -> list[str]:
+    said = Counter(_said(r) for r in rows)
+    words = "; ".join(f"{what}{f' ({n})' if n > 1 else ''}" for what, n in said.most_common())
+    return [simulator, concealed, words, right(rows), *(_median(rows, name) for name in ERRORS)]
+
+
+def _said(row: Row) -> str:
+    return " ".join(row["said"]) or str(row["verdict"])
+
+
+def right(rows: Sequence[Row]) -> str:
+    """How many are right first and in the set; where nothing is concealed, how many are silent."""
+    if not rows[0]["true"]:
+        return f"{sum(r['outcome'] == 'silent' for r in rows)} of {len(rows)} silent"
+    first, group = (sum(RIGHT.get(r["outcome"], (0, 0))[i] for r in rows) for i in (0, 1))
+    return f"{first}, {group} of {len(rows)}"
+
+
+def _median(rows: Sequence[Row], name: str) -> str:
+    known = [r[name] for r in rows if r[name] is not None]
+    return f"{median(known):.2f}" if known else "-"
+
+
+def _totals(rows: Sequence[Row]) -> list[str]:
+    out = []
+    for simulator in dict.fromkeys(r["simulator"] for r in rows):
+        hidden = [r for r in rows if r["simulator"] == simulator and r["true"]]
+        nulls = [r for r in rows if r["simulator"] == simulator and not r["true"]]
+        both = (("concealed:", hidden), ("nothing:", nulls))
+        parts = [f"{about} {right(some)}" for about, some in both if some]
+        out.append(f"- {simulator}: {'; '.join(parts)}.")
+    return out

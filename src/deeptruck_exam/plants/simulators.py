@@ -1,0 +1,71 @@
+"""Three simulators of a plant, as its user would have them: of its data sheet, learned, and its own
+equations. Each is made by the commands of the tool, once for all cases."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
+
+from deeptruck_exam.plants import fastsim_truck as plant
+from deeptruck_exam.plants.cases import CONCEALED, drives, written
+from deeptruck_exam.tool import CONSOLE_SCRIPT
+from deeptruck_model.errors import InputError
+from deeptruck_model.simulators import MANIFEST
+
+SIMULATORS = ("data sheet", "learned", "own equations")
+EQUATIONS = "python:deeptruck_exam.plants.fastsim_equations:make"
+SEEDS = (900_000, 900_001, 900_002)  # of the drives that simulators are made of
+FULL_BRAKING = 6.0  # m/s^2
+TORQUE = 5000.0  # N m: no less than its power at idle speed
+UPDATES = 0  # as many as training chooses
+
+
+def make(folder: Path, *, grade: bool = True, updates: int = UPDATES) -> dict[str, str]:
+    """What `--simulator` takes of each of SIMULATORS, made in `folder` where it is not there yet; all from
+    drives with or without `grade`. Raises InputError where a command fails."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shown = CONCEALED["nothing" if grade else "slope"]
+    bags = [path for seed in SEEDS for path in written(drives(shown, seed), folder / "drives" / str(seed))]
+    learned, fitted, truck, equations = (
+        folder / name for name in ("learned", "fitted", "line_haul.yaml", "equations.yaml")
+    )
+    if not (learned / MANIFEST).exists():
+        command("train", *map(str, bags), "--out", str(learned), "--budget", str(updates))
+    if not truck.exists():
+        _data_sheet(folder / "sheet.yaml")
+        command("new", str(truck), "--from", str(folder / "sheet.yaml"), "--recordings", str(bags[0]))
+        if not grade:
+            truck.write_text(truck.read_text().replace("grade: true", "grade: false", 1))
+    equations.write_text(yaml.safe_dump({"grade": grade}))
+    if not (fitted / MANIFEST).exists():
+        each = [part for path in bags for part in ("--recordings", str(path))]
+        command("calibrate-truck", f"truck:{truck}", *each, "--out", str(fitted))
+    return {"data sheet": str(fitted), "learned": str(learned), "own equations": f"{EQUATIONS}:{equations}"}
+
+
+def _data_sheet(path: Path) -> None:
+    s = plant.sheet()
+    data = {
+        "mass_kg": s["mass"],
+        "gear_ratios": [1.0],
+        "axle_ratio": plant.RATIO,
+        "tyres": s["wheel_radius"],
+        "rated_torque_nm": TORQUE,
+        "frontal_area_m2": s["frontal_area"],
+        "full_braking_m_s2": FULL_BRAKING,
+    }
+    path.write_text(yaml.safe_dump(data))
+
+
+def command(*arguments: str) -> None:
+    """A command of the tool, with one thread. Raises InputError with its last line where it fails."""
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    line: Sequence[str] = (sys.executable, "-c", CONSOLE_SCRIPT, *arguments)
+    done = subprocess.run(line, check=False, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        raise InputError(f"deeptruck-model {arguments[0]}: {(done.stdout + done.stderr).strip()[-300:]}")
