@@ -80,6 +80,17 @@ def sensible(value: float) -> str:
     return f"{value:.3f}".replace("-0.000", "0.000").replace("0.000", "0")
 
 
+SPEED_UNITS = {"m/s": 1.0, "km/h": 3.6, "mph": 1.0 / 0.44704}
+"""In which speeds may be shown, and how many are 1 m/s. All that is stored is in m/s."""
+
+
+def speed_unit(unit: str) -> float:
+    """How many of a unit of speed are 1 m/s. Raises InputError for one that is not in SPEED_UNITS."""
+    if unit not in SPEED_UNITS:
+        raise InputError(f"speeds are shown in {', '.join(SPEED_UNITS)}, not in '{unit}'")
+    return SPEED_UNITS[unit]
+
+
 ENGINE_UNITS = ("N m", "percent", "g/s", "cm^3/s")
 BRAKE_UNITS = ("percent", "m/s^2", "bar")
 

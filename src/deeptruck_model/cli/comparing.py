@@ -11,8 +11,9 @@ from typing import Annotated
 import typer
 
 from deeptruck_model import checks, results
-from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, mapped
+from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, Units, mapped
 from deeptruck_model.errors import InputError
+from deeptruck_model.signals import speed_unit
 
 _HELP = """Show drives side by side, aligned in time and along a shared road.
 
@@ -39,11 +40,13 @@ def compare(
             help="Shift a side in time by S seconds, instead of by best agreement.", metavar="SIDE=S"
         ),
     ] = None,
+    units: Units = "m/s",
     topic_map: TopicMap = None,
     clock: ClockOption = None,
     msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
+    per = speed_unit(units)
     given = _offsets(offset_s or [])
     bags = [_bag(text) for text in sides]
     checks.every(*(partial(_a_drive, text, sides) for text in sides))  # first: else it is said to be no bag
@@ -59,9 +62,9 @@ def compare(
 
     found = compared(sides, given=given, topic_map=topic_map, clock=clock, msg=msg or ())
     with results.COMPARISON.replacing(out, overwrite=overwrite) as draft:
-        write(found, draft)
+        write(found, draft, units)
     for c in found.compared[1:]:
-        off = f"{c.difference.speed_rms_m_s:.3g} m/s off" if c.difference else "no time together"
+        off = f"{per * c.difference.speed_rms_m_s:.3g} {units} off" if c.difference else "no time together"
         typer.echo(f"{c.side.name}: moved by {c.offset.seconds:g} s, {off}")
         if c.offset.by is By.NOTHING:
             typer.echo(

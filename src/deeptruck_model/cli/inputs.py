@@ -32,6 +32,9 @@ TopicMap = Annotated[
         help="YAML that says which of your topics is which channel; 'suggest' proposes one.", metavar="FILE"
     ),
 ]
+Units = Annotated[
+    str, typer.Option("--units", help="Unit in which speeds are shown: m/s, km/h or mph.", metavar="UNIT")
+]
 ClockOption = Annotated[
     Clock | None,
     typer.Option(

@@ -16,13 +16,14 @@ from deeptruck_model.cli.inputs import (
     MessageFiles,
     Overwrite,
     TopicMap,
+    Units,
     deep_truck,
     mapped,
     read,
 )
 from deeptruck_model.errors import InputError
 from deeptruck_model.progress_steps import progress
-from deeptruck_model.signals import printed, sensible
+from deeptruck_model.signals import printed, sensible, speed_unit
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording
@@ -38,6 +39,7 @@ def evaluate(
     trials: Annotated[int, typer.Option(help="Free runs.", min=1)] = 90,
     horizon: Annotated[float, typer.Option(help="Length of a free run in s.", min=1.0)] = 40.0,
     seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
+    units: Units = "m/s",
     topic_map: TopicMap = None,
     clock: ClockOption = None,
     msg: MessageFiles = None,
@@ -47,6 +49,7 @@ def evaluate(
 
     Example: deeptruck-model evaluate simulators/mytruck drives/friday --out evaluation
     """
+    per = speed_unit(units)
     checks.every(
         lambda: results.apart(out, *bags, Path(simulator)),
         lambda: results.EVALUATION.check(out, overwrite=overwrite),
@@ -71,14 +74,15 @@ def evaluate(
             held = (
                 f", {100 * values['inside_90']:.0f} % in the 90 % interval" if "inside_90" in values else ""
             )
-            unit = printed(truck.interface.unit(name))
+            unit = truck.interface.unit(name)
+            shown, factor = (units, per) if unit == "m/s" else (printed(unit), 1.0)
             typer.echo(
-                f"{name:>13}: mean absolute error {sensible(values['mean_abs'])} {unit}, "
-                f"rmse {sensible(values['rmse'])} {unit}{held}"
+                f"{name:>13}: mean absolute error {sensible(factor * values['mean_abs'])} {shown}, "
+                f"rmse {sensible(factor * values['rmse'])} {shown}{held}"
             )
     for baseline in metrics["baselines"]:
-        rmse = sensible(baseline["speed"]["rmse"])
-        typer.echo(f"{baseline['name']}, for comparison: speed rmse {rmse} m/s")
+        rmse = sensible(per * baseline["speed"]["rmse"])
+        typer.echo(f"{baseline['name']}, for comparison: speed rmse {rmse} {units}")
     typer.echo(f"figures and metrics.json in {out}; see {out / 'evaluation.html'}")
     _remarks(truck, recordings, metrics, horizon)
 

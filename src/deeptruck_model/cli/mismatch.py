@@ -59,6 +59,13 @@ def mismatch(
         list[str] | None,
         typer.Option(metavar="EFFECT", help="Leave this effect out of the library; repeat for more."),
     ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:FROM:TO",
+            help="Leave rows of a recording out, seconds from the start of its bag; repeat for more.",
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     serve: Annotated[
         bool,
@@ -73,6 +80,7 @@ def mismatch(
     Example: deeptruck-model mismatch --simulator truck:trucksim --recordings a b c --held-out d --out found
     """
     held_out = held_out or []
+    left_out = _spans(without or [])
     checks.every(
         lambda: FOUND.check(out, overwrite=overwrite),
         lambda: apart(out, Path(simulator), *recordings, *held_out),
@@ -95,16 +103,17 @@ def mismatch(
             fit, held = ([replace(r, no_vehicle_ahead=True) for r in part] for part in (fit, held))
         show_accounts([*fit, *held])
         # the libraries take seconds to import: a bag that cannot be read is refused before
-        from deeptruck_model.mismatch import find_mismatch
+        from deeptruck_model.mismatch import Span, find_mismatch
         from deeptruck_model.mismatch.output import fill
 
+        spans = [Span(*span) for span in left_out]
         compare = partial(find_mismatch, truck, fit, held, seed=seed, exclude=exclude or (), mass_kg=mass_kg)
-        found = compare(say=say)
+        found = compare(say=say, without=spans)
         say("writing the report")
         fill(draft, found, folders.apply_command(out))
     _show(found, out)
     if serve:
-        _serve(found, out, lambda without, say: compare(without=without, say=say))
+        _serve(found, out, lambda more, say: compare(without=[*spans, *more], say=say))
 
 
 def _show(found: Mismatch, out: Path) -> None:
@@ -125,6 +134,23 @@ def _serve(found: Mismatch, out: Path, again: Again) -> None:
     with served(found, out, again) as address:
         print(f"page: {address}", flush=True)
         Event().wait()
+
+
+def _spans(texts: list[str]) -> list[tuple[str, float, float]]:
+    """Rows as they are typed: NAME:FROM:TO. Raises InputError for a text that is none."""
+    out = []
+    for text in texts:
+        name, *ends = text.rsplit(":", 2)
+        try:
+            begin, end = map(float, ends)
+        except ValueError:
+            begin = end = 0.0
+        if not name or not begin < end:
+            raise InputError(
+                f"--without '{text}' is not understood; write NAME:FROM:TO, in seconds: monday:78:143"
+            )
+        out.append((name, begin, end))
+    return out
 
 
 def _check_excluded(names: list[str]) -> None:

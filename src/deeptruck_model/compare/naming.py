@@ -14,7 +14,12 @@ def split_name(text: str) -> tuple[str | None, Path]:
     return simulator, Path(bag)
 
 
+def _last(simulator: str) -> str:
+    """The name of a simulator directory, and any other simulator as it was given."""
+    return Path(simulator).name if Path(simulator).exists() else simulator
+
+
 def short_names(texts: Sequence[str]) -> list[str]:
     """The last parts of paths where these distinguish the sides, else all of what was given."""
-    last = [f"{sim}@{bag.name}" if sim else bag.name for sim, bag in map(split_name, texts)]
+    last = [f"{_last(sim)}@{bag.name}" if sim else bag.name for sim, bag in map(split_name, texts)]
     return last if len(set(last)) == len(texts) else list(texts)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -15,37 +16,59 @@ from numpy.typing import NDArray
 from deeptruck_model import pages
 from deeptruck_model.compare.alignment import By, Road
 from deeptruck_model.compare.comparison import Compared, Comparison
+from deeptruck_model.compare.sides import Side
 from deeptruck_model.compare.statistics import APART, NAMES
-from deeptruck_model.signals import CHANNELS, printed
+from deeptruck_model.signals import channel_of, printed, speed_unit
 
 PAGE, NUMBERS = "compare.html", "compare.json"
 PANELS = ("speed", "acceleration", "engine_command", "brake_command", "gap")
 SECONDS = 1.0  # of a point that is drawn, at least
 MOST_POINTS = 40000  # of all sides together
+MOST_VALUES = 3_000_000  # of all channels at their native rate, 16 MB of page; beyond, means of several
 DIGITS = 5
 
 
-def write(comparison: Comparison, out: Path) -> None:
-    """Write PAGE and NUMBERS into the folder `out`, which exists. Raises OSError where it cannot."""
+@dataclass(frozen=True)
+class _Speeds:
+    """In which unit speeds are shown, and how many of it are 1 m/s."""
+
+    unit: str
+    per: float
+
+    def factor(self, unit: str) -> float:
+        """By what a value of a unit is multiplied to be shown."""
+        return self.per if unit == "m/s" else 1.0
+
+    def of(self, unit: str) -> str:
+        """The unit in which a value of a unit is shown."""
+        return self.unit if unit == "m/s" else unit
+
+
+def write(comparison: Comparison, out: Path, units: str = "m/s") -> None:
+    """Write PAGE and NUMBERS into the folder `out`, which exists; the page shows speeds in `units`, one of
+    signals.SPEED_UNITS. Raises OSError where it cannot, and InputError for another unit."""
     numbers = json.dumps(comparison.to_json(), indent=1, allow_nan=False)
     (out / NUMBERS).write_text(numbers + "\n", encoding="utf-8")
-    (out / PAGE).write_text(page(comparison), encoding="utf-8")
+    (out / PAGE).write_text(page(comparison, units), encoding="utf-8")
 
 
-def page(comparison: Comparison) -> str:
-    """The page as HTML. Nothing in it is fetched from elsewhere."""
+def page(comparison: Comparison, units: str = "m/s") -> str:
+    """The page as HTML, with speeds in `units`. Nothing in it is fetched from elsewhere."""
+    shown = _Speeds(units, speed_unit(units))
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    drawn = json.dumps(_drawn(comparison), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    data = json.dumps(_drawn(comparison, shown), allow_nan=False, separators=(",", ":"))
     return environment.from_string(_file("compare.html.jinja")).render(
         style=pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("compare.css"),
         script=pages.shared(pages.PLOT) + _file("compare.js"),
         names=[c.side.name for c in comparison.compared],
-        rows=_rows(comparison),
-        apart=_apart(comparison),
-        sides=[_to_dict(c) for c in comparison.compared[1:]],
-        drawn=drawn,
+        rows=_rows(comparison, shown),
+        apart=_apart(comparison, shown),
+        sides=[_to_dict(c, shown) for c in comparison.compared[1:]],
+        channels=[_panel(name, comparison, shown) for name in _channels(comparison)],
+        thinned=_thinned(comparison),
+        drawn=data.replace("<", "\\u003c"),
     )
 
 
@@ -53,12 +76,13 @@ def _file(name: str) -> str:
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def _off(c: Compared) -> str:
+def _off(c: Compared, shown: _Speeds) -> str:
     """How far a side is off, as a part of the first sentence."""
     if c.difference is None:
         return f"{c.side.name} has no time together with it"
     d = c.difference
-    return f"{c.side.name} is {d.speed_rms_m_s:.2g} m/s off (rms over {d.shared_s:.0f} s)"
+    off = f"{shown.per * d.speed_rms_m_s:.2g} {shown.unit}"
+    return f"{c.side.name} is {off} off (rms over {d.shared_s:.0f} s)"
 
 
 HOW = {
@@ -70,11 +94,11 @@ HOW = {
 }
 
 
-def _to_dict(c: Compared) -> dict[str, Any]:
+def _to_dict(c: Compared, shown: _Speeds) -> dict[str, Any]:
     return {
         "name": c.side.name,
         "offset": f"{c.offset.seconds:g}",
-        "off": _off(c),
+        "off": _off(c, shown),
         "how": HOW[c.offset.by].format(c.offset.correlation),
         "road": f"{c.road.shared_m:.0f} m of shared road, known by {c.road.by}"
         if isinstance(c.road, Road)
@@ -83,53 +107,83 @@ def _to_dict(c: Compared) -> dict[str, Any]:
     }
 
 
-def _apart(comparison: Comparison) -> list[dict[str, Any]]:
+def _apart(comparison: Comparison, shown: _Speeds) -> list[dict[str, Any]]:
     """The table of differences from the first side: a row for each number that any side has."""
     out = []
     for name, (words, unit) in APART.items():
         numbers = [None if c.difference is None else asdict(c.difference)[name] for c in comparison.compared]
         if any(x is not None for x in numbers):
-            cells = ["" if x is None else f"{x:.4g}" for x in numbers[1:]]
-            out.append({"key": name, "name": words, "unit": unit, "cells": cells})
+            cells = ["" if x is None else f"{shown.factor(unit) * x:.4g}" for x in numbers[1:]]
+            out.append({"key": name, "name": words, "unit": shown.of(unit), "cells": cells})
     return out
 
 
-def _rows(comparison: Comparison) -> list[dict[str, Any]]:
+def _rows(comparison: Comparison, shown: _Speeds) -> list[dict[str, Any]]:
     """The table: a row for each number that any side has."""
     all_numbers = [asdict(c.statistics) for c in comparison.compared]
     out = []
     for name, (words, unit) in NAMES.items():
         if any(numbers[name] is not None for numbers in all_numbers):
-            factor = 100.0 if unit == "%" else 1.0
+            factor = 100.0 if unit == "%" else shown.factor(unit)
             cells = ["" if n[name] is None else f"{factor * n[name]:.4g}" for n in all_numbers]
-            out.append({"name": words, "unit": unit, "cells": cells})
+            out.append({"name": words, "unit": shown.of(unit), "cells": cells})
     return out
 
 
-def _drawn(comparison: Comparison) -> dict[str, Any]:
+def _drawn(comparison: Comparison, shown: _Speeds) -> dict[str, Any]:
     """What the script reads: every side as means over `step_s`."""
-    step_s = comparison.compared[0].side.step_s
+    step_s, thinned = comparison.compared[0].side.step_s, _thinned(comparison)
     points = sum(len(c.side) for c in comparison.compared)
     per = max(int(np.ceil(SECONDS / step_s)), int(np.ceil(points / MOST_POINTS)))
     return {
         "step_s": per * step_s,
-        "panels": [_panel(name, comparison) for name in PANELS if _has(name, comparison)],
-        "sides": [_side(c, per) for c in comparison.compared],
+        "speed_unit": shown.unit,
+        "per_m_s": shown.per,
+        "panels": [_panel(name, comparison, shown) for name in PANELS if _has(name, comparison)],
+        "channels": [_panel(name, comparison, shown) for name in _channels(comparison)],
+        "sides": [
+            {**_side(c, per, shown), "native": _native(c.side, thinned, shown)} for c in comparison.compared
+        ],
     }
+
+
+def _channels(comparison: Comparison) -> list[str]:
+    return list(dict.fromkeys(name for c in comparison.compared for name in c.side.native))
+
+
+def _thinned(comparison: Comparison) -> int:
+    """How many native samples a drawn one is the mean of."""
+    values = sum(len(x) for c in comparison.compared for x in c.side.native.values())
+    return max(1, int(np.ceil(values / MOST_VALUES)))
+
+
+def _native(side: Side, per: int, shown: _Speeds) -> dict[str, Any]:
+    """Every channel as base64 of little-endian float32, NaN where nothing is known."""
+    columns = {}
+    for name, values in side.native.items():
+        means = values if per == 1 else np.array(_means(values, per), dtype=np.float64)
+        means = shown.factor(side.units[name]) * means
+        columns[name] = base64.b64encode(means.astype("<f4").tobytes()).decode()
+    return {"step_s": per * side.native_step_s, "begin_s": side.begin_s, "columns": columns}
 
 
 def _has(name: str, comparison: Comparison) -> bool:
     return any(name in c.side.columns for c in comparison.compared)
 
 
-def _panel(name: str, comparison: Comparison) -> dict[str, str]:
+def _panel(name: str, comparison: Comparison, shown: _Speeds) -> dict[str, str]:
     units = sorted({c.side.units[name] for c in comparison.compared if name in c.side.units})
-    text = f"{name.replace('_', ' ')}, {' or '.join(map(printed, units))}"
-    return {"name": name, "label": text, "meaning": CHANNELS[name].meaning}
+    unit = " or ".join(printed(shown.of(u)) for u in units if u not in ("", "1"))
+    words = name.replace("_", " ")
+    sides = ", ".join(c.side.name for c in comparison.compared if name in c.side.native)
+    meaning = channel_of(name).meaning
+    label = f"{words}, {unit}" if unit else words
+    return {"name": name, "label": label, "unit": unit, "meaning": meaning, "sides": sides}
 
 
-def _side(c: Compared, per: int) -> dict[str, Any]:
-    columns = {n: _means(x, per) for n, x in c.side.columns.items() if n in PANELS}
+def _side(c: Compared, per: int, shown: _Speeds) -> dict[str, Any]:
+    units = c.side.units
+    columns = {n: _means(shown.factor(units[n]) * x, per) for n, x in c.side.columns.items() if n in PANELS}
     place = _means(c.road.place, per) if isinstance(c.road, Road) else None
     return {"name": c.side.name, "offset_s": c.offset.seconds, "columns": columns, "place": place}
 

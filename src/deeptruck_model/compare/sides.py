@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,18 +22,23 @@ SHOWN = (
     "speed", "acceleration", "engine_command", "brake_command", "gap", "leader_speed", "fuel_rate", "grade",
     "elevation", "latitude", "longitude",
 )  # fmt: skip
+INSIDE = ("gear", "engine_speed", "engine_torque")  # channels that a simulator may show
 LEAST_RUN_S = 10.0  # of valid commands in a row, for a simulator to be driven along them
 
 
 @dataclass(frozen=True)
 class Side:
     """`columns` (n,) by channel, in its unit of `units`, every `step_s` from the first sample; NaN where
-    nothing was recorded. `simulated` says by which simulator, and is empty for a recording."""
+    nothing was recorded. `native` has every channel at its own step of `native_step_s`, from `begin_s` of its
+    bag on. `simulated` says by which simulator, and is empty for a recording."""
 
     name: str
     step_s: float
     columns: dict[str, Array]
     units: dict[str, str]
+    native: dict[str, Array] = field(default_factory=dict)
+    native_step_s: float = 0.1
+    begin_s: float = 0.0
     simulated: str = ""
     bag: Path = Path()  # which it is, or is driven along
 
@@ -89,7 +94,8 @@ def _run(simulator: Simulator, r: Recording) -> Recording:
     response = {name: run.y[0, :, k].astype(float) for k, name in enumerate(interface.y)}
     given = {name: r.channels[name] for name in SHOWN if name in (*interface.u, *interface.w, "elevation")
              and name in r.channels}  # fmt: skip
-    return Recording(r.name, r.dt, {**given, **response}, r.interface, r.start_s, r.notes)
+    inside = {name: run.inside[name][0].astype(float) for name in INSIDE if name in run.inside}
+    return Recording(r.name, r.dt, {**given, **response, **inside}, r.interface, r.start_s, r.notes)
 
 
 def _segments(known: NDArray[np.bool_], least: float) -> list[tuple[int, int]]:
@@ -110,7 +116,21 @@ def _side(name: str, recordings: Sequence[Recording], step_s: float) -> Side:
             if channel in r.channels:
                 _put_means(into, at, r.channels[channel])
     interface = recordings[0].interface
-    return Side(name, step_s, columns, {c: interface.unit(c) for c in columns})
+    native = _native(recordings, begin)
+    units = {c: interface.unit(c) for c in (*columns, *native)}
+    return Side(name, step_s, columns, units, native, recordings[0].dt, begin)
+
+
+def _native(recordings: Sequence[Recording], begin: float) -> dict[str, Array]:
+    """Every channel on the clock of the first sample, as it was sampled; NaN between pieces."""
+    dt = recordings[0].dt
+    at = [round((r.start_s - begin) / dt) for r in recordings]
+    count = max(k + len(r) for k, r in zip(at, recordings, strict=True))
+    columns = {c: np.full(count, np.nan) for c in dict.fromkeys(c for r in recordings for c in r.channels)}
+    for k, r in zip(at, recordings, strict=True):
+        for channel, values in r.channels.items():
+            columns[channel][k : k + len(r)] = values
+    return columns
 
 
 def _put_means(into: Array, at: NDArray[np.intp], values: Array) -> None:

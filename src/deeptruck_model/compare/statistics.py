@@ -52,11 +52,16 @@ NAMES = {  # how people read them
 
 @dataclass(frozen=True)
 class Difference:
-    """Of a side from the first one, over the time both have; gap and fuel None where not on both."""
+    """Of a side from the first one, over the time both have; gap None where not on both.
+
+    `speed_fit` is 100 (1 - rms of the difference / standard deviation of the first one's speed), in percent,
+    as in system identification: 100 is equal, 0 no better than a constant speed.
+    """
 
     shared_s: float
     speed_mean_m_s: float
     speed_rms_m_s: float
+    speed_fit: float
     acceleration_rms_m_s2: float
     gap_rms_m: float | None
 
@@ -65,6 +70,7 @@ APART = {  # how people read these
     "shared_s": ("time together", "s"),
     "speed_mean_m_s": ("speed, mean", "m/s"),
     "speed_rms_m_s": ("speed, rms", "m/s"),
+    "speed_fit": ("speed, fit", "%"),
     "acceleration_rms_m_s2": ("acceleration, rms", "m/s²"),
     "gap_rms_m": ("gap, rms", "m"),
 }
@@ -106,9 +112,16 @@ def difference(first: Side, other: Side, offset_s: float) -> Difference | None:
         shared_s=float(np.isfinite(speed).sum()) * first.step_s,
         speed_mean_m_s=float(np.nanmean(speed)),
         speed_rms_m_s=_rms(speed),
+        speed_fit=_fit(speed, first.columns["speed"]),
         acceleration_rms_m_s2=_rms(_at(time, moved, theirs) - own),
         gap_rms_m=_gap(first, other, time, moved),
     )
+
+
+def _fit(off: Array, own: Array) -> float:
+    """Percent of the spread of `own` that a difference leaves; 0 where it has none."""
+    spread = float(np.std(own[np.isfinite(off)]))
+    return 100.0 * (1.0 - _rms(off) / spread) if spread > 0.0 else 0.0
 
 
 def _gap(first: Side, other: Side, time: Array, moved: Array) -> float | None:

@@ -210,6 +210,20 @@ def test_the_page_has_the_numbers_of_the_file_and_fetches_nothing(bags: Path, tm
     assert not re.search(r"(?:src|href)=|https?://|fetch\(|@import", text)
 
 
+def test_speeds_are_shown_in_another_unit_and_stored_in_ours(bags: Path, tmp_path: Path) -> None:
+    bag = bags / "whole"
+    given = ["compare", str(bag), str(bags / "other"), "--out", str(tmp_path / "out")]
+    done = RUN.invoke(cli.whole(), [*given, "--units", "km/h"])
+    assert done.exit_code == 0, done.output
+    (side,) = json.loads((tmp_path / "out" / "compare.json").read_text())["sides"][1:]
+    rms = side["difference"]["speed_rms_m_s"]
+    text = (tmp_path / "out" / "compare.html").read_text()
+    assert f"{3.6 * rms:.3g} km/h off" in done.output and f"{3.6 * rms:.2g} km/h off" in text
+    assert f'data-number="speed_rms_m_s">{3.6 * rms:.4g}</td><td>km/h' in text and "speed, km/h" in text
+    with pytest.raises(InputError, match="not in 'knots'"):
+        page.page(compare([str(bag), str(bags / "later")]), "knots")
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -244,7 +258,7 @@ frame.addEventListener("load", () => {
     new w.KeyboardEvent("keydown", {key: k, shiftKey, bubbles: true, cancelable: true}));
   const described = () => d.getElementById("marked").textContent;
   const ink = k => d.querySelectorAll("canvas")[k].toDataURL().length;
-  seen.panels = d.querySelectorAll("canvas").length;
+  seen.panels = d.querySelectorAll("#panels canvas").length;
   key("ArrowRight"); seen.begun = described();
   key("ArrowRight"); seen.moved = described();
   key("ArrowRight", true); seen.wider = described();
@@ -256,6 +270,23 @@ frame.addEventListener("load", () => {
   type("0"); seen.moved_by_hand = page(); seen.redrawn = ink(1) !== level;
   const drawn = ink(0); type("1e9"); seen.refused = page(); seen.kept = ink(0) === drawn;
   d.querySelector(".back").click(); seen.back = page(); seen.value = offset.value;
+  const inPage = code => {
+    const script = d.createElement("script");
+    script.textContent = `window.answer = (() => { ${code} })()`;
+    d.body.append(script);
+    return w.answer;
+  };
+  seen.coarse = inPage('return coarse(0, "gear").length');
+  seen.fine = inPage('state.window = [100, 110]; draw(); return line(0, "speed").ys.length');
+  inPage('state.cursor = 105; draw(false)'); seen.cursor = d.getElementById("cursor").textContent;
+  seen.fit = d.getElementById("key").children[1].textContent;
+  inPage('state.mark = [101, 104]; draw()'); d.getElementById("keep").click();
+  seen.without = d.querySelector("#kept pre").textContent;
+  inPage('byId("add").value = "engine_speed"; byId("add").dispatchEvent(new Event("change"))');
+  seen.added = d.querySelectorAll("#panels canvas").length;
+  seen.against = d.getElementById("xy-says").textContent;
+  inPage('whole(); draw()');
+  seen.residual = d.querySelectorAll("#residual tr").length;
   type("0");
   const by = d.getElementById("by");
   by.value = "place"; by.dispatchEvent(new w.Event("change"));
@@ -285,6 +316,11 @@ def test_it_is_brushed_moved_and_keyed_in_a_browser(bags: Path, tmp_path: Path) 
     assert found, done.stderr[-500:]
     seen = json.loads(html.unescape(found[1]))
     assert seen["errors"] == [] and seen["panels"] == 5
+    assert seen["coarse"] == 420 and 100 <= seen["fine"] <= 104  # means of a second; 10 Hz
+    assert "At 105.00 s" in seen["cursor"] and "speed, m/s:" in seen["cursor"] and " | " in seen["cursor"]
+    assert re.search(r"fit of the speed (9\d|100)\.\d %", seen["fit"])
+    assert seen["without"] == "--without whole:101.0:104.0" and seen["added"] == 6
+    assert "means of 1 s" in seen["against"] and seen["residual"] > 5
     spans = [
         tuple(map(float, re.findall(r"[\d.]+", seen[k])[:2])) for k in ("begun", "moved", "wider", "brushed")
     ]

@@ -55,13 +55,18 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
 
 def with_inputs(simulator: Simulator, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
     """The recordings without pieces that lack an input which other pieces of their bag have, such as a slope
-    that is derived from the way driven, where a piece stands still; and what to say of it."""
+    that is derived from the way driven, where a piece stands still; and what to say of it.
+
+    Their interface has the conditions that the simulator takes.
+    """
     need = [n for n in (*simulator.interface.u, *simulator.interface.w) if n != BRAKE]
     lacking = {id(r): [n for n in need if not _valid(r, n)] for r in recordings}
     having = {_bag(r) for r in recordings if not lacking[id(r)]}
     left_out = [r for r in recordings if lacking[id(r)] and _bag(r) in having]
     says = [f"{r.name} is left out: it has no valid {', '.join(lacking[id(r)])}" for r in left_out]
-    return [r for r in recordings if not lacking[id(r)] or _bag(r) not in having], says
+    kept = [r for r in recordings if not lacking[id(r)] or _bag(r) not in having]
+    of = simulator.interface
+    return [replace(r, interface=replace(r.interface, grade=of.grade, gear=of.gear)) for r in kept], says
 
 
 def _bag(r: Recording) -> str:
