@@ -1,4 +1,4 @@
-"""`prove`, and `python -m deeptruck_exam.command one|classifier|list` for development.
+"""`prove`, and `python -m deeptruck_exam.command one|list` for development.
 
 Development seeds are 0 to 9999; a report uses seeds from 100000, run once.
 """
@@ -91,20 +91,6 @@ def one(
         return
     result = examine(out, level, seed, effect, simulator, minutes, with_rivals=rivals, keep=True)
     print(json.dumps(result, indent=1))
-
-
-@app.command()
-def classifier(
-    out: Annotated[Path, typer.Option(help="Folder for weights and card; one file a base, kept.")],
-    bases: Annotated[int, typer.Option(help="Trucks with drives to train on.", min=4)] = 96,
-    judged: Annotated[int, typer.Option(help="Trucks with drives to judge on.", min=1)] = 12,
-    seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 7000,
-    jobs: Annotated[int, typer.Option(help="Bases at a time.", min=1)] = 1,
-) -> None:
-    """Train the tool's effect classifier on the grammar, and judge it on the laws beside the shipped one."""
-    from deeptruck_exam.teach import run
-
-    run.show(run.run(out, bases, judged, seed, jobs))
 
 
 @app.command("list")

@@ -58,10 +58,6 @@ REAL = Result(
         *(f"*/drive_*-drive_*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
-CLASSIFIER = Result(
-    "a trained effect classifier",
-    ("effect_classifier.npz", "effect_classifier.json", "acceptance.md", "base-*-*.npz"),
-)
 
 
 def check(out: Path) -> None:

@@ -57,13 +57,11 @@ def _excluded(case: Case) -> list[str]:
 
 
 def summary(run: ToolRun) -> dict[str, Any]:
-    """Of a run on real logs: what was said and how large it is, free-run speed errors before and after, the
-    budget as shares of the squared speed error by part, and the steady force (m/s^2) that would have been
-    seen; None for what the verdict does not have."""
+    """Of a run on real logs: what was said and how large it is, free-run speed errors before and after, and
+    the budget as shares of the squared speed error by part; None for what the verdict does not have."""
     findings, fit = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
     strengths = [f.get("strength") or {} for f in findings]
     budget = run.verdict.get("budget")
-    seen = (run.verdict.get("data") or {}).get("smallest_visible")
     return {
         "verdict": run.verdict.get("verdict", f"failed: {run.says[-200:]}"),
         "said": [str(f["effect"]) for f in findings],
@@ -72,5 +70,4 @@ def summary(run: ToolRun) -> dict[str, Any]:
         "speed_error": (fit.get("before") or {}).get("speed_rmse"),
         "after": (fit.get("after") or {}).get("speed_rmse"),
         "budget": {p["part"]: float(p["share"]) for p in budget["parts"]} if budget else None,
-        "smallest": None if seen is None else float(seen["steady force all the time"]["m_s2"]),
     }

@@ -1,7 +1,6 @@
 """The laws of the score: sixty textbook laws and ten sensor faults, written out, with their sources.
 
-A classifier that is trained on the grammar has seen none of them; the shipped one was trained on the sets
-they were taken from (docs/results/effect_classifier.md). Importing this package enters all in the catalogue;
+Importing this package enters all in the catalogue;
 one file for each part of the truck.
 """
 

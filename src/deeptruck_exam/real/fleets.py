@@ -69,8 +69,7 @@ class Row:
     """One comparison: what was withheld or never recorded, what was said, and how large that is.
 
     `sizes` are the strengths of the findings in their units; `speed_error` and `after` (m/s) those of free
-    runs on held-out drives before and after the correction. `smallest` is the steady force (m/s^2) that would
-    have been seen, where nothing was.
+    runs on held-out drives before and after the correction.
     """
 
     vehicle: str
@@ -85,7 +84,6 @@ class Row:
     speed_error: float | None
     after: float | None
     budget: Mapping[str, float] | None = None
-    smallest: float | None = None
     agreement: Mapping[str, float] | None = None
     next_pass: Mapping[str, Any] | None = None  # what another pass over the road leaves, as in verdict.json
 
@@ -182,8 +180,7 @@ def _of_withheld(result: Mapping[str, Any]) -> Row:
     source = next(s for s in SOURCES if s.name == result["source"])
     part = CHOSEN_ON if source.name in ("veh002", "bmw_i3 A01", "bmw_i3 B17") else REPORTED
     known: dict[str, Any] = {
-        k: result.get(k)
-        for k in ("verdict", "said", "sizes", "validated", "speed_error", "after", "budget", "smallest")
+        k: result.get(k) for k in ("verdict", "said", "sizes", "validated", "speed_error", "after", "budget")
     }
     known |= {"said": tuple(known["said"] or ()), "sizes": tuple(known["sizes"] or ())}
     hidden = ", ".join(source.hide)

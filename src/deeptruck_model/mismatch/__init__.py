@@ -13,24 +13,13 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.find import find_mismatch
     from deeptruck_model.mismatch.mechanisms import LIBRARY
     from deeptruck_model.mismatch.output import apply, read, summary, write
-    from deeptruck_model.mismatch.posterior.clean_drives import CleanDrives
-    from deeptruck_model.mismatch.posterior.effect_classifier import EffectClassifier, Layer
-    from deeptruck_model.mismatch.posterior.kernel_features import Given, KernelFeatures, Seen
-    from deeptruck_model.mismatch.posterior.kernels import NOTHING
     from deeptruck_model.mismatch.prepare import Span
     from deeptruck_model.mismatch.result import Mismatch, Verdict
 
 __all__ = [
     "LIBRARY",
-    "NOTHING",
-    "CleanDrives",
     "CorrectedTruck",
-    "EffectClassifier",
-    "Given",
-    "KernelFeatures",
-    "Layer",
     "Mismatch",
-    "Seen",
     "Span",
     "Verdict",
     "adapt",
@@ -50,10 +39,6 @@ __getattr__ = names(
         "find": ("find_mismatch",),
         "mechanisms": ("LIBRARY",),
         "output": ("apply", "read", "summary", "write"),
-        "posterior.clean_drives": ("CleanDrives",),
-        "posterior.kernel_features": ("KernelFeatures", "Given", "Seen"),
-        "posterior.kernels": ("NOTHING",),
-        "posterior.effect_classifier": ("Layer", "EffectClassifier"),
         "prepare": ("Span",),
         "result": ("Mismatch", "Verdict"),
     },

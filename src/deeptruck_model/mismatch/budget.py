@@ -1,42 +1,31 @@
 """The budget of the mismatch: the squared free-run speed error, split into parts that add up to one.
 
-One additive model: the residual is a sum of the families' kernels, of a constant of each drive, of what is
-slow in time and of noise. The variance of each is estimated by maximising the marginal likelihood (EM); the
-parts are added up over windows as a free run adds them up, for draws of the posterior: a share is their mean,
-and its interval their 5 % and 95 % quantiles. It describes the drives that it was fitted to.
+The parts are those of the posterior: the forces of a draw are added up over windows as a free run adds them
+up. A share is the mean over the draws, and its interval their 5 % and 95 % quantiles. It describes the drives
+that it was fitted to.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
-from deeptruck_model.mismatch.posterior.kernels import kernels
+from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import Prior, fit, whiten
 from deeptruck_model.mismatch.strength import NOTABLE
-from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, HIDDEN, LEFT_OVER, NAMES, PLACE, SLOW
+from deeptruck_model.mismatch.tree import FAMILY, HIDDEN, LEFT_OVER, SENSORS, UNKNOWN
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 HORIZONS_S = (40.0, 20.0, 10.0)
 LEAST_WINDOWS = 3
-SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where there would be more
-PLACE_M, MOST_PLACES = 200.0, 160
-TWICE = 0.3  # of the way that is driven again, at least, for a part of its own
-DIRECTIONS = 10  # leading directions of a mechanism's kernel
-TURNS, STEPS = 3, 25  # of fitting the noise beside the parts, and of EM in each
-NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 KNOWN = 0.9  # of a window that must be compared
-SWEEPS, DRAWS = 50, 4  # of the sampler, and draws of the coefficients in each
-FIRST_SD, PRIOR_SD = 0.02, 0.005  # m/s^2: of a kernel at first; the prior weighs as one coefficient
 
 
 @dataclass(frozen=True)
@@ -101,55 +90,50 @@ class Budget:
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
 
 
-def budget(search: Regression, hidden: Mask, given: Evidence) -> Budget:
+def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
     """Split what the simulator as `given` is off by in the rows that are fitted. The search may be about
     refitted parameters: what that changed is a part of their families. `hidden` (n,) are rows in which an
     input acts that was not recorded, and which the search does not compare."""
-    blocks = _blocks(search)
-    refitted = _refitted(search.e, given)
-    F = np.concatenate([features for _, features in blocks], axis=1)
-    ends = np.cumsum([features.shape[1] for _, features in blocks])
-    of_block = [np.arange(end - f.shape[1], end) for end, (_, f) in zip(ends, blocks, strict=True)]
-    draws = _posterior(search, F, of_block)
-    mean = draws.mean(axis=0)
-    columns_of = {family: np.zeros(0, dtype=np.intp) for family in refitted}
-    for (part, _), a in zip(blocks, of_block, strict=True):
-        columns_of[part] = np.append(columns_of.get(part, a[:0]), a)
-    names, at = list(columns_of), list(columns_of.values())
-    e = search.e
+    search, e = p.search, p.search.e
+    columns, draws, part_of = _columns(p)
+    fixed = _refitted(search, given)
     used = np.zeros(len(e), dtype=bool)
     used[search.rows] = True
-    F = np.where(used[:, None], F, 0.0)
-    refitted = {family: np.where(used, force, 0.0) for family, force in refitted.items()}
+    counted = used | hidden
     braked = np.where(hidden, e.residual, 0.0)
-    residual = np.where(used, e.residual, braked) + sum(refitted.values())
-    fixed = [*refitted.values(), braked]  # (n,) each, which are taken as they are
+    fixed = {part: np.where(used, force, 0.0) for part, force in fixed.items()} | {HIDDEN: braked}
+    residual = np.where(used, given.residual, braked)
     for horizon_s in HORIZONS_S:
-        starts = _starts(search, used | hidden, round(horizon_s / e.dt))
+        starts = _starts(search, counted, round(horizon_s / e.dt))
         if len(starts) >= LEAST_WINDOWS:
             break
     else:
         return Budget(HORIZONS_S[-1], len(starts), float("nan"), ())
     steps = round(horizon_s / e.dt)
-    columns = np.column_stack([F, *fixed, residual])
-    added = np.concatenate([np.cumsum(columns[k : k + steps], axis=0) * e.dt for k in starts])
-    products = added.T @ added
-    squares = float(products[-1, -1])
-    rmse = float(np.sqrt(squares / len(added)))
-    families = list(refitted)
+    names = list(dict.fromkeys([*part_of, *fixed]))
     groups = [
-        np.append(a, len(mean) + families.index(name)) if name in refitted else a
-        for name, a in zip(names, at, strict=True)
+        np.array(
+            [k for k, part in enumerate(part_of) if part == name]
+            + [len(part_of) + k for k, part in enumerate(fixed) if part == name],
+            dtype=np.intp,
+        )
+        for name in names
     ]
-    groups.append(np.array([len(mean) + len(families)]))
-    names.append(HIDDEN)
+    whole = np.column_stack([np.where(used[:, None], columns, 0.0), *fixed.values(), residual])
+    by_drive = {
+        i: _products(whole, [k for k in starts if e.record[k] == i], steps, e.dt)
+        for i in np.unique(e.record[np.array(starts)])
+    }
+    products = np.sum(list(by_drive.values()), axis=0)
+    rmse = float(np.sqrt(products[-1, -1] / (len(starts) * steps)))
     spread = _shares(draws, groups, products)
     share, (low, high) = spread.mean(axis=0), np.quantile(spread, [0.05, 0.95], axis=0)
-    forces = [F[:, a] @ mean[a] + refitted.get(n, 0.0) for n, a in zip(names, at, strict=False)] + [braked]
+    low, high = np.minimum(low, share), np.maximum(high, share)  # of what is in few draws
+    drives = {e.stretches[i].name: _shares(draws, groups, own).mean(axis=0) for i, own in by_drive.items()}
+    mean = np.concatenate([draws.mean(axis=0), np.ones(len(fixed))])
+    forces = [whole[:, a] @ mean[a] for a in groups]
     forces.append(residual - np.sum(forces, axis=0))
     names.append(LEFT_OVER)
-    by_drive = _by_drive(search, added, starts, steps, draws, groups)
-    counted = used | hidden
     parts = [
         Part(
             name,
@@ -158,13 +142,39 @@ def budget(search: Regression, hidden: Mask, given: Evidence) -> Budget:
             float(high[i]),
             float(np.mean(np.abs(forces[i][counted]) > NOTABLE)) if name != LEFT_OVER else 1.0,
             forces[i],
-            tuple((drive, float(s[i])) for drive, s in by_drive.items()),
+            tuple((drive, float(s[i])) for drive, s in drives.items()),
         )
         for i, name in enumerate(names)
         if share[i] > 0.0 or name == LEFT_OVER
     ]
-    parts.sort(key=lambda p: (p.part == LEFT_OVER, -p.share))
+    parts.sort(key=lambda part: (part.part == LEFT_OVER, -part.share))
     return Budget(horizon_s, len(starts), rmse, tuple(parts))
+
+
+def _columns(p: Posterior) -> tuple[Array, Array, list[str]]:
+    """Columns (n, k) that are not zero in all draws, their coefficients (m, k) and the part of each; those of
+    no name are unexplained."""
+    b = p.draws.coefficients
+    own: list[Array] = [p.always]
+    at = [np.arange(p.always.shape[1])]
+    parts = [FAMILY[name] for name in p.search.parameters]
+    parts += [SENSORS] * (p.always.shape[1] - len(parts))
+    for k, place in zip(p.of, p.at, strict=True):
+        part = FAMILY.get(k.name, k.name)
+        if part != UNKNOWN and np.abs(b[:, place]).max(initial=0.0) > 0.0:
+            own.append(k.features)
+            at.append(place)
+            parts += [part] * len(place)
+    return np.nan_to_num(np.concatenate(own, axis=1)), b[:, np.concatenate(at)], parts
+
+
+def _products(columns: Array, starts: Sequence[int], steps: int, dt: float) -> Array:
+    """Inner products (k, k) of columns that are added up over windows."""
+    out = np.zeros((columns.shape[1], columns.shape[1]))
+    for k in starts:
+        added = np.cumsum(columns[k : k + steps], axis=0) * dt
+        out += added.T @ added
+    return out
 
 
 def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -> Array:
@@ -187,9 +197,11 @@ def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -
     return np.column_stack([gained * scale[:, None], np.where(some, rest, 1.0)])
 
 
-def _refitted(e: Evidence, given: Evidence) -> dict[str, Array]:
-    """What refitting parameters changed of the residual (n,), m/s^2, by family; what is not linear in them is
-    divided as the linear parts are."""
+def _refitted(search: Regression, given: Evidence) -> dict[str, Array]:
+    """What is taken as it is (n,), m/s^2, by family: what refitting parameters changed of the residual, with
+    the means of their priors. What is not linear in them is divided as the linear parts are."""
+    e = search.e
+    X, prior, layout = search.design(search.model((), frozenset()))
     linear = {p: np.nan_to_num(given.sensitivity[p]) * change for p, change in e.moved.items()}
     total = sum(np.abs(force) for force in linear.values())
     rest = np.nan_to_num(given.residual - e.residual) - sum(linear.values())
@@ -197,149 +209,10 @@ def _refitted(e: Evidence, given: Evidence) -> dict[str, Array]:
     for p, force in linear.items():
         share = np.abs(force) / np.maximum(total, 1e-12)
         out[FAMILY[p]] = out.get(FAMILY[p], 0.0) + force + share * rest
+    for name, part in layout:
+        family = FAMILY.get(name.removeprefix("parameter:"), SENSORS)
+        out[family] = out.get(family, 0.0) + np.nan_to_num(X[:, part]) @ prior.mean[part]
     return out
-
-
-def _by_drive(
-    search: Regression,
-    added: Array,
-    starts: Sequence[int],
-    steps: int,
-    draws: Array,
-    groups: Sequence[NDArray[np.intp]],
-) -> dict[str, Array]:
-    """The shares of each drive's own squared error by its name."""
-    owner = np.repeat(search.e.record[np.array(starts)], steps)
-    out = {}
-    for i in np.unique(owner):
-        own = added[owner == i]
-        out[search.e.stretches[i].name] = _shares(draws, groups, own.T @ own).mean(axis=0)
-    return out
-
-
-def _blocks(search: Regression) -> list[tuple[str, Array]]:
-    """Features (n, k), of unit mean square over the rows that are fitted, of all that has a variance of its
-    own, each with the part of the budget to which it belongs."""
-    e, rows = search.e, search.rows
-    mechanisms: dict[str, list[Array]] = {}
-    for k in kernels(search):
-        if FAMILY.get(k.name) in NAMES and k.part != "in time":
-            unit = k.features / (np.linalg.norm(k.features[rows]) + 1e-9)
-            mechanisms.setdefault(k.name, []).append(unit)
-    drive = np.stack([e.record == i for i in range(len(e.stretches))], axis=1).astype(float)
-    place = _places(search)
-    blocks = [
-        ("sensors", _thin(search.lateness, rows)),
-        *((FAMILY[name], _thin(np.concatenate(own, axis=1), rows)) for name, own in mechanisms.items()),
-        (EACH_DRIVE, drive - drive[rows].mean(axis=0)),  # what all drives have is not of each
-        (SLOW, _knots(search)),
-        *([] if place is None else [(PLACE, place)]),
-    ]
-    kept = []
-    for part, features in blocks:
-        f = np.nan_to_num(features)
-        f = f[:, np.any(np.abs(f[rows]) > 1e-9, axis=0)]
-        size = np.sqrt(np.mean(np.sum(f[rows] ** 2, axis=1))) if f.shape[1] else 0.0
-        if size > 0.0:
-            kept.append((part, f / size))
-    return kept
-
-
-def _thin(features: Array, rows: NDArray[np.intp]) -> Array:
-    """The leading directions of normalised features over the rows that are fitted."""
-    f = np.nan_to_num(features)
-    f = f / (np.linalg.norm(f[rows], axis=0) + 1e-9)
-    power, turn = np.linalg.eigh(f[rows].T @ f[rows])
-    kept = np.argsort(power)[::-1][:DIRECTIONS]
-    out: Array = f @ turn[:, kept[power[kept] > 1e-7 * power.max(initial=0.0)]]
-    return out
-
-
-def _knots(search: Regression) -> Array:
-    """A linear spline in time for every drive that is fitted, (n, k)."""
-    e = search.e
-    fitted = [s for s in e.stretches if not s.held_out]
-    spacing = max(SLOW_S, sum(s.stop - s.start for s in fitted) * e.dt / MOST_KNOTS)
-    parts = []
-    for s in fitted:
-        at = np.arange(s.stop - s.start) * e.dt
-        knots = np.arange(0.0, at[-1] + spacing, spacing)
-        part = np.zeros((len(e), len(knots)))
-        part[s.rows] = np.maximum(1.0 - np.abs(at[:, None] - knots) / spacing, 0.0)
-        parts.append(part)
-    return np.concatenate(parts, axis=1)
-
-
-def _places(search: Regression) -> Array | None:
-    """A linear spline over road positions that more than one drive passes, (n, k); None where hardly any of
-    the road is driven again."""
-    e = search.e
-    known = e.valid & (e["place"] >= 0.0)
-    if not known.any() or np.array_equal(e["place"], e["distance"]):  # positions were not recorded
-        return None
-    bins = (e["place"][known] / PLACE_M).astype(int)
-    passes = {b: len(np.unique(e.record[known][bins == b])) for b in np.unique(bins)}
-    again = np.array([passes[b] > 1 for b in bins])
-    if again.mean() < TWICE:
-        return None
-    last = float(e["place"][known].max())
-    spacing = max(PLACE_M, last / MOST_PLACES)
-    knots = np.arange(0.0, last + spacing, spacing)
-    out = np.maximum(1.0 - np.abs(e["place"][:, None] - knots) / spacing, 0.0)
-    out[e["place"] < 0.0] = 0.0
-    return out
-
-
-def _posterior(search: Regression, F: Array, at: Sequence[NDArray[np.intp]]) -> Array:
-    """Draws (m, k) of the coefficients, of which those `at` one place share a variance, from their posterior
-    beside the noise of the recordings.
-
-    The noise and the first variances are those that maximise the marginal likelihood (EM); a
-    Gibbs sampler over variances and coefficients follows, as one value of the variances would decide between
-    what the drives do not separate. The prior of a variance is PRIOR_SD^2 over a chi-squared variable
-    of one degree of freedom.
-    """
-    beside = _as_recorded(search)
-    series, noise = beside.series, beside.background(()).fit
-    sizes = np.array([len(a) for a in at])
-    v = np.full(len(at), FIRST_SD**2)
-    mean = np.zeros(F.shape[1])
-    for turn in range(TURNS):
-        if turn:  # beside the parts: noise that was fitted without them holds what is slow of them
-            left = np.where(series.valid, series.y - F @ mean, 0.0)
-            noise = fit(replace(series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
-        weight = 1.0 / (series.relative[search.rows] * noise.sigma)
-        Fw = whiten(F, noise.ar, search.rows, weight)
-        G, c = Fw.T @ Fw, Fw.T @ whiten(series.y, noise.ar, search.rows, weight)
-        for _ in range(STEPS):
-            C = np.linalg.inv(G + np.diag(1.0 / np.repeat(v, sizes)))
-            mean = C @ c
-            v = (_power(mean, at) + _power(np.sqrt(np.diag(C)), at) + PRIOR_SD**2) / (sizes + 1)
-    rng = np.random.default_rng(0)
-    draws = []
-    for _ in range(SWEEPS):
-        root = np.linalg.cholesky(G + np.diag(1.0 / np.repeat(v, sizes)))
-        spread = rng.standard_normal((len(c), DRAWS))
-        b = solve_triangular(
-            root, solve_triangular(root, c, lower=True)[:, None] + spread, lower=True, trans=1
-        )
-        draws.append(b.T)
-        v = (_power(b[:, 0], at) + PRIOR_SD**2) / rng.chisquare(sizes + 1)
-    return np.concatenate(draws)
-
-
-def _power(b: Array, at: Sequence[NDArray[np.intp]]) -> Array:
-    """Sum of the squared coefficients of each part."""
-    return np.array([float(b[a] @ b[a]) for a in at])
-
-
-def _as_recorded(search: Regression) -> Regression:
-    """The search whose noise is that of recordings. A learned simulator may be off by more, and slowly; but
-    what it is off by is what the budget splits."""
-    e = search.e
-    if e.model_discrepancy == 0.0:
-        return search
-    return Regression(replace(e, model_discrepancy=0.0, slow_noise=e.rules.slow_noise, itself=None))
 
 
 def _starts(search: Regression, counted: Mask, steps: int) -> list[int]:

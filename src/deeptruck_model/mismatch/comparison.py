@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.budget import Budget
-from deeptruck_model.mismatch.classify import Names
+from deeptruck_model.mismatch.names import Names
+from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.unrecorded import NotRecorded
@@ -26,14 +27,19 @@ class Uncompared:
 @dataclass(frozen=True)
 class Compared:
     """The simulator's own `parameters`, the drives, what was not recorded, the `residual` (n,), m/s^2, of the
-    simulator as given, the regression, which may be about refitted parameters, the names and the budget, and
+    simulator as given, the posterior, which may be about refitted parameters, the names and the budget, and
     the missing input by the names that it may explain as well."""
 
     parameters: Mapping[str, float]
     drives: Drives
     missing: tuple[NotRecorded, ...]
     residual: NDArray[np.float64]
-    search: Regression
+    posterior: Posterior
     names: Names
     budget: Budget
     behind: Mapping[str, str]
+
+    @property
+    def search(self) -> Regression:
+        """The regression that all is compared on."""
+        return self.posterior.search

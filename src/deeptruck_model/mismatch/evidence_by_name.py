@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared
 from deeptruck_model.mismatch.discrepancy import allowed_for
-from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
+from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import prepared
 from deeptruck_model.mismatch.residual.gather import gather
@@ -50,9 +50,4 @@ def _nats(simulator: Simulator, drives: Sequence[Prepared], seed: int, rules: Ru
     if float(e.valid.sum()) * e.dt < LEAST_DRIVING_S:
         return {}
     search = Regression(allowed_for(simulator, e, drives[0].measured_acceleration, seed))
-    asked = KernelEvidence(search, search.background(()))
-    seen = asked.of(search.series.y[:, None]).held.nats[:, 0]
-    nats: Nats = {}
-    for kernel, gain in zip(asked.kernels, seen, strict=True):
-        nats[kernel.name] = max(float(gain), nats.get(kernel.name, -float("inf")))
-    return nats
+    return gains(search, search.rules)

@@ -12,17 +12,19 @@ from threadpoolctl import threadpool_limits
 from deeptruck_model import overall_ratios
 from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import decide, unrecorded
+from deeptruck_model.mismatch import unrecorded
 from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.called import called
-from deeptruck_model.mismatch.classify import classify
 from deeptruck_model.mismatch.comparison import Compared, Uncompared
+from deeptruck_model.mismatch.conclude import conclude, useless
 from deeptruck_model.mismatch.data.prepared import too_little
 from deeptruck_model.mismatch.discrepancy import allowed_for
 from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.model import correct
+from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.nuisance import about_fitting_parameters
+from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.prepare import Span, prepared, with_rejection
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
@@ -79,14 +81,14 @@ def find_mismatch(
             rules=rules, mass_kg=mass_kg,
         )  # fmt: skip
         if isinstance(c, Uncompared):
-            return Mismatch(decide.useless(c.drives, c.missing), None, {}, None, c.drives.prepared)
+            return Mismatch(useless(c.drives, c.missing), None, {}, None, c.drives.prepared)
         slow_road = road(c.search.e.everywhere())
         seen_by = witnesses(c.search, c.drives.prepared, c.budget, rules)
 
         say("correcting the simulator and driving it free")
-        made = correct(truck, c.search, c.names, rules)
+        made = correct(truck, c.posterior, rules)
         driven = validate(truck, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
-        verdict = decide.decide(c, slow_road, seen_by, made, driven, rules)
+        verdict = conclude(c, slow_road, seen_by, made, driven, rules)
     evidence = replace(c.search.e.everywhere(), residual=c.residual)  # of the simulator as given
     offered = verdict.fit.offered if verdict.fit is not None else AS_GIVEN
     return Mismatch(
@@ -145,10 +147,12 @@ def compared(
 
     say("comparing every mechanism with what the simulator is off by")
     search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
-    names = classify(search, rules)
-    parts = budget(search, hidden & ~e.held_out, e)
+    found = posterior(search, rules, seed=seed)
+    parts = budget(found, hidden & ~e.held_out, e)
     behind = unrecorded.names_behind([*recordings, *held_out], missing)
-    return Compared(dict(simulator.parameters()), drives, missing, e.residual, search, names, parts, behind)
+    return Compared(
+        dict(simulator.parameters()), drives, missing, e.residual, found, names(found, rules), parts, behind
+    )
 
 
 def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:

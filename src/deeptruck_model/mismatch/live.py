@@ -14,10 +14,11 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import decide
+from deeptruck_model.mismatch import conclude
 from deeptruck_model.mismatch.adaptation import adapt, with_constant
 from deeptruck_model.mismatch.comparison import Uncompared
 from deeptruck_model.mismatch.find import compared
+from deeptruck_model.mismatch.findings import findings
 from deeptruck_model.mismatch.questions import Answer, Names, Own, Question
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
@@ -67,13 +68,12 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
     c = compared(simulator, recordings, sets_aside=False, rules=rules)
     if isinstance(c, Uncompared):
         return Names(c.drives.useless or "")
-    named, matter = decide.accepted(c, None, None, rules)
-    findings = [*(decide.of_fault(f) for f in c.drives.faults), *matter]
-    stated = [f for f in findings if f.stated != ROOT]
-    nodes = c.names.found[0].tree.nodes() if c.names.found else (NOTHING,)
+    found = findings(c, None, None, c.budget.speed_rmse, rules.visible, rules)
+    stated = [f for f in found if f.stated != ROOT]
+    nodes = conclude.tree(c, None, rules)
     if stated:
         says = " ".join(lines.cause(f) for f in stated)
-    elif matter or (c.names.detected and not named):
+    elif found:
         says = lines.candidates(nodes)
     else:
         says, nodes = NOT_DETECTED, (NOTHING,)

@@ -1,30 +1,31 @@
-"""The corrected simulator: for every name the form that explains most, and parameters, as they drive best.
+"""The corrected simulator: the mean force of all that is in, as terms that run step by step, and parameters.
 
-Everything is fitted and chosen without the held-out recordings, by speed errors of free runs to first order.
+Which forms of a mechanism stand for its mean force follows from the posterior, with or without a name. Sizes
+are fitted and chosen without the held-out recordings, by speed errors of free runs to first order.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.classify import Names
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.fit_result import Refitted
-from deeptruck_model.mismatch.gains import gain_of, screened
-from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, is_time_varying, merge
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
+from deeptruck_model.mismatch.mechanisms.variants import PerRecording, Spline
+from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
 from deeptruck_model.mismatch.report.wording import PARAMETER_UNITS
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import Z95, ridge, whiten
+from deeptruck_model.mismatch.residual.noise import Z95, ridge
 from deeptruck_model.mismatch.residual.sensitivity import accepted
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import FAMILY, UNKNOWN
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
@@ -32,10 +33,9 @@ Mask = NDArray[np.bool_]
 
 FOLDS = 3
 HORIZON_S = 40.0  # of the free runs that sizes are fitted to
-FITTED = 3  # forms of a name that are fitted in full
-WIDER = 2  # further forms by which a term may be widened
-FEW = 8  # columns of a term that is confined to a regime, or widens another
-LEAST_PART = 0.15  # of a term's squares that must lie in its regime
+LEAST_IN = 0.1  # probability of a mechanism that is corrected at all
+FORMS = 3  # of a mechanism, at most, that stand for its mean force
+NEARLY = 0.03  # of the squares of a mean force, that its forms may leave
 ROUNDS = 4  # of weighing the prior against what is left
 LOWEST = -0.99  # relative change of a parameter: none has no size
 FREE_RUN_NUMBERS = 2.0  # independent numbers in a free run's error: its offset and its curvature
@@ -60,20 +60,21 @@ class Made:
     recipe: Recipe
     fit: Model
     refit: Mapping[str, Refitted] = field(default_factory=dict)
+    terms: tuple[CandidateTerm, ...] = ()  # forms of all that may be in, of single drives too
 
 
-def correct(simulator: Simulator, search: Regression, names: Names, rules: Rules) -> Made:
-    """The correction by what was named."""
-    terms = _terms(search, names, rules)
+def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
+    """The correction by all that is in, whatever its name."""
+    search = p.search
+    terms, stated = _terms(p, general=True), _terms(p)
     parameters = frozenset(search.parameters)
-    accepted = [n for n in names.found if n.accepted]
-    stated = frozenset(n.name for n in accepted) & parameters
+    likely = frozenset(n for n in parameters if p.inside(n).mean() >= rules.named)
     tuning = Recipe((), parameters)
-    options = [Recipe(), tuning]
-    if terms or accepted:
-        frees = {stated, parameters, frozenset[str]()} if terms else {stated, parameters}
+    options = [Recipe()]
+    if terms or likely:
+        frees = {likely, parameters, frozenset[str]()} if terms else {likely}
         options += [Recipe(terms, free) for free in sorted(frees, key=len)]
-        options += [replace(o, output_error=True) for o in options[1:]]
+    options += [replace(o, output_error=True) for o in options[1:]]
     folds = _folds(search.e)
     errors = [_left_out(folds, recipe) for recipe in options]
     best = options[int(np.argmin([e if k else rules.better**2 * e for k, e in enumerate(errors)]))]
@@ -83,9 +84,64 @@ def correct(simulator: Simulator, search: Regression, names: Names, rules: Rules
         _truck(simulator, whole, best, _fitted(whole, best)),
         _truck(simulator, whole, tuning, _fitted(whole, tuning)),
         best,
-        whole.model(best.terms, best.free),
-        {p: _refitted(simulator, whole.e, alone, p) for p in sorted(alone.free)},
+        whole.model(stated, best.free if best.terms else likely),
+        {n: _refitted(simulator, whole.e, alone, n) for n in sorted(alone.free)},
+        stated,
     )
+
+
+def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
+    """For every mechanism that may be in, the few forms that add up to its mean force; `general` ones say
+    what it does in other drives too, and are all that a correction holds."""
+    out = []
+    for m in p.search.library:
+        if p.inside(m.effect).mean() >= LEAST_IN:
+            force = p.force(m.effect, p.inside(m.effect))
+            options = [t for t in p.search.candidate_terms(m) if not general or _is_general(t)]
+            forms = _forms(p.search, options, force) if options else []
+            if forms:
+                term = forms[0]
+                for other in forms[1:]:
+                    term = merge(term, other)
+                out.append(term)
+    return tuple(out)
+
+
+def _is_general(t: CandidateTerm) -> bool:
+    """Whether a form has no size of its own for one drive or one time."""
+    return not any(
+        isinstance(leaf, PerRecording) or (isinstance(leaf, Spline) and leaf.knots and not leaf.shared)
+        for leaf in t.variant.leaves
+    )
+
+
+def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
+    """The few candidate terms that together leave least of a force (n,), one taken after the other."""
+    rows = search.rows
+    widths = np.cumsum([0, *(t.columns.shape[1] for t in options)])
+    X = np.concatenate([np.nan_to_num(t.columns[rows]) for t in options], axis=1)
+    gram, pull, squares = X.T @ X, X.T @ force[rows], float(force[rows] @ force[rows])
+    own = [np.arange(a, b) for a, b in itertools.pairwise(widths)]
+    taken: list[int] = []
+    left = squares
+    while len(taken) < FORMS and left > NEARLY * squares:
+        errors = [
+            squares - _explained(gram, pull, np.concatenate([own[i] for i in (*taken, k)]))
+            for k in range(len(own))
+        ]
+        best = int(np.argmin(errors))
+        if errors[best] > (1.0 - NEARLY) * left:
+            break
+        taken.append(best)
+        left = errors[best]
+    return [options[k] for k in taken]
+
+
+def _explained(gram: Array, pull: Array, at: NDArray[np.intp]) -> float:
+    """Squares that some columns explain, with a little ridge."""
+    H, c = gram[np.ix_(at, at)], pull[at]
+    b = np.linalg.solve(H + np.eye(len(H)) * (1e-6 * np.trace(H) / len(H) + 1e-12), c)
+    return float(2.0 * b @ c - b @ H @ b)
 
 
 def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -> Refitted:
@@ -98,89 +154,6 @@ def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -
         return Refitted(change, (low, high))
     value, *ci95 = (given * (1.0 + x) for x in (change, low, high))
     return Refitted(change, (low, high), PARAMETER_UNITS.get(parameter, "1"), value, (ci95[0], ci95[1]))
-
-
-def _terms(search: Regression, names: Names, rules: Rules) -> tuple[CandidateTerm, ...]:
-    """A term for everything that was named, `unknown` included: the form that explains most among the names
-    of its credible set that are of the family of the most probable one."""
-    out: tuple[CandidateTerm, ...] = ()
-    parameters = frozenset(search.parameters)
-    for named in names.found:
-        first = named.name
-        if first == UNKNOWN:  # it is corrected by what resembles it most
-            first = max((n for n in named.tree.names if n != UNKNOWN), key=named.tree.names.__getitem__)
-        if first in parameters:
-            continue
-        credible = {first, *named.tree.credible(rules.credible)}
-        family = [m for m in search.library if m.effect in credible and FAMILY[m.effect] == FAMILY[first]]
-        family = [
-            m
-            for m in family
-            if m.kind == "missing_physics" and m.effect not in {t.mechanism.effect for t in out}
-        ]
-        options = [t for m in family for t in search.candidate_terms(m)]
-        if options:
-            out = (*out, _best_of(search, out, options))
-    return out
-
-
-def _best_of(
-    search: Regression, others: tuple[CandidateTerm, ...], options: Sequence[CandidateTerm]
-) -> CandidateTerm:
-    """The term with the most evidence beside others, perhaps in one regime alone or of several forms."""
-    free = frozenset(search.parameters)
-    base = search.model(others, free)
-    first = screened(search, base, base, options)[:FITTED]
-    fitted = [search.model((*others, t), free, base.fit) for t in first]
-    leader = max(fitted, key=lambda m: m.score)
-    again = [t for t in screened(search, base, leader, options)[:FITTED] if not any(t is s for s in first)]
-    best = max(
-        [leader, *(search.model((*others, t), free, leader.fit) for t in again)], key=lambda m: m.score
-    )
-    best = max(
-        [best, *(search.model((*others, t), free, best.fit) for t in _gated(search, base, best))],
-        key=lambda m: m.score,
-    )
-    for _ in range(WIDER):
-        last = best.named[-1]
-        if is_time_varying(last):
-            break
-        more = [
-            merge(last, t)
-            for t in search.candidate_terms(last.mechanism)
-            if t.variant not in last.variant.parts and t.columns.shape[1] <= FEW and not is_time_varying(t)
-        ]
-        rest = screened(search, base, best, more)[:FITTED]
-        wider = max(
-            (search.model((*others, t), free, best.fit) for t in rest), key=lambda m: m.score, default=best
-        )
-        if wider.score < best.score + search.rules.temper:
-            break
-        best = wider
-    return best.named[-1]
-
-
-def _gated(search: Regression, base: Model, model: Model) -> list[CandidateTerm]:
-    """The last term of a model confined to one side of a border, the best two."""
-    term = model.named[-1]
-    if (
-        not term.mechanism.confinable
-        or term.variant.gate
-        or term.columns.shape[1] > FEW
-        or is_time_varying(term)
-    ):
-        return []
-    if any(p.expression.__class__.__name__ == "Rerun" for p in term.parts):
-        return []
-    yw, Xw, H0, weight = search.whitened(base, model)
-    C = whiten(term.columns, model.fit.ar, search.rows, weight)
-    gates, products = search.regimes.products(C, yw, Xw)
-    if not gates:
-        return []
-    gains = gain_of(products, Xw.T @ yw, H0, term)
-    part = np.trace(products.CtC, axis1=1, axis2=2) > LEAST_PART * float(np.sum(C**2))
-    best = [k for k in np.argsort(-gains, kind="stable") if part[k]][:2]
-    return [search.regimes.gated(term, gates[k], search.e) for k in best]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What was found, as types; `Verdict.to_json` gives verdict.json, schema 2, and nothing else does."""
+"""What was found, as types; `Verdict.to_json` gives verdict.json, schema 3, and nothing else does."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, Interval
+from deeptruck_model.mismatch.names import Explanation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.strength import Strength
 from deeptruck_model.mismatch.tree import Node
@@ -23,8 +24,7 @@ from deeptruck_model.mismatch.witnesses import Witness
 
 Array = NDArray[np.float64]
 
-SCHEMA = 2
-STEADY = "steady force all the time"
+SCHEMA = 3
 
 
 class Conclusion(StrEnum):
@@ -106,31 +106,6 @@ class Regime:
         }
 
 
-@dataclass(frozen=True)
-class SmallestVisible:
-    """What would have been detected: relative errors of parameters, and a steady force per mass, m/s^2."""
-
-    parameters: Mapping[str, float]
-    steady: float
-    mass_kg: float | None  # None where it is not known
-
-    def to_json(self) -> dict[str, Any]:
-        """`data.smallest_visible`."""
-        newtons = {} if self.mass_kg is None else {"newton": round(self.steady * self.mass_kg, 1)}
-        relative = {name: {"relative": size} for name, size in self.parameters.items()}
-        return relative | {STEADY: {"m_s2": self.steady} | newtons}
-
-    @staticmethod
-    def read(entry: Mapping[str, Any] | None) -> SmallestVisible | None:
-        """`data.smallest_visible` of verdict.json."""
-        if entry is None:
-            return None
-        relative = {name: size["relative"] for name, size in entry.items() if "relative" in size}
-        steady = entry[STEADY]
-        mass = round(steady["newton"] / steady["m_s2"], 1) if "newton" in steady else None
-        return SmallestVisible(relative, steady["m_s2"], mass)
-
-
 class Kind(StrEnum):
     """What a finding is."""
 
@@ -182,13 +157,15 @@ class Finding:
     parameters: Mapping[str, Size]
     probability: float
     family_probability: float
-    would_be_told_by: str
+    separating_manoeuvre: str
     depends_on: tuple[str, ...]
-    cannot_be_told_from: tuple[str, ...] = ()
+    credible_set: tuple[str, ...] = ()
     share_of_explainable_error: float = 0.0
     evidence_nats: float | None = None
     strength: Strength | None = None
     missing_input: str = ""  # which was not recorded and may explain it as well
+    in_drives: tuple[str, ...] = ()  # in which it acts, where not in all
+    share_of_error: float | None = None  # of the squared speed error, that the budget gives its family
     force: Array | None = field(default=None, compare=False)
 
     @staticmethod
@@ -201,9 +178,11 @@ class Finding:
         return Finding(
             Kind(entry["kind"]), entry["effect"], entry["family"], entry["stated"], entry["says"],
             entry["equation"], sizes, entry["probability"], entry["family_probability"],
-            entry["would_be_told_by"], tuple(entry["depends_on"]), tuple(entry["cannot_be_told_from"]),
+            entry.get("separating_manoeuvre", entry.get("would_be_told_by", "")), tuple(entry["depends_on"]),
+            tuple(entry.get("credible_set", entry.get("cannot_be_told_from", ()))),
             entry["share_of_explainable_error"], entry.get("evidence_nats"),
             Strength.read(entry.get("strength")), entry.get("missing_input", ""),
+            tuple(entry.get("in_drives", ())), entry.get("share_of_error"),
         )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
@@ -218,11 +197,13 @@ class Finding:
             "parameters": {
                 n: {"value": s.value, "unit": s.unit, "ci95": s.ci95} for n, s in self.parameters.items()
             },
-            "would_be_told_by": self.would_be_told_by,
+            "separating_manoeuvre": self.separating_manoeuvre,
+            "would_be_told_by": self.separating_manoeuvre,  # the key of schema 2
             "depends_on": self.depends_on,
             "probability": self.probability,
             "family_probability": self.family_probability,
-            "cannot_be_told_from": self.cannot_be_told_from,
+            "credible_set": self.credible_set,
+            "cannot_be_told_from": self.credible_set,  # the key of schema 2
             "share_of_explainable_error": self.share_of_explainable_error,
         }
         if self.evidence_nats is not None:
@@ -231,6 +212,10 @@ class Finding:
             out["strength"] = self.strength.to_json()
         if self.missing_input:
             out["missing_input"] = self.missing_input
+        if self.in_drives:
+            out["in_drives"] = self.in_drives
+        if self.share_of_error is not None:
+            out["share_of_error"] = round(self.share_of_error, 4)
         return out
 
 
@@ -245,7 +230,6 @@ class Verdict:
     regimes: tuple[Regime, ...] = ()
     fit: FitResult | None = None
     rejected: tuple[Rejection, ...] = ()
-    smallest_visible: SmallestVisible | None = None
     caveats: tuple[str, ...] = ()
     not_recorded: tuple[NotRecorded, ...] = ()
     budget: Budget | None = None
@@ -254,6 +238,7 @@ class Verdict:
     advice: Mapping[str, Advice] = field(default_factory=dict)
     recorded: int = 0
     compared: float = 0.0
+    explanations: tuple[Explanation, ...] = ()
 
     @property
     def validated(self) -> bool:
@@ -267,6 +252,8 @@ class Verdict:
                 "schema": SCHEMA,
                 "verdict": self.kind,
                 "findings": [f.to_json() for f in self.findings],
+                "explanations": [x.to_json() for x in self.explanations],
+                "events": [],
                 "segments": [s.to_json() for s in self.segments],
                 "regimes": [r.to_json() for r in self.regimes],
                 "fit": self.fit.to_json() if self.fit is not None else {},
@@ -287,8 +274,6 @@ class Verdict:
             "recorded": self.recorded,
             "compared": round(self.compared, 4),
         }
-        if self.smallest_visible is not None:
-            out["smallest_visible"] = self.smallest_visible.to_json()
         return out
 
     @staticmethod
@@ -303,7 +288,6 @@ class Verdict:
             (),
             FitResult.read(verdict["fit"]),
             tuple(Rejection(**r) for r in data["rejected"]),
-            SmallestVisible.read(data.get("smallest_visible")),
             tuple(verdict["caveats"]),
             tuple(NotRecorded(**m) for m in verdict["not_recorded"]),
             Budget.read(budget) if budget else None,
@@ -312,6 +296,7 @@ class Verdict:
             {name: Advice(Answer(a["answer"]), a["reason"]) for name, a in verdict["advice"].items()},
             data.get("recorded", 0),
             data.get("compared", 0.0),
+            tuple(Explanation(tuple(x["names"]), x["probability"]) for x in verdict.get("explanations", ())),
         )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainc
 
-from deeptruck_model.mismatch.classify import Named
+from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.posterior.road_lock import BY_CHANCE, RoadLock, road_lock
 from deeptruck_model.mismatch.posterior.slow_force import plain_truck, slow_force
@@ -48,7 +48,7 @@ class Road:
 
     def named(self) -> Named:
         """As what stands in the place of a name; no kernel of the simulator's residual holds it."""
-        return Named(self.tree.first, self.tree, 0.0, 0.0, self.force)
+        return Named(self.tree.first, self.tree, 0.0, self.force)
 
 
 def road(e: Evidence) -> Road | None:

@@ -62,22 +62,16 @@ class Rules:
     )
 
     # detection
-    least_gain: float = _rule(
-        12.0,
-        "nats",
-        "gain of the best kernel, beside free parameters, below which nothing is detected",
+    discrepancy: float = _rule(
+        2.0,
+        "1",
+        "times the gain on a learned simulator's own recordings that a name must exceed on others",
         CHOSEN,
     )
     parameter_gain: float = _rule(
         20.0,
         "nats",
         "gain of a free parameter, or of unrecorded braking, below which it is not reported",
-        CHOSEN,
-    )
-    discrepancy: float = _rule(
-        2.0,
-        "1",
-        "times the gain on a learned simulator's own recordings that a kernel must exceed on others",
         CHOSEN,
     )
     nearly_right: float = _rule(
@@ -87,19 +81,17 @@ class Rules:
         CHOSEN,
     )
 
+    odds: float = _rule(
+        0.02, "1", "prior odds that a mechanism is in, times its chance beside the others", CHOSEN
+    )
+
     # names
     stated: float = _rule(0.9, "1", "probability of the deepest node of the tree that is stated", STATISTICS)
     named: float = _rule(
-        0.4, "1", "probability of the most probable family, below which its name is `unknown`", CHOSEN
+        0.5, "1", "probability that a family is in, from which on it is a finding", STATISTICS
     )
     credible: float = _rule(
         0.8, "1", "probability that a credible set of names holds the right one", STATISTICS
-    )
-    nothing_more: float = _rule(
-        0.5,
-        "1",
-        "probability that nothing more is missing, above which no further name is sought",
-        STATISTICS,
     )
     most_findings: int = _rule(4, "1", "names of one verdict", CHOSEN)
 
@@ -124,6 +116,10 @@ class Rules:
     )
     differs: float = _rule(
         1.33, "of its own error", "beyond which a learned simulator differs from these recordings", CHOSEN
+    )
+
+    drift: float = _rule(
+        0.1, "m/s", "speed error that a drift or a constant per drive must make, to be a finding", CHOSEN
     )
 
     # the correction

@@ -24,6 +24,7 @@ NAMES = {
     "load": ("load_slosh", "mass", "payload_change"),
 }  # fmt: skip
 LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
+SENSORS = "sensors"
 HIDDEN = "unrecorded:brake"
 PARTS = (*NAMES, PLACE, EACH_DRIVE, SLOW, HIDDEN, LEFT_OVER)  # of the budget
 FAMILY = {name: family for family, names in NAMES.items() for name in names} | {UNKNOWN: UNKNOWN}
@@ -90,14 +91,3 @@ class Tree:
             if family != UNKNOWN:
                 out += [Node(name, family, own) for name, own in self.of(family).items()]
         return tuple(out)
-
-    def given(self, right: float) -> Tree:
-        """The same, where it holds only with probability `right` and otherwise nothing is known, which is no
-        evidence for `unknown`."""
-        return Tree({name: right * p for name, p in self.names.items()})
-
-    def without(self, names: frozenset[str]) -> Tree:
-        """The same, where the probability of some names is that of `unknown`."""
-        lost = sum(p for name, p in self.names.items() if name in names)
-        kept = {name: p for name, p in self.names.items() if name not in names}
-        return Tree(kept | {UNKNOWN: kept.get(UNKNOWN, 0.0) + lost})

@@ -37,7 +37,7 @@ OFF_S, ON_S = 90.0, 6.0  # mean time between applications, and of one
 BEGIN = np.exp(-4.0)  # odds of braking at the begin of a drive
 NEVER = -60.0  # log density of braking while the engine is asked to pull
 BLOCK_S, LEAST_S, LEAST_SPEED = 1.0, 30.0, 1.0
-IDLE = 0.05  # of the command's range above its lowest: the pedal is released
+IDLE = 0.05  # of the command's range above zero, or above its lowest below it: the pedal is released
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,7 @@ def braking(e: Evidence, rules: Rules) -> tuple[Mask, float]:
     per = max(1, round(BLOCK_S / e.dt))
     command = e["engine_command"]
     low, high = np.nanquantile(command[ok], [0.02, 0.98]) if ok.any() else (0.0, 1.0)
+    low = min(float(low), 0.0)  # a pedal that never comes near zero is never released
     idle = np.nan_to_num(command, nan=high) <= low + IDLE * (high - low)
     for s in e.stretches:
         rows = np.arange(s.start, s.stop)[ok[s.rows]]

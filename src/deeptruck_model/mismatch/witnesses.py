@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.budget import SLOW_S, Budget
+from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.posterior.posterior import SLOW_S
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.grid import Grid
 from deeptruck_model.mismatch.rules import Rules

@@ -84,7 +84,6 @@ def test_every_drive_is_fitted_once_and_a_second_run_does_nothing_again(tmp_path
     rows = examine_real(data, tmp_path / "out", fleets=(fleet,), sources=(), updates=30)
     assert [r.drives for r in rows] == ["drive_0, drive_1", "drive_1, drive_0"]
     assert all(not r.verdict.startswith("failed") and r.speed_error for r in rows)
-    assert all((r.smallest or 0.0) > 0.0 for r in rows if not r.said)  # what would have been seen is stated
     kept = json.loads((tmp_path / "out" / "real.json").read_text())
     assert [tuple(r["said"]) for r in kept] == [r.said for r in rows]
     found = tmp_path / "out" / "fleet" / "drive_0-drive_1" / "found" / "verdict.json"

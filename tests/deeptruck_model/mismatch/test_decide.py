@@ -1,34 +1,128 @@
-"""What the verdict advises."""
+"""Every verdict, light and boundary, from numbers alone."""
 
 from __future__ import annotations
 
-from typing import cast
+from dataclasses import replace
 
 import pytest
 
 from deeptruck_model.mismatch import decide
-from deeptruck_model.mismatch.budget import Budget
-from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
-from deeptruck_model.mismatch.fit_result import Compared, FitResult, Rmse
+from deeptruck_model.mismatch.decide import Numbers
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.report import wording
-from deeptruck_model.mismatch.result import Advice, Answer, Conclusion
+from deeptruck_model.mismatch.result import Answer, Conclusion, Kind
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.validate import Validated
+
+RULES = Rules()
+NAN = float("nan")
+RIGHT = Numbers(given=0.1, refitted=0.1, corrected=0.1, fitted=0.1)
+OFF = replace(RIGHT, given=0.5, fitted=0.5, is_corrected=True)
+PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0])
 
 
 @pytest.mark.parametrize(
-    ("after", "expected"),
+    ("numbers", "expected"),
     [
-        (0.4, Advice(Answer.UNSURE, wording.NOT_SIGNIFICANT)),
-        (0.5, Advice(Answer.NO, wording.NOT_BETTER)),
-        (0.6, Advice(Answer.NO, wording.NOT_BETTER)),
+        (RIGHT, Conclusion.NOTHING),
+        (replace(RIGHT, given=RULES.visible), Conclusion.NOTHING),
+        (replace(RIGHT, given=RULES.visible + 1e-6), Conclusion.UNDETERMINED),
+        (replace(RIGHT, fitted=RULES.visible + 1e-6), Conclusion.UNDETERMINED),
+        (replace(RIGHT, given=NAN), Conclusion.NOTHING),
+        (replace(RIGHT, given=NAN, fitted=NAN), Conclusion.UNDETERMINED),
+        (OFF, Conclusion.UNDETERMINED),
+        (replace(OFF, own=0.4), Conclusion.NOTHING),  # no more than on its own recordings
+        (replace(OFF, own=0.37), Conclusion.UNDETERMINED),
+        (replace(OFF, given=0.25, fitted=0.25, own=0.01), Conclusion.NOTHING),  # a floor of what is visible
+        (replace(OFF, given=1.1, own=2.0), Conclusion.UNDETERMINED),
+        (PHYSICS, Conclusion.PHYSICS),
+        (
+            replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0]),
+            Conclusion.PHYSICS,
+        ),  # there, if it matters or not
+        (replace(OFF, kinds=[Kind.PARAMETER], shares=[1.0]), Conclusion.PARAMETER),
+        (replace(OFF, kinds=[Kind.SENSOR], shares=[0.0]), Conclusion.SENSOR),
+        (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER], shares=[0.4, 0.6]), Conclusion.PARAMETER),
+        (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER], shares=[0.6, 0.4]), Conclusion.PHYSICS),
     ],
 )
-def test_a_correction_that_is_not_validated_is_open_where_the_error_falls(
-    after: float, expected: Advice
+def test_the_verdict_follows_from_findings_and_errors(numbers: Numbers, expected: Conclusion) -> None:
+    assert decide.conclusion(numbers, RULES) is expected
+
+
+@pytest.mark.parametrize(
+    ("own", "expected"), [(None, 0.3), (0.01, 0.3), (0.5, 0.665), (0.75, 0.9975), (0.76, 1.0), (3.0, 1.0)]
+)
+def test_a_learned_simulator_may_be_off_by_a_little_more_than_on_its_own_recordings(
+    own: float | None, expected: float
 ) -> None:
-    before = Rmse(0.5, 0.1)
-    fit = FitResult(("a",), 40.0, 3, ("headwind",), False, Compared(before, before, Rmse(after, 0.1)))
-    driven = Validated(cast(CorrectedTruck, None), cast(CorrectedTruck, None), {}, fit, None)
-    budget = Budget(40.0, 3, 0.5, ())
-    assert decide.advice((), Conclusion.PHYSICS, budget, driven, Rules(), faults=False)["apply"] == expected
+    assert decide.tolerance(own, RULES) == pytest.approx(expected)
+
+
+def lights(numbers: Numbers) -> dict[str, tuple[Answer, str]]:
+    found = decide.advice(numbers, decide.conclusion(numbers, RULES), RULES)
+    return {name: (a.answer, a.reason) for name, a in found.items()}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "answer", "reason"),
+    [
+        (RIGHT, Answer.YES, wording.ENOUGH),
+        (replace(RIGHT, missing=["gear"]), Answer.UNSURE, wording.not_recorded(["gear"])),
+        (replace(RIGHT, fitted=NAN, missing=["gear"]), Answer.NO, wording.TOO_SHORT),
+    ],
+)
+def test_data_are_enough_where_every_input_is_known(numbers: Numbers, answer: Answer, reason: str) -> None:
+    assert lights(numbers)["data"] == (answer, reason)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "answer", "reason"),
+    [
+        (RIGHT, Answer.YES, wording.good(0.1, 40.0)),
+        (replace(RIGHT, given=NAN), Answer.UNSURE, wording.NOT_DRIVEN),
+        (OFF, Answer.NO, wording.off(0.5, 40.0)),
+        (PHYSICS, Answer.NO, wording.off(0.5, 40.0)),
+        (replace(PHYSICS, given=0.1), Answer.NO, wording.off_fitted(0.5)),
+        (replace(PHYSICS, given=0.1, fitted=0.1), Answer.YES, wording.good_enough(0.1, 40.0)),
+        (
+            replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0]),
+            Answer.YES,
+            wording.without_faults(0.1, 40.0),
+        ),
+    ],
+)
+def test_whether_it_matters_is_the_light_of_the_simulator(
+    numbers: Numbers, answer: Answer, reason: str
+) -> None:
+    assert lights(numbers)["simulator"] == (answer, reason)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "answer", "reason"),
+    [
+        (
+            replace(PHYSICS, offered=CORRECTION, corrected=0.2),
+            Answer.YES,
+            wording.better(0.5, 0.2, refit=False),
+        ),
+        (replace(OFF, offered=REFIT, refitted=0.2), Answer.YES, wording.better(0.5, 0.2, refit=True)),
+        (
+            replace(OFF, kinds=[Kind.SENSOR], shares=[0.0], offered=CORRECTION, corrected=0.2),
+            Answer.UNSURE,
+            wording.after_repair(wording.better(0.5, 0.2, refit=False)),
+        ),
+        (replace(PHYSICS, corrected=0.4, refitted=0.6), Answer.UNSURE, wording.NOT_SIGNIFICANT),
+        (replace(PHYSICS, corrected=0.6, refitted=0.4), Answer.UNSURE, wording.NOT_SIGNIFICANT),
+        (replace(PHYSICS, corrected=0.5, refitted=0.5), Answer.NO, wording.NOT_BETTER),
+        (replace(PHYSICS, is_corrected=False), Answer.NO, wording.NOTHING_CORRECTED),
+        (replace(RIGHT, offered=CORRECTION, is_corrected=True), Answer.NO, wording.NOTHING_CORRECTED),
+        (replace(PHYSICS, given=NAN), Answer.NO, wording.NOT_DRIVEN),
+    ],
+)
+def test_what_is_best_on_drives_left_out_is_advised(numbers: Numbers, answer: Answer, reason: str) -> None:
+    assert lights(numbers)["apply"] == (answer, reason)
+
+
+def test_nothing_is_offered_where_nothing_is_missing() -> None:
+    assert decide.offered(replace(RIGHT, offered=REFIT), Conclusion.NOTHING) == AS_GIVEN
+    assert decide.offered(replace(OFF, offered=REFIT), Conclusion.UNDETERMINED) == REFIT

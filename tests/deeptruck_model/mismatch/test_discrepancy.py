@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.classify import classify
 from deeptruck_model.mismatch.discrepancy import USUAL, _slow_noise, allowed_for, kept
+from deeptruck_model.mismatch.names import Names, names
+from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
@@ -31,10 +32,13 @@ def test_an_error_on_its_own_recordings_too_is_not_detected(nothing_missing: Evi
     warm = 1.0 - np.exp(-nothing_missing["elapsed"] / 200.0)
     fades = 0.4 * nothing_missing["brake"] * warm
     flawed = replace(nothing_missing, residual=nothing_missing.residual + fades)
-    same = classify(Regression(with_own(flawed, flawed)), frozenset(), Rules())
-    new = classify(Regression(with_own(flawed, nothing_missing)), frozenset(), Rules())
-    assert not same.detected
-    assert new.threshold < same.threshold
+    same, new = (_names(with_own(flawed, own)) for own in (flawed, nothing_missing))
+    assert not any(n.accepted for n in same.found)
+    assert next(n for n in new.found if n.accepted).tree.families["brakes"] > 0.9
+
+
+def _names(e: Evidence) -> Names:
+    return names(posterior(Regression(e), Rules(), sweeps=40), Rules())
 
 
 def test_a_rare_jolt_is_no_slow_noise(nothing_missing: Evidence) -> None:

@@ -133,6 +133,6 @@ def test_a_force_goes_into_a_simulator_that_reports_none_of_its_own(shuttle: Pat
     *fit, held, also = drives(Limited(truck, 900.0), 8)
     found = mismatch.find_mismatch(truck, fit, [held, also])
     first = found.result.findings[0]
-    assert "torque_limit" in (first.effect, *first.cannot_be_told_from)
+    assert "torque_limit" in (first.effect, *first.credible_set)
     assert found.result.fit.validated
     assert found.result.fit.errors.after.speed < 0.2 * found.result.fit.errors.before.speed

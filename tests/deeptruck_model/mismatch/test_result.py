@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.fit_result import FitResult, WithoutExogenous
+from deeptruck_model.mismatch.fit_result import FitResult, Refitted, WithoutExogenous
 from deeptruck_model.mismatch.result import (
     Bound,
     Conclusion,
@@ -13,7 +13,6 @@ from deeptruck_model.mismatch.result import (
     Kind,
     Segment,
     Size,
-    SmallestVisible,
     Verdict,
 )
 
@@ -21,7 +20,8 @@ from deeptruck_model.mismatch.result import (
 def finding(sizes: dict[str, Size]) -> Finding:
     return Finding(
         Kind.PHYSICS, "headwind", "air_tyres_road", "headwind", "air moves against the truck", "F = 0", sizes,
-        0.92, 0.95, "coast both ways", ("speed",),
+        0.92, 0.95, "coast both ways", ("speed",), ("drag_area",), in_drives=("a",), share_of_error=0.4,
+        missing_input="gear",
     )  # fmt: skip
 
 
@@ -48,14 +48,12 @@ def test_a_finding_is_read_as_it_was_written() -> None:
 
 def test_no_newtons_without_a_mass() -> None:
     assert Segment("a", 1.0, 2.0, 0, None, 0, 1, 1.0).to_json()["mean_force_n"] is None
-    seen = SmallestVisible({}, 0.02, None)
-    assert seen.to_json() == {"steady force all the time": {"m_s2": 0.02}}
-    assert SmallestVisible.read(seen.to_json()) == seen
 
 
 def test_a_fit_is_read_as_it_was_written() -> None:
     fit = FitResult(
         ("a",), 40.0, 3, ("headwind",), False, output_error=True,
-        without_exogenous=WithoutExogenous(("gap",), 0.3),
+        without_exogenous=WithoutExogenous(("gap",), 0.3), offered="as_given",
+        refit={"mass": Refitted(0.1, (0.05, 0.15), "kg", 11000.0, (10500.0, 11500.0))},
     )  # fmt: skip
     assert FitResult.read(fit.to_json()) == fit

@@ -30,6 +30,12 @@ def test_unrecorded_braking_is_found_where_it_acts() -> None:
     assert found[~on].mean() < 0.02
 
 
+def test_a_truck_whose_pedal_is_never_released_does_not_brake() -> None:
+    e, _ = braked(evidence())
+    e = replace(e, signals=e.signals | {"engine_command": e["engine_command"] + 0.5})
+    assert not unrecorded.braking(e, Rules())[0].any()
+
+
 def test_noise_alone_is_no_braking() -> None:
     e = evidence()
     e = replace(e, signals={k: v for k, v in e.signals.items() if k != BRAKE_COMMAND})

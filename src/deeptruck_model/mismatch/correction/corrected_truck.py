@@ -32,8 +32,8 @@ EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", 
 
 # 1: forces gave force per mass of acceleration; 2: a force that changed did nothing while brakes held.
 # 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.
-# 4: terms were settings by name, and not variants.
-SCHEMA = 5
+# 4: terms were settings by name, and not variants. 5: a term could be confined to a regime.
+SCHEMA = 6
 
 
 @dataclass(frozen=True)

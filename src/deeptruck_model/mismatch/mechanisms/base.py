@@ -17,17 +17,12 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import (
     Expression,
-    Lag,
     Rerun,
     Signal,
-    maximum,
     rows_of,
 )
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, curves
-from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, OVERALL_RATIO, PULL, SPEED
 from deeptruck_model.mismatch.mechanisms.variants import (
-    Gate,
-    Gated,
     OwnCurve,
     Simple,
     Sum,
@@ -38,17 +33,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
 
 Array = NDArray[np.float64]
-
-# A regime is where driving has been for a moment. The noise of a speed that just then stands at a border
-# would open and close it, and is in the acceleration too; what the simulator says of its engine has none.
-GATE_S = 1.5
-GATES: dict[str, tuple[Expression, tuple[str, ...]]] = {  # what borders run through, and what it needs
-    "speed": (Lag((SPEED,), GATE_S), ("speed",)),
-    "lever": (Lag((OVERALL_RATIO,), GATE_S), ("lever",)),
-    "grade": (Lag((Signal("grade"),), GATE_S), ("grade",)),
-    "engine": (Lag((ENGINE,), GATE_S), ("engine",)),
-    "engine torque": (PULL / maximum(OVERALL_RATIO, 0.05), ("engine", "lever")),
-}
 
 
 @dataclass(frozen=True)
@@ -88,7 +72,6 @@ class Mechanism:
     prior: float = 1.0
     force: bool = True  # its columns are forces per mass, and no errors of a sensor
     unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
-    confinable: bool = True  # it may act in a regime of driving alone, and several of its forms at once
 
     def chance(self, e: Evidence) -> float:
         """Prior probability relative to the other mechanisms, given which signals were recorded."""
@@ -121,20 +104,11 @@ def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
     match variant:
         case Sum(summands):
             return [c for part in summands for c in _forces(mechanism, part)]
-        case Gated(of, gate):
-            inside = _inside(gate)
-            return [replace(c, expression=c.expression * inside) for c in _forces(mechanism, of)]
         case OwnCurve():
             return _own_columns(mechanism.effect, variant)
         case Simple():
             return mechanism.build(variant)
     raise TypeError(f"{variant!r} is no variant of a term")
-
-
-def _inside(gate: Gate) -> Expression:
-    """One within a regime, zero elsewhere."""
-    above = GATES[gate.signal][0] > gate.at
-    return above if gate.side == "above" else 1.0 - above
 
 
 def _with_effective_mass(force: Expression) -> Expression:

@@ -112,7 +112,6 @@ MECHANISMS = (
         "step one command at a time, on one clock with the response",
         _delays,
         _delay,
-        confinable=False,  # several delays side by side are any filter
     ),
     Mechanism(
         "command_rate_limit",
@@ -137,7 +136,6 @@ MECHANISMS = (
         _delay,
         kind="measurement_fault",
         prior=0.5,
-        confinable=False,  # a clock is off always or not at all
     ),
     Mechanism(
         "grade_bias",
@@ -151,6 +149,5 @@ MECHANISMS = (
         _grade_bias,
         kind="measurement_fault",
         prior=0.7,
-        confinable=False,  # a sensor is off always or not at all
     ),
 )

@@ -86,7 +86,6 @@ MECHANISMS = (
         _grades,
         _grade,
         unlikely_with="grade",
-        confinable=False,  # a road does not ask how it is driven
     ),
     Mechanism(
         "road_surface",

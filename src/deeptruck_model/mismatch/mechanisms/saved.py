@@ -12,14 +12,14 @@ from functools import cache
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from deeptruck_model.mismatch.mechanisms.variants import Constants, Gate, Variant
+from deeptruck_model.mismatch.mechanisms.variants import Constants, Variant
 
 KIND = "kind"
-Saved = Variant | Constants | Gate
+Saved = Variant | Constants
 
 
 def to_json(x: Saved) -> dict[str, Any]:
-    """A variant, its constants or a gate as plain values."""
+    """A variant or its constants as plain values."""
     return {KIND: type(x).__name__} | {f.name: _plain(getattr(x, f.name)) for f in fields(x)}  # type: ignore[arg-type]
 
 
@@ -55,7 +55,7 @@ def _value(x: Any) -> Any:
 
 @cache
 def _kinds() -> dict[str, type[Any]]:
-    return {kind.__name__: kind for kind in (*_below(Variant), *_below(Constants), Constants, Gate)}
+    return {kind.__name__: kind for kind in (*_below(Variant), *_below(Constants), Constants)}
 
 
 @cache

@@ -3,7 +3,7 @@
 What enters a mechanism's formula nonlinearly (time constants, thresholds, orders) are its `Constants`, a
 frozen dataclass beside each formula. Four variants say where a coefficient applies: `Static` always,
 `FromMoment` from a moment on, `PerRecording` in one recording each, `Spline` at knots in time or distance.
-`OwnCurve` is a curve through a few knots over a variable. `Gated` and `Sum` are made of variants.
+`OwnCurve` is a curve through a few knots over a variable. `Sum` is made of variants.
 """
 
 from __future__ import annotations
@@ -32,22 +32,13 @@ class Constants:
 NONE = Constants()
 
 
-@dataclass(frozen=True)
-class Gate:
-    """One side of a border: the signal by its name in `base.GATES`, and the value of the border."""
-
-    signal: str
-    side: Literal["above", "below"]
-    at: float
-
-
 class Variant(ABC):
     """What all variants can be asked."""
 
     @property
     @abstractmethod
     def leaves(self) -> tuple[Simple, ...]:
-        """The summands without windows and gates around them."""
+        """The summands that are no sum."""
 
     @property
     def parts(self) -> tuple[Variant, ...]:
@@ -63,11 +54,6 @@ class Variant(ABC):
     def trials(self) -> float:
         """How many alternatives it was picked from."""
         return 1.0
-
-    @property
-    def gate(self) -> Gate | None:
-        """The regime to which all of it is confined."""
-        return None
 
     @property
     def varies_in_time(self) -> bool:
@@ -183,30 +169,6 @@ class OwnCurve(Simple):
 
 
 @dataclass(frozen=True)
-class Gated(Variant):
-    """A variant that acts on one side of a border alone."""
-
-    of: Variant
-    within: Gate
-
-    @property
-    def leaves(self) -> tuple[Simple, ...]:
-        return self.of.leaves
-
-    @property
-    def constants(self) -> Constants:
-        return self.of.constants
-
-    @property
-    def trials(self) -> float:
-        return self.of.trials
-
-    @property
-    def gate(self) -> Gate | None:
-        return self.within
-
-
-@dataclass(frozen=True)
 class Sum(Variant):
     """Variants of one mechanism side by side: its true form may lie between two of them."""
 
@@ -219,8 +181,3 @@ class Sum(Variant):
     @property
     def leaves(self) -> tuple[Simple, ...]:
         return tuple(leaf for part in self.summands for leaf in part.leaves)
-
-    @property
-    def gate(self) -> Gate | None:
-        gates = {part.gate for part in self.summands}
-        return gates.pop() if len(gates) == 1 else None

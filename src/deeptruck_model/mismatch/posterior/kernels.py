@@ -13,14 +13,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_terms, is_time_varying
 from deeptruck_model.mismatch.mechanisms.variants import Spline, Variant
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 
 Array = NDArray[np.float64]
 
 UNKNOWN = "unknown"
-NOTHING = "nothing"  # is missing beside names that are given
 LAW, IN_TIME, UNNAMED = 24, 60, 40  # leading directions that are kept of a kernel
 TIME_VARYING = 0.3  # prior odds that a name which may be time-varying is
 CARRIERS = {
@@ -45,11 +44,6 @@ class Kernel:
     chance: float = 1.0
     part: str = "law"  # which of the name's forces it holds: its laws, those that vary in time, a parameter's
 
-    @property
-    def key(self) -> str:
-        """Its own, of which there is one."""
-        return f"{self.name}, {self.part}"
-
 
 _made: WeakKeyDictionary[Regression, tuple[Kernel, ...]] = WeakKeyDictionary()  # no longer than the search
 
@@ -62,7 +56,7 @@ def kernels(search: Regression) -> tuple[Kernel, ...]:
 
 
 def _kernels(search: Regression) -> tuple[Kernel, ...]:
-    found = [k for m in search.library for k in _of_terms(search, search.candidate_terms(m))]
+    found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e))]
     parameters = [
         Kernel(
             p,

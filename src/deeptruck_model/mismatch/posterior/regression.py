@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Mechanism, candidate_terms
-from deeptruck_model.mismatch.mechanisms.regimes import Regimes
 from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.residual.noise import Fit, Prior, Series, fit
 from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
@@ -39,6 +38,7 @@ class Model:
     score: float
     layout: tuple[tuple[str, slice], ...] = field(default=())
     rules: Rules = field(default_factory=Rules)
+    mass_gain: float = 1.0  # of the mass that is accelerated, the share that does not turn
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -58,13 +58,13 @@ class Model:
 
     def moved(self, parameter: str) -> float:
         """Relative change of a parameter that has the effect of the linear one, `change`."""
-        return changed_by(parameter, self.change(parameter))
+        return changed_by(parameter, self.change(parameter), self.mass_gain)
 
     def moved_sd(self, parameter: str) -> float:
         """Posterior sd of `moved`, to first order, and what a line through the simulator's answer may be off
         by so far away: half of the second-order term."""
         moved = self.moved(parameter)
-        steeper = (1.0 + moved) ** 2 if parameter == "mass" else 1.0
+        steeper = (1.0 + self.mass_gain * moved) ** 2 if parameter == "mass" else 1.0
         return float(np.hypot(steeper * self.change_sd(parameter), 0.5 * moved**2))
 
     def covariance(self, name: str) -> Array:
@@ -78,9 +78,10 @@ class Model:
         return out
 
 
-def changed_by(parameter: str, slope: float) -> float:
-    """The relative change whose effect is the linear one of `slope`: forces act by one over the mass."""
-    return 1.0 / (1.0 - min(slope, LARGEST_SLOPE)) - 1.0 if parameter == "mass" else slope
+def changed_by(parameter: str, slope: float, gain: float = 1.0) -> float:
+    """The relative change whose effect is the linear one of `slope`: forces act by one over the mass, of
+    which a share of `gain` is the truck's and the rest turns with it."""
+    return slope / (1.0 - gain * min(slope, LARGEST_SLOPE / gain)) if parameter == "mass" else slope
 
 
 class Regression:
@@ -110,7 +111,8 @@ class Regression:
         self.library = [
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
-        self.regimes = Regimes.of(evidence, self.series.usable())
+        gain = evidence.signals.get("effective_mass_gain", np.ones(len(evidence)))[evidence.valid]
+        self.mass_gain = float(np.median(gain)) if len(gain) else 1.0
         self.own = Regression(evidence.itself) if evidence.itself is not None else None
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._models: dict[tuple[object, ...], Model] = {}
@@ -133,7 +135,8 @@ class Regression:
             cost = self.rules.temper * sum(
                 np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named
             )
-            model = Model(named, free, found, found.evidence - float(cost), layout, self.rules)
+            score = found.evidence - float(cost)
+            model = Model(named, free, found, score, layout, self.rules, self.mass_gain)
             beyond = {p for p in free if not self.possible(p, model)}
             self._models[key] = self.model(named, free - beyond, start) if beyond else model
         return self._models[key]
@@ -159,16 +162,6 @@ class Regression:
                 break
             grown = step
         return max((best, grown, everything), key=lambda m: m.score)
-
-    def whitened(self, base: Model, noise: Model) -> tuple[Array, Array, Array, Array]:
-        """Residual and columns of `base` in units of the noise, its inverse precision, and the weights."""
-        X, prior, _ = self.design(base)
-        z = noise.fit.innovations[self.rows]
-        weight = np.sqrt((TAIL + 1) / (TAIL + z**2)) / (self.series.relative[self.rows] * noise.fit.sigma)
-        Xw = whiten(X, noise.fit.ar, self.rows, weight)
-        yw = whiten(self.series.y - X @ base.fit.b, noise.fit.ar, self.rows, weight)
-        H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
-        return yw, Xw, H0, weight
 
     def design(self, model: Model) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         """Columns (n, k), prior and layout of a model."""

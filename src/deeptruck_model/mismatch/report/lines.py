@@ -11,13 +11,14 @@ from deeptruck_model.mismatch.folders import REFIT
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
     PARAMETER_NAMES,
+    RECORD_ROAD,
     ROOT,
     opened,
     percent,
     spoken,
 )
-from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, SmallestVisible, Verdict
-from deeptruck_model.mismatch.tree import Node
+from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.tree import UNKNOWN, Node
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 HEADLINES = {
@@ -26,6 +27,7 @@ HEADLINES = {
 }
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
+MOST_SETS = 3  # of names that are in together, which are listed
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
 
 
@@ -38,18 +40,41 @@ class Light(NamedTuple):
 
 
 def headline(v: Verdict) -> str:
-    """At most eight words."""
+    """What is wrong, in which drives if not in all, how much of the error it is, and what to do."""
     if not v.findings:
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED])
-    first = max(v.findings, key=lambda f: f.share_of_explainable_error)
-    name = spoken(first.effect if first.stated == ROOT else first.stated)
-    if first.kind is Kind.SENSOR:
-        return opened(f"{name}: a fault of measurement")
-    if first.stated == ROOT:
-        return opened(f"{name} is most probable")
-    if first.kind is Kind.PARAMETER:
-        return opened(f"{name} of the simulator is wrong")
-    return opened(f"{name} is missing" if first.stated == first.effect else f"{name}: an effect is missing")
+    f = v.findings[0]
+    where = f" in {', '.join(f.in_drives)}" if f.in_drives else ""
+    share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
+    return f"{opened(_what(f))}{where}{share}: {_next_step(v)}"
+
+
+def _what(f: Finding) -> str:
+    """The most probable statement."""
+    if f.effect == UNKNOWN:
+        return f.says
+    name = spoken(f.effect if f.stated in (ROOT, f.effect) else f.stated)
+    if f.kind is Kind.SENSOR:
+        return f"{name}, a fault of measurement"
+    if f.stated == ROOT:
+        return f"{name} is most probable ({percent(f.probability)})"
+    if f.kind is Kind.PARAMETER:
+        return f"{name} of the simulator is wrong" if f.stated == f.effect else f"an error in {name}"
+    return f"{name} is missing" if f.stated == f.effect else f"an effect in {name} is missing"
+
+
+def _next_step(v: Verdict) -> str:
+    """In a few words."""
+    if v.validated and v.fit is not None:
+        return "apply the refitted parameters" if v.fit.offered == REFIT else "apply the correction"
+    if any(f.kind is Kind.SENSOR for f in v.findings):
+        return "repair the sensor"
+    good = v.advice.get("simulator")
+    if good is not None and good.answer == "yes":
+        return "the simulator is good enough as it is"
+    if v.findings[0].effect == UNKNOWN:
+        return RECORD_ROAD
+    return "see what to do"
 
 
 def what(v: Verdict) -> Iterator[str]:
@@ -103,34 +128,32 @@ def how_probable(v: Verdict) -> Iterator[str]:
         yield cause(f)
     if not v.findings and v.tree and v.kind is Conclusion.UNDETERMINED:
         yield candidates(v.tree)
-    if v.smallest_visible is not None:
-        yield smallest(v.smallest_visible)
-
-
-def smallest(s: SmallestVisible) -> str:
-    """What these drives would not have shown."""
-    sizes = [f"{spoken(name)} {percent(size)}" for name, size in s.parameters.items()]
-    newtons = "" if s.mass_kg is None else f" ({s.steady * s.mass_kg:,.0f} N)"
-    sizes.append(f"a steady force {s.steady:.2g} m/s²{newtons}")
-    return f"Smaller errors would not have been detected: {', '.join(sizes)}."
+    if len(v.explanations) > 1 and v.findings:
+        sets = [
+            f"{' and '.join(map(spoken, x.names)) or 'nothing'} {percent(x.probability)}"
+            for x in v.explanations[:MOST_SETS]
+        ]
+        yield f"In together: {'; '.join(sets)}."
 
 
 def candidates(tree: Sequence[Node]) -> str:
     """The most probable families, none of which is stated."""
     top = [n for n in tree if n.parent == ROOT][:3]
     if len(top) == 1:
-        return "No mechanism was detected, and these data do not identify what the simulator is off by."
+        return "No mechanism is in, and these data do not identify what the simulator is off by."
     split = ", ".join(f"{spoken(n.node)} {percent(n.probability)}" for n in top)
     return f"No part of the truck is at 90 %: {split}."
 
 
 def cause(f: Finding) -> str:
     """The stated node and the split below it."""
-    if f.kind is Kind.SENSOR or f.family == f.effect:
+    if f.effect == UNKNOWN:
+        return f"{opened(f.says)}, {percent(f.probability)}."
+    if f.kind is Kind.SENSOR:
         return f"{opened(spoken(f.effect))}: {f.says}."
     split = f"{spoken(f.effect)} {percent(f.probability)}"
-    if f.cannot_be_told_from:
-        split += f"; else {', '.join(map(spoken, f.cannot_be_told_from))}"
+    if f.credible_set:
+        split += f"; else {', '.join(map(spoken, f.credible_set))}"
     beside = f"; {BESIDE_MISSING[f.missing_input]}" if f.missing_input else ""
     return f"{opened(spoken(f.family))}, {percent(f.family_probability)}: {split}{beside}."
 
@@ -171,7 +194,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
     elif v.kind is Conclusion.NOTHING:
         yield "Use the simulator as it is."
     manoeuvres = dict.fromkeys(
-        f.would_be_told_by for f in v.findings if f.would_be_told_by and f.cannot_be_told_from
+        f.separating_manoeuvre for f in v.findings if f.separating_manoeuvre and f.credible_set
     )
     for manoeuvre in list(manoeuvres)[:2]:
         yield f"To separate the names: {manoeuvre}."

@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoke
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.result import Finding, Mismatch, Segment, Verdict
 from deeptruck_model.mismatch.strength import NOTABLE
-from deeptruck_model.mismatch.tree import LEFT_OVER
+from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN
 
 Array = NDArray[np.float64]
 
@@ -146,10 +146,12 @@ def _finding(f: Finding) -> dict[str, Any]:
                 f"{_digits(f.strength.value)} {f.strength.unit} ({kind}), {time} of the time",
             )
         )
-    if f.would_be_told_by:
-        rows.append(("manoeuvre", f.would_be_told_by))
+    if f.in_drives:
+        rows.append(("in drives", ", ".join(f.in_drives)))
+    if f.separating_manoeuvre:
+        rows.append(("manoeuvre", f.separating_manoeuvre))
     return {
-        "title": opened(spoken(f.effect if f.stated == ROOT else f.stated)),
+        "title": opened(spoken(f.effect if f.stated == ROOT or f.effect == UNKNOWN else f.stated)),
         "says": opened(f.says) + ".",
         "rows": rows,
     }

@@ -22,6 +22,12 @@ PARAMETER_MANOEUVRE = {
 SENSOR_MANOEUVRE = "drive a known distance and compare each sensor with it"
 UNKNOWN_FORCE = "a force that follows no mechanism of the library"
 RECORD_MORE = "record the channels on which the force may depend, and drive where it is largest"
+RECORD_ROAD = "record elevation or position"
+DRIFT = {
+    "slow": "a slow force that no recorded channel explains, as a slope or wind is",
+    "place": "a force that depends on the road position and that no recorded channel explains, as a slope is",
+    "each_drive": "a constant force that differs between drives, as load, tyres, wind or a slope sensor do",
+}
 COUNTS_AS_LEARNED = (
     "the simulator has neither parameters() nor inside(): it is treated as a learned one, beside which fewer "
     "names are accepted (docs/simulators.md)"
@@ -57,6 +63,16 @@ def good(error: float, horizon_s: float) -> str:
     return f"{off(error, horizon_s)}, and nothing that matters is left"
 
 
+def good_enough(error: float, horizon_s: float) -> str:
+    """That what is in does not matter for driving."""
+    return f"{off(error, horizon_s)}: what is missing hardly matters"
+
+
+def off_fitted(error: float) -> str:
+    """By how much the simulator is off along the drives that were fitted."""
+    return f"along the fitted drives it is off by {error:.2g} m/s"
+
+
 def without_faults(error: float, horizon_s: float) -> str:
     """The same with sensors that are corrected."""
     return f"with the sensor corrected {off(error, horizon_s)}"
@@ -90,6 +106,7 @@ PARTS = {
     "slow": "slow drift",
     "left_over": "unexplained",
     "unknown": "no known mechanism",
+    "unrecorded:gear": "gear changes that were not recorded",
     "commands obeyed": "whether commands were obeyed",
 }
 ROOT = "mismatch"

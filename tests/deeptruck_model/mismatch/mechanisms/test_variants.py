@@ -12,8 +12,6 @@ from deeptruck_model.mismatch.mechanisms.base import every_variant
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.variants import (
     FromMoment,
-    Gate,
-    Gated,
     OwnCurve,
     PerRecording,
     Spline,
@@ -23,7 +21,6 @@ from deeptruck_model.mismatch.mechanisms.variants import (
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
-UPHILL = Gate("grade", "above", 0.02)
 SPLINE = Spline("elapsed", (3, 4), ("a", "b"), 20.0, 1.0 / 7.0, 0.1)
 EACH = PerRecording(("a", "b"), 0.5)
 LATER = FromMoment(1, 30.0, 2, 32)
@@ -38,9 +35,8 @@ LATER = FromMoment(1, 30.0, 2, 32)
         (EACH, False, 1.0),
         (SPLINE, True, 20.0),
         (replace(SPLINE, knots=()), False, 1.0),
-        (Gated(SPLINE, UPHILL), True, 20.0),
         (Sum((Static(), EACH)), False, 1.0),
-        (Sum((Static(), Gated(SPLINE, UPHILL))), True, 1.0),
+        (Sum((Static(), SPLINE)), True, 1.0),
     ],
 )
 def test_what_is_asked_of_a_variant_is_asked_of_all_it_is_made_of(
@@ -49,14 +45,8 @@ def test_what_is_asked_of_a_variant_is_asked_of_all_it_is_made_of(
     assert (variant.varies_in_time, variant.trials) == (varies, trials)
 
 
-def test_a_sum_is_confined_to_a_regime_only_where_all_of_it_is() -> None:
-    gated = Gated(Static(), UPHILL)
-    assert Gated(Sum((Static(), EACH)), UPHILL).gate == UPHILL == Sum((gated, Gated(EACH, UPHILL))).gate
-    assert Sum((gated, Static())).gate is None
-
-
 def test_constants_are_reported_with_those_of_every_summand() -> None:
-    both = Sum((Static(Keeps(30.0)), Gated(LATER, UPHILL)))
+    both = Sum((Static(Keeps(30.0)), LATER))
     assert dict(both.numbers()) == {"keeps_s": 30.0, "after_s": 30.0}
 
 
@@ -64,7 +54,7 @@ def test_every_variant_is_the_same_after_it_was_kept(nothing_missing: Evidence) 
     for mechanism in LIBRARY.values():
         if nothing_missing.has(*mechanism.needs):
             for variant in every_variant(mechanism, nothing_missing):
-                whole = Gated(Sum((variant, variant)), UPHILL)
+                whole = Sum((variant, variant))
                 again = saved.variant_of(json.loads(json.dumps(saved.to_json(whole))))
                 assert again == whole
 
@@ -74,10 +64,8 @@ def test_every_variant_is_the_same_after_it_was_kept(nothing_missing: Evidence) 
     [
         {},
         {"kind": "Nothing"},
-        {"kind": "Gate", "signal": "speed", "side": "above", "at": 1.0},
-        {"kind": "Gated", "of": {"kind": "Static"}},
-        {"kind": "Gated", "of": 3, "within": saved.to_json(UPHILL)},
-        saved.to_json(UPHILL) | {"side": "beside"},
+        {"kind": "Keeps", "keeps_s": 30.0},
+        {"kind": "Sum", "summands": 3},
         {"kind": "Static", "constants": {"kind": "Keeps", "keeps_s": "long"}},
         {"kind": "Static", "constants": {"kind": "Keeps", "keeps_s": float("nan")}},
         saved.to_json(SPLINE) | {"knots": [3, "four"]},

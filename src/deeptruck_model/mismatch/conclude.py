@@ -1,0 +1,127 @@
+"""The verdict put together: findings, where they act, and what `decide` makes of the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from deeptruck_model.mismatch import decide, where
+from deeptruck_model.mismatch.comparison import Compared
+from deeptruck_model.mismatch.findings import findings, of_fault
+from deeptruck_model.mismatch.folders import AS_GIVEN
+from deeptruck_model.mismatch.model import Made
+from deeptruck_model.mismatch.posterior.regression import FREE
+from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.report import wording
+from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch.result import Advice, Answer, Verdict
+from deeptruck_model.mismatch.road import Road
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import ROOT, Node
+from deeptruck_model.mismatch.unrecorded import NotRecorded, contradicted_mass
+from deeptruck_model.mismatch.validate import Validated
+from deeptruck_model.mismatch.witnesses import Witness
+
+
+def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
+    """Where nothing can be compared: a fault of the sensors if there is one, else undetermined, and why."""
+    found = tuple(of_fault(f) for f in drives.faults)
+    why = drives.useless or ""
+    return Verdict(
+        decide.uncompared(faulty=bool(found)),
+        found,
+        rejected=drives.rejected,
+        caveats=(*drives.caveats, why),
+        not_recorded=missing,
+        advice={
+            "data": Advice(Answer.NO, why),
+            "simulator": Advice(Answer.UNSURE, "nothing could be compared"),
+            "apply": Advice(Answer.NO, wording.NOTHING_CORRECTED),
+        },
+        recorded=drives.samples,
+    )
+
+
+def conclude(
+    c: Compared,
+    road: Road | None,
+    witnesses: tuple[Witness, ...],
+    made: Made,
+    driven: Validated,
+    rules: Rules,
+) -> Verdict:
+    """The verdict from all that was measured."""
+    e, fit = c.search.e, driven.fit
+    numbers = _numbers(c, driven)
+    found = findings(c, made, road, numbers.error, decide.tolerance(numbers.own, rules), rules)
+    shares = [f.share_of_explainable_error for f in found]
+    numbers = replace(numbers, kinds=[f.kind for f in found], shares=shares)
+    kind = decide.conclusion(numbers, rules)
+    offered = decide.offered(numbers, kind)
+    forces = {i: f.force for i, f in enumerate(found) if f.force is not None}
+    error = np.sum(list(forces.values()), axis=0) if forces else e.residual
+    ahead = road.ahead if road is not None else None
+    return Verdict(
+        kind,
+        found,
+        tuple(where.segments(e, forces)),
+        tuple(where.regimes(e, error)),
+        replace(fit, offered=offered, validated=offered != AS_GIVEN, next_pass=ahead),
+        c.drives.rejected,
+        (*c.drives.caveats, *_caveats(c), *_mass(c, made)),
+        c.missing,
+        c.budget,
+        witnesses,
+        tree(c, road, rules),
+        decide.advice(numbers, kind, rules),
+        c.drives.samples,
+        float(e.everywhere().valid.mean()),
+        c.names.explanations,
+    )
+
+
+def tree(c: Compared, road: Road | None, rules: Rules) -> tuple[Node, ...]:
+    """Of the first finding, or of the road; `nothing` with its probability where nothing is found."""
+    if road is not None and road.tree.stated(rules.stated) != ROOT:
+        return road.tree.nodes()
+    if c.names.found:
+        return c.names.found[0].tree.nodes()
+    return (Node("nothing", ROOT, round(1.0 - c.names.any, 4)),)
+
+
+def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
+    fit, nan = driven.fit, float("nan")
+    errors = fit.errors
+    return decide.Numbers(
+        given=errors.before.speed if errors is not None else nan,
+        refitted=errors.parameters_only.speed if errors is not None else nan,
+        corrected=errors.after.speed if errors is not None else nan,
+        horizon_s=fit.horizon_s,
+        fitted=c.budget.speed_rmse,
+        own=driven.own_error,
+        offered=fit.offered,
+        is_corrected=bool(fit.corrected),
+        missing=[m.input for m in c.missing],
+    )
+
+
+def _caveats(c: Compared) -> list[str]:
+    out = []
+    if c.search.e.itself is None and not c.search.e.known_physics:
+        out.append(wording.COUNTS_AS_LEARNED)
+    if not c.search.e.mass_known:
+        out.append(wording.WITHOUT_MASS)
+    return out
+
+
+def _mass(c: Compared, made: Made) -> Iterator[str]:
+    """A stated mass that the drives contradict, with all parameters free beside what was found."""
+    model = c.search.model(made.recipe.terms, frozenset(c.search.parameters))
+    if "mass" not in c.parameters or "mass" not in model.free or model.moved_sd("mass") >= 0.5 * FREE["mass"]:
+        return
+    about = c.parameters["mass"] * (1.0 + c.search.e.moved.get("mass", 0.0))
+    value, wide = about * (1.0 + model.moved("mass")), Z95 * about * model.moved_sd("mass")
+    recordings = [p.recording for p in c.drives.part(held_out=False)]
+    yield from contradicted_mass(recordings, value, (value - wide, value + wide))

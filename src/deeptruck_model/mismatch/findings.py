@@ -1,0 +1,202 @@
+"""Findings: what is in, with its sizes, the drives in which it acts, and what may be in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.budget import Budget
+from deeptruck_model.mismatch.comparison import Compared
+from deeptruck_model.mismatch.data.checks import SensorFault
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.model import Made
+from deeptruck_model.mismatch.names import Named
+from deeptruck_model.mismatch.report import wording
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch.result import Finding, Kind, Size
+from deeptruck_model.mismatch.road import Road
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.sizes import sizes_of
+from deeptruck_model.mismatch.strength import Strength, acts, visible
+from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, PLACE, ROOT, SLOW, UNKNOWN, Tree
+
+Array = NDArray[np.float64]
+
+LATE = ("command_delay", "clock_offset")
+IN_DRIVE = 0.15  # of a force's largest rms in a drive: with less it does not act in another
+FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its deviation is an estimate
+
+
+def findings(
+    c: Compared, made: Made | None, road: Road | None, error: float, tolerance: float, rules: Rules
+) -> tuple[Finding, ...]:
+    """Faults of sensors, the road, every name that is in, and what is slow or differs between drives where
+    the simulator is off by more than `tolerance`, m/s. Without sizes where nothing was made."""
+    e = c.search.e
+    out = [of_fault(f) for f in c.drives.faults]
+    of_road = _of_road(e, road, rules)
+    out += of_road
+    for named in c.names.found:
+        f = _of_named(c, made, named, rules)
+        if f is not None and named.accepted and _longer_than_sensors(f, e):
+            out.append(replace(f, missing_input=c.behind.get(f.effect, "")))
+    if error > tolerance and not of_road:
+        out += _of_drift(c, rules)
+    shown = _with_shares(e, out, c.budget)
+    return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
+
+
+def _of_named(c: Compared, made: Made | None, named: Named, rules: Rules) -> Finding | None:
+    search, name = c.search, named.name
+    if name in search.parameters and name not in LIBRARY:
+        return _of_parameter(c, named, rules)
+    if name in search.parameters and c.posterior.is_parameter(name):
+        return _of_parameter(c, named, rules)
+    if name == UNKNOWN:
+        f = _finding(search.e, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force, rules)
+        return replace(f, separating_manoeuvre=wording.RECORD_MORE)
+    m = LIBRARY[name]
+    f = _finding(search.e, named, Kind(m.kind), m.says, named.force, rules)
+    term = next((t for t in made.terms if t.mechanism.effect == name), None) if made is not None else None
+    sizes = sizes_of(term, made.fit, search.e) if made is not None and term is not None else {}
+    return replace(
+        f,
+        equation=m.equation,
+        parameters=sizes,
+        depends_on=m.depends_on,
+        separating_manoeuvre=m.separated_by,
+    )
+
+
+def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
+    """The road, where what is slow depends on its position and its name is stated."""
+    if road is None or road.tree.stated(rules.stated) == ROOT:
+        return []
+    m = LIBRARY[road.tree.first]
+    f = _finding(e, road.named(), Kind(m.kind), m.says, road.force, rules)
+    return [replace(f, equation=m.equation, depends_on=m.depends_on, separating_manoeuvre=m.separated_by)]
+
+
+def _of_drift(c: Compared, rules: Rules) -> list[Finding]:
+    """A force that is slow, of a place, or of one drive, and follows no recorded channel."""
+    out = []
+    for part in (EACH_DRIVE, PLACE, SLOW):
+        p, share = c.posterior.probability(part), c.budget.share(part)
+        size = c.budget.speed_rmse * float(np.sqrt(share))
+        if p >= rules.named and size >= rules.drift:
+            force = c.posterior.force(part)
+            tree = Tree({part: p})
+            f = _finding(
+                c.search.e, Named(part, tree, 0.0, force), Kind.PHYSICS, wording.DRIFT[part], force, rules
+            )
+            out.append(
+                replace(
+                    f,
+                    effect=UNKNOWN,
+                    separating_manoeuvre=wording.RECORD_ROAD,
+                )
+            )
+    return out
+
+
+def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
+    """An error of a parameter; None where it is no larger than that of any simulator may be."""
+    name, search = named.name, c.search
+    change, sd = c.posterior.change(name)
+    if abs(change) - Z95 * sd < rules.nearly_right:
+        return None
+    low, high = search.e.vehicle.possible(name)
+    ci95 = (max(change - Z95 * sd, low), min(change + Z95 * sd, high))
+    sizes = {"relative_error": Size(change, "1", ci95)}
+    if name in c.parameters:
+        value, a, b = (c.parameters[name] * (1.0 + x) for x in (change, *ci95))
+        sizes = {name: Size(value, wording.PARAMETER_UNITS.get(name, "1"), (a, b))} | sizes
+    force = np.nan_to_num(search.e.sensitivity[name]) * change
+    f = _finding(search.e, named, Kind.PARAMETER, wording.of_parameter(name, change), force, rules)
+    manoeuvre = wording.PARAMETER_MANOEUVRE.get(name, "")
+    return replace(f, parameters=sizes, depends_on=("all driving",), separating_manoeuvre=manoeuvre)
+
+
+def of_fault(f: SensorFault) -> Finding:
+    """A fault that shows between sensors alone."""
+    ci = (f.value - Z95 * f.se, f.value + Z95 * f.se)
+    return Finding(
+        Kind.SENSOR, f.effect, FAMILY[f.effect], f.effect, f.says, f.equation,
+        {"value": Size(f.value, f.unit, ci)}, FAULT, FAULT, wording.SENSOR_MANOEUVRE, f.between,
+        share_of_explainable_error=0.0,
+    )  # fmt: skip
+
+
+def _finding(e: Evidence, named: Named, kind: Kind, says: str, force: Array, rules: Rules) -> Finding:
+    first = named.name
+    family = FAMILY.get(first, first)
+    rivals = tuple(n for n in named.tree.credible(rules.credible) if n != first)
+    return Finding(
+        kind,
+        first,
+        family,
+        named.tree.stated(rules.stated),
+        says,
+        "",
+        {},
+        round(named.tree.names[first], 3),
+        round(named.tree.families[family], 3),
+        "",
+        (),
+        rivals,
+        evidence_nats=round(named.held, 1),
+        strength=_strength(e, force),
+        force=force,
+        in_drives=_drives(e, force),
+    )
+
+
+def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
+    """The fitted drives in which a force acts; none where it does in all."""
+    seen = visible(e)
+    own = {
+        s.name: float(np.sqrt(np.mean(force[s.rows][seen[s.rows]] ** 2)))
+        for s in e.stretches
+        if not s.held_out and seen[s.rows].any()
+    }
+    most = max(own.values(), default=0.0)
+    there = tuple(name for name, rms in own.items() if rms > IN_DRIVE * most)
+    return there if len(there) < len(own) else ()
+
+
+def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
+    """Whether a finding is not only a lateness that ordinary message periods and filters have. Of a lateness
+    the sensors' own columns hold a part, so that the whole residual is compared."""
+    if f.effect not in LATE or f.force is None:
+        return True
+    late = e.rerun("delay_all", e.rules.least_delay_s)[e.valid]
+    times = abs(float(e.residual[e.valid] @ late)) / max(float(late @ late), 1e-12)
+    return times > 1.0
+
+
+def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[Finding]:
+    """The findings, each with its share of the squares of all their forces."""
+    squares = [float(np.sum(f.force[e.valid] ** 2)) if f.force is not None else 0.0 for f in found]
+    total = sum(squares) or 1.0
+    return [
+        replace(f, share_of_explainable_error=round(x / total, 3), share_of_error=_share(f, budget))
+        for f, x in zip(found, squares, strict=True)
+    ]
+
+
+def _share(f: Finding, budget: Budget) -> float | None:
+    """Of the budget, that the family of a finding has; None for one that is no part of it."""
+    return next((p.share for p in budget.parts if p.part == f.family), None)
+
+
+def _strength(e: Evidence, force: Array) -> Strength:
+    """How strong a force (n,), m/s^2, is while it acts."""
+    on = acts(force, visible(e), e.dt)
+    part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
+    one_way = bool(abs(part.mean()) > 0.5 * np.abs(part).mean())
+    value = float(part.mean() if one_way else np.sqrt(np.mean(part**2)))
+    return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)))

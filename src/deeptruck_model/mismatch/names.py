@@ -1,0 +1,124 @@
+"""Names read from the posterior: what is in, in which families, and which sets of names are in together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import FAMILY, ROOT, SLOW, Tree
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RARE = 0.02  # probability below which a name is left out
+MOST_EXPLANATIONS = 6
+ALIKE = 0.3  # cosine of two whitened forces above which one name may stand in another's place
+LEAST_RATIO = 0.5  # of driving: in less than half as much, a discrepancy counts as in half
+
+
+@dataclass(frozen=True)
+class Named:
+    """One thing that is in: the most probable `name`, the `tree` of what may be in its place, the gain (nats)
+    of its kernel, and the posterior mean (n,) of its force, m/s^2. Only where it is `accepted` it is a
+    finding."""
+
+    name: str
+    tree: Tree
+    held: float
+    force: Array
+    accepted: bool = True
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Names that are in together, and how probable it is that these and no others are."""
+
+    names: tuple[str, ...]
+    probability: float
+
+    def to_json(self) -> dict[str, object]:
+        """An entry of `explanations`."""
+        return {"names": list(self.names), "probability": round(self.probability, 3)}
+
+
+@dataclass(frozen=True)
+class Names:
+    """What was found, the most probable first; the probability that any mechanism is in, and that slow drift
+    is; the sets that are in together; and the probability of every name."""
+
+    found: tuple[Named, ...]
+    any: float
+    slow: float
+    explanations: tuple[Explanation, ...]
+    each: Mapping[str, float]
+
+
+def names(p: Posterior, rules: Rules) -> Names:
+    """The names of a posterior. A finding is the most probable name of the most probable family of what no
+    finding before it stands for. In draws without it a name whose force is alike stands in its place."""
+    there = {n: p.inside(n) for n in dict.fromkeys(k.name for k in p.of)}
+    slow = float(there[SLOW].mean()) if SLOW in there else 0.0
+    own = {n: x for n, x in there.items() if n not in NO_NAME}
+    some = float(np.any(list(own.values()), axis=0).mean()) if own else 0.0
+    left = {n: x.copy() for n, x in own.items() if x.mean() >= RARE}
+    mean = {n: p.mean_coefficients(n) for n in left}
+    least = _own_gain(p, rules)
+    found: list[Named] = []
+    while left and len(found) < rules.most_findings:
+        family, probability = _most_probable(left)
+        if probability < rules.named and (found or some < rules.named):
+            break
+        first = max((n for n in left if FAMILY[n] == family), key=lambda n: left[n].mean())
+        tree = _places_of(first, left, {n: p.alike(mean[first], mean[n]) for n in left}, ALIKE)
+        stated = tree.stated(rules.stated) != ROOT  # a learned simulator is off in many ways
+        accepted = (stated or p.search.e.known_physics) and p.gain(first) > least
+        found.append(Named(first, tree, p.gain(first), p.force(first, own[first]), accepted))
+        left = {n: x for n, x in left.items() if x.mean() >= RARE}
+    each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= RARE}
+    return Names(tuple(found), some, slow, _explanations(own), each)
+
+
+def _own_gain(p: Posterior, rules: Rules) -> float:
+    """What a name must gain beside a learned simulator, nats: more than the best one does, in as much
+    driving, on the recordings that the simulator keeps."""
+    own = p.search.own
+    if own is None:
+        return 0.0
+    ratio = max(float(p.search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), LEAST_RATIO)
+    return rules.discrepancy * ratio * max(gains(own, rules).values())
+
+
+def _most_probable(left: Mapping[str, Mask]) -> tuple[str, float]:
+    families: dict[str, Mask] = {}
+    for n, x in left.items():
+        families[FAMILY[n]] = families.get(FAMILY[n], np.zeros_like(x)) | x
+    best = max(families, key=lambda f: families[f].mean())
+    return best, float(families[best].mean())
+
+
+def _places_of(first: str, left: dict[str, Mask], alike: Mapping[str, float], least: float) -> Tree:
+    """In which share of the draws each name stands for the first, taken out of what is `left`."""
+    shares = {first: float(left[first].mean())}
+    open_ = ~left.pop(first)
+    for n in sorted((n for n in left if alike[n] > least), key=lambda n: -alike[n]):
+        here = open_ & left[n]
+        if here.any():
+            shares[n] = float(here.mean())
+            open_ = open_ & ~here
+            left[n] = left[n] & ~here
+    return Tree(shares)
+
+
+def _explanations(own: Mapping[str, Mask]) -> tuple[Explanation, ...]:
+    order = sorted(own)
+    count = len(next(iter(own.values()))) if own else 0
+    sets = Counter(
+        tuple(n for n, x in zip(order, row, strict=True) if x) for row in np.array([own[n] for n in order]).T
+    )
+    return tuple(Explanation(s, k / count) for s, k in sets.most_common(MOST_EXPLANATIONS))

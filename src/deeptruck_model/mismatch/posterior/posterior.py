@@ -1,0 +1,225 @@
+"""One posterior from which names, budget and correction are read.
+
+The residual is a sum of blocks: every mechanism's kernels, parameters, what no mechanism would do,
+constants of drives, slow drift and road positions. Each is in or out with a size (`sampler`), beside what
+sensors do, and beside noise that is fitted again beside what is in.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
+from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
+from deeptruck_model.mismatch.posterior.sampler import SIZES, Blocks, Draws, sample
+from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, fit, whiten
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW
+
+Array = NDArray[np.float64]
+
+SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where there would be more
+PLACE_M, MOST_PLACES = 200.0, 160
+TWICE = 0.3  # of the way that is driven again, at least, for a block of its own
+DRIFT = 0.05  # m/s^2, prior sd of what is slow, of a place, and of a constant per drive
+CHUNK = 4096  # rows that are whitened at once
+NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
+NO_NAME = (SLOW, PLACE, EACH_DRIVE)  # blocks that are no mechanism
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws of the blocks `of` a regression that are in, by the place of each in `of`."""
+
+    search: Regression
+    of: tuple[Kernel, ...]
+    at: tuple[NDArray[np.intp], ...]
+    draws: Draws
+    always: Array  # (n, k) columns that are always in: parameters near their values, sensors
+    mean: Array  # (n,) m/s^2, what the prior means of these are
+    noise: Fit
+    prior: Prior
+    gram: Array  # of all whitened columns
+    first: Array  # what each block gains by itself at each size, nats
+
+    def inside(self, name: str) -> NDArray[np.bool_]:
+        """In which draws (m,) a block of this name is in."""
+        own = [j for j, k in enumerate(self.of) if k.name == name]
+        return np.asarray(self.draws.inside[:, own].any(axis=1), dtype=bool)
+
+    def coefficients(self, j: int) -> Array:
+        """Of a block, in each draw, (m, k)."""
+        return self.draws.coefficients[:, self.at[j]]
+
+    def probability(self, name: str) -> float:
+        """That a name is in; zero where there is no such block."""
+        return float(self.inside(name).mean()) if any(k.name == name for k in self.of) else 0.0
+
+    def is_parameter(self, name: str) -> bool:
+        """Whether the parameter of a name is in more often than its other forces."""
+        inside = self.draws.inside
+        own = {k.part: float(inside[:, j].mean()) for j, k in enumerate(self.of) if k.name == name}
+        return own.pop("parameter", 0.0) >= max(own.values(), default=0.0)
+
+    def change(self, parameter: str) -> tuple[float, float]:
+        """Relative change of a parameter from the simulator as given where it is in, and its standard
+        deviation."""
+        s, i = self.search, self.search.parameters.index(parameter)
+        j = next(j for j, k in enumerate(self.of) if k.name == parameter and k.part == "parameter")
+        there = self.inside(parameter)
+        b = self.draws.coefficients[there]
+        slope = self.prior.mean[i] + self.prior.sd[i] * b[:, i] + FREE[parameter] * b[:, self.at[j][0]]
+        gain = s.mass_gain if parameter == "mass" else 1.0
+        moved = np.array([changed_by(parameter, float(x), gain) for x in slope])
+        mean = float(moved.mean())
+        sd = float(np.hypot(moved.std(), 0.5 * mean**2))
+        further = s.e.moved.get(parameter, 0.0)
+        return s.e.total_change(parameter, mean), (1.0 + further) * sd
+
+    def mean_coefficients(self, name: str) -> Array:
+        """Of a name (k,), in the draws in which it is in; zero elsewhere."""
+        own = np.concatenate([a for k, a in zip(self.of, self.at, strict=True) if k.name == name])
+        out = np.zeros(len(self.gram))
+        out[own] = self.draws.coefficients[self.inside(name)][:, own].mean(axis=0)
+        return out
+
+    def alike(self, a: Array, b: Array) -> float:
+        """Cosine between the whitened forces of coefficients (k,)."""
+        both = float(a @ self.gram @ b)
+        return both / max(float(np.sqrt((a @ self.gram @ a) * (b @ self.gram @ b))), 1e-12)
+
+    def gain(self, name: str) -> float:
+        """Log evidence of a name's best block by itself, all sizes alike, nats."""
+        own = [j for j, k in enumerate(self.of) if k.name == name]
+        return float((logsumexp(self.first[own], axis=1) - np.log(len(SIZES))).max())
+
+    def force(self, name: str, given: NDArray[np.bool_] | None = None) -> Array:
+        """Posterior mean (n,) of a name's force, m/s^2, over all draws or those given."""
+        out = np.zeros(len(self.search.e))
+        for j, k in enumerate(self.of):
+            if k.name == name:
+                b = self.coefficients(j) if given is None else self.coefficients(j)[given]
+                if len(b) and np.abs(b).max(initial=0.0) > 0.0:
+                    out += k.features @ b.mean(axis=0)
+        return out
+
+
+def posterior(
+    search: Regression, rules: Rules, extra: Sequence[Kernel] = (), *, seed: int = 0, sweeps: int = 240
+) -> Posterior:
+    """Draws from the posterior of all blocks of a search, and of those that are `extra`."""
+    X, prior, _ = search.design(search.model((), frozenset()))
+    always = X * prior.sd
+    mean = X @ prior.mean
+    of = (*kernels(search), *extra, *_drift(search))
+    sizes = np.cumsum([always.shape[1], *(k.features.shape[1] for k in of)])
+    at = tuple(np.arange(a, b) for a, b in itertools.pairwise(sizes))
+    noise = search.background(()).fit
+    y = search.series.y - mean
+    odds = np.array([np.log(rules.odds * k.chance) for k in of])
+    columns = [always, *(k.features for k in of)]
+    first = np.arange(always.shape[1])
+    draws: Draws | None = None
+    unit = rules.temper
+    for turn in range(2):
+        gram, pull = _products(search, columns, y, noise)
+        signed = [None if k.sign is None else _signed(k, search) for k in of]
+        blocks = Blocks(gram, pull, at, odds, signed)
+        if not turn:
+            draws = sample(blocks, first, unit, seed, sweeps=12)
+            b = draws.coefficients.mean(axis=0)
+            own = always @ b[first] + sum(
+                (k.features @ b[a] for k, a in zip(of, at, strict=True) if np.abs(b[a]).max(initial=0.0) > 0),
+                start=np.zeros(len(y)),
+            )
+            left = np.where(search.series.valid, y - own, 0.0)
+            noise = fit(replace(search.series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
+        else:
+            draws = sample(blocks, first, unit, seed, sweeps=sweeps)
+    assert draws is not None
+    return Posterior(search, of, at, draws, always, mean, noise, prior, gram, draws.alone)
+
+
+def gains(search: Regression, rules: Rules) -> dict[str, float]:
+    """Log evidence of each name by itself over none, nats, along the drives of a search."""
+    p = posterior(search, rules, sweeps=1)
+    return {name: p.gain(name) for name in dict.fromkeys(k.name for k in p.of) if name not in NO_NAME}
+
+
+def _products(search: Regression, columns: Sequence[Array], y: Array, noise: Fit) -> tuple[Array, Array]:
+    """Inner products of whitened columns, and of these with y; rows are whitened in chunks."""
+    rows = search.rows
+    weight = np.sqrt((TAIL + 1) / (TAIL + noise.innovations[rows] ** 2))
+    weight = weight / (search.series.relative[rows] * noise.sigma)
+    k = sum(c.shape[1] for c in columns)
+    gram, pull = np.zeros((k, k)), np.zeros(k)
+    for begin in range(0, len(rows), CHUNK):
+        part = slice(begin, begin + CHUNK)
+        some, w = rows[part], weight[part]
+        F = np.concatenate([whiten(np.nan_to_num(c), noise.ar, some, w) for c in columns], axis=1)
+        gram += F.T @ F
+        pull += F.T @ whiten(y, noise.ar, some, w)
+    return gram, pull
+
+
+def _signed(k: Kernel, search: Regression) -> Array:
+    assert k.sign is not None
+    rows = search.rows
+    out: Array = np.nan_to_num(k.features[rows]).T @ k.sign[rows]
+    return out / max(float(np.linalg.norm(out)), 1e-12)
+
+
+def _drift(search: Regression) -> list[Kernel]:
+    """What is no mechanism: slow in time, of a road position, constant in a drive."""
+    e, rows = search.e, search.rows
+    fitted = [i for i, s in enumerate(e.stretches) if not s.held_out]
+    drive = np.stack([e.record == i for i in fitted], axis=1).astype(float)
+    place = _places(search)
+    out = [Kernel(SLOW, DRIFT * _knots(search), part=SLOW)]
+    if place is not None:
+        out.append(Kernel(PLACE, DRIFT * place, part=PLACE))
+    if len(fitted) > 1:
+        out.append(Kernel(EACH_DRIVE, DRIFT * (drive - drive[rows].mean(axis=0)), part=EACH_DRIVE))
+    return out
+
+
+def _knots(search: Regression) -> Array:
+    """A linear spline over time within each drive, (n, k)."""
+    e = search.e
+    fitted = [s for s in e.stretches if not s.held_out]
+    seconds = sum(s.stop - s.start for s in fitted) * e.dt
+    spacing = max(SLOW_S, seconds / MOST_KNOTS)
+    parts = []
+    for s in fitted:
+        t = np.arange(s.stop - s.start) * e.dt
+        knots = np.arange(0.0, t[-1] + spacing, spacing)
+        part = np.zeros((len(e), len(knots)))
+        part[s.rows] = np.maximum(1.0 - np.abs(t[:, None] - knots) / spacing, 0.0)
+        parts.append(part)
+    return np.concatenate(parts, axis=1)
+
+
+def _places(search: Regression) -> Array | None:
+    """A linear spline over road positions that more than one drive passes, (n, k); None where hardly any of
+    the road is driven again."""
+    e = search.e
+    known = e.valid & (e["place"] >= 0.0)
+    if not known.any() or np.array_equal(e["place"], e["distance"]):  # positions were not recorded
+        return None
+    bins = (e["place"][known] / PLACE_M).astype(int)
+    passes = {b: len(np.unique(e.record[known][bins == b])) for b in np.unique(bins)}
+    again = np.array([passes[b] > 1 for b in bins])
+    if again.mean() < TWICE:
+        return None
+    last = float(e["place"][known].max())
+    spacing = max(PLACE_M, last / MOST_PLACES)
+    knots = np.arange(0.0, last + spacing, spacing)
+    out = np.maximum(1.0 - np.abs(e["place"][:, None] - knots) / spacing, 0.0)
+    out[e["place"] < 0.0] = 0.0
+    return out

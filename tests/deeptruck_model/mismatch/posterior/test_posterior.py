@@ -1,0 +1,101 @@
+"""One posterior over small drives whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from small_drives import N, evidence
+
+from deeptruck_model.mismatch.names import names
+from deeptruck_model.mismatch.posterior.kernels import kernels
+from deeptruck_model.mismatch.posterior.posterior import Posterior, gains, posterior
+from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
+
+RULES = Rules()
+FORCES = {
+    "none": 0.0,
+    "drag": -0.25 * 1e-4 * evidence()["speed"] ** 2,
+    "brakes": 0.2 * evidence()["brake"],
+    "by drive": np.repeat([0.08, -0.06, -0.02], N // 3),
+    "swell": 0.06 * np.sin(2 * np.pi * np.arange(N) * 0.2 / 150.0),
+}
+
+
+@cache
+def of(name: str) -> Posterior:
+    return posterior(Regression(evidence(FORCES[name])), RULES, sweeps=60)
+
+
+def test_of_noise_nothing_is_found() -> None:
+    found = names(of("none"), RULES)
+    assert not found.found
+    assert found.any < 0.5
+    assert found.explanations[0].names == ()
+
+
+def test_a_parameter_that_is_wrong_is_found_with_its_size() -> None:
+    p = of("brakes")
+    found = names(p, RULES)
+    assert found.found[0].tree.families["brakes"] > 0.9
+    assert p.probability("brake_gain") > 0.5
+    change, sd = p.change("brake_gain")
+    assert change == pytest.approx(-0.2, abs=3.0 * sd + 0.01)
+
+
+@pytest.mark.parametrize(("name", "block"), [("by drive", EACH_DRIVE), ("swell", SLOW)])
+def test_what_follows_no_channel_is_a_drift_and_no_name(name: str, block: str) -> None:
+    p = of(name)
+    assert p.probability(block) > 0.9
+    force = p.force(block)
+    assert np.corrcoef(force[p.search.rows], FORCES[name][p.search.rows])[0, 1] > 0.9
+
+
+def test_the_mean_force_is_what_was_planted() -> None:
+    p = of("brakes")
+    first = names(p, RULES).found[0]
+    planted = FORCES["brakes"][p.search.rows]
+    left = first.force[p.search.rows] - planted
+    assert np.sum(left**2) < 0.1 * np.sum(planted**2)
+
+
+def test_probabilities_of_explanations_add_up_to_at_most_one() -> None:
+    found = names(of("drag"), RULES)
+    assert 0.5 < sum(x.probability for x in found.explanations) <= 1.0
+    assert all(0.0 < x <= 1.0 for x in found.each.values())
+
+
+def test_a_name_gains_most_of_its_own_force() -> None:
+    by_name = gains(Regression(evidence(FORCES["brakes"])), RULES)
+    assert by_name["brake_gain"] > 20.0
+    assert by_name["brake_gain"] > by_name.get("drag_area", 0.0)
+
+
+def test_kernels_are_made_once_and_have_a_feature_for_each_parameter() -> None:
+    search = Regression(evidence())
+    made = kernels(search)
+    assert kernels(search) is made
+    own = {k.name: k for k in made if k.part == "parameter"}
+    assert set(own) == set(search.parameters)
+    assert np.allclose(
+        own["brake_gain"].features[:, 0], search.e.sensitivity["brake_gain"] * FREE["brake_gain"]
+    )
+
+
+@pytest.mark.parametrize(("gain", "x"), [(1.0, -0.5), (1.0, 1.0), (0.6, -0.5), (0.6, 1.0)])
+def test_a_mass_that_changed_much_is_found_from_what_it_changes_to_first_order(gain: float, x: float) -> None:
+    """Of the mass that is accelerated a share turns, and does not change."""
+    slope = x / (1.0 + gain * x)  # what a line through the simulator's own answer says of F / (m (1 + x) + J)
+    assert changed_by("mass", slope, gain) == pytest.approx(x)
+    assert changed_by("drag_area", slope, gain) == slope
+
+
+def test_a_parameter_that_moved_far_has_a_wide_interval() -> None:
+    e = evidence()
+    far = Regression(replace(e, residual=e.residual - 0.6 * e["brake"] * -1.0))
+    model = far.model((), frozenset({"brake_gain"}))
+    assert model.moved_sd("brake_gain") >= 0.5 * model.moved("brake_gain") ** 2
