@@ -66,6 +66,7 @@ def judge(case: Case, run: ToolRun, *, with_rivals: bool = True) -> dict[str, An
         "input_stated": score.input_stated(truth, run.verdict, run.says),
         "each_drive_found": score.each_drive_found(truth, run.verdict),
         "overlap": score.overlap(truth, run.verdict),
+        "events": score.score_events(truth, run.verdict),
         "intervals": score.score_intervals(truth, run.verdict),
         "information_nats": truth["information_nats"],
         "information_left_nats": truth["information_left_nats"],

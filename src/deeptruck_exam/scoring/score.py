@@ -139,6 +139,16 @@ def overlap(truth: Mapping[str, Any], verdict: Verdict) -> float | None:
     return both / either if either > 0.0 else 0.0
 
 
+def score_events(truth: Mapping[str, Any], verdict: Verdict) -> dict[str, int]:
+    """At level `rare`, how many times the effect acted and how many of these an event covers by half or more;
+    and, at any level, the events that overlap nothing."""
+    true, found = _spans(truth["segments"]), _spans(verdict.get("events") or ())
+    rare = [(name, span) for name, spans in true.items() for span in spans if truth["level"] == "rare"]
+    covered = [_common([span], found.get(name, [])) / (span[1] - span[0]) for name, span in rare]
+    alone = [_common([span], true.get(name, [])) == 0.0 for name, spans in found.items() for span in spans]
+    return {"true": len(rare), "located": sum(c >= 0.5 for c in covered), "false": sum(alone)}
+
+
 Spans = list[tuple[float, float]]
 
 

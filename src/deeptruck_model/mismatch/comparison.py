@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.budget import Budget
+from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.names import Names
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -27,8 +28,8 @@ class Uncompared:
 @dataclass(frozen=True)
 class Compared:
     """The simulator's own `parameters`, the drives, what was not recorded, the `residual` (n,), m/s^2, of the
-    simulator as given, the posterior, which may be about refitted parameters, the names and the budget, and
-    the missing input by the names that it may explain as well."""
+    simulator as given, the posterior, which may be about refitted parameters, the names and the budget, the
+    missing input by the names that it may explain as well, and what acts for seconds."""
 
     parameters: Mapping[str, float]
     drives: Drives
@@ -38,6 +39,7 @@ class Compared:
     names: Names
     budget: Budget
     behind: Mapping[str, str]
+    events: tuple[Event, ...] = ()
 
     @property
     def search(self) -> Regression:

@@ -79,6 +79,7 @@ def conclude(
         c.drives.samples,
         float(e.everywhere().valid.mean()),
         c.names.explanations,
+        c.events,
     )
 
 

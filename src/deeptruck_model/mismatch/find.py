@@ -19,11 +19,13 @@ from deeptruck_model.mismatch.comparison import Compared, Uncompared
 from deeptruck_model.mismatch.conclude import conclude, useless
 from deeptruck_model.mismatch.data.prepared import too_little
 from deeptruck_model.mismatch.discrepancy import allowed_for
+from deeptruck_model.mismatch.events import events
 from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.model import correct
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.nuisance import about_fitting_parameters
+from deeptruck_model.mismatch.posterior.kernels import without as leaving_out
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.prepare import Span, prepared, with_rejection
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -148,10 +150,24 @@ def compared(
     say("comparing every mechanism with what the simulator is off by")
     search = about_fitting_parameters(simulator, drives, e, hidden, seed, exclude, say)
     found = posterior(search, rules, seed=seed)
+    happened = events(found, seed)
+    if happened:  # what acts for seconds is left out of the fit of what acts always
+        rows = np.zeros(len(e), dtype=bool)
+        for event in happened:
+            rows[event.start : event.stop] = True
+        found = posterior(leaving_out(search, rows), rules, seed=seed)
     parts = budget(found, hidden & ~e.held_out, e)
     behind = unrecorded.names_behind([*recordings, *held_out], missing)
     return Compared(
-        dict(simulator.parameters()), drives, missing, e.residual, found, names(found, rules), parts, behind
+        dict(simulator.parameters()),
+        drives,
+        missing,
+        e.residual,
+        found,
+        names(found, rules),
+        parts,
+        behind,
+        happened,
     )
 
 

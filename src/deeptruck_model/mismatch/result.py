@@ -14,6 +14,7 @@ from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, Interval
 from deeptruck_model.mismatch.names import Explanation
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -239,6 +240,7 @@ class Verdict:
     recorded: int = 0
     compared: float = 0.0
     explanations: tuple[Explanation, ...] = ()
+    events: tuple[Event, ...] = ()
 
     @property
     def validated(self) -> bool:
@@ -253,7 +255,7 @@ class Verdict:
                 "verdict": self.kind,
                 "findings": [f.to_json() for f in self.findings],
                 "explanations": [x.to_json() for x in self.explanations],
-                "events": [],
+                "events": [x.to_json() for x in self.events],
                 "segments": [s.to_json() for s in self.segments],
                 "regimes": [r.to_json() for r in self.regimes],
                 "fit": self.fit.to_json() if self.fit is not None else {},
@@ -297,6 +299,7 @@ class Verdict:
             data.get("recorded", 0),
             data.get("compared", 0.0),
             tuple(Explanation(tuple(x["names"]), x["probability"]) for x in verdict.get("explanations", ())),
+            tuple(Event.read(x) for x in verdict.get("events", ())),
         )
 
 

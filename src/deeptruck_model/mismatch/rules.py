@@ -95,6 +95,11 @@ class Rules:
     )
     most_findings: int = _rule(4, "1", "names of one verdict", CHOSEN)
 
+    # events
+    false_events: float = _rule(
+        0.05, "1/h", "expected events in driving in which nothing happens", STATISTICS
+    )
+
     # budget
     witness: float = _rule(
         0.1,

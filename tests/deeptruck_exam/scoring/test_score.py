@@ -5,13 +5,17 @@ import math
 import pytest
 
 from deeptruck_exam.scoring import score
-from deeptruck_exam.scoring.score import improvement, overlap, score_intervals, score_names
+from deeptruck_exam.scoring.score import improvement, overlap, score_events, score_intervals, score_names
 
 
 def truth(*names, **more):
     effects = [{"name": n, "key": n, "accepts": [], "comparable": {}} for n in names]
     known = {"verdict": "missing_physics", "segments": [], "not_recorded": "", "each_drive": False}
     return {"effects": effects, **known, **more}
+
+
+def spans(*rows):
+    return [{"recording": n, "start_s": a, "end_s": b} for n, a, b in rows]
 
 
 def verdict(*findings, kind="missing_physics"):
@@ -98,10 +102,15 @@ def test_the_probabilities_of_all_names_are_one_together():
     ) == pytest.approx(1.0)
 
 
-def test_overlap_of_segments():
-    def spans(*rows):
-        return [{"recording": n, "start_s": a, "end_s": b} for n, a, b in rows]
+def test_events_are_located_by_half_and_false_where_they_overlap_nothing():
+    rare = truth("x", segments=spans(("a", 0, 6), ("b", 10, 16), ("b", 30, 36))) | {"level": "rare"}
+    found = {"events": spans(("a", 3, 9), ("b", 14, 16), ("b", 50, 60))}
+    assert score_events(rare, found) == {"true": 3, "located": 1, "false": 1}
+    assert score_events(rare | {"level": "noise"}, found) == {"true": 0, "located": 0, "false": 1}
+    assert score_events(rare, {}) == {"true": 3, "located": 0, "false": 0}
 
+
+def test_overlap_of_segments():
     asked = truth("x", segments=spans(("a", 0, 10), ("b", 0, 10)))
     assert overlap(asked, {"segments": spans(("a", 0, 10), ("b", 0, 10))}) == 1.0
     assert overlap(asked, {"segments": spans(("a", 0, 6), ("a", 4, 10))}) == pytest.approx(0.5)

@@ -55,6 +55,13 @@ def kernels(search: Regression) -> tuple[Kernel, ...]:
     return _made[search]
 
 
+def without(search: Regression, rows: NDArray[np.bool_]) -> Regression:
+    """The same regression, with the same kernels, in which some rows (n,) do not count."""
+    other = search.without(rows)
+    _made[other] = kernels(search)
+    return other
+
+
 def _kernels(search: Regression) -> tuple[Kernel, ...]:
     found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e))]
     parameters = [

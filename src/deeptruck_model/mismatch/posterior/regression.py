@@ -9,7 +9,8 @@ penalises every coefficient.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,15 @@ class Regression:
         self.own = Regression(evidence.itself) if evidence.itself is not None else None
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._models: dict[tuple[object, ...], Model] = {}
+
+    def without(self, rows: Mask) -> Regression:
+        """The same regression in which some rows (n,) do not count."""
+        other = copy(self)
+        other.e = replace(self.e, valid=self.e.valid & ~rows)
+        other.series = replace(self.series, valid=self.series.valid & ~rows)
+        other.rows = np.flatnonzero(other.series.usable())
+        other._models = {}
+        return other
 
     def candidate_terms(self, mechanism: Mechanism) -> list[CandidateTerm]:
         """All candidate terms of a mechanism on this evidence, made once."""

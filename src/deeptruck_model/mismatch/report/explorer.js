@@ -23,6 +23,7 @@ function strip(d, a, b, from, to, columns, colours, label, last) {
   plot.panel(from, to);
   plot.scale([t[0], t[t.length - 1]], reach(parts));
   data.segments.filter(s => s.drive === d.name).forEach(s => plot.span(s.from, s.to, "#e69f00", 0.18));
+  data.events.filter(x => x.drive === d.name).forEach(x => plot.span(x.from, x.to, "#7b1fa2", 0.22));
   marks.filter(m => m.drive === d.name).forEach(m => plot.span(m.from, m.to, "#555555", 0.25));
   plot.axes(last ? "time, s" : "", label);
   parts.forEach((part, k) => plot.line(t, part, colours[k]));

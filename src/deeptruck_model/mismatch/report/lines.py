@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import SETTLE_S
+from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.folders import REFIT
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
@@ -27,6 +28,7 @@ HEADLINES = {
 }
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
+MOST_EVENTS = 3  # that are listed
 MOST_SETS = 3  # of names that are in together, which are listed
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
 
@@ -42,11 +44,16 @@ class Light(NamedTuple):
 def headline(v: Verdict) -> str:
     """What is wrong, in which drives if not in all, how much of the error it is, and what to do."""
     if not v.findings:
-        return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED])
+        besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
+        return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides
     f = v.findings[0]
     where = f" in {', '.join(f.in_drives)}" if f.in_drives else ""
     share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
     return f"{opened(_what(f))}{where}{share}: {_next_step(v)}"
+
+
+def _count(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _what(f: Finding) -> str:
@@ -93,9 +100,20 @@ def what(v: Verdict) -> Iterator[str]:
             f"Along the fitted drives the simulator is off by {b.speed_rmse:.2g} m/s after up to "
             f"{b.horizon_s:.0f} s. Shares of the squared error: {', '.join(large)}."
         )
+    if v.events:
+        more = len(v.events) - MOST_EVENTS
+        listed = "; ".join(event(x) for x in v.events[:MOST_EVENTS])
+        yield f"Events, which act for seconds: {listed}{f'; {more} more' if more > 0 else ''}."
     for w in v.witnesses[:3]:
         share, part = percent(w.share), spoken(w.part)
         yield f"The channel {w.channel} predicts {share} of the part '{part}' on drives left out."
+
+
+def event(x: Event) -> str:
+    """Where one is, what it does to the speed, and its name."""
+    change = f"{abs(x.speed_change):.2g} m/s {'gained' if x.speed_change > 0.0 else 'lost'}"
+    name = f", {spoken(x.name)}" if x.name else ""
+    return f"{x.recording}, {x.start_s:.0f} to {x.end_s:.0f} s: {change}{name}"
 
 
 def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model import pages
 from deeptruck_model.mismatch.budget import Part
+from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
@@ -110,6 +111,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "rejected": [(r.rule, f"{r.samples:,}", percent(x)) for r, x in lines.shares_rejected(v)],
         "caveats": v.caveats,
         "where": _where(v),
+        "events": bool(v.events),
         "has_data": e is not None,
         "data": _data(found, e) if e is not None else "",
     }
@@ -221,11 +223,13 @@ def _data(found: Mismatch, e: Evidence) -> str:
             }
         )
     drives = [d for d in drives if d["n"] > 2]
-    first = v.segments[0] if v.segments else None
+    where: list[Segment | Event] = [*v.segments, *v.events]
+    first = where[0] if where else None
     content = {
         "step": round(per * e.dt, 4),
         "drives": drives,
         "found": bool(forces),
+        "events": [{"drive": x.recording, "from": x.start_s, "to": x.end_s} for x in v.events],
         "segments": [{"drive": s.recording, "from": s.start_s, "to": s.end_s} for s in v.segments],
         "first": _shown(first)
         if first is not None and any(d["name"] == first.recording for d in drives)
@@ -253,7 +257,7 @@ def _digits(x: float) -> str:
     return f"{x:,.0f}" if abs(x) >= 100.0 else f"{x:.3g}"
 
 
-def _shown(s: Segment) -> dict[str, Any]:
+def _shown(s: Segment | Event) -> dict[str, Any]:
     return {"drive": s.recording, "from": max(s.start_s - AROUND_S, 0.0), "to": s.end_s + AROUND_S}
 
 

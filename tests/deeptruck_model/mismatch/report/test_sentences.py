@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.fit_result import FitResult, Improvement
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
@@ -38,3 +39,15 @@ def test_what_differs_from_drive_to_drive_is_to_be_adapted_to_each() -> None:
     assert any("deeptruck-model adapt" in line for line in lines.what_to_do(driven(-0.4, 0.1)))
     steady = replace(PAYLOAD, depends_on=("speed",))
     assert not any("adapt" in line for line in lines.what_to_do(Verdict(Conclusion.PHYSICS, (steady,))))
+
+
+def test_events_are_said_with_what_they_do_to_the_speed() -> None:
+    lost, gained = Event("a", 12.0, 19.0, -0.42, 0.99, "headwind"), Event("b", 3.0, 8.0, 0.3, 0.99, None)
+    v = Verdict(Conclusion.NOTHING, compared=0.9, events=(lost, gained, gained, gained))
+    assert lines.headline(v).endswith(", but for 4 events of seconds")
+    (said,) = [line for line in lines.what(v) if line.startswith("Events")]
+    assert "a, 12 to 19 s: 0.42 m/s lost, headwind; b, 3 to 8 s: 0.3 m/s gained; " in said
+    assert said.endswith("; 1 more.")
+    assert not any(
+        line.startswith("Events") for line in lines.what(Verdict(Conclusion.NOTHING, compared=0.9))
+    )

@@ -1,0 +1,347 @@
+"""Events: forces that act for seconds and then no more, in what is left of the residual after what is in.
+
+A matched filter for each leading direction of each mechanism's kernel, confined to a window, over all windows
+of 3 to 60 s. The residual is whitened, clipped (an outlier is no event) and filtered back, so that its inner
+products with all windows are differences of one cumulative sum per direction. A filter's gain is divided by
+its spread over the other windows of the same log: what a simulator is off by all the time is no event. The
+largest gain is held against that of noise of the fitted model along the same drives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+from scipy.stats import norm
+from scipy.stats import t as student_t
+
+from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, Kernel, kernels
+from deeptruck_model.mismatch.posterior.posterior import Posterior
+from deeptruck_model.mismatch.posterior.sampler import SIZES
+from deeptruck_model.mismatch.residual.evidence import Stretch
+from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Series, whiten
+from deeptruck_model.mismatch.tree import FAMILY
+from deeptruck_model.trucks.compiled import entry
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+
+LENGTHS_S = (3, 4, 5, 6, 7, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60)
+STEP_S = 1.0  # between the starts of windows
+LEADING = 2  # directions of a kernel that are sought
+STEADY = 0.05  # m/s^2: prior sd of a constant force, which is sought too
+LARGEST = float(SIZES[-1])  # of a force, beside its kernel's prior sd
+CLIP = 2.5  # of the innovations, in their own scale
+POWER = float(np.mean(np.clip(student_t(TAIL).ppf((np.arange(10_000) + 0.5) / 10_000), -CLIP, CLIP) ** 2))
+COMPARED = 0.7  # of a window, at least
+INFORMS = 1.0  # information of a window beside the prior's, at least, to count for a filter's spread
+QUANTILES = (0.5, 0.95)  # of the windows, by which a filter's spread is judged; events are in fewer
+NULLS = 40  # simulated residuals
+MOST = 50  # events
+
+
+@dataclass(frozen=True)
+class Event:
+    """A force that acts from `start_s` to `end_s` of a recording, rows `start` to `stop` of the stacked
+    evidence, and what it changes the speed by, m/s. `probability`: that noise along all drives has none so
+    large. `name` is the mechanism or family that explains it; None where none is clearly ahead."""
+
+    recording: str
+    start_s: float
+    end_s: float
+    speed_change: float
+    probability: float
+    name: str | None
+    start: int = 0
+    stop: int = 0
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `events`."""
+        return {
+            "recording": self.recording,
+            "start_s": round(self.start_s, 2),
+            "end_s": round(self.end_s, 2),
+            "speed_change": round(self.speed_change, 3),
+            "probability": round(self.probability, 4),
+            "name": self.name,
+        }
+
+    @staticmethod
+    def read(entry: Mapping[str, Any]) -> Event:
+        """An entry of `events` of verdict.json."""
+        return Event(**entry)
+
+
+def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
+    """The events beside what is in on average, in held-out drives too, which have constants of their own."""
+    e, b = p.search.e.everywhere(), p.draws.coefficients.mean(axis=0)
+    y = e.residual - p.mean - p.always @ b[: p.always.shape[1]]
+    for k, at in zip(p.of, p.at, strict=True):
+        if np.abs(b[at]).max(initial=0.0) > 0.0:
+            y = y - np.nan_to_num(k.features) @ b[at]
+    series = e.series(p.noise.sigma)
+    y = np.where(series.valid, y, 0.0)
+    for s in e.stretches:
+        known = series.valid[s.rows]
+        if s.held_out and known.any():
+            y[s.rows] -= np.where(known, np.median(y[s.rows][known]), 0.0)
+    return find_events(replace(series, y=y), p.noise, kernels(p.search), e.stretches, e.dt, seed)
+
+
+def find_events(
+    series: Series,
+    noise: Fit,
+    kernels: Sequence[Kernel],
+    stretches: Sequence[Stretch],
+    dt: float,
+    seed: int = 0,
+) -> tuple[Event, ...]:
+    """The events in a residual after what is in, `series.y` (n,), m/s^2, at period `dt`, largest first.
+
+    `noise` is that of this residual; features of the kernels are (n, k). Of noise alone there are
+    `series.rules.false_events` an hour.
+    """
+    mechanisms = [k for k in kernels if k.part != "parameter"]
+    filters = _Filters(series, noise, mechanisms, stretches, dt)
+    if not len(filters.first):
+        return ()
+    hours = float(filters.use.sum()) * dt / 3600.0
+    null = _Null.of(filters, np.random.default_rng(seed))
+    least = null.exceeded_by(series.rules.false_events * hours)
+    psi = np.clip(filters.whitened, -CLIP, CLIP)
+    scale = filters.scale(psi)
+    free = np.ones(len(filters.first), dtype=bool)
+    found: list[Event] = []
+    while len(found) < MOST:
+        sums = filters.sums(psi)
+        gain, window, direction = filters.largest(sums, scale, free)
+        if gain < least:
+            break
+        for first, last in filters.apart(sums, scale, window, direction, least):
+            rows = slice(int(filters.edges[first]), int(filters.edges[last]))
+            drive = next(s for s in stretches if s.start <= rows.start < s.stop)
+            start_s, end_s = (drive.start_s + (k - drive.start) * dt for k in (rows.start, rows.stop))
+            change = float(np.sum(series.y[rows][series.valid[rows]])) * dt
+            probability = float(np.exp(-null.expected(gain)))
+            name = _name(series, noise, mechanisms, rows)
+            found.append(Event(drive.name, start_s, end_s, change, probability, name, rows.start, rows.stop))
+            psi[rows.start : rows.stop + ORDER] = 0.0
+            free &= (filters.last <= first) | (filters.first >= last)
+    return tuple(found)
+
+
+class _Filters:
+    """Directions (n, D) that are sought in windows between `edges`. Windows (W,) have a `first` and a `last`
+    edge and a `length`, as a place in LENGTHS_S."""
+
+    def __init__(
+        self, series: Series, noise: Fit, kernels: Sequence[Kernel], stretches: Sequence[Stretch], dt: float
+    ) -> None:
+        n = len(series.y)
+        leading = [np.nan_to_num(k.features[:, :LEADING]) for k in kernels]
+        self.directions = np.concatenate([np.full((n, 1), STEADY), *leading], axis=1)
+        self.directions[~series.valid] = 0.0
+        self.use = series.usable()
+        self.ar = noise.ar
+        self.weight = np.where(self.use, 1.0 / (series.relative * noise.sigma), 0.0)
+        self.whitened = np.zeros(n)
+        rows = np.flatnonzero(self.use)
+        self.whitened[rows] = whiten(series.y, noise.ar, rows, self.weight[rows])
+        self._step = max(1, round(STEP_S / dt))
+        parts = [np.arange(s.start, s.stop + 1, self._step) for s in stretches]
+        self.edges: Rows = np.concatenate(parts)
+        self._prepare_power()
+        self._make_windows(np.repeat(np.arange(len(parts)), [len(p) for p in parts]), dt)
+
+    def _prepare_power(self) -> None:
+        """The power of a direction between two edges is the difference of one array at the last and another
+        at the first, if ORDER rows or more lie between: so far the whitening of what begins there reaches."""
+        n, squares = len(self.use), self.weight**2
+        whitening = np.concatenate([[1.0], -self.ar])
+        self._to, self._from = np.zeros((2, len(self.edges), self.directions.shape[1]))
+        for lag in range(ORDER + 1):
+            weight = np.zeros(n)
+            for j in range(ORDER + 1 - lag):
+                weight[: n - j] += whitening[j] * whitening[j + lag] * squares[j:]
+            product = self.directions[lag:] * self.directions[: n - lag]
+            product *= ((2.0 if lag else 1.0) * weight[lag:])[:, None]
+            sums = np.concatenate([np.zeros((lag + 1, product.shape[1])), np.cumsum(product, axis=0)])
+            self._to += sums[self.edges]
+            self._from += sums[np.minimum(self.edges + lag, n)]
+
+    def _make_windows(self, drive: Rows, dt: float) -> None:
+        used = np.concatenate([[0], np.cumsum(self.use)])[self.edges]
+        first, last, length = [], [], []
+        for i, seconds in enumerate(LENGTHS_S):
+            count = max(1, round(seconds / dt / self._step))
+            a = np.arange(max(len(self.edges) - count, 0) if count * self._step >= ORDER else 0)
+            compared = used[a + count] - used[a] >= COMPARED * count * self._step
+            a = a[(drive[a] == drive[a + count]) & compared]
+            first.append(a)
+            last.append(a + count)
+            length.append(np.full(len(a), i))
+        self.first, self.last, self.length = (np.concatenate(x) for x in (first, last, length))
+        self._half = self._half_variance(self.first, self.last).astype(np.float32)
+
+    def _half_variance(self, first: Rows, last: Rows) -> Array:
+        """By which the square of an inner product is multiplied (W, D) to be a gain in nats."""
+        power = np.maximum(self._to[last] - self._from[first], 0.0)
+        out: Array = 0.5 / (POWER * (power + LARGEST**-2))
+        return out
+
+    def sums(self, psi: Array) -> Array:
+        """Inner products of innovations (n,) with the directions up to each edge, (edges, D)."""
+        weighted = psi * self.weight
+        back = weighted.copy()
+        for k in range(1, ORDER + 1):
+            back[:-k] -= self.ar[k - 1] * weighted[k:]
+        return _sums(self.directions, back, self.edges)
+
+    def scale(self, psi: Array) -> Array:
+        """By which gains are multiplied (lengths, D): the inverse square of a filter's spread over the
+        windows of a length that inform of its direction. The spread is at least one, and the widest of what
+        QUANTILES say, wider where windows are few."""
+        sums, spread = self.sums(psi), np.ones((len(LENGTHS_S), self.directions.shape[1]))
+        for i in np.unique(self.length):
+            own = self.length == i
+            off = np.abs(sums[self.last[own]] - sums[self.first[own]]) * np.sqrt(2.0 * self._half[own])
+            informs = 0.5 / (POWER * self._half[own]) > (1.0 + INFORMS) * LARGEST**-2
+            count = informs.sum(axis=0)
+            off = np.sort(np.where(informs, off, np.inf), axis=0)
+            columns = np.arange(len(count))
+            few = 1.0 + 1.0 / np.sqrt(np.maximum(count * STEP_S / LENGTHS_S[i], 1.0))
+            for q in QUANTILES:
+                at = off[np.maximum((q * count).astype(int) - 1, 0), columns]
+                widest = np.where(count > 0, at, 0.0) / norm.ppf(0.5 + q / 2.0) * few
+                spread[i] = np.maximum(spread[i], widest)
+        return spread**-2
+
+    def largest(self, sums: Array, scale: Array, free: Mask) -> tuple[float, int, int]:
+        """The largest gain, nats, of the windows that are free, its window and its direction."""
+        gain, window, direction = _largest(sums, self.first, self.last, self.length, self._half, scale, free)
+        return float(gain), int(window), int(direction)
+
+    def apart(
+        self, sums: Array, scale: Array, window: int, direction: int, least: float
+    ) -> list[tuple[int, int]]:
+        """First and last edges of the events that a window joins: it is parted where both parts gain `least`
+        or more, and together half of it more than the whole, as there are few ways to part one window."""
+        first, last, length = self.first[window], self.last[window], self.length[window]
+        seconds = LENGTHS_S[length] / (last - first)  # of an edge
+        shortest = max(round(LENGTHS_S[0] / seconds), -(-ORDER // self._step))
+        ends, starts = np.triu_indices(last - first + 1, k=1)
+        inside = (ends >= shortest) & (last - first - starts >= shortest)
+        ends, starts = first + ends[inside], first + starts[inside]
+
+        def gains(a: Rows, b: Rows) -> Array:
+            half = self._half_variance(a, b)[:, direction] * scale[length, direction]
+            out: Array = half * (sums[b, direction] - sums[a, direction]) ** 2
+            return out
+
+        whole = gains(np.array([first]), np.array([last]))[0]
+        before, after = gains(np.full_like(ends, first), ends), gains(starts, np.full_like(starts, last))
+        together = np.where(np.minimum(before, after) >= least, before + after, 0.0)
+        if together.max(initial=0.0) < whole + least / 2.0:
+            return [(int(first), int(last))]
+        best = int(np.argmax(together))
+        return [(int(first), int(ends[best])), (int(starts[best]), int(last))]
+
+
+@dataclass(frozen=True)
+class _Null:
+    """The largest gain in noise: Gumbel's distribution, nats."""
+
+    mode: float
+    width: float
+
+    @staticmethod
+    def of(filters: _Filters, rng: np.random.Generator) -> _Null:
+        """By the moments over simulated innovations."""
+        n, free = len(filters.use), np.ones(len(filters.first), dtype=bool)
+        one = np.ones((len(LENGTHS_S), filters.directions.shape[1]))
+        gains = [
+            filters.largest(filters.sums(np.clip(rng.standard_t(TAIL, n), -CLIP, CLIP)), one, free)[0]
+            for _ in range(NULLS)
+        ]
+        width = float(np.std(gains)) * np.sqrt(6.0) / np.pi
+        return _Null(float(np.mean(gains)) - np.euler_gamma * width, width)
+
+    def expected(self, gain: float) -> float:
+        """How many gains in noise are larger."""
+        return float(np.exp(-(gain - self.mode) / self.width))
+
+    def exceeded_by(self, count: float) -> float:
+        """The gain that so many are expected to exceed."""
+        return float(self.mode - self.width * np.log(count))
+
+
+def _name(series: Series, noise: Fit, kernels: Sequence[Kernel], rows: slice) -> str | None:
+    """The mechanism that explains the residual in some rows, or its family, where one is probable enough."""
+    near = np.arange(rows.start, min(rows.stop + ORDER, len(series.y)))
+    near = near[series.usable()[near]]
+    weight = 1.0 / (series.relative[near] * noise.sigma)
+    part = slice(max(rows.start - ORDER, 0), rows.stop + ORDER)  # all that the whitening of `near` reads
+    at = near - part.start
+    inside = np.zeros(len(series.y[part]), dtype=bool)
+    inside[rows.start - part.start : rows.stop - part.start] = True
+    y = whiten(np.where(inside, series.y[part], 0.0), noise.ar, at, weight)
+    nats: dict[str, list[float]] = {}
+    for k in kernels:
+        features = np.where(inside[:, None], np.nan_to_num(k.features[part]), 0.0)
+        nats.setdefault(k.name, []).append(
+            _evidence(y, whiten(features, noise.ar, at, weight)) + np.log(k.chance)
+        )
+    each = {name: float(logsumexp(x)) for name, x in nats.items()}
+    unit = series.rules.temper
+    total = logsumexp([x / unit for x in each.values()])
+    probability = {name: float(np.exp(x / unit - total)) for name, x in each.items() if name != UNKNOWN}
+    for name, p in probability.items():
+        family = sum(q for other, q in probability.items() if FAMILY[other] == FAMILY[name])
+        if p >= series.rules.stated:
+            return name
+        if family >= series.rules.stated:
+            return FAMILY[name]
+    return None
+
+
+def _evidence(y: Array, X: Array) -> float:
+    """Log evidence (nats) of features (m, k) with coefficients N(0, size^2), over all sizes, beside noise."""
+    left, values, _ = np.linalg.svd(X, full_matrices=False)
+    power, along = values**2, (left.T @ y) * values
+    gains = [0.5 * np.sum((s * along) ** 2 / (1.0 + s**2 * power) - np.log1p(s**2 * power)) for s in SIZES]
+    return float(logsumexp(gains) - np.log(len(SIZES)))
+
+
+@entry
+def _sums(directions: Array, psi: Array, edges: Rows) -> Array:
+    out = np.zeros((len(edges), directions.shape[1]))
+    total = np.zeros(directions.shape[1])
+    row = 0
+    for i in range(len(edges)):
+        while row < edges[i]:
+            for d in range(len(total)):
+                total[d] += directions[row, d] * psi[row]
+            row += 1
+        out[i] = total
+    return out
+
+
+@entry
+def _largest(
+    sums: Array, first: Rows, last: Rows, length: Rows, half: NDArray[np.float32], scale: Array, free: Mask
+) -> tuple[float, int, int]:
+    best, window, direction = -1.0, 0, 0
+    for w in range(len(first)):
+        if free[w]:
+            a, b, i = first[w], last[w], length[w]
+            for d in range(sums.shape[1]):
+                off = sums[b, d] - sums[a, d]
+                gain = off * off * half[w, d] * scale[i, d]
+                if gain > best:
+                    best, window, direction = gain, w, d
+    return best, window, direction

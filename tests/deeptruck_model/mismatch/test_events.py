@@ -1,0 +1,185 @@
+"""Events: forces of seconds are found where they act, and in noise as seldom as the rule says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from small_drives import DT, N, evidence
+
+from deeptruck_model.mismatch.events import CLIP, LARGEST, POWER, Event, _Filters, events, find_events
+from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels, without
+from deeptruck_model.mismatch.posterior.posterior import posterior
+from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Prior, fit
+from deeptruck_model.mismatch.rules import Rules
+
+NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
+ROWS = slice(2500, 2535)  # 7 s of the second drive, from 100 s on
+
+
+@cache
+def search() -> Regression:
+    return Regression(evidence())
+
+
+def found(force: np.ndarray, seed: int = 0) -> tuple[Event, ...]:
+    """The events in noise of autoregression 0.3 with heavy tails beside a force (N,), m/s^2."""
+    e = search().e
+    innovations = 0.02 * np.random.default_rng(seed).standard_t(TAIL, N)
+    y = lfilter([1.0], [1.0, -0.3], innovations) + force
+    series = replace(search().series, y=y)
+    return find_events(series, fit(series, np.zeros((N, 0)), NO_COLUMNS), kernels(search()), e.stretches, DT)
+
+
+def during(rows: slice, force: np.ndarray | float) -> np.ndarray:
+    out = np.zeros(N)
+    out[rows] = np.broadcast_to(force, N)[rows]
+    return out
+
+
+def overlaps(event: Event, rows: slice) -> float:
+    """Share of the rows that the event covers."""
+    return (min(event.stop, rows.stop) - max(event.start, rows.start)) / (rows.stop - rows.start)
+
+
+@pytest.mark.parametrize("size", [-0.12, 0.12])
+def test_a_force_of_seconds_is_found_where_it_acts(size: float) -> None:
+    (event,) = found(during(ROWS, size))
+    assert event.recording == "b"
+    assert event.start_s == pytest.approx(100.0, abs=1.5)
+    assert event.end_s == pytest.approx(107.0, abs=1.5)
+    assert event.speed_change == pytest.approx(7.0 * size, abs=0.15)
+    assert event.probability > 0.999
+
+
+def test_a_force_that_follows_the_engine_for_seconds_is_found() -> None:
+    engine = search().e["engine"]
+    (event,) = found(during(ROWS, -0.6 * engine))
+    assert overlaps(event, ROWS) >= 0.5
+    assert event.speed_change == pytest.approx(-0.6 * float(engine[ROWS].sum()) * DT, abs=0.3)
+
+
+def test_events_are_told_apart() -> None:
+    near = (slice(2500, 2535), slice(2570, 2605), slice(4600, 4660))
+    several = found(sum(during(rows, -0.15) for rows in near))
+    assert len(several) == len(near)
+    for rows in near:
+        assert max(overlaps(e, rows) for e in several) > 0.8
+    assert several[0].stop - several[0].start == pytest.approx(60, abs=12)  # the largest is first
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        pytest.param(0.05 * np.sin(2 * np.pi * np.arange(N) * DT / 50.0), id="all the time"),
+        pytest.param(-0.15 * search().e["brake"], id="whenever the truck brakes"),
+        pytest.param(1.5 * (np.arange(N) % 997 == 0), id="jolts"),
+    ],
+)
+def test_what_is_off_all_along_is_no_event(force: np.ndarray) -> None:
+    assert found(force) == ()
+
+
+def test_rows_that_do_not_count_hold_no_event() -> None:
+    series = replace(search().series, y=during(ROWS, 0.3))
+    valid = np.ones(N, dtype=bool)
+    valid[ROWS.start - 60 : ROWS.stop + 60] = False
+    noise = fit(
+        replace(series, y=np.random.default_rng(0).normal(0.0, 0.03, N)), np.zeros((N, 0)), NO_COLUMNS
+    )
+    stretches = search().e.stretches
+    assert len(find_events(series, noise, kernels(search()), stretches, DT)) == 1
+    assert find_events(replace(series, valid=valid), noise, kernels(search()), stretches, DT) == ()
+    short = tuple(replace(s, stop=s.start + 12) for s in stretches)
+    assert find_events(series, noise, kernels(search()), short, DT) == ()
+
+
+def test_a_name_is_stated_only_where_it_is_clearly_ahead() -> None:
+    """A force without a form of its own has no name; one that one kernel alone explains has it."""
+    assert found(during(ROWS, -0.15))[0].name is None
+    rng = np.random.default_rng(1)
+    shapes = {"turbo_lag": rng.normal(0.0, 0.1, N), "drag_area": rng.normal(0.0, 0.1, N)}
+    own = tuple(Kernel(name, x[:, None]) for name, x in shapes.items())
+    series = replace(search().series, y=rng.normal(0.0, 0.03, N) + during(ROWS, shapes["turbo_lag"]))
+    noise = fit(series, np.zeros((N, 0)), NO_COLUMNS)
+    (event,) = find_events(series, noise, own, search().e.stretches, DT)
+    assert event.name == "turbo_lag"
+    twins = (own[0], replace(own[0], name="torque_derate"))
+    (event,) = find_events(series, noise, twins, search().e.stretches, DT)
+    assert event.name == "engine_driveline"
+
+
+@pytest.mark.parametrize("dt", [DT, 1.0])
+def test_filters_are_the_whitened_directions_of_their_windows(dt: float) -> None:
+    e, rng = search().e, np.random.default_rng(3)
+    valid = rng.random(N) > 0.01
+    series = replace(search().series, y=rng.normal(0.0, 0.05, N), valid=valid, relative=1.0 + rng.random(N))
+    noise = fit(series, np.zeros((N, 0)), NO_COLUMNS)
+    filters = _Filters(
+        series, noise, [k for k in kernels(search()) if k.part != "parameter"], e.stretches, dt
+    )
+    psi = np.clip(filters.whitened, -CLIP, CLIP)
+    sums = filters.sums(psi)
+    assert (filters.edges[filters.last] - filters.edges[filters.first]).min() >= ORDER
+    for w in [*range(3), *rng.integers(0, len(filters.first), 10)]:
+        rows = slice(filters.edges[filters.first[w]], filters.edges[filters.last[w]])
+        confined = np.zeros_like(filters.directions)
+        confined[rows] = filters.directions[rows]
+        whitened = (
+            lfilter(np.concatenate([[1.0], -noise.ar]), [1.0], confined, axis=0) * filters.weight[:, None]
+        )
+        inner = sums[filters.last[w]] - sums[filters.first[w]]
+        np.testing.assert_allclose(inner, whitened.T @ psi, atol=1e-8 * np.abs(sums).max())
+        half = 0.5 / (POWER * (np.sum(whitened**2, axis=0) + LARGEST**-2))
+        np.testing.assert_allclose(
+            filters._half_variance(filters.first[[w]], filters.last[[w]])[0], half, rtol=1e-6
+        )
+
+
+def test_events_are_found_beside_what_acts_always_and_left_out_of_its_fit() -> None:
+    """One in a fitted drive and one in a held-out drive with a constant of its own; brakes are wrong too."""
+    rows = (ROWS, slice(5000, 5035))
+    always = 0.2 * evidence()["brake"] + during(slice(4000, 6000), 0.04)
+    e = evidence(always + sum(during(r, -0.2) for r in rows), held_out=1)
+    p = posterior(Regression(e.to_fit()), e.rules, sweeps=30)
+    happened = events(p)
+    assert len(happened) == len(rows)
+    for r in rows:
+        assert max(overlaps(x, r) for x in happened) > 0.8
+    outside = np.zeros(N, dtype=bool)
+    outside[ROWS] = True
+    other = without(p.search, outside)
+    assert kernels(other) is kernels(p.search)
+    assert not set(other.rows) & set(range(ROWS.start, ROWS.stop))
+    assert set(range(ROWS.start, ROWS.stop)) <= set(p.search.rows)
+    assert posterior(other, e.rules, sweeps=5).probability("brake_gain") > 0.3
+
+
+def false_events(seeds: range) -> tuple[int, float]:
+    """Events in noise of the fitted kind, and the hours."""
+    count = sum(len(found(np.zeros(N), seed)) for seed in seeds)
+    return count, len(seeds) * N * DT / 3600.0
+
+
+def test_noise_has_hardly_an_event() -> None:
+    count, hours = false_events(range(10, 40))
+    assert hours == pytest.approx(10.0)
+    assert count <= 2
+
+
+@pytest.mark.long
+def test_noise_has_an_event_as_seldom_as_the_rule_says() -> None:
+    """The 99.9 % quantile of Poisson's distribution, of as many as the rule allows."""
+    count, hours = false_events(range(1000, 1600))
+    assert hours == pytest.approx(200.0)
+    print(f"{count} events in {hours:.0f} h of noise")
+    assert count <= 21 == round(Rules().false_events * hours + 3.6 * np.sqrt(Rules().false_events * hours))
+
+
+def test_an_event_survives_json() -> None:
+    event = Event("a", 12.0, 19.0, -0.42, 0.9876, None)
+    assert Event.read(event.to_json()) == event
