@@ -26,7 +26,10 @@ IMPORT_NAMES = {
     "mcap-ros2-support": "mcap_ros2",
     "can-j1939": "j1939",
 }
-USED_BY_OTHERS = {"tensorboard": "torch.utils.tensorboard"}  # dependencies that a dependency imports for us
+USED_BY_OTHERS = {  # dependencies that a dependency imports for us
+    "tensorboard": "torch.utils.tensorboard",
+    "msgpack": "can.interfaces.udp_multicast",
+}
 OPTIONAL = {"asammdf", "libsumo", "fastsim"}  # said to be missing where a user wants it
 TOOLS = {
     "mypy", "ruff", "pytest-timeout", "pytest-xdist", "pytest-cov", "types-pyyaml",

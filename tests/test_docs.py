@@ -142,7 +142,7 @@ def test_every_command_is_understood(programs: dict[str, typer.Typer], page: str
     words = shlex.split(line, comments=True)
     if words[0] == "python":
         words = words[1:]
-    words = [word for word in words if word != "--help"]  # every command has it, and stops there
+    words = [word for word in words if word not in ("--help", "--version")]  # these stop there
     command = get_command(programs[words[0]])
     if hasattr(command, "commands") and words[1:]:
         context = command.make_context(words[0], words[1:2], resilient_parsing=True)
