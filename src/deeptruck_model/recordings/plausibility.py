@@ -271,13 +271,12 @@ def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     factor = float(grade @ rise / (rise @ rise))
     says = f"grade is {factor:.3g} times what height over distance gives (correlation {correlation:.2f})"
     if correlation < -CORRELATED:
-        yield Doubt("grade", f"{says}: uphill is positive, give it 'scale: -1'", True, -1.0)
+        yield Doubt("grade", f"{says}: uphill is positive, give it 'scale: -1'", factor=-1.0)
     elif correlation > CORRELATED and not 0.33 < factor < 3.0:
         yield Doubt(
             "grade",
             f"{says}: give it its unit (ratio, percent, deg), or 'scale: {1 / factor:.3g}'",
-            True,
-            factor,
+            factor=factor,
         )
 
 

@@ -160,7 +160,7 @@ def test_a_map_that_is_none_is_one_line(
     ("words", "says"),
     [
         (("suggest", "none"), "none does not exist"),
-        (("suggest", "drive.log"), "is read as a CAN log, for its suffix"),
+        (("suggest", "drive.log"), "is read as a CAN log"),
         (("suggest", "table.csv", "--out", "other.yaml"), "other.yaml"),
         (("suggest", "words.csv"), "words.csv is no table"),
         (("import", "mine", "--columns", "none.yaml", "--out", "out"), "none.yaml cannot be read"),

@@ -14,7 +14,8 @@ TRUCK = trucks.load("trucksim")
 
 
 @pytest.mark.parametrize(
-    ("mass_kg", "says"), [(-1.0, "cannot be"), (float("nan"), "cannot be"), (900.0, "own mass is")]
+    ("mass_kg", "says"),
+    [(-1.0, "no vehicle's"), (float("nan"), "must be a number in kg"), (900.0, "own mass is")],
 )
 def test_a_mass_that_cannot_be_is_refused(mass_kg: float, says: str) -> None:
     with pytest.raises(InputError, match=says):

@@ -106,7 +106,7 @@ def test_the_snippet_of_the_docs_runs_and_the_result_is_read_again(
 
 def test_write_and_apply_check_what_they_are_given(tmp_path: Path) -> None:
     wrong: Any = tmp_path
-    with pytest.raises(InputError, match="write takes what find_mismatch returns, and then a folder"):
+    with pytest.raises(InputError, match="write takes what find_mismatch returns and a folder"):
         mismatch.write(wrong, tmp_path / "out")
     with pytest.raises(InputError, match="does not exist"):
         mismatch.apply(str(tmp_path / "none"), str(tmp_path / "out"))
