@@ -149,7 +149,7 @@ def assert_whole(here: Place, before: dict[str, str], way: Way) -> None:
 def test_no_two_commands_write_the_same_kind_and_all_are_tried_here() -> None:
     made = [
         node.args[0].value
-        for path in sources()
+        for path in (*sources(), *(ROOT / "benchmarks").rglob("*.py"))
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and called(node) == "Result" and isinstance(node.args[0], ast.Constant)
     ]
