@@ -16,7 +16,7 @@ from benchmarks.paper import results as paper_results
 from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.evaluation import output
 from deeptruck_cacc.training import sweep as policy_sweep
-from deeptruck_exam.folder import CASE, PROOF, REAL
+from deeptruck_exam.folder import CASE, PLANT, PROOF, REAL
 from deeptruck_model import results
 from deeptruck_model.files import LEDGER, Result, unfinished
 from deeptruck_model.mismatch import folders
@@ -31,7 +31,7 @@ AT_ONCE = (
     paper_results.BESIDE_PAPER, results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG
-KINDS = (*RESUMABLE, *AT_ONCE, PROOF, REAL, CASE, RECORDED)
+KINDS = (*RESUMABLE, *AT_ONCE, PROOF, PLANT, REAL, CASE, RECORDED)
 
 STEPS = ("rename", "replace", "mkdir", "unlink", "rmdir", "chmod", "listdir", "scandir", "stat", "open")
 ERRORS: dict[str, Callable[[], BaseException]] = {

@@ -93,7 +93,8 @@ def test_without_a_terminal_it_says_what_to_give(tmp_path: Path) -> None:
 
 def test_the_wizard_asks_again_after_a_wrong_answer(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
-    answers = "heavy\n24000\n2.85\n315/80R22.5\n14.8 11.7 9 7.1 5.6 4.4 3.4 2.6 2 1.6 1.27 1\n2300\n\n\n\n\nn\n"
+    answers = "heavy\n24000\n2.85\n315/80R22.5\n"
+    answers += "14.8 11.7 9 7.1 5.6 4.4 3.4 2.6 2 1.6 1.27 1\n2300\n\n\n\n\nn\n"
     with subprocess.Popen(
         (*COMMAND, "mine.yaml"), cwd=tmp_path, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
