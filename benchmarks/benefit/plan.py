@@ -19,7 +19,7 @@ _KEPT = (
     *(f"cases/*/old/{name}" for name in (*PHYSICS_TRUCK.names, files.LEDGER)),
     *(f"cases/*/drive*/{name}" for name in ("metadata.yaml", "*_0.mcap", files.LEDGER)),
     *(f"cases/*/found/{name}" for name in (*FOUND.names, files.LEDGER)),
-    *(f"cases/*/{place}/base/{files.LEDGER}" for place in ("found/simulator", "corrected")),
+    *(f"cases/*/{place}/base/{files.LEDGER}" for place in ("found/simulator", "found/refitted", "corrected")),
     *(f"cases/*/corrected/{name}" for name in (*APPLIED.names, files.LEDGER)),
     *(f"policies/*/*/{name}" for name in POLICY.names),
     "exams/*.json",

@@ -14,13 +14,13 @@ _CASE = (
     LEDGER, "case.json", "score.json", ".score.json", "simulator.yaml", "truth/truth.json",
     "truth/drives.npz",
     *(f"recordings/*/{name}" for name in _BAG),
-    *(f"found/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
+    *(f"found/{truck}/base/{name}" for truck in ("simulator", "refitted") for name in (*TRUCK_FILES, LEDGER)),
     *_FOUND,
 )  # fmt: skip
 _REAL = (
     *(f"{place}/{name}" for place in ("import", "import_*", "recordings/*") for name in _BAG),
     *(f"simulator/{name}" for name in (*TRUCK_FILES, LEDGER)),
-    *(f"found/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
+    *(f"found/{truck}/base/{name}" for truck in ("simulator", "refitted") for name in (*TRUCK_FILES, LEDGER)),
     *_FOUND,
 )
 _MADE = (
@@ -45,7 +45,11 @@ PLANT = Result(
         *(f"cases/*/recordings/*/{name}" for name in _BAG),
         *(f"cases/*/{name}.json" for name in ("data_sheet", "learned", "own_equations")),
         *(f"cases/*/found_*/{name}" for name in (*FOUND.names, LEDGER)),
-        *(f"cases/*/found_*/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
+        *(
+            f"cases/*/found_*/{truck}/base/{name}"
+            for truck in ("simulator", "refitted")
+            for name in (*TRUCK_FILES, LEDGER)
+        ),
     ),
 )  # fmt: skip
 REAL = Result(

@@ -50,7 +50,7 @@ def examine(
         **judge(case, run, with_rivals=with_rivals),
     }
     if not keep:
-        CASE.clear(folder, "recordings", "found/simulator")
+        CASE.clear(folder, "recordings", "found/simulator", "found/refitted")
     files.write(done, json.dumps(result, indent=1).encode())
     return result
 
