@@ -89,17 +89,9 @@ def _of_drift(c: Compared, rules: Rules) -> list[Finding]:
         size = c.budget.speed_rmse * float(np.sqrt(share))
         if p >= rules.named and size >= rules.drift:
             force = c.posterior.force(part)
-            tree = Tree({part: p})
-            f = _finding(
-                c.search.e, Named(part, tree, 0.0, force), Kind.PHYSICS, wording.DRIFT[part], force, rules
-            )
-            out.append(
-                replace(
-                    f,
-                    effect=UNKNOWN,
-                    separating_manoeuvre=wording.RECORD_ROAD,
-                )
-            )
+            named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
+            f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
+            out.append(replace(f, separating_manoeuvre=wording.RECORD_ROAD))
     return out
 
 
