@@ -91,7 +91,7 @@ def _of_drift(c: Compared, rules: Rules) -> list[Finding]:
             force = c.posterior.force(part)
             named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
             f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
-            out.append(replace(f, separating_manoeuvre=wording.RECORD_ROAD))
+            out.append(replace(f, separating_manoeuvre=wording.RECORD_ROAD, share_of_error=share))
     return out
 
 
@@ -181,7 +181,9 @@ def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[
 
 
 def _share(f: Finding, budget: Budget) -> float | None:
-    """Of the budget, that the family of a finding has; None for one that is no part of it."""
+    """Of the budget: that of a drift, or that of the finding's family; None for one that is no part of it."""
+    if f.share_of_error is not None:
+        return f.share_of_error
     return next((p.share for p in budget.parts if p.part == f.family), None)
 
 

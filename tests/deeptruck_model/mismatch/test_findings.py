@@ -1,0 +1,83 @@
+"""Findings of what follows no recorded channel, from forces that are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from small_drives import N, evidence
+
+from deeptruck_model.mismatch.budget import budget
+from deeptruck_model.mismatch.comparison import Compared
+from deeptruck_model.mismatch.findings import findings
+from deeptruck_model.mismatch.names import names
+from deeptruck_model.mismatch.posterior.posterior import posterior
+from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.report import lines, wording
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
+
+RULES = Rules()
+NOWHERE = np.zeros(N, dtype=bool)
+ROAD = np.tile(0.08 * np.sin(np.arange(N // 3) / 90.0) * np.sin(np.arange(N // 3) / 230.0), 3)
+FORCES = {
+    EACH_DRIVE: np.repeat([0.08, -0.06, -0.02], N // 3),
+    PLACE: ROAD,
+    SLOW: 0.06 * np.sin(2 * np.pi * np.arange(N) * 0.2 / 150.0),
+}
+
+
+def along(part: str) -> Evidence:
+    """Drives along which a force is missing; where it is one of places, all pass the same road."""
+    e = evidence(FORCES[part])
+    if part != PLACE:
+        return e
+    road = np.tile(np.cumsum(e["speed"][: N // 3]) * e.dt, 3)
+    return replace(e, signals={**e.signals, "place": road, "distance": np.arange(N) * e.dt * 18.0})
+
+
+@cache
+def compared(part: str) -> Compared:
+    e = along(part)
+    p = posterior(Regression(e), RULES, sweeps=60)
+    drives = Drives((), (), (), (), (), None)
+    return Compared({}, drives, (), e.residual, p, names(p, RULES), budget(p, NOWHERE, e), {})
+
+
+def found(part: str, error: float = 1.0) -> tuple[Finding, ...]:
+    return findings(compared(part), None, None, error, RULES.visible, RULES)
+
+
+@pytest.mark.parametrize("part", [EACH_DRIVE, PLACE, SLOW])
+def test_a_force_without_a_channel_is_a_finding_without_a_name(part: str) -> None:
+    first = found(part)[0]
+    assert (first.kind, first.effect, first.family) == (Kind.PHYSICS, UNKNOWN, UNKNOWN)
+    assert first.says == wording.DRIFT[part]
+    assert first.separating_manoeuvre == wording.RECORD_ROAD
+    assert first.probability > 0.9
+    assert first.force is not None
+    assert np.corrcoef(first.force, FORCES[part])[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("part", [EACH_DRIVE, PLACE, SLOW])
+def test_it_is_none_where_the_simulator_is_good_enough(part: str) -> None:
+    assert wording.DRIFT[part] not in [f.says for f in found(part, error=0.5 * RULES.visible)]
+
+
+@pytest.mark.parametrize("part", [EACH_DRIVE, PLACE, SLOW])
+def test_its_share_of_the_error_is_that_of_its_part_of_the_budget(part: str) -> None:
+    assert found(part)[0].share_of_error == pytest.approx(compared(part).budget.share(part))
+
+
+def test_the_headline_says_the_force_its_share_and_what_to_record() -> None:
+    v = Verdict(Conclusion.PHYSICS, found(SLOW), budget=compared(SLOW).budget)
+    share = wording.percent(compared(SLOW).budget.share(SLOW))
+    assert lines.headline(v) == (
+        f"A slow force that no recorded channel explains, as a slope or wind is, {share} of the squared "
+        "error: record elevation or position"
+    )
