@@ -30,6 +30,9 @@ GRID = {"budget": [20], "hidden": [8], "decoder": [8], "rounds": [6]}
 SETTINGS = "budget=20,hidden=8,decoder=8,rounds=6"
 PATIENCE_S = 200
 
+# A cluster of Ray takes half a minute and more to start.
+ENGINES = [pytest.param(e, marks=pytest.mark.long if e == "ray" else ()) for e in sweeps.ENGINES]
+
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory) -> Path:
@@ -84,7 +87,7 @@ def when_both(first: Path, second: Path, then) -> threading.Thread:
     return thread
 
 
-@pytest.mark.parametrize("engine", sweeps.ENGINES)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_the_job_of_a_killed_worker_is_done_again(jobs, tmp_path, engine):
     """Real Ray; and what a job refuses reaches the caller."""
     folders = [tmp_path / name for name in ("seed-0", jobs.VICTIM)]
@@ -126,7 +129,7 @@ def test_a_job_that_always_dies_ends_the_sweep(jobs):
         list(sweeps.run(jobs.die, [0, 1], workers=2))
 
 
-@pytest.mark.parametrize("engine", sweeps.ENGINES)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_job_that_always_dies_is_lost_alone_where_the_caller_wants_that(jobs, engine):
     def lost(job: int, why: str) -> str:
         return f"{job} was lost: {why}"

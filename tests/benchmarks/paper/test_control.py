@@ -22,6 +22,7 @@ def run(*arguments: object) -> int:
     return int(ended.value.code or 0)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("quick_exam")
 def test_the_control_half_has_every_chain_and_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

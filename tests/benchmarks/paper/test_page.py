@@ -59,6 +59,7 @@ def little(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(modelling, "drive_of", lambda *_: whole)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("little")
 def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeypatch: Any) -> None:
     command = ["modelling", "--seeds", "1", "--budget", "2", "--out", str(tmp_path)]
