@@ -47,8 +47,9 @@ class Muon(torch.optim.Optimizer):
             momentum = state.setdefault("momentum", torch.zeros_like(p))
             momentum.mul_(MOMENTUM).add_(p.grad)
             ahead = torch.add(p.grad, momentum, alpha=MOMENTUM)
-            steps = [orthogonal(part) for part in ahead.chunk(gates, dim=-1)]
-            p.add_(torch.cat(steps, dim=-1), alpha=-group["lr"])
+            alone = ahead.unflatten(-1, (gates, -1)).movedim(-2, 1).flatten(0, 1)
+            steps = orthogonal(alone).unflatten(0, (-1, gates)).movedim(1, -2).flatten(-2)
+            p.add_(steps, alpha=-group["lr"])
 
 
 def orthogonal(matrices: Tensor) -> Tensor:
