@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.paper.learning import Job, learn
+from benchmarks.paper.learning import Job, first_truck, learn, rounded
 from benchmarks.paper.page import (
     CLOSED_SPEED,
     CLOSED_TIME_GAP_S,
@@ -186,13 +186,15 @@ def _chain(
     given = {"seeds": seeds, "iterations": iterations, "budget": budget}
     if kept.exists() and json.loads(kept.read_text())["given"] == given:
         return
-    job = Job(str(out / WORK), "trucksim", chain.truck, 0, budget)
-    learn(job)
-    deep, truck = simulators.load(job.folder), simulators.load(TRUCK)
+    if first_truck(out / WORK, "trucksim", chain.truck) is None:
+        learn(Job(str(out / WORK), "trucksim", chain.truck, 0, updates=budget))
+    learned = first_truck(out / WORK, "trucksim", chain.truck)
+    assert learned is not None
+    (folder, deep), truck = learned, simulators.load(TRUCK)
     policy = out / WORK / "policies" / name
     config = chain.config(seeds=seeds, **({"iterations": iterations} if iterations else {}))
     if not (policy / MANIFEST).exists():
-        source, goes_on = str(job.folder), training.begun(policy)
+        source, goes_on = str(folder), training.begun(policy)
         training.train(
             deep,
             policy,
@@ -204,9 +206,9 @@ def _chain(
         )
     found = []
     for k in range(config.seeds):
-        folder = policy / "seeds" / str(k)
-        traces = _traces(folder, deep, truck)
-        found.append({"iterations": config.iterations, **_figures(traces, folder)})
+        seed = policy / "seeds" / str(k)
+        traces = _traces(seed, deep, truck)
+        found.append(rounded({"iterations": config.iterations, **_figures(traces, seed)}))
         if k == 0:
             _draw(out / PICTURES, name, traces, policy, truck)
     files.write(kept, json.dumps({"given": given, "seeds": found}).encode())

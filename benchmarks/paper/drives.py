@@ -78,6 +78,22 @@ def trained(
         return train(drives, Path(folder) / "truck", arguments, observe=observe)
 
 
+def singles(truck: DeepTruck) -> list[DeepTruck]:
+    """The members of an ensemble, each as a truck of its own; the calibration is that of their mean."""
+    details = {name: value for name, value in truck.details.items() if name != "calibration"}
+    return [
+        DeepTruck(
+            truck.network.member(m),
+            truck.interface,
+            truck.coverage,
+            details,
+            truck.reference,
+            truck.driven,
+        )
+        for m in range(truck.network.shape.members)
+    ]
+
+
 def field_drives(name: str) -> tuple[Recording, Recording]:
     """The first 85 percent of a field truck's driving, and the rest, with the brake command of the paper."""
     whole = drive_of(name, FIELD[name].minutes, TRAIN_SEED, FIELD[name].cycle)

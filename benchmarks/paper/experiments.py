@@ -27,6 +27,7 @@ from benchmarks.paper.drives import (
     drive_of,
     field_drives,
     fleet,
+    singles,
     trained,
 )
 from benchmarks.paper.output import (
@@ -200,8 +201,3 @@ EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
 def _look_alikes() -> LookAlikes:
     truck = trucks.load("trucksim")
     return LookAlikes(truck, drive(truck, hours=LOOK_ALIKE_H, seed=LOOK_ALIKE_SEED))
-
-
-def singles(truck: DeepTruck) -> list[DeepTruck]:
-    """The members of an ensemble, each as a truck of its own."""
-    return [DeepTruck(truck.network.member(m), truck.interface) for m in range(truck.network.shape.members)]

@@ -1,4 +1,4 @@
-"""What the paper says of its models, measured on the reference trucks in three recipes, seed by seed, and
+"""What the paper says of its models, measured on the reference trucks in three recipes, seeds in batches, and
 linear probes of what the trained state holds."""
 
 from __future__ import annotations
@@ -24,9 +24,13 @@ from benchmarks.paper.drives import (
     drive_of,
     field_drives,
     passes,
+    singles,
 )
 from benchmarks.paper.output import COLOURS, Unseen, sample_trials
 from benchmarks.paper.page import (
+    BATCH,
+    DIGITS,
+    ERRORS_S,
     FIELD_RUNS,
     FIELD_S,
     LOOKS_AT_FEEDBACK,
@@ -37,7 +41,7 @@ from benchmarks.paper.page import (
     TRANSIENT_OF_SAMPLE_S,
     TRANSIENT_S,
 )
-from deeptruck_model import files, trucks
+from deeptruck_model import files, simulators, trucks
 from deeptruck_model.deep.arguments import PAPER_FUEL, Arguments
 from deeptruck_model.deep.data import Scales
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
@@ -75,22 +79,62 @@ DRAWS, TAILS = 500, (5.0, 95.0)  # of the bootstrap over runs; percent
 
 
 class Job(NamedTuple):
-    """One truck to learn: where, of which reference truck, by which recipe and seed; updates 0 chooses."""
+    """Trucks to learn side by side: where, of which reference truck, by which recipe, `count` seeds from
+    `first` on; updates 0 chooses."""
 
     work: str
     truck: str
     recipe: str
-    seed: int
+    first: int
+    count: int = 1
     updates: int = 0
 
     @property
     def name(self) -> str:
-        return f"{self.truck}-{self.recipe}-{self.seed}"
+        last = f"-{self.first + self.count - 1}" if self.count > 1 else ""
+        return f"{self.truck}-{self.recipe}-{self.first}{last}"
+
+    @property
+    def names(self) -> list[str]:
+        """Of the seeds, under which their figures are kept."""
+        return [f"{self.truck}-{self.recipe}-{self.first + m}" for m in range(self.count)]
 
     @property
     def folder(self) -> Path:
-        """The deep truck."""
+        """The deep truck, whose members are the seeds."""
         return Path(self.work) / "trucks" / self.name
+
+
+def to_learn(work: str, truck: str, recipe: str, seeds: int, updates: int = 0) -> list[Job]:
+    """Batches of consecutive seeds below `seeds` that are not measured yet."""
+    jobs: list[Job] = []
+    for seed in range(seeds):
+        alone = Job(work, truck, recipe, seed, 1, updates)
+        if _known(Path(work) / f"{alone.name}.json", updates):
+            continue
+        if jobs and jobs[-1].first + jobs[-1].count == seed and jobs[-1].count < BATCH:
+            jobs[-1] = jobs[-1]._replace(count=jobs[-1].count + 1)
+        else:
+            jobs.append(alone)
+    return jobs
+
+
+def _known(kept: Path, updates: int) -> bool:
+    """Whether a seed's figures are there, and not of another budget or of an older version."""
+    if not kept.exists():
+        return False
+    found = json.loads(kept.read_text())
+    return bool(found["budget"] == updates and "errors" in found)
+
+
+def first_truck(work: Path, truck: str, recipe: str) -> tuple[Path, DeepTruck] | None:
+    """The truck of seed 0, and the folder that it is in; None where none was learned yet."""
+    for folder in sorted((work / "trucks").glob(f"{truck}-{recipe}-0*")):
+        if (folder / simulators.MANIFEST).exists():  # an empty folder only reserves the name
+            found = simulators.load(folder)
+            assert isinstance(found, DeepTruck)
+            return folder, singles(found)[0]
+    return None
 
 
 @cache
@@ -101,26 +145,36 @@ def drives(truck: str) -> tuple[Recording, Recording]:
     return field_drives(truck)
 
 
-def learn(job: Job) -> dict[str, Any]:
-    """Train and measure; what was done before is read. Goes on where it was killed."""
-    kept = Path(job.work) / f"{job.name}.json"
-    if kept.exists():
-        found = json.loads(kept.read_text())
-        if found["budget"] == job.updates and "auxiliary" in found:  # else an older version measured it
-            return dict(found)
+def learn(job: Job) -> list[dict[str, Any]]:
+    """Train the seeds of a job in one batch, measure each alone, and keep its figures. Goes on where it was
+    killed."""
     training, test = drives(job.truck)
     curves = Path(job.work) / f"{job.name}.jsonl"
     watched = job.truck == "trucksim" and (job.recipe == "paper" or job.recipe in VARIANTS)
     recipe = (RECIPES | VARIANTS)[job.recipe]
     observe = _observer(curves, recipe.fuel or PAPER_FUEL) if watched else None
-    arguments = replace(recipe, seed=job.seed, updates=job.updates or recipe.updates)
-    truck = train([training], job.folder, arguments, resumes=True, observe=observe)
-    found = {"name": job.name, "budget": job.updates}
-    found |= _measured(truck, training, test, long=job.truck == "trucksim")
-    if watched:
-        found |= _converged(_read(curves, truck))
-    files.write(kept, json.dumps(found).encode())
+    updates = job.updates or recipe.updates
+    arguments = replace(recipe, seed=job.first, members=job.count, updates=updates)
+    trained = train([training], job.folder, arguments, resumes=True, observe=observe)
+    found = []
+    for member, (name, truck) in enumerate(zip(job.names, singles(trained), strict=True)):
+        one = {"name": name, "budget": job.updates}
+        one |= _measured(truck, training, test, long=job.truck == "trucksim")
+        if watched:
+            one |= _converged(_read(curves, truck, member))
+        found.append(one)
+    for one in found:  # all or none, so that a killed batch is the same batch when it goes on
+        files.write(Path(job.work) / f"{one['name']}.json", json.dumps(rounded(one)).encode())
     return found
+
+
+def rounded(found: Any) -> Any:
+    """Figures with DIGITS digits, more than any page shows."""
+    if isinstance(found, float):
+        return float(f"{found:.{DIGITS}g}")
+    if isinstance(found, Mapping):
+        return {key: rounded(value) for key, value in found.items()}
+    return [rounded(value) for value in found] if isinstance(found, list | tuple) else found
 
 
 def runs_of(truck: DeepTruck, test: Recording, *, long: bool) -> Trials:
@@ -138,6 +192,7 @@ def _measured(truck: DeepTruck, training: Recording, test: Recording, *, long: b
     found = {**statistics(runs), "updates": updates, "passes": passes(truck, updates)}
     found |= {"largest_fuel": float(np.nanmax(training.channels["fuel_rate"]))}
     found |= {"auxiliary": truck.details["auxiliary"], "band": _bands(runs), "inside": int(inside.sum())}
+    found |= {"errors": _errors(runs)}
     if inside.any():
         u, w, measured, modelled = (x[inside] for x in (runs.u, runs.w, runs.measured, runs.modelled))
         found["band_inside"] = _bands(Trials(u, w, measured, modelled, runs.dt, runs.channels))
@@ -146,6 +201,16 @@ def _measured(truck: DeepTruck, training: Recording, test: Recording, *, long: b
         first = round(TRANSIENT_OF_SAMPLE_S / runs.dt)
         found |= {"start": float(size[:first].max()), "later": float(size[first:].max())}
     return found
+
+
+def _errors(runs: Trials) -> dict[str, Any]:
+    """Mean and standard deviation of the error by channel against the time, every ERRORS_S."""
+    every = slice(None, None, round(ERRORS_S / runs.dt))
+    mean, sd = (x[every] for x in against_time(runs))
+    channels = {
+        name: {"mean": mean[:, j].tolist(), "sd": sd[:, j].tolist()} for j, name in enumerate(runs.channels)
+    }
+    return {"time": runs.time[every].tolist(), "channels": channels}
 
 
 def _bands(runs: Trials) -> dict[str, dict[str, Any]]:
@@ -173,7 +238,7 @@ def _observer(curves: Path, fuel: float) -> Any:
     rounds = iter(range(10**9))
 
     def observe(done: int, network: TruckNetwork) -> None:
-        line: dict[str, Any] = {"updates": done, **{f: v[0] for f, v in unseen.losses(network).items()}}
+        line: dict[str, Any] = {"updates": done, **unseen.losses(network)}
         if next(rounds) % LOOKS_AT_FEEDBACK == 0:
             line["by_feedback"] = unseen.by_feedback(network)
         with curves.open("a") as file:
@@ -182,10 +247,16 @@ def _observer(curves: Path, fuel: float) -> Any:
     return observe
 
 
-def _read(curves: Path, truck: DeepTruck) -> list[dict[str, Any]]:
-    """A line for each number of updates; of a killed run the last word counts."""
+def _read(curves: Path, truck: DeepTruck, member: int) -> list[dict[str, Any]]:
+    """A line for each number of updates, of one of the members; of a killed run the last word counts."""
     lines = {line["updates"]: line for line in map(json.loads, curves.read_text().splitlines())}
-    return [{"passes": passes(truck, done), **lines[done]} for done in sorted(lines)]
+    found = []
+    for done in sorted(lines):
+        line = {form: lines[done][form][member] for form in COLOURS}
+        if looks := lines[done].get("by_feedback"):
+            line["by_feedback"] = {fed: errors[member] for fed, errors in looks.items()}
+        found.append({"passes": passes(truck, done), "updates": done, **line})
+    return found
 
 
 def _converged(curves: list[dict[str, Any]]) -> dict[str, Any]:

@@ -12,7 +12,16 @@ from matplotlib.figure import Figure
 
 from benchmarks.paper import learning, output
 from benchmarks.paper.drives import VALIDATION_SEED, drive_of
-from benchmarks.paper.learning import RECIPES, VARIANTS, Job, drives, learn, runs_of
+from benchmarks.paper.learning import (
+    RECIPES,
+    VARIANTS,
+    drives,
+    first_truck,
+    learn,
+    rounded,
+    runs_of,
+    to_learn,
+)
 from benchmarks.paper.output import COLOURS, FED, sample_run
 from benchmarks.paper.page import (
     FIELD_SEEDS,
@@ -27,10 +36,9 @@ from benchmarks.paper.page import (
     write,
 )
 from benchmarks.paper.results import BESIDE_PAPER, PAPER_HALVES, PICTURES, WORK
-from deeptruck_model import files, simulators, sweeps
+from deeptruck_model import files, sweeps
 from deeptruck_model.deep.arguments import PAPER_FUEL, PAPER_PASSES
-from deeptruck_model.deep.report import LABELS, error_figure, scenario_figure
-from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.report import LABELS, scenario_figure
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import printed
 
@@ -246,18 +254,13 @@ def experiment(
     `seeds` of every recipe, 0: SEEDS and FIELD_SEEDS. Raises InputError where `out` holds something else.
     """
     with BESIDE_PAPER.in_place(out):
-        work = str(out / WORK)
-        jobs = [Job(work, "trucksim", r, k, updates) for r in RECIPES for k in range(seeds or SEEDS[r])]
-        jobs += [
-            Job(work, truck, recipe, k, updates)
-            for truck in FIELD_ROWS
-            for recipe in RECIPES
-            for k in range(seeds or FIELD_SEEDS)
-        ]
-        jobs += [Job(work, "trucksim", variant, 0, updates) for variant in VARIANTS]
-        jobs.sort(key=lambda job: job.seed)  # the first seeds of all come first
+        work, wanted = str(out / WORK), {("trucksim", recipe): seeds or SEEDS[recipe] for recipe in RECIPES}
+        wanted |= {(truck, recipe): seeds or FIELD_SEEDS for truck in FIELD_ROWS for recipe in RECIPES}
+        wanted |= {("trucksim", variant): 1 for variant in VARIANTS}
+        jobs = [job for which, count in wanted.items() for job in to_learn(work, *which, count, updates)]
+        jobs.sort(key=lambda job: job.first)  # the first seeds of all come first
         for done, found in enumerate(sweeps.run(learn, jobs, workers=workers), 1):
-            say(f"{done} of {len(jobs)}: {found['name']}")
+            say(f"{done} of {len(jobs)}: {', '.join(seed['name'] for seed in found)}")
             page(out)
         _probe(out)
         draw(out)
@@ -284,30 +287,22 @@ def page(out: Path) -> None:
 
 
 def draw(out: Path) -> None:
-    """The figures, of the first seeds that are there."""
-    folder = out / PICTURES
+    """The figures: bands of the seeds, and single runs of the first."""
+    folder, found = out / PICTURES, _measured(out / WORK)
     folder.mkdir(exist_ok=True)
-    _dataset(drives("trucksim")[0]).savefig(folder / "dataset.png", dpi=110)
+    training, test = drives("trucksim")
+    _dataset(training).savefig(folder / "dataset.png", dpi=110)
+    shown = [("trucksim", "paper"), ("trucksim", "default"), *((name, "paper") for name in FIELD_ROWS)]
+    for truck, recipe in shown:
+        name = f"errors_{recipe}.png" if truck == "trucksim" else f"{truck}.png"
+        if seeds := found.get((truck, recipe), []):
+            output.error_bands([seed["errors"] for seed in seeds]).savefig(folder / name, dpi=110)
     for recipe in ("paper", "default"):
-        truck = _truck(Job(str(out / WORK), "trucksim", recipe, 0))
-        if truck is None:
-            continue
-        runs, test = runs_of(truck, drives("trucksim")[1], long=True), drives("trucksim")[1]
-        error_figure(runs).savefig(folder / f"errors_{recipe}.png", dpi=110)
-        scenario_figure(runs).savefig(folder / "scenarios.png", dpi=110)
-        sample_run(truck, test, folder / f"sample_{recipe}.png")
-    for name in FIELD_ROWS:
-        if (truck := _truck(Job(str(out / WORK), name, "paper", 0))) is not None:
-            runs = runs_of(truck, drives(name)[1], long=False)
-            error_figure(runs).savefig(folder / f"{name}.png", dpi=110)
-    if curves := [f["curves"] for f in _measured(out / WORK).get(("trucksim", "paper"), [])]:
+        if learned := first_truck(out / WORK, "trucksim", recipe):
+            sample_run(learned[1], test, folder / f"sample_{recipe}.png")
+            scenario_figure(runs_of(learned[1], test, long=True)).savefig(folder / "scenarios.png", dpi=110)
+    if curves := [f["curves"] for f in found.get(("trucksim", "paper"), [])]:
         output.figure(_together(curves)).savefig(folder / "learning_curves.png", dpi=110)
-
-
-def _truck(job: Job) -> DeepTruck | None:
-    found = simulators.load(job.folder) if job.folder.exists() and any(job.folder.iterdir()) else None
-    assert found is None or isinstance(found, DeepTruck)
-    return found
 
 
 def _measured(work: Path) -> dict[tuple[str, str], list[dict[str, Any]]]:
@@ -359,10 +354,10 @@ def _probe(out: Path) -> None:
     kept = out / WORK / PROBES
     found = json.loads(kept.read_text()) if kept.exists() else {}
     for recipe in RECIPES:
-        truck = _truck(Job(str(out / WORK), "trucksim", recipe, 0))
-        if truck is not None and recipe not in found:
+        learned = first_truck(out / WORK, "trucksim", recipe)
+        if learned is not None and recipe not in found:
             fit, test = drive_of("trucksim", PROBE_FIT_MIN, VALIDATION_SEED), drives("trucksim")[1]
-            found[recipe] = learning.probe(truck, fit, test)
+            found[recipe] = rounded(learning.probe(learned[1], fit, test))
             files.write(kept, json.dumps(found).encode())
 
 

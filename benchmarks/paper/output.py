@@ -19,6 +19,7 @@ from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.report import LABELS
 from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.pages.style import MODELLED, WIDTH_IN, styled
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, SPEED, printed
 from deeptruck_model.simulators import free_run
@@ -166,9 +167,10 @@ class Unseen:
             for form, drive in self.drives.items()
         }
 
-    def by_feedback(self, network: TruckNetwork) -> dict[str, list[float]]:
+    def by_feedback(self, network: TruckNetwork) -> dict[str, list[list[float]]]:
         """Mean squared error of acceleration, speed and fuel on the drive of the deployment form, by which
-        recorded responses are fed to the network in place of its own. One member."""
+        recorded responses are fed to the network in place of its own: [acceleration, speed, fuel] of each
+        member."""
         x, target = _windows(network, self.drives["deployment"])
         width = x.shape[-1]
         inputs = torch.as_tensor(x[0]).transpose(0, 1) * network.scale[:width] + network.mean[:width]
@@ -180,8 +182,8 @@ class Unseen:
             own = [j for j in range(network.shape.responses) if j not in channels]
             fed[:, 1:, own] = torch.nan
             with torch.no_grad():
-                made = network.unfold(u, w, fed, "training")[0, ..., : network.shape.responses]
-            found[name] = torch.nanmean((made - recorded[:, 1:]) ** 2, dim=(0, 1)).tolist()
+                made = network.unfold(u, w, fed, "training")[..., : network.shape.responses]
+            found[name] = torch.nanmean((made - recorded[:, 1:]) ** 2, dim=(1, 2)).tolist()
         return found
 
 
@@ -204,4 +206,29 @@ def figure(curves: Mapping[str, Any]) -> Figure:
     spread = "one seed" if seeds == 1 else f"mean, min and max of {seeds} seeds"
     axis.set_title(spread, fontsize="small", loc="right")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize="small", frameon=False)
+    return figure
+
+
+@styled()
+def error_bands(seeds: Sequence[Mapping[str, Any]]) -> Figure:
+    """Errors against time, one panel a channel: the median over the seeds of the mean error, and the ranges
+    over them of the mean, and of the mean with a standard deviation on either side."""
+    time, names = seeds[0]["time"], list(seeds[0]["channels"])
+    figure = Figure(figsize=(WIDTH_IN, 0.6 + 1.6 * len(names)))
+    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, name in zip(axes, names, strict=True):
+        mean, sd = (np.array([seed["channels"][name][part] for seed in seeds]) for part in ("mean", "sd"))
+        wide = ((mean - sd).min(axis=0), (mean + sd).max(axis=0))
+        axis.fill_between(time, *wide, color=MODELLED, alpha=0.2, lw=0, label="mean ± sd, widest")
+        axis.fill_between(
+            time, mean.min(axis=0), mean.max(axis=0), color=MODELLED, alpha=0.45, lw=0, label="mean, range"
+        )
+        axis.plot(time, np.median(mean, axis=0), color=MODELLED, label="mean, median")
+        axis.axhline(0, color="0.6", lw=0.5)
+        axis.set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
+    of = "one seed" if len(seeds) == 1 else f"over {len(seeds)} seeds"
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+    axes[0].set_title(of, fontsize="small", loc="right")
+    axes[-1].set_xlabel("time since the start of the run [s]")
+    figure.align_ylabels(axes)
     return figure

@@ -22,8 +22,10 @@ LOOKS = 60
 """Validations of a training by the paper's recipe; chosen."""
 SHORT_UPDATES = 4560
 """Gradient steps of the recipe's variants: 60 passes over 3.4 h; chosen."""
-SEEDS = {"paper": 30, "default": 10, "unaided": 10}
-"""Deep trucks of `trucksim` by recipe; "Model learning curves" has 30 of its own, the others are chosen."""
+SEEDS = {"paper": 30, "default": 30, "unaided": 10}
+"""Deep trucks of `trucksim` by recipe; "Model learning curves" has 30 of its own, 10 is chosen."""
+BATCH = 10
+"""Seeds trained side by side; their results do not depend on one another. Chosen."""
 FIELD_SEEDS = 10
 """Deep trucks of each field truck by recipe; chosen."""
 LOOKS_AT_FEEDBACK = 6
@@ -36,6 +38,10 @@ TRANSIENT_OF_SAMPLE_S = 10.0
 """s of the initial transient in the run of 200 s, of which the paper gives no length; chosen."""
 SHARE_WITHIN = 0.95
 """Least share of runs that 'is expected to remain within 1.5 m/s' is taken to mean; chosen."""
+ERRORS_S = 0.5
+"""s from one point of an error figure to the next; chosen."""
+DIGITS = 5
+"""Digits of the figures that are kept of a seed; chosen."""
 FIELD_RUNS, FIELD_S = 10, 15.0
 """Simulations of a field truck, and their length in s; "Results and model validation" of the field."""
 

@@ -13,6 +13,7 @@ from benchmarks.paper import learning, modelling, page
 from benchmarks.paper.drives import TRAIN_SEED, drive_of
 from benchmarks.paper.page import Row, at
 from benchmarks.paper.run import app
+from deeptruck_model import simulators
 
 SPEED = Row("speed", "within 1.5", at("speed"), most=1.5)
 
@@ -88,7 +89,47 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
 
 @pytest.mark.usefixtures("little")
 def test_what_a_killed_training_observed_counts_once(tmp_path: Path) -> None:
-    job = learning.Job(str(tmp_path), "trucksim", "paper", 0, 2)
-    tmp_path.joinpath(f"{job.name}.jsonl").write_text('{"updates": 1, "training": 9.0, "deployment": 9.0}\n')
-    curves = learning.learn(job)["curves"]
+    job = learning.Job(str(tmp_path), "trucksim", "paper", 0, updates=2)
+    killed = '{"updates": 1, "training": [9.0], "deployment": [9.0]}\n'
+    tmp_path.joinpath(f"{job.name}.jsonl").write_text(killed)
+    curves = learning.learn(job)[0]["curves"]
     assert [line["updates"] for line in curves] == [1, 2] and curves[0]["training"] != 9.0
+
+
+@pytest.mark.usefixtures("little")
+@pytest.mark.parametrize("recipe", ["paper", "default"])
+def test_a_seed_in_a_batch_is_the_seed_alone(tmp_path: Path, recipe: str) -> None:
+    """Up to the rounding of products of stacked matrices."""
+    alone, batch = tmp_path / "alone", tmp_path / "batch"
+    (one,) = learning.learn(learning.Job(str(alone), "trucksim", recipe, 1, updates=6))
+    two = learning.learn(learning.Job(str(batch), "trucksim", recipe, 0, 2, updates=6))
+    assert [found["name"] for found in two] == [f"trucksim-{recipe}-{k}" for k in range(2)]
+    for figures in (
+        ["errors", "channels", "speed"],
+        ["band", "fuel_rate"],
+        *([["end"]] if "end" in one else []),
+    ):
+        for key, values in _at(one, figures).items():
+            np.testing.assert_allclose(_at(two[1], figures)[key], values, rtol=1e-3, atol=1e-4)
+    assert two[0]["speed"] != two[1]["speed"]
+    weights = [
+        simulators.load(job / "trucks" / name).network
+        for job, name in ((alone, f"trucksim-{recipe}-1"), (batch, f"trucksim-{recipe}-0-1"))
+    ]
+    np.testing.assert_allclose(*(w.recurrent[-1].detach() for w in weights), rtol=1e-4, atol=1e-5)
+
+
+def _at(found: Any, path: list[str]) -> Any:
+    for key in path:
+        found = found[key]
+    return found
+
+
+def test_what_is_measured_is_not_learned_again(tmp_path: Path) -> None:
+    for seed in (0, 1, 12):
+        kept = {"budget": 0, "errors": {}}
+        tmp_path.joinpath(f"volvo-paper-{seed}.json").write_text(json.dumps(kept))
+    jobs = learning.to_learn(str(tmp_path), "volvo", "paper", 25)
+    assert [(job.first, job.count) for job in jobs] == [(2, 10), (13, 10), (23, 2)]
+    assert jobs[0].name == "volvo-paper-2-11" and jobs[0].names[-1] == "volvo-paper-11"
+    assert len(learning.to_learn(str(tmp_path), "volvo", "paper", 2, updates=5)) == 1  # of another budget
