@@ -79,25 +79,25 @@ DRAWS, TAILS = 500, (5.0, 95.0)  # of the bootstrap over runs; percent
 
 
 class Job(NamedTuple):
-    """Trucks to learn side by side: where, of which reference truck, by which recipe, `count` seeds from
+    """Trucks to learn side by side: where, of which reference truck, by which recipe, `seeds` of them from
     `first` on; updates 0 chooses."""
 
     work: str
     truck: str
     recipe: str
     first: int
-    count: int = 1
+    seeds: int = 1
     updates: int = 0
 
     @property
     def name(self) -> str:
-        last = f"-{self.first + self.count - 1}" if self.count > 1 else ""
+        last = f"-{self.first + self.seeds - 1}" if self.seeds > 1 else ""
         return f"{self.truck}-{self.recipe}-{self.first}{last}"
 
     @property
     def names(self) -> list[str]:
         """Of the seeds, under which their figures are kept."""
-        return [f"{self.truck}-{self.recipe}-{self.first + m}" for m in range(self.count)]
+        return [f"{self.truck}-{self.recipe}-{self.first + m}" for m in range(self.seeds)]
 
     @property
     def folder(self) -> Path:
@@ -112,8 +112,8 @@ def to_learn(work: str, truck: str, recipe: str, seeds: int, updates: int = 0) -
         alone = Job(work, truck, recipe, seed, 1, updates)
         if _known(Path(work) / f"{alone.name}.json", updates):
             continue
-        if jobs and jobs[-1].first + jobs[-1].count == seed and jobs[-1].count < BATCH:
-            jobs[-1] = jobs[-1]._replace(count=jobs[-1].count + 1)
+        if jobs and jobs[-1].first + jobs[-1].seeds == seed and jobs[-1].seeds < BATCH:
+            jobs[-1] = jobs[-1]._replace(seeds=jobs[-1].seeds + 1)
         else:
             jobs.append(alone)
     return jobs
@@ -154,7 +154,7 @@ def learn(job: Job) -> list[dict[str, Any]]:
     recipe = (RECIPES | VARIANTS)[job.recipe]
     observe = _observer(curves, recipe.fuel or PAPER_FUEL) if watched else None
     updates = job.updates or recipe.updates
-    arguments = replace(recipe, seed=job.first, members=job.count, updates=updates)
+    arguments = replace(recipe, seed=job.first, members=job.seeds, updates=updates)
     trained = train([training], job.folder, arguments, resumes=True, observe=observe)
     found = []
     for member, (name, truck) in enumerate(zip(job.names, singles(trained), strict=True)):

@@ -47,8 +47,8 @@ class Muon(torch.optim.Optimizer):
             momentum = state.setdefault("momentum", torch.zeros_like(p))
             momentum.mul_(MOMENTUM).add_(p.grad)
             ahead = torch.add(p.grad, momentum, alpha=MOMENTUM)
-            alone = ahead.unflatten(-1, (gates, -1)).movedim(-2, 1).flatten(0, 1)
-            steps = orthogonal(alone).unflatten(0, (-1, gates)).movedim(1, -2).flatten(-2)
+            alone = torch.unflatten(ahead, -1, (gates, -1)).movedim(-2, 1).flatten(0, 1)
+            steps = torch.unflatten(orthogonal(alone), 0, (-1, gates)).movedim(1, -2).flatten(-2)
             p.add_(steps, alpha=-group["lr"])
 
 

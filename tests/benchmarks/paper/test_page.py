@@ -130,6 +130,6 @@ def test_what_is_measured_is_not_learned_again(tmp_path: Path) -> None:
         kept = {"budget": 0, "errors": {}}
         tmp_path.joinpath(f"volvo-paper-{seed}.json").write_text(json.dumps(kept))
     jobs = learning.to_learn(str(tmp_path), "volvo", "paper", 25)
-    assert [(job.first, job.count) for job in jobs] == [(2, 10), (13, 10), (23, 2)]
+    assert [(job.first, job.seeds) for job in jobs] == [(2, 10), (13, 10), (23, 2)]
     assert jobs[0].name == "volvo-paper-2-11" and jobs[0].names[-1] == "volvo-paper-11"
     assert len(learning.to_learn(str(tmp_path), "volvo", "paper", 2, updates=5)) == 1  # of another budget
