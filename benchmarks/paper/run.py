@@ -40,40 +40,39 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help=files.OVERWRITE_HEL
 PageOut = Annotated[Path, typer.Option(metavar="DIR", help="Folder; the page is in its subfolder 'paper'.")]
 
 
-@app.command()
-def error_statistics(
-    out: Out,
-    seeds: Seeds = 0,
-    budget: Budget = 0,
-    mode: ModeOption = Mode.default,
-    overwrite: Overwrite = False,
-) -> None:
-    """Open-loop errors on 'trucksim': 4 h of training, 90 runs of 40 s on another 3 h."""
-    _experiment("error-statistics", out, seeds, budget, overwrite, mode=mode.value)
+BY_MODE = {
+    "error-statistics": "Open-loop errors on 'trucksim': 4 h of training, 90 runs of 40 s on another 3 h.",
+    "field": "The two field trucks with the paper's minutes of driving: ten runs of 15 s each.",
+}
+OF_DEFAULT = {
+    "classics": "The deep truck beside ARX, NARX, gradient boosting and a fitted physics truck.",
+    "minutes": "Errors after 5, 15 and 60 min of a truck's own driving, alone or after a fleet of others.",
+}
+"""Experiments that compare recipes, and those of our default alone."""
 
 
-@app.command()
-def field(
-    out: Out,
-    seeds: Seeds = 0,
-    budget: Budget = 0,
-    mode: ModeOption = Mode.default,
-    overwrite: Overwrite = False,
-) -> None:
-    """The two field trucks with the paper's minutes of driving: ten runs of 15 s each."""
-    _experiment("field", out, seeds, budget, overwrite, mode=mode.value)
+def _add_by_mode(name: str, says: str) -> None:
+    @app.command(name, help=says)
+    def command(
+        out: Out,
+        seeds: Seeds = 0,
+        budget: Budget = 0,
+        mode: ModeOption = Mode.default,
+        overwrite: Overwrite = False,
+    ) -> None:
+        _experiment(name, out, seeds, budget, overwrite, mode=mode.value)
 
 
-@app.command()
-def classics(out: Out, seeds: Seeds = 0, budget: Budget = 0, overwrite: Overwrite = False) -> None:
-    """The deep truck beside ARX, NARX, gradient boosting and a fitted physics truck."""
-    _experiment("classics", out, seeds, budget, overwrite)
+def _add_of_default(name: str, says: str) -> None:
+    @app.command(name, help=says)
+    def command(out: Out, seeds: Seeds = 0, budget: Budget = 0, overwrite: Overwrite = False) -> None:
+        _experiment(name, out, seeds, budget, overwrite)
 
 
-@app.command()
-def minutes(out: Out, seeds: Seeds = 0, budget: Budget = 0, overwrite: Overwrite = False) -> None:
-    """Errors after 5, 15 and 60 min of a truck's own driving, alone or after a fleet of others."""
-    _experiment("minutes", out, seeds, budget, overwrite)
+for _name, _says in BY_MODE.items():
+    _add_by_mode(_name, _says)
+for _name, _says in OF_DEFAULT.items():
+    _add_of_default(_name, _says)
 
 
 def _experiment(name: str, out: Path, seeds: int, budget: int, overwrite: bool, **settings: Any) -> None:

@@ -48,7 +48,7 @@ def test_the_script_runs_as_a_file():
 
 def test_what_is_fed_back_is_all_that_parts_the_two_forms(drive, truck):
     unseen = output.Unseen(drive(60, seed=3), drive(60, seed=4))
-    found = {fed: np.array(e) for fed, e in unseen.by_feedback(truck.network.member(0)).items()}
+    found = {fed: np.array(e[0]) for fed, e in unseen.by_feedback(truck.network.member(0)).items()}
     plain = np.array([1.0, 1.0, 1e-6])  # fuel in l/s
     free = unseen.losses(truck.network.member(0))["deployment"][0]
     assert found["nothing"] @ plain == pytest.approx(free, rel=1e-3)
