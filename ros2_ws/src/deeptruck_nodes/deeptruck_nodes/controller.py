@@ -5,35 +5,18 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import dataclass
 
-import numpy as np
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState, Range
 
-from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.safety.guard import load_controller
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import messages
-from deeptruck_nodes.messages import SECOND, nanoseconds
+from deeptruck_nodes.following import Following
+from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
-from deeptruck_nodes.observation import Alignment, Observation
+from deeptruck_nodes.observation import Alignment
 from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
-
-EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
-FULL = 0.95  # of the highest brake command: full braking
-
-
-@dataclass
-class Event:
-    """Counts how often something begins."""
-
-    count: int = 0
-    holds: bool = False
-
-    def now(self, holds: bool) -> None:
-        self.count += holds and not self.holds
-        self.holds = holds
 
 
 class Controller(DeeptruckNode):
@@ -48,23 +31,16 @@ class Controller(DeeptruckNode):
     def __init__(self) -> None:
         super().__init__("controller")
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
-        self._guard = load_controller(self.p["policy"], interface, shield=self.p["shield"])
-        self._guard.reset()
+        guard = load_controller(self.p["policy"], interface, shield=self.p["shield"])
+        self._following = Following(guard, self.p["target_time_gap"], self.p["lose_lead_after_s"])
         self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"])
-        self._period = round(self._guard.dt * SECOND)
-        self._acts_from = 0
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
-        self._held = (math.nan, math.nan)
-        self._leads = False  # there is something to follow
         self._simulated = "truck_sim" in self.p["peers"]
         self._bridge_engaged, self._bridge_engaged_at = (
             False,
             -math.inf,
         )  # the bridge's engaged bit; monotonic, s
         self._received = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
-        self._brake_high = ActionScale.of(self._guard).brake_high
-        self._counts = {"shield_acted": 0, "baseline_drove": 0}  # steps
-        self._events = {name: Event() for name in EVENTS}
         self._command = self.publish_on(COMMAND)
         self.listen_to(ROAD, self._on_road)
         self.listen_to(RADAR_RANGE, self._on_range)
@@ -80,19 +56,19 @@ class Controller(DeeptruckNode):
         silent = [name for name in self._received if self._is_stale(name)]
         if silent or self._is_old(self._observed_at):
             says = f"no {' and '.join(silent) or 'whole observation'}: no command is sent"
-            self.diagnose(self.now(), "error", says, self._counts)
+            self.diagnose(self.now(), "error", says, self._following.counts)
             return IDLE
         wait = self._sent_at + self.p["repeat_every_s"] - time.monotonic()
         if wait > 0.0:
             return float(wait)
-        if math.isfinite(sum(self._held)):
+        if math.isfinite(sum(self._following.held)):
             self._send(self.now())
         return float(self.p["repeat_every_s"])
 
     def _send(self, stamp: int) -> None:
         self._sent_at = time.monotonic()
         engaged = self._simulated or (self._bridge_engaged and not self._is_old(self._bridge_engaged_at))
-        values = dict(zip(COMMAND.fields, (*self._held, float(engaged)), strict=True))
+        values = dict(zip(COMMAND.fields, (*self._following.held, float(engaged)), strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 
     def _is_stale(self, name: str) -> bool:
@@ -112,8 +88,8 @@ class Controller(DeeptruckNode):
         if not changed:
             return
         if engaged:
-            self._guard.reset()  # what was summed up while nobody obeyed means nothing
-        if not self._is_old(self._observed_at) and math.isfinite(sum(self._held)):
+            self._following.reset()  # what was summed up while nobody obeyed means nothing
+        if not self._is_old(self._observed_at) and math.isfinite(sum(self._following.held)):
             self._send(self.now())
 
     def _on_road(self, message: JointState) -> None:
@@ -138,39 +114,13 @@ class Controller(DeeptruckNode):
         if observation is None or (not self.lockstep and self._is_stale("speed")):
             return
         self._observed_at = time.monotonic()
-        events = sum(event.count for event in self._events.values())
-        if observation.stamp >= self._acts_from:
-            self._acts_from = observation.stamp + self._period * 9 // 10  # stamps may jitter
-            self._held = self._act(observation)
+        events = self._following.events
+        self._following.take(observation)
         self._send(observation.stamp)
-        level, says = ("ok", "following") if self._leads else ("warn", "nothing to follow: no command")
-        counts = {**self._counts, **{name: event.count for name, event in self._events.items()}}
-        values = {**counts, "gap_m": observation.gap}
-        self.diagnose(observation.stamp, level, says, values, at_once=sum(counts[n] for n in EVENTS) > events)
-
-    def _act(self, seen: Observation) -> tuple[float, float]:
-        """The guarded policy's command; NaN, which nobody obeys, where there is nothing to follow."""
-        numbers = {
-            "leader_speed": seen.leader_speed,
-            "speed": seen.speed,
-            "gap": seen.gap,
-            "target_time_gap": self.p["target_time_gap"],
-            "grade": seen.grade,
-        }
-        engine, brake = self._guard.act({name: np.array([value]) for name, value in numbers.items()})
-        led = self._leads
-        self._leads = bool(self._guard.unseen_s[0] <= self.p["lose_lead_after_s"] + 1e-6)
-        self._leads &= not self._guard.speed_is_silent[0]
-        acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
-        if not self._leads:
-            self._guard.reset()
-            engine, brake, acted, braking = np.array([math.nan]), np.array([math.nan]), False, False
-        self._counts["shield_acted"] += int(acted)
-        self._counts["baseline_drove"] += int(self._leads and self._guard.handed_over[0])
-        self._events["drop_outs"].now((led or self._leads) and math.isnan(seen.gap))
-        self._events["shield_interventions"].now(acted)
-        self._events["full_brakings"].now(braking)
-        return float(engine[0]), float(brake[0])
+        leads, values = self._following.leads, {**self._following.counts, "gap_m": observation.gap}
+        level, says = ("ok", "following") if leads else ("warn", "nothing to follow: no command")
+        at_once = self._following.events > events
+        self.diagnose(observation.stamp, level, says, values, at_once=at_once)
 
 
 def main() -> None:

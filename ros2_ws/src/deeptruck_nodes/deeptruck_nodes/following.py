@@ -1,0 +1,91 @@
+"""What the controller makes of an observation, without ROS: command, what is followed, and what happened."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.safety.guard import Guard
+from deeptruck_nodes.observation import SECOND, Observation
+
+EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
+FULL = 0.95  # of the highest brake command: full braking
+
+
+@dataclass
+class Event:
+    """Counts how often something begins."""
+
+    count: int = 0
+    holds: bool = False
+
+    def now(self, holds: bool) -> None:
+        """Whether it holds in this step."""
+        self.count += holds and not self.holds
+        self.holds = holds
+
+
+class Following:
+    """A guarded policy that acts every `dt` of stamps; in between its command is held.
+
+    The command is NaN, which nobody obeys, where there is nothing to follow: the radar has lost the leader
+    for `lose_lead_after_s`, or the truck's own speed is silent.
+    """
+
+    def __init__(self, guard: Guard, target_time_gap: float, lose_lead_after_s: float) -> None:
+        self._guard, self._time_gap, self._lose_after_s = guard, target_time_gap, lose_lead_after_s
+        self._period = round(guard.dt * SECOND)
+        self._acts_from = 0
+        self._brake_high = ActionScale.of(guard).brake_high
+        self._steps = {"shield_acted": 0, "baseline_drove": 0}
+        self._events = {name: Event() for name in EVENTS}
+        self.held = (math.nan, math.nan)  # engine and brake command in the interface's units
+        self.leads = False  # there is something to follow
+        self.reset()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Steps in which the shield acted and the baseline drove; how often each of EVENTS began."""
+        return {**self._steps, **{name: event.count for name, event in self._events.items()}}
+
+    @property
+    def events(self) -> int:
+        """How often something began, in all."""
+        return sum(event.count for event in self._events.values())
+
+    def reset(self) -> None:
+        """Forget the past, but for the counts."""
+        self._guard.reset()
+
+    def take(self, seen: Observation) -> tuple[float, float]:
+        """Engine and brake command after an observation."""
+        if seen.stamp >= self._acts_from:
+            self._acts_from = seen.stamp + self._period * 9 // 10  # stamps may jitter
+            self.held = self._act(seen)
+        return self.held
+
+    def _act(self, seen: Observation) -> tuple[float, float]:
+        numbers = {
+            "leader_speed": seen.leader_speed,
+            "speed": seen.speed,
+            "gap": seen.gap,
+            "target_time_gap": self._time_gap,
+            "grade": seen.grade,
+        }
+        engine, brake = self._guard.act({name: np.array([value]) for name, value in numbers.items()})
+        led = self.leads
+        self.leads = bool(self._guard.unseen_s[0] <= self._lose_after_s + 1e-6)
+        self.leads &= not self._guard.speed_is_silent[0]
+        acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
+        if not self.leads:
+            self._guard.reset()
+            engine, brake, acted, braking = np.array([math.nan]), np.array([math.nan]), False, False
+        self._steps["shield_acted"] += int(acted)
+        self._steps["baseline_drove"] += int(self.leads and self._guard.handed_over[0])
+        self._events["drop_outs"].now((led or self.leads) and math.isnan(seen.gap))
+        self._events["shield_interventions"].now(acted)
+        self._events["full_brakings"].now(bool(braking))
+        return float(engine[0]), float(brake[0])
