@@ -35,6 +35,7 @@ from benchmarks.paper.page import (
     Row,
     at,
     picture,
+    restore,
     table,
     write,
 )
@@ -116,6 +117,8 @@ ROWS = (
         at("closing", "ripple"),
     ),
     Row("long following: speed error (m/s)", "±0.5", at("following", "speed"), -0.5, 0.5),
+    Row("the same until the lane change (m/s)", "", at("following", "before"), -0.5, 0.5),
+    Row("of a truck that keeps the time gap exactly (m/s)", "", at("following", "exact"), -0.5, 0.5),
     Row("time-gap error (s)", "0.05 to 0.3", at("following", "time_gap"), -0.3, 0.3),
     Row(
         "largest speed error within 10 s of the lane change (m/s)",
@@ -150,14 +153,18 @@ def experiment(
     iterations: int = 0,
     chains: tuple[str, ...] = tuple(CHAINS),
     budget: int = 0,
+    known: Path | None = None,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Train, drive and write the half page into `out`; goes on where a run of it was stopped.
+    """Train, drive and write the half page into `out`; goes on where a run of it was stopped. What is in
+    `known` is not measured again, see `restore`.
 
     Trucks that the modelling half has not learned yet are learned with `budget` updates. Raises InputError
     where `out` holds something else.
     """
     with BESIDE_PAPER.in_place(out):
+        if known is not None:
+            restore(out, known)
         for name in chains:
             say(f"{name}: {CHAINS[name].heading}")
             _chain(out, name, seeds, iterations, budget, say)
@@ -254,10 +261,23 @@ def _figures(traces: Mapping[str, Trace], policy: Path) -> dict[str, Any]:
     far = ~near & (t > SETTLED_S)
     found["following"] = {
         "speed": _ends(following["speed_error"][far]),
+        "exact": _ends(exact_follower(following)[far]),
+        "before": _ends(following["speed_error"][(t > SETTLED_S) & (t < LANE_CHANGE.at_s)]),
         "time_gap": _ends(following["time_gap_error"][far]),
         "lane_change": float(np.abs(following["speed_error"][near]).max()),
     }
     return found | _returns(policy / "learning_curve.jsonl")
+
+
+def exact_follower(trace: Trace) -> Array:
+    """Speed errors (T, batch) that a truck has which keeps the wanted time gap exactly: v = gap / Tg, so that
+    its acceleration is (v_leader - v) / Tg."""
+    leader, errors = trace["leader_speed"], np.empty_like(trace["leader_speed"])
+    speed = trace.scene.speed.astype(float)
+    for k in range(len(leader)):
+        speed = leader[k] + (speed - leader[k]) * np.exp(-trace.dt / trace.scene.time_gap)
+        errors[k] = leader[k] - speed
+    return errors
 
 
 def _of_set(trace: Trace) -> dict[str, Any]:

@@ -7,15 +7,17 @@ page of the halves that are there.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from benchmarks.paper.results import PAPER_HALVES, PAPER_PAGE, PICTURES, WORK
+from benchmarks.paper.results import MEASURED, PAPER_HALVES, PAPER_PAGE, PICTURES, SUMMARY, WORK
 from deeptruck_model import files
+from deeptruck_model.errors import InputError
 
 # Training
 LOOKS = 60
@@ -82,8 +84,8 @@ SCENES_SEED = 1000
 
 Value = float | tuple[float, ...] | None
 Figures = Mapping[str, Any]
-TITLE = """# Beside the paper
-
+TITLE = "# Beside the paper"
+EXPLAINED = """
 Every figure and number of the paper with ours next to it, on our reference trucks: `trucksim` for TruckSIM,
 `freightliner` and `volvo` for the two real ones, whose recordings are not public. A cell is the median of the
 seeds, in brackets the least and the largest of them; it is in bold where any seed misses the paper's bound.
@@ -101,7 +103,8 @@ class Row:
     """One figure: what it is, what the paper says, and where it is among the figures of a seed.
 
     `value` gives a number or the ends of a range. `least` and `most` are the paper's bounds; without them
-    nothing is missed.
+    nothing is missed. `better` is 'small' where the smaller magnitude is the better one, 'large', or '' where
+    two trucks cannot be compared by it.
     """
 
     what: str
@@ -110,6 +113,15 @@ class Row:
     least: float = -np.inf
     most: float = np.inf
     form: str = "{:.2f}"
+    better: Literal["small", "large", ""] = "small"
+
+    def merit(self, seed: Figures) -> float | None:
+        """The larger, the better; None where nothing was measured, or nothing can be compared."""
+        value = self.value(seed)
+        if value is None or not self.better:
+            return None
+        size = float(np.abs(value).max())
+        return size if self.better == "large" else -size
 
     def cell(self, seeds: Sequence[Figures]) -> str:
         """The median over the seeds, bold where one misses; '-' where nothing was measured."""
@@ -123,6 +135,18 @@ class Row:
             text += f" ({' to '.join(self.form.format(x) for x in (ends.min(), ends.max()))})"
         missed = bool((ends < self.least).any() or (ends > self.most).any())
         return (f"**{text}**" if missed else text).replace("%", " %")
+
+
+def worse(rows: Sequence[Row], ours: Sequence[Figures], theirs: Sequence[Figures]) -> dict[str, int]:
+    """By row, how many seeds of `ours` are not better than the median of `theirs`, where any is not."""
+    found = {}
+    for row in rows:
+        mine, others = (
+            [m for seed in seeds if (m := row.merit(seed)) is not None] for seeds in (ours, theirs)
+        )
+        if mine and others and (count := int((np.array(mine) <= np.median(others)).sum())):
+            found[row.what] = count
+    return found
 
 
 def at(*path: str) -> Callable[[Figures], Value]:
@@ -153,9 +177,35 @@ def picture(folder: Path, name: str, says: str) -> list[str]:
 
 
 def write(folder: Path, half: str, lines: Sequence[str]) -> None:
-    """Keep one of PAPER_HALVES in `folder`, and write the page of those that are there."""
-    (folder / WORK).mkdir(exist_ok=True)
+    """Keep SUMMARY or one of PAPER_HALVES in `folder`, and write the page of those that are there, and
+    MEASURED."""
+    for needed in (WORK, PICTURES):
+        (folder / needed).mkdir(exist_ok=True)
+    figures = {path.stem: json.loads(path.read_text()) for path in sorted((folder / WORK).glob("*.json"))}
+    lines_of = (f"{json.dumps(name)}: {json.dumps(found)}" for name, found in figures.items())
+    files.write(folder / PICTURES / MEASURED, ("{\n" + ",\n".join(lines_of) + "\n}\n").encode())
     files.write(folder / WORK / half, ("\n".join(lines).rstrip() + "\n").encode())
-    halves = [folder / WORK / name for name in PAPER_HALVES]
-    text = "\n".join([TITLE, *(half.read_text() for half in halves if half.exists())])
+    summary, *halves = (folder / WORK / name for name in (SUMMARY, *PAPER_HALVES))
+    above = [f"\n{summary.read_text()}"] if summary.exists() else []
+    text = "".join([f"{TITLE}\n", *above, EXPLAINED, *(f"\n{h.read_text()}" for h in halves if h.exists())])
     files.rewrite(folder / PAPER_PAGE, text.encode())
+
+
+def restore(folder: Path, known: Path) -> None:
+    """Take over what an earlier run left of its page in the folder `known`: figures of its seeds, and
+    pictures, unless `folder` has its own. Raises InputError where there are none."""
+    try:
+        figures = dict(json.loads((known / MEASURED).read_text()))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{known} has no {MEASURED} that can be read ({error}); give the folder of a page's pictures, "
+            "such as docs/results/paper"
+        ) from None
+    for needed in (WORK, PICTURES):
+        (folder / needed).mkdir(exist_ok=True)
+    for name, found in figures.items():
+        if not (kept := folder / WORK / f"{name}.json").exists():
+            files.write(kept, json.dumps(found).encode())
+    for picture in known.glob("*.png"):
+        if not (shown := folder / PICTURES / picture.name).exists():
+            files.write(shown, picture.read_bytes())

@@ -15,7 +15,8 @@ EXPERIMENT = Result(
 )
 
 PAPER_PAGE, PICTURES, WORK = "paper.md", "paper", "work"
-PAPER_HALVES = ("modelling.md", "control.md")
+MEASURED = "measured.json"  # beside the pictures: the figures of every seed
+SUMMARY, PAPER_HALVES = "summary.md", ("modelling.md", "control.md")
 _DEEPEST = 7  # levels below `work`, enough for the seeds and TensorBoard files of a training in it
 BESIDE_PAPER = Result(
     "a page beside the paper",

@@ -37,6 +37,10 @@ Seeds = Annotated[int, typer.Option(help="Trucks trained; 0 takes the experiment
 Budget = Annotated[int, typer.Option(help="Gradient updates of each; 0 chooses.", min=0)]
 ModeOption = Annotated[Mode, typer.Option(help="paper: the paper's recipe.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help=files.OVERWRITE_HELP)]
+Known = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Count the seeds of an earlier page, such as docs/results/paper."),
+]
 PageOut = Annotated[Path, typer.Option(metavar="DIR", help="Folder; the page is in its subfolder 'paper'.")]
 
 
@@ -92,14 +96,15 @@ def modelling(
     out: PageOut,
     seeds: Seeds = 0,
     budget: Budget = 0,
-    workers: Annotated[int, typer.Option(help="Trucks trained side by side.", min=1)] = 1,
+    workers: Annotated[int, typer.Option(help="Batches of ten trucks trained side by side.", min=1)] = 1,
+    known: Known = None,
 ) -> None:
     """The page paper.md, its modelling half: trucks of three recipes. A stopped run is continued."""
     from benchmarks.paper import modelling as half
     from benchmarks.paper.results import PAPER_PAGE
 
     folder = out / "paper"
-    half.experiment(folder, seeds, budget, workers, say=lambda line: typer.echo(line, err=True))
+    half.experiment(folder, seeds, budget, workers, known, say=lambda line: typer.echo(line, err=True))
     typer.echo(f"written: {folder / PAPER_PAGE}")
 
 
@@ -111,6 +116,7 @@ def control(
     chain: Annotated[
         list[Chain] | None, typer.Option(help="Repeat for several. Default: all of them.")
     ] = None,
+    known: Known = None,
 ) -> None:
     """The page paper.md, its control half: TRPO as printed beside our trainer, on deep trucks and the truck.
 
@@ -121,7 +127,9 @@ def control(
 
     folder = out / "paper"
     chains = tuple(one.value for one in chain or Chain)
-    half.experiment(folder, seeds, iterations, chains, say=lambda line: typer.echo(line, err=True))
+    half.experiment(
+        folder, seeds, iterations, chains, known=known, say=lambda line: typer.echo(line, err=True)
+    )
     typer.echo(f"written: {folder / PAPER_PAGE}")
 
 

@@ -14,6 +14,7 @@ from benchmarks.paper.drives import TRAIN_SEED, drive_of
 from benchmarks.paper.page import Row, at
 from benchmarks.paper.run import app
 from deeptruck_model import simulators
+from deeptruck_model.errors import InputError
 
 SPEED = Row("speed", "within 1.5", at("speed"), most=1.5)
 
@@ -46,6 +47,34 @@ def test_a_table_says_how_many_seeds_ran() -> None:
     assert lines[2] == "| seeds | | 1 | not run |" and lines[3] == "| speed | within 1.5 | 1.00 | - |"
 
 
+def test_a_seed_is_worse_where_it_does_not_beat_the_median() -> None:
+    share = Row("share", "", at("share"), better="large")
+    count = Row("passes", "", at("passes"), better="")
+    ours = [
+        {"speed": [-0.9, 0.2], "share": 0.9, "passes": 1},
+        {"speed": [-0.1, 1.3], "share": 0.7, "passes": 1},
+    ]
+    theirs = [{"speed": x, "share": 0.8, "passes": 600} for x in (0.5, 1.0, 2.0)]
+    assert page.worse([SPEED, share, count], ours, theirs) == {"speed": 1, "share": 1}
+    assert page.worse([SPEED, share, count], ours[:1], theirs) == {}
+
+
+def test_an_earlier_page_is_continued_and_a_damaged_one_refused(tmp_path: Path) -> None:
+    known, out = tmp_path / "known", tmp_path / "out"
+    known.mkdir()
+    out.mkdir()
+    with pytest.raises(InputError, match=r"has no measured.json that can be read"):
+        page.restore(out, known)
+    (known / "measured.json").write_text('{"volvo-paper-0": {"updates": 3}, "volvo-paper-1": {"updates": 4}}')
+    (known / "volvo.png").write_bytes(b"picture")
+    (out / "work").mkdir()
+    (out / "work/volvo-paper-0.json").write_text("newer")
+    page.restore(out, known)
+    assert (out / "work/volvo-paper-0.json").read_text() == "newer"
+    assert json.loads((out / "work/volvo-paper-1.json").read_text()) == {"updates": 4}
+    assert (out / "paper/volvo.png").read_bytes() == b"picture"
+
+
 @pytest.fixture
 def little(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nine minutes of every truck, one of the two field trucks and one variant."""
@@ -69,7 +98,7 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     out = tmp_path / "paper"
     assert f"written: {out / 'paper.md'}" in done.output.replace("\n", "")
     page = (out / "paper.md").read_text()
-    assert page.count("| seeds | | 1 | 1 | 1 |") == 2
+    assert page.count("| seeds | | 1 | 1 | 1 |") == 2 and page.startswith("# Beside the paper\n\n**")
     assert "### Why the deployment form stays above" in page and "\n| fuel in cm³/s, losses too | " in page
     assert "the deployment form rises in: " in page and "Not run: a quarter of the step, " in page
     assert "| | paper | fuel in l/s | fuel in cm³/s, as printed |" in page
@@ -82,6 +111,9 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     monkeypatch.setattr(learning, "train", None)  # nothing is trained again
     again = CliRunner().invoke(app, command)
     assert again.exit_code == 0 and (out / "paper.md").read_text() == page
+    elsewhere = [*command[:-1], str(tmp_path / "elsewhere"), "--known", str(out / "paper")]
+    restored = CliRunner().invoke(app, elsewhere)  # nor on another machine
+    assert restored.exit_code == 0 and (tmp_path / "elsewhere/paper/paper.md").read_text() == page
     (out / "notes.txt").write_text("mine")
     refused = CliRunner().invoke(app, command)
     assert refused.exit_code != 0 and "notes.txt, which is no part of a page beside" in str(refused.exception)
