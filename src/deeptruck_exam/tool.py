@@ -35,7 +35,7 @@ def run_tool(case: Case, out: Path, *, limit_s: float = LIMIT_S) -> ToolRun:
         *(part for path in case.paths(case.fit) for part in ("--recordings", str(path))),
         *(part for path in case.paths(case.held_out) for part in ("--held-out", str(path))),
         *(part for name in _excluded(case) for part in ("--exclude", name)),
-        *("--out", str(out)),
+        *("--out", str(out), "--overwrite"),  # what a stopped run left there
     ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     began = time.monotonic()

@@ -20,20 +20,19 @@ NOMINAL = "nominal"  # the drives that simulators are made of
 
 @dataclass(frozen=True)
 class Concealed:
-    """One thing that differs from the data sheet: in words, the tool's name for it, and names that say the
-    same force where they are stated beside it. `each_drive` are kg more or less in each drive."""
+    """One thing that differs from the data sheet: in words, and the tool's name for it. `each_drive` are kg
+    more or less in each drive."""
 
     what: str
     name: str = ""
     kind: str = "parameter_error"
-    accepts: tuple[str, ...] = ()
     truth: plant.Truth = field(default_factory=plant.Truth)
     each_drive: tuple[float, ...] = ()
     withholds: tuple[str, ...] = ()
 
     def scored(self) -> dict[str, Any]:
         """The truth as `score` reads it."""
-        effect = {"key": self.what, "name": self.name, "accepts": list(self.accepts)}
+        effect = {"key": self.what, "name": self.name}
         return {"verdict": self.kind, "effects": [effect] if self.name else []}
 
 
@@ -41,42 +40,22 @@ MISSING = "missing_physics"
 CONCEALED: Mapping[str, Concealed] = {
     "nothing": Concealed("nothing"),
     "auxiliary": Concealed(
-        "auxiliary load +20 kW",
-        "accessory_load",
-        MISSING,
-        ("engine_friction",),
-        truth=plant.Truth(auxiliary_w=20_000.0),
+        "auxiliary load +20 kW", "accessory_load", MISSING, plant.Truth(auxiliary_w=20_000.0)
     ),
-    "mass": Concealed("mass +5 t", "mass", accepts=("payload_change",), truth=plant.Truth(mass_kg=5000.0)),
-    "drag": Concealed(
-        "drag +20 %",
-        "drag_area",
-        accepts=("rolling_resistance_speed", "headwind"),
-        truth=plant.Truth(drag=1.2),
-    ),
-    "rolling": Concealed(
-        "rolling resistance +30 %",
-        "rolling_resistance",
-        accepts=("grade_bias",),
-        truth=plant.Truth(rolling=1.3),
-    ),
+    "mass": Concealed("mass +5 t", "mass", truth=plant.Truth(mass_kg=5000.0)),
+    "drag": Concealed("drag +20 %", "drag_area", truth=plant.Truth(drag=1.2)),
+    "rolling": Concealed("rolling resistance +30 %", "rolling_resistance", truth=plant.Truth(rolling=1.3)),
     "efficiency": Concealed(
-        "transmission efficiency -5 %",
-        "torque_gain",
-        accepts=("driveline_loss",),
-        truth=plant.Truth(efficiency=0.95),
+        "transmission efficiency -5 %", "torque_gain", truth=plant.Truth(efficiency=0.95)
     ),
     "payload": Concealed(
         "payload changes between drives",
         "payload_change",
         MISSING,
-        ("mass",),
         each_drive=(0.0, 5000.0, -6000.0, 3000.0),
     ),
     "slope": Concealed("slope not logged", "road_grade", MISSING, withholds=("grade",)),
-    "headwind": Concealed(
-        "head wind of 6 m/s", "headwind", MISSING, ("drag_area",), truth=plant.Truth(wind=6.0)
-    ),
+    "headwind": Concealed("head wind of 6 m/s", "headwind", MISSING, plant.Truth(wind=6.0)),
 }
 
 

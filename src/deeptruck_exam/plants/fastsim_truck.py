@@ -25,14 +25,17 @@ from deeptruck_model.signals import TruckInterface
 
 DT = 0.1
 AIR_DENSITY, GRAVITY = 1.2, 9.80665  # kg/m^3, m/s^2: FASTSim's own
-RATIO = 4.0  # engine to wheels, so that 80 km/h are 1680 rpm
-IDLE = 70.0  # rad/s
-SLOWEST = 0.05  # m/s, below which power and force are not compared
+# The bus, which FASTSim does not have: direct drive with an axle of 4.0, so that 80 km/h are 1680 rpm, and
+# 670 rpm at idle, as heavy diesel engines run; sensors as the usual ones of worlds.yaml.
+RATIO, IDLE = 4.0, 70.0  # 1, rad/s
+SPEED_NOISE, ACCELERATION_NOISE, SLOPE_NOISE = 0.02, 0.03, 0.0006
+# The road: between the highways and the hills of worlds.yaml, less steep than the 6 % that AASHTO allows
+# freeways; few enough metres from slope to slope that a drive of 400 s has many.
 SLOPE_SD, SLOPE_M, STEEPEST = 0.018, 400.0, 0.045
-SPARE = 0.8  # of the engine's power and of its growth, that the driver uses
-LAUNCH_W = 30000.0  # that the engine gives at once
-SMOOTH_S = 3.0  # a driver rounds the corners of a trace of one sample a second
-SPEED_NOISE, ACCELERATION_NOISE, SLOPE_NOISE = 0.02, 0.03, 0.0005
+# The driver: asks for what FASTSim's engine has in any case (at once a sixth of its power, 55 kW), as FASTSim
+# must not fall behind; rounds the corners of a trace of one sample a second.
+SPARE, LAUNCH_W, SMOOTH_S = 0.8, 30_000.0, 3.0  # of the power and of its growth
+SLOWEST = 0.05  # m/s, below which power and force are not compared
 INTERFACE = TruckInterface("line haul", "N m", "m/s^2", grade=True, fuel=False)
 
 

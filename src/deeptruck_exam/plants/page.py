@@ -7,9 +7,15 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
-ERRORS = ("before", "parameters_only", "after")
+from deeptruck_exam.scoring.score import FAILED
+
+DRIVEN = ("before", "parameters_only", "after")
+ERRORS = (*DRIVEN, "offered")
 Row = Mapping[str, Any]
-HEAD = ("simulator", "concealed", "said", "right first, in the set", "as given", "refitted", "corrected")
+HEAD = (
+    *("simulator", "concealed", "said", "right first, in the set"),
+    *("as given", "refitted", "corrected", "offered"),
+)
 RIGHT = {"right": (1, 1), "group": (0, 1)}  # outcome: right first, in the set
 
 
@@ -21,11 +27,14 @@ def lines(rows: Sequence[Row]) -> list[str]:
         "",
         f"`deeptruck-model prove --plant fastsim --cases {len(seeds)} --seed {seeds[0]} --out DIR`",
         "",
-        "FASTSim (NREL) is the truck, its class 8 line-haul vehicle; neither the mismatch tool nor its effect"
-        " classifier was made or trained on it. Three drives are fitted and one is held out. Errors are m/s,"
-        " the median of the seeds, of free runs on the drive held out. The simulators: a physics truck of the"
-        " data sheet by `new` and `calibrate-truck`, one that `train` learned from other drives, and the"
-        " equations of FASTSim solved forwards.",
+        "FASTSim (NREL) drives its class 8 line-haul truck. Before this table the tool was tried on it with"
+        " other seeds: a learned truck that latched after a start from rest, brakes in m/s² that were"
+        " believed to hold their deceleration whatever the slope, and the speed (3 m/s, now 1) below which"
+        " an accessory's power counts as a torque were seen and mended there. No threshold was chosen on it."
+        " Three drives are fitted and one is held out. Errors are m/s, the median of the seeds, of free runs"
+        " on the drive held out; *offered* is the one of the three that the tool hands out. The simulators:"
+        " a physics truck of the data sheet by `new` and `calibrate-truck`, one that `train` learned, both"
+        " from twelve other drives with nothing concealed, and the equations of FASTSim solved forwards.",
         "",
     ]
     out += [f"| {' | '.join(HEAD)} |", "| --- " * len(HEAD) + "|"]
@@ -33,7 +42,7 @@ def lines(rows: Sequence[Row]) -> list[str]:
         of_it = [r for r in rows if (r["simulator"], r["concealed"]) == (simulator, concealed)]
         out.append(f"| {' | '.join(_cells(simulator, concealed, of_it))} |")
     out += ["", *_totals(rows), ""]
-    if failed := [r for r in rows if r["outcome"] == "failed"]:
+    if failed := [r for r in rows if r["outcome"] == FAILED]:
         out += ["## Refused", ""]
         out += [f"- {r['simulator']}, {r['concealed']}: {r['says'].strip()}" for r in failed]
     return out

@@ -12,13 +12,16 @@ from deeptruck_exam.folder import PLANT
 from deeptruck_exam.jobs import in_parallel
 from deeptruck_exam.plants import cases, fastsim_truck, page
 from deeptruck_exam.plants.cases import CONCEALED, NAMES
-from deeptruck_exam.plants.simulators import SIMULATORS, make
-from deeptruck_exam.scoring.score import score_names
+from deeptruck_exam.plants.simulators import OWN, SIMULATORS, make
+from deeptruck_exam.scoring.score import FAILED, score_names
 from deeptruck_exam.tool import ToolRun, run_tool
 from deeptruck_model import files
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 
 PLANTS = ("fastsim",)
 FIT = NAMES[:-1]
+OFFERS = (AS_GIVEN, REFIT, CORRECTION)  # in the order of page.DRIVEN
+NULL, NULL_FACTOR = "nothing", 4  # nulls need numbers: of its own equations so many times the cases
 BLIND = "slope"  # concealed by not logging it, so that no simulator may ask for it
 
 
@@ -32,24 +35,24 @@ def prove_plant(
 ) -> list[dict[str, Any]]:
     """Examine the tool on FASTSim's truck; writes plant.md and plant.json into `out` and returns the rows.
 
-    A row that is there is kept, so that a stopped run goes on. `updates` of the learned simulator, 0 for as
-    many as training chooses. Raises ModuleNotFoundError where FASTSim is not installed, InputError where a
-    simulator cannot be made.
+    A row that is there is kept, unless the tool failed, so that a stopped run goes on. There are NULL_FACTOR
+    times as many nulls as seeds beside its own equations, unless there is a single seed. `updates` of the
+    learned simulator, 0 for as many as training chooses. Raises ModuleNotFoundError where FASTSim is not
+    installed, InputError where a simulator cannot be made.
     """
     fastsim_truck.fastsim()
     with PLANT.in_place(out):
         print("making the simulators, some minutes", flush=True)
         made = make(out / "simulators", updates=updates)
         blind = make(out / "blind", grade=False, updates=updates) if BLIND in concealed else {}
-        wanted = [(key, seed) for seed in seeds for key in concealed]
-        print(f"{len(wanted)} cases of {len(simulators)} simulators, some seconds each", flush=True)
-        each = [(out, *w, blind if w[0] == BLIND else made, simulators) for w in wanted]
+        wanted = [(key, seed, tuple(simulators)) for seed in seeds for key in concealed]
+        if NULL in concealed and OWN in simulators and len(seeds) > 1:
+            more = range(max(seeds) + 1, max(seeds) + 1 + (NULL_FACTOR - 1) * len(seeds))
+            wanted += [(NULL, seed, (OWN,)) for seed in more]
+        print(f"{len(wanted)} cases of up to {len(simulators)} simulators, some seconds each", flush=True)
+        each = [(out, key, seed, blind if key == BLIND else made, of) for key, seed, of in wanted]
         in_parallel(_examine, each, jobs)
-        rows = [
-            json.loads((_folder(out, key, seed) / f"{_short(simulator)}.json").read_text())
-            for key, seed in wanted
-            for simulator in simulators
-        ]
+        rows = [_kept(out, key, seed, s) for key, seed, of in wanted for s in of]
         files.rewrite(out / "plant.json", json.dumps(rows, indent=1).encode())
         files.rewrite(out / "plant.md", "\n".join(page.lines(rows)).encode())
     return rows
@@ -59,30 +62,39 @@ def _folder(out: Path, key: str, seed: int) -> Path:
     return out / "cases" / f"{key}-{seed}"
 
 
-def _short(simulator: str) -> str:
-    return simulator.replace(" ", "_")
+def _row(out: Path, key: str, seed: int, simulator: str) -> Path:
+    return _folder(out, key, seed) / f"{simulator.replace(' ', '_')}.json"
+
+
+def _kept(out: Path, key: str, seed: int, simulator: str) -> dict[str, Any]:
+    """What is known of a run; {} where it has not ended."""
+    path = _row(out, key, seed, simulator)
+    kept: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
+    return kept
 
 
 def _examine(out: Path, key: str, seed: int, made: Mapping[str, str], simulators: Sequence[str]) -> None:
     folder, concealed = _folder(out, key, seed), CONCEALED[key]
-    left = [s for s in simulators if not (folder / f"{_short(s)}.json").exists()]
+    left = [s for s in simulators if _kept(out, key, seed, s).get("outcome", FAILED) == FAILED]
     if not left:
         return
     cases.written(cases.drives(concealed, seed), folder / "recordings")
     for simulator in left:
         case = Case(folder, made[simulator], FIT, NAMES[-1:], {}, "")
-        run = run_tool(case, folder / f"found_{_short(simulator)}")
+        path = _row(out, key, seed, simulator)
+        run = run_tool(case, folder / f"found_{path.stem}")
         about = {"key": key, "concealed": concealed.what, "simulator": simulator, "seed": seed}
-        row = {**about, **judged(key, run)}
-        files.write(folder / f"{_short(simulator)}.json", json.dumps(row, indent=1).encode())
+        files.write(path, json.dumps({**about, **judged(key, run)}, indent=1).encode())
 
 
 def judged(key: str, run: ToolRun) -> dict[str, Any]:
     """What was said, whether it is right, and the speed errors in m/s of free runs on the drive held out: of
-    the simulator as given, with parameters alone refitted, and corrected; None where there are none."""
+    the simulator as given, with parameters alone refitted, corrected, and the one that is offered; None where
+    there are none."""
     fit = run.verdict.get("fit") or {}
     first: Mapping[str, Any] = next(iter(run.verdict.get("findings") or ()), {})
-    errors = {name: (fit.get(name) or {}).get("speed_rmse") for name in page.ERRORS}
+    errors = {name: (fit.get(name) or {}).get("speed_rmse") for name in page.DRIVEN}
+    errors["offered"] = errors[page.DRIVEN[OFFERS.index(fit.get("offered", AS_GIVEN))]]
     return {
         **score_names(CONCEALED[key].scored(), run.verdict),
         "probability": first.get("probability"),

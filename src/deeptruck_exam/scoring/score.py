@@ -23,6 +23,7 @@ from typing import Any
 Verdict = Mapping[str, Any]
 NAMES = 33  # that a verdict can give, 'unknown' and 'nothing' among them
 OUTSIDE = 0.1  # of what is left beside the first name: for the names outside its group
+FAILED = "failed"
 SILENT = 0.9  # the probability of nothing that a silent verdict states
 
 
@@ -65,7 +66,7 @@ def score_names(truth: Mapping[str, Any], verdict: Verdict) -> dict[str, Any]:
         "true": true,
         "keys": [e["key"] for e in truth["effects"]],
         "said": said,
-        "verdict": verdict.get("verdict", "failed"),
+        "verdict": verdict.get("verdict", FAILED),
         "outcome": _outcome(true, findings, verdict),
     }
     result["right_first"] = bool(true) and bool(said) and said[0] in true
@@ -87,7 +88,7 @@ def score_names(truth: Mapping[str, Any], verdict: Verdict) -> dict[str, Any]:
 def _outcome(true: Sequence[str], findings: Sequence[Mapping[str, Any]], verdict: Verdict) -> str:
     """One word: failed, silent, undetermined, unknown, right, group, wrong, false_alarm."""
     if not verdict:
-        return "failed"
+        return FAILED
     if not findings:
         return "undetermined" if verdict.get("verdict") == "undetermined" else "silent"
     if not true:

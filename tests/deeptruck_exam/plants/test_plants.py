@@ -111,6 +111,19 @@ def test_a_run_that_was_refused_says_why_on_the_page() -> None:
     assert "- learned, mass +5 t: as no vehicle does" in page.lines([{**about, **row}])
 
 
+def test_a_failed_run_is_run_again_and_a_scored_one_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends = [ToolRun(124, 1.0, {}, "stopped after 900 s"), ToolRun(0, 1.0, verdict("mass"), "")]
+    monkeypatch.setattr(prove, "run_tool", lambda case, out: ends.pop(0))
+    monkeypatch.setattr(cases, "drives", lambda concealed, seed: [])
+    (tmp_path / "cases" / "mass-3").mkdir(parents=True)
+    for outcome in ("failed", "right", "right"):
+        prove._examine(tmp_path, "mass", 3, {"learned": "sim"}, ("learned",))
+        assert prove._kept(tmp_path, "mass", 3, "learned")["outcome"] == outcome
+    assert not ends
+
+
 def test_another_plant_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no 'sumo'; choose fastsim"):
         check_plant("sumo", tmp_path / "out")
