@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.expression import Expression, Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved
 from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.residual import effective_mass
-from deeptruck_model.mismatch.residual.components import SENSITIVITY, Shares
+from deeptruck_model.mismatch.residual.components import Shares, force_of
 from deeptruck_model.outside.truck import keep
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
@@ -70,7 +70,8 @@ class CorrectedTruck:
         self.original, self.terms, self.moved = base, tuple(terms), dict(moved)
         self.base = base.with_parameters(self.inner) if self.inner else base
         self.shares, self.validated, self.gears = shares, validated, tuple(gears)
-        self.added = _added(self.terms, {n: x for n, x in moved.items() if n not in own}, self._carried)
+        added = [(force_of(n, base.interface.brake_unit), x) for n, x in moved.items() if n not in own]
+        self.added = _added(self.terms, added, self._carried)
         self._exogenous: dict[str, Array] = {}
 
     @property
@@ -193,9 +194,11 @@ class CorrectedTruck:
         (path / MANIFEST).write_text(json.dumps(manifest, indent=1))
 
 
-def _added(terms: Sequence[Term], moved: Mapping[str, float], carried: Mapping[str, float]) -> Added:
-    """The columns of the terms, and `moved` parameters that the truck has not, as forces."""
-    forces: list[tuple[Expression, float]] = [(SENSITIVITY[n], change) for n, change in moved.items()]
+def _added(
+    terms: Sequence[Term], forces_of_moved: Sequence[tuple[Expression, float]], carried: Mapping[str, float]
+) -> Added:
+    """The columns of the terms, beside the forces of moved parameters that the truck has not."""
+    forces = list(forces_of_moved)
     paths = []
     for term in terms:
         for column, b in zip(build(LIBRARY[term.effect], term.variant), term.coefficients, strict=True):

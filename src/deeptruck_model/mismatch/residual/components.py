@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 from deeptruck_model.compare.alignment import NEAR_M
 from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Signal, maximum
-from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
+from deeptruck_model.mismatch.residual.effective_mass import HELD_UNIT, with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence, gears, overall_ratio, turns
 from deeptruck_model.mismatch.residual.grid import Grid
 from deeptruck_model.signals import ACCELERATION, CHANNELS, SPEED
@@ -112,15 +112,12 @@ ALIKE = 0.05  # of the engine's acceleration, rms
 EFFICIENCY = 0.40  # of a diesel at the wheels' side of the clutch
 DRIVELINE = 0.93
 ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
-SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
-    name: with_effective_mass(force)
-    for name, force in {
-        "mass": BRAKE + DRAG - ENGINE,
-        "drag_area": -DRAG,
-        "rolling_resistance": -Signal("rolling"),
-        "torque_gain": maximum(ENGINE, 0.0),
-        "brake_gain": -BRAKE,
-    }.items()
+PER_PARAMETER: dict[str, Expression] = {  # for simulators without parameters of their own
+    "mass": BRAKE + DRAG - ENGINE,
+    "drag_area": -DRAG,
+    "rolling_resistance": -Signal("rolling"),
+    "torque_gain": maximum(ENGINE, 0.0),
+    "brake_gain": -BRAKE,
 }
 RECORDED = (
     "gear",
@@ -193,9 +190,16 @@ def _known(name: str, prepared: Sequence[Prepared], grid: Grid) -> bool:
     return any(np.isfinite(p.recording.channels.get(name, np.nan)).any() for p in fitted)
 
 
+def force_of(parameter: str, brake_unit: str | None) -> Expression:
+    """What +100 % of a parameter adds, m/s^2. A brake command that is a deceleration is a force per mass,
+    which stays as it is where the mass is another."""
+    by_mass = parameter == "mass" and brake_unit == HELD_UNIT
+    return with_effective_mass(DRAG - ENGINE if by_mass else PER_PARAMETER[parameter])
+
+
 def sensitivity(e: Evidence, name: str) -> Array:
     """Change of acceleration for +100 % of a parameter, from the components (used where it cannot be run)."""
-    return SENSITIVITY[name].rows(e)
+    return force_of(name, e.command_units.get("brake_command")).rows(e)
 
 
 def _column(p: Prepared, name: str) -> Array:

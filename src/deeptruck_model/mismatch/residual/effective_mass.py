@@ -28,7 +28,8 @@ BRAKED = 0.05  # m/s^2: the brake switch
 HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleration: lags in a row
 FORGOTTEN = 40.0  # time constants after which nothing is left of a force
 RELEASED_S = 1.0  # for which such brakes still make up for a force after the pedal is let go
-ASKED, ASKED_AT, ASKED_S, ASKED_MORE = 1.5, 15.0, 3.0, 0.005  # m/s^2, from m/s, and more rolling resistance
+ASKED, ASKED_AT, ASKED_S = 1.5, 15.0, 3.0  # m/s^2, from m/s, for s
+ASKED_MORE = 0.005  # of rolling resistance or slope
 
 EFFECTIVE_MASS_GAIN = Signal("effective_mass_gain", missing=1.0)
 HOLDS = Signal("holds", missing=0.0)  # one while brakes hold a commanded deceleration
@@ -98,27 +99,29 @@ def holds(simulator: Simulator) -> bool:
     """Whether its brakes hold a deceleration, and so make up for what else slows or drives the truck.
 
     A command that is a deceleration may as well be a force by another name. So a truck with a rolling
-    resistance of its own is asked whether it slows harder with more of it. Any other holds: what is commanded
-    so is held on the road.
+    resistance of its own is asked whether it slows harder with more of it, another that takes a slope whether
+    it does uphill. Any other holds: what is commanded so is held on the road.
     """
     interface, own = simulator.interface, simulator.parameters().get("rolling_resistance")
-    if interface.brake_unit != HELD_UNIT:
-        return False
-    if own is None:
-        return True
-    n = round(ASKED_S / simulator.dt) + 1
+    if interface.brake_unit != HELD_UNIT or (own is None and not interface.grade):
+        return interface.brake_unit == HELD_UNIT
+    n, more = round(ASKED_S / simulator.dt) + 1, ASKED_MORE
     u, w = np.zeros((1, n, len(interface.u))), np.zeros((1, n, len(interface.w)))
     u[:, :, interface.u.index("brake_command")] = ASKED
+    steeper, other = w.copy(), simulator
+    if own is None:
+        steeper[:, :, interface.w.index("grade")] = more
+    else:
+        try:
+            other = simulator.with_parameters({"rolling_resistance": own + more})
+        except InputError:  # of one near its upper bound
+            more = -own / 2.0
+            other = simulator.with_parameters({"rolling_resistance": own + more})
     y0 = np.zeros((1, len(interface.y)))
     y0[:, SPEED] = ASKED_AT
-    more = ASKED_MORE
-    try:
-        other = simulator.with_parameters({"rolling_resistance": own + more})
-    except InputError:  # of one near its upper bound
-        more = -own / 2.0
-        other = simulator.with_parameters({"rolling_resistance": own + more})
     own_mean, other_mean = (
-        free_run(truck, u, w, y0).y[0, n // 2 :, ACCELERATION].mean() for truck in (simulator, other)
+        free_run(truck, u, slope, y0).y[0, n // 2 :, ACCELERATION].mean()
+        for truck, slope in ((simulator, w), (other, steeper))
     )
     return bool((own_mean - other_mean) / more < 0.5 * GRAVITY)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.mismatch.expression import Stream
 from deeptruck_model.mismatch.residual import components
 from deeptruck_model.mismatch.residual.evidence import overall_ratio
 from deeptruck_model.mismatch.residual.grid import Grid
@@ -103,3 +104,13 @@ def test_a_black_box_without_engine_speed_and_fuel_is_split_by_its_answers_to_si
     np.testing.assert_allclose(out["brake"], 0.02 * channels["brake_command"])
     np.testing.assert_allclose(out["drag"], 5e-4 * out["speed"] ** 2)
     np.testing.assert_allclose(out["rolling"], 0.09)
+
+
+@pytest.mark.parametrize(("unit", "of_the_brake"), [("percent", 2.0), ("m/s^2", 0.0)])
+def test_more_mass_weakens_brakes_that_are_a_force_but_not_a_deceleration(
+    unit: str, of_the_brake: float
+) -> None:
+    stream = Stream([components.force_of("mass", unit)])
+    now = {"engine": np.ones(1), "brake": np.full(1, 2.0), "drag": np.full(1, 0.5)}
+    (more,), _ = stream.step(stream.begin(1), now, 0.1)
+    assert more == pytest.approx(of_the_brake + 0.5 - 1.0)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import prepare
@@ -19,7 +21,7 @@ from deeptruck_model.mismatch.residual import effective_mass, gather
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
-from deeptruck_model.simulators import free_run, load
+from deeptruck_model.simulators import Simulator, free_run, load
 
 
 class Swinging:
@@ -105,6 +107,29 @@ def test_whether_brakes_hold_what_is_commanded_is_asked_of_the_truck(shuttle: Pa
     shuttle.write_text(shuttle.read_text().replace('brake_unit="percent"', 'brake_unit="m/s^2"'))
     by_another_name = load(f"python:{shuttle.rename(shuttle.with_stem(f'other_{shuttle.stem}')).stem}:make")
     assert by_another_name.interface.brake_unit == "m/s^2" and not effective_mass.holds(by_another_name)
+
+
+class WithoutParameters:
+    """A truck that states no parameters, as a learned one."""
+
+    def __init__(self, truck: Simulator) -> None:
+        self.truck = truck
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.truck, name)
+
+    def parameters(self) -> dict[str, float]:
+        return {}
+
+
+def test_one_without_parameters_is_asked_by_a_slope() -> None:
+    """FASTSim's brakes are a force that is given per mass; the volvo's hold what is commanded."""
+    volvo = trucks.load("volvo").with_grade_input()
+    assert effective_mass.holds(cast(Simulator, WithoutParameters(volvo)))
+    by_another_name = cast(Simulator, WithoutParameters(LineHaul()))
+    assert by_another_name.interface.brake_unit == "m/s^2" and not effective_mass.holds(by_another_name)
+    blind = cast(Simulator, WithoutParameters(make({"grade": False})))
+    assert effective_mass.holds(blind), "what is commanded so is held on the road"
 
 
 @pytest.mark.parametrize("name", ["trucksim", "volvo"])
