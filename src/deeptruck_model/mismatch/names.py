@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import FAMILY, ROOT, SLOW, Tree
+from deeptruck_model.mismatch.tree import FAMILY, SLOW, Tree
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -76,8 +76,8 @@ def names(p: Posterior, rules: Rules) -> Names:
             break
         first = max((n for n in left if FAMILY[n] == family), key=lambda n: left[n].mean())
         tree = _places_of(first, left, {n: p.alike(mean[first], mean[n]) for n in left}, ALIKE)
-        stated = tree.stated(rules.stated) != ROOT  # a learned simulator is off in many ways
-        accepted = (stated or p.search.e.known_physics) and p.gain(first) > least
+        sure = sum(tree.names.values()) >= rules.stated  # a learned simulator is off in many ways
+        accepted = (sure or p.search.e.known_physics) and p.gain(first) > least
         found.append(Named(first, tree, p.gain(first), p.force(first, own[first]), accepted))
         left = {n: x for n, x in left.items() if x.mean() >= RARE}
     each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= RARE}
