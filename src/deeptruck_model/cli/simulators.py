@@ -187,12 +187,16 @@ def _calibrated(found: Calibration) -> Iterator[str]:
 
     for p in found.parameters:
         value = "as given: these drives do not determine it"
+        if p.name == "mass" and found.mass_held:
+            value = "as given: these drives do not separate it from the gains"
         if p.ci95 is not None:
             value = f"{p.value:.4g}  (95 %: {p.ci95[0]:.4g} to {p.ci95[1]:.4g})"
         unit = "" if p.unit == "1" else f" {p.unit}"
         yield f"{p.name:<20} {p.given:.4g}{unit} -> {value}"
     for one, other in found.alike:
         yield f"note: {one} and {other} are identifiable together only; vary what one of them depends on"
+    if found.mass_held:
+        yield "note: all other values and intervals are for this mass; weigh the truck if it is uncertain"
     load = CoastDown.of(found.truck.parameters())
     for unit in UNITS:
         a, b, c = load.printed(unit)
