@@ -85,19 +85,25 @@ def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[t
         found = np.zeros(len(values), dtype=bool)
         least = {"speed": CHANNELS["speed"].low, "elevation": -np.inf}.get(channel, 0.0)
         below = np.unique(v[(v <= 0.0) & (v >= least)])
-        found[valid[_dropped(t, v, *_IMPOSSIBLE[channel], below)]] = True
+        fix = channel in ("elevation", "latitude", "longitude")
+        found[valid[_dropped(t, v, *_IMPOSSIBLE[channel], below, fix)]] = True
         if found.any():
             yield DROPPED, found
 
 
-def _dropped(t: Array, v: Array, step: float, rate: float, codes: Array) -> Mask:
+def _dropped(t: Array, v: Array, step: float, rate: float, codes: Array, fix: bool) -> Mask:
+    """Runs of a code that are reached and left by jumps. At the beginning or end zero is one only of a
+    receiver that had no `fix`: a truck that stands where a log ends stood there."""
     jump = np.abs(np.diff(v)) > step + rate * np.diff(t)
     edges = [0, *(np.flatnonzero(jump) + 1), len(v)]
     dropped = np.zeros(len(v), dtype=bool)
     if len(edges) == 2:
         return dropped
     for i, j in pairwise(edges):
-        dropped[i:j] = v[i] in codes and bool((v[i:j] == v[i]).all()) and (j - i > 1 or v[i] == 0.0)
+        within = fix or v[i] != 0.0 or (i > 0 and j < len(v))
+        dropped[i:j] = (
+            within and v[i] in codes and bool((v[i:j] == v[i]).all()) and (j - i > 1 or v[i] == 0.0)
+        )
     return dropped
 
 

@@ -125,6 +125,14 @@ def test_a_standstill_is_no_drop_out() -> None:
     assert reason == plausibility.DROPPED and these.sum() == 10
 
 
+def test_a_standstill_behind_a_cut_is_no_drop_out() -> None:
+    """A log of several drives without their gaps, which ends standing."""
+    t = np.arange(400.0)
+    v = np.where(t < 300, 20.0 + np.sin(t / 9), 0.0)
+    assert list(plausibility.no_values("speed", "m/s", t, v)) == []
+    assert list(plausibility.no_values("speed", "m/s", t, v[::-1])) == []
+
+
 def test_places_and_heights_before_a_fix() -> None:
     t = 0.1 * np.arange(100)
     for channel, value in (("latitude", 49.0), ("longitude", -8.0), ("elevation", 300.0)):
