@@ -27,7 +27,9 @@ app = typer.Typer(
 )
 PolicyPath = Annotated[
     str,
-    typer.Argument(metavar="POLICY", help="Policy directory, baseline:acc|cacc|idm|pi|mpc, or planner:SIM."),
+    typer.Argument(
+        metavar="POLICY", help="Policy directory, baseline:acc|cacc|idm|pi|mpc, or planner:SIM[?economy]."
+    ),
 ]
 SimulatorPath = Annotated[
     str,

@@ -24,12 +24,12 @@ from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 
-PLANNER = "planner:"
+PLANNER, ECONOMY = "planner:", "?economy"
 
 
 def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Policy:
     """A policy directory written by `deeptruck-cacc train`, a policy as ONNX, `baseline:NAME`, or
-    `planner:SIM`, which plans on the simulator SIM.
+    `planner:SIM`, which plans on the simulator SIM, with little fuel as `planner:SIM?economy`.
 
     `interface` is the truck a baseline is to drive (default: engine torque in N m, brake in percent), and is
     checked against that of a trained policy or of a planner's simulator. Raises InputError where the path, a
@@ -60,14 +60,22 @@ def _learned(path: Path) -> Policy:
 
 
 def _planner(simulator: str) -> Policy:
-    from deeptruck_cacc.controllers.planner import Planner  # scipy, and torch with a deep truck
     from deeptruck_model import simulators
 
-    planner = Planner(simulators.load(simulator))
-    # A simulator may compile its step when it is first run, for longer than a node waits for a command.
-    planner.act({name: np.array([value]) for name, value in TYPICAL.items()})
-    planner.reset()
-    return planner
+    if simulator.endswith(ECONOMY):
+        from deeptruck_cacc.controllers.economy import Economy
+
+        return _warm(Economy(simulators.load(simulator.removesuffix(ECONOMY))))
+    from deeptruck_cacc.controllers.planner import Planner  # scipy, and torch with a deep truck
+
+    return _warm(Planner(simulators.load(simulator)))
+
+
+def _warm(policy: Policy) -> Policy:
+    """The policy after a call: its step may be compiled when first run, for longer than a node waits."""
+    policy.act({name: np.array([value]) for name, value in TYPICAL.items()})
+    policy.reset()
+    return policy
 
 
 def _units(interface: TruckInterface) -> str:

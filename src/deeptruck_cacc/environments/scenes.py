@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.controllers.road_ahead import Road
+
 Array = NDArray[np.float64]
 Drawer = Callable[[np.random.Generator, int, int, float], "Scene"]
 
@@ -22,6 +24,9 @@ class Scene:
     speed with it. `seen_gap_offset` and `seen_speed_offset` falsify what the radar says, `seen` False is a
     dropout (NaN). `hidden_grade` is slope the truck feels and no sensor reports. Commands reach the truck
     `command_delay` (batch,) steps late, as over a bus. Absent histories are None.
+
+    With a `road` the grade is where the truck is, and `grade` is not used; of `known_road`, its map, the
+    controller sees what lies ahead.
     """
 
     leader_speed: Array
@@ -38,6 +43,8 @@ class Scene:
     hidden_grade: Array | None = None
     command_gain: Array | None = None
     command_delay: NDArray[np.int64] | None = None
+    road: Road | None = None
+    known_road: Road | None = None
 
     @property
     def batch(self) -> int:

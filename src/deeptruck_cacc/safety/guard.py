@@ -134,7 +134,8 @@ class Guard:
         if self.shield is not None:
             least = np.maximum(least, self.shield.steady_gap(seen["speed"]))
         seen["target_time_gap"] = np.maximum(seen["target_time_gap"], least / np.maximum(seen["speed"], 0.5))
-        own, other = np.array(self.policy.act(seen)), np.array(self.fallback.act(seen))
+        own = np.array(self.policy.act({**observation, **seen, "least_gap": least}))
+        other = np.array(self.fallback.act(seen))
         self.handed_over = self._outside(seen) | ~np.isfinite(own).all(axis=0)
         engine, brake = np.where(unknown, np.nan, np.where(self.handed_over, other, own))
         if self.shield is None:

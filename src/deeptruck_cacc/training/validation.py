@@ -36,7 +36,7 @@ def exam(seed: int, dt: float, *, copies: int = 1, late: bool = False) -> Scene:
         return np.concatenate([np.concatenate([getattr(part, name) for part in parts])] * copies)
 
     names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
-    rows = {name: join(name) for name in names}
+    rows: dict[str, Any] = {name: join(name) for name in names}
     exam = replace(parts[0], **rows, command_gain=np.concatenate([gain] * copies))
     return replace(exam, command_delay=np.tile(scenes.delays(rng, 40, dt), copies)) if late else exam
 

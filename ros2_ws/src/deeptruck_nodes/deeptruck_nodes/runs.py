@@ -202,8 +202,11 @@ def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]
 
 def _driver(policy: str) -> str:
     """A policy as the nodes find it, which start where this program did."""
-    if policy.startswith("planner:"):
-        return "planner:" + _named(policy.removeprefix("planner:"))
+    from deeptruck_cacc.controllers.loading import ECONOMY, PLANNER
+
+    if policy.startswith(PLANNER):
+        economy = ECONOMY if policy.endswith(ECONOMY) else ""
+        return PLANNER + _named(policy.removeprefix(PLANNER).removesuffix(economy)) + economy
     return policy if policy.startswith("baseline:") else str(Path(policy).absolute())
 
 

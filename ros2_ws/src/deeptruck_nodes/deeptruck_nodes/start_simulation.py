@@ -37,7 +37,7 @@ def main(
         ),
     ],
     policy: Annotated[
-        str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM.")
+        str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM[?economy].")
     ],
     record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,
     overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,

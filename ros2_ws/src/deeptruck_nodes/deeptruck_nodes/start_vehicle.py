@@ -40,7 +40,9 @@ Emulator = Annotated[
 InitialSpeed = Annotated[float, typer.Option(help="Of the emulated truck, m/s.", min=0.0, max=50.0)]
 Grade = Annotated[str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")]
 # Who drives, and behind whom
-Policy = Annotated[str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM.")]
+Policy = Annotated[
+    str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM[?economy].")
+]
 TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
 Leader = Annotated[
     str | None,

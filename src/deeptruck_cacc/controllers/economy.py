@@ -1,0 +1,247 @@
+"""Following with little fuel on a road that is known: a dynamic programme over the next 2 km.
+
+Its stages are spans of road, not of time. The state is the truck's speed and its lag: by how many seconds it
+passes a place later than its leader did. So a stage has one grade, and of a leader that keeps its speed
+nothing else need be known. What a pedal does is looked up in an EnergyMap. docs/cacc.md has the equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.controllers.approach import approach
+from deeptruck_cacc.controllers.energy_map import PEDALS, EnergyMap, at, pedal_commands
+from deeptruck_cacc.controllers.law import Perception, Seen
+from deeptruck_cacc.controllers.policy import TYPICAL, Observation
+from deeptruck_cacc.controllers.road_ahead import AHEAD, AHEAD_M
+from deeptruck_model.compiler import numba
+from deeptruck_model.signals import TruckInterface
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+compiled: Any = numba.njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")
+
+# Columns of a situation: m/s, s, s, s, s, cm^3/s, m/s^2, cm^3 for a m/s
+SPEED, LEADER, LAG, LOW, HIGH, WANTED, PRICE, LACK, MOMENTUM, COLUMNS = range(10)
+
+BAND_S = (1.2, 3.0)  # time gaps between which the truck may coast and close in, s
+STAGE_M = 2 * AHEAD_M
+REACH, SPEED_STEPS = 4.0, 25  # the grid of speeds: so far (m/s) to either side of the leader's
+LAG_MARGIN_S, LAG_STEPS = 0.4, 17  # the grid of lags: the band and so much to either side
+REPLAN_S = 1.0  # for so long a value function is used; the pedal is chosen anew at every step
+FINE = np.interp(np.linspace(0, 1, 97), np.linspace(0, 1, len(PEDALS)), PEDALS)  # tried at every step
+# Costs, in cm^3/s, of an acceleration (m/s^2) squared, of a second outside of the band squared and of a
+# second off the wanted time gap squared. Chosen on validation roads of a physics truck.
+ACCELERATION, OUTSIDE, HOME = 2.0, 100.0, 0.1
+CHANGE = 4.0  # cm^3, of a pedal changed by its whole reach from one step to the next, squared
+LACK_S, RATE_S = 4.0, 0.5  # time constants: of the acceleration beyond the map, and of measuring one
+LASTING_M = 150.0  # way over which the profile's error at the truck is expected to die away
+SLOW = (6.0, 10.0)  # m/s; below the wanted gap is held, above the whole band is used
+RATE, FOLLOW_S = 1.0, 1.0  # of the followers at both ends of the band: m/s^2 and s
+COMFORT = (-3.5, 1.0)  # m/s^2; the shield, not the follower, brakes harder
+
+
+@dataclass
+class Economy:
+    """Plans one signed pedal (1 full engine, -1 full brake) in a band of time gaps. Same contract as Policy.
+
+    The observation's `grade_ahead` (batch, n) is the road as far as it is known, every AHEAD_M metres from
+    the truck on; beyond it, and where it is absent or NaN, the road counts as flat. `least_gap` (batch,), m,
+    bounds the band from below. Raises InputError for a simulator without fuel.
+    """
+
+    simulator: Simulator
+    _past: _Past | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        self.dt = self.simulator.dt
+        self.map = EnergyMap.measure(self.simulator)
+        self._perceive = Perception(self.dt)
+
+    @property
+    def interface(self) -> TruckInterface:
+        """The simulator's."""
+        return self.simulator.interface
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._perceive.reset()
+        self._past = None
+
+    def act(self, observation: Observation) -> tuple[Array, Array]:
+        """(engine_command, brake_command) in the interface's units, each (batch,); NaN where an observation
+        is."""
+        seen, grade = self._perceive(observation)
+        known = np.isfinite(seen.speed + seen.gap + seen.leader_speed + seen.target_gap)
+        ahead = self._ahead(observation, grade)
+        pull, fuel = self.map.rows(np.nan_to_num(seen.speed, nan=TYPICAL["speed"]), ahead[:, 0])
+        past = self._felt(seen.speed, pull)
+        now = self._situation(seen, observation.get("least_gap", 0.0), past.lack)
+        if past.age_s >= REPLAN_S - 1e-9:
+            values = _values(self.map.acceleration, self.map.fuel, ahead[:, :: round(STAGE_M / AHEAD_M)], now)
+            past = past._replace(values=values, age_s=0.0, way=np.zeros(len(grade)))
+        pull = pull + past.lack[:, None]
+        wished = _best(_fine(pull), _fine(fuel), past.way, past.pedal, past.values, now)
+        least, most = (_inverse(_follow(seen, now, edge), pull) for edge in (HIGH, LOW))
+        pedal = np.minimum(np.maximum(wished, least), most)
+        low = 0.0 if self.interface.brake_unit is None else -1.0
+        pedal = np.where(known, np.clip(pedal, low, 1.0), 0.0)
+        way = past.way + np.nan_to_num(seen.speed) * self.dt
+        self._past = past._replace(pedal=pedal, way=way, age_s=past.age_s + self.dt)
+        engine, brake = np.where(known[:, None], pedal_commands(self.map.scale, pedal), np.nan).T
+        return engine, brake
+
+    def _ahead(self, observation: Observation, grade: Array) -> Array:
+        """Grades (batch, n), the first one where the truck is: the profile and, where the truck measures its
+        grade, the profile's error at the truck, dying away."""
+        profile = observation.get("grade_ahead")
+        if profile is None:
+            profile = np.full((len(grade), AHEAD), np.nan)
+        profile = np.nan_to_num(np.atleast_2d(np.asarray(profile, float)))
+        if not self.interface.grade:
+            return profile
+        lasting = np.exp(-AHEAD_M / LASTING_M * np.arange(profile.shape[1]))
+        return np.asarray(profile + (grade - profile[:, 0])[:, None] * lasting)
+
+    def _felt(self, speed: Array, pull: Array) -> _Past:
+        """The past with the acceleration since then beyond the map's, which is `pull` (batch, pedals)."""
+        past = self._past
+        if past is None or len(past.pedal) != len(speed):
+            nothing = np.zeros(len(speed))
+            return _Past(nothing, speed, nothing, nothing, nothing, np.inf, np.zeros((0, 0, 0, 0)))
+        beyond = (speed - past.speed) / self.dt - _at(past.pedal, pull)
+        beyond = np.where(np.isfinite(beyond), beyond, past.lack)
+        slow = past.beyond + self.dt / RATE_S * (beyond - past.beyond)
+        lack = np.clip(past.lack + self.dt / LACK_S * (slow - past.lack), -0.5, 0.5)
+        return past._replace(speed=speed, beyond=slow, lack=lack)
+
+    def _situation(self, seen: Seen, least_gap: Any, lack: Array) -> Array:
+        """What both parts of the programme need to know, (batch, columns below)."""
+        leader, speed = (np.nan_to_num(x, nan=TYPICAL["speed"]) for x in (seen.leader_speed, seen.speed))
+        wanted = np.clip(np.nan_to_num(seen.time_gap, nan=TYPICAL["target_time_gap"]), 0.5, 10.0)
+        share = np.clip((np.minimum(leader, speed) - SLOW[0]) / (SLOW[1] - SLOW[0]), 0.0, 1.0)
+        low = wanted + share * np.minimum(BAND_S[0] - wanted, 0.0)
+        low = np.maximum(low, np.asarray(least_gap) / np.maximum(leader, 1.0))
+        high = np.maximum(wanted + share * np.maximum(BAND_S[1] - wanted, 0.0), low)
+        cruise = np.maximum(leader, SLOW[0])
+        now = np.empty((len(leader), COLUMNS))
+        now[:, SPEED], now[:, LEADER] = speed, cruise
+        now[:, LAG] = np.nan_to_num(seen.gap, nan=TYPICAL["gap"]) / cruise
+        now[:, LOW], now[:, HIGH] = low, high
+        now[:, WANTED] = np.clip(wanted, low, high)
+        now[:, PRICE], now[:, MOMENTUM], now[:, LACK] = *self.map.prices(cruise), lack
+        return now
+
+
+class _Past(NamedTuple):
+    """What is kept between calls, each (batch,): the pedal given, the speed then, the acceleration beyond the
+    map's as measured (`beyond`) and as expected to last (`lack`), and the way driven since the value function
+    `values` was made, `age_s` ago."""
+
+    pedal: Array
+    speed: Array
+    beyond: Array
+    lack: Array
+    way: Array
+    age_s: float
+    values: Array
+
+
+def _fine(table: Array) -> Array:
+    """At FINE, from values (batch, pedals) at PEDALS."""
+    return np.stack([np.interp(FINE, PEDALS, row) for row in table])
+
+
+def _at(pedal: Array, table: Array) -> Array:
+    """At pedals (batch,), from values (batch, pedals) at PEDALS."""
+    return np.array([np.interp(x, PEDALS, row) for x, row in zip(pedal, table, strict=True)])
+
+
+def _inverse(acceleration: Array, pull: Array) -> Array:
+    """Pedals (batch,) for accelerations (batch,) where PEDALS give pull (batch, pedals)."""
+    return np.array([np.interp(x, row, PEDALS) for x, row in zip(acceleration, pull, strict=True)])
+
+
+def _follow(seen: Seen, now: Array, edge: int) -> Array:
+    """Acceleration (batch,) of the ideal follower at one edge of the band."""
+    time_gap = now[:, edge]
+    above, slope = approach(seen.gap - time_gap * seen.leader_speed, time_gap, RATE)
+    behind = seen.leader_speed - seen.speed
+    wanted = seen.leader_acceleration + slope * behind + (behind + above) / FOLLOW_S
+    return np.clip(np.nan_to_num(wanted), *COMFORT)
+
+
+@compiled
+def _stage(
+    now: Array, speed: float, lag: float, pull: float, fuel: float, way: float
+) -> tuple[float, float, float]:
+    """Speed and lag after `way` metres at an acceleration, and what they cost, cm^3."""
+    later = np.sqrt(max(speed * speed + 2.0 * pull * way, 1.0))
+    seconds = 2.0 * way / (speed + later)
+    lag += seconds - way / now[LEADER]
+    time_gap = lag * now[LEADER] / later
+    out = max(now[LOW] - time_gap, 0.0) + max(time_gap - now[HIGH], 0.0)
+    off = time_gap - now[WANTED]
+    rate = fuel + now[PRICE] + ACCELERATION * pull * pull + OUTSIDE * out * out + HOME * off * off
+    return later, lag, rate * seconds
+
+
+@compiled
+def _between(values: Array, now: Array, speed: float, lag: float) -> float:
+    """The value (speeds, lags) at a speed and a lag, linear in both; the grid's edges are continued."""
+    i, j, a, b = 0, 0, 0.0, 0.0
+    a = (speed - now[LEADER] + REACH) / (2.0 * REACH) * (SPEED_STEPS - 1)
+    b = (lag - now[LOW] + LAG_MARGIN_S) / (now[HIGH] - now[LOW] + 2.0 * LAG_MARGIN_S) * (LAG_STEPS - 1)
+    a, b = min(max(a, 0.0), SPEED_STEPS - 1.0), min(max(b, 0.0), LAG_STEPS - 1.0)
+    i, j = min(int(a), SPEED_STEPS - 2), min(int(b), LAG_STEPS - 2)
+    a, b = a - i, b - j
+    near = (1.0 - b) * values[i, j] + b * values[i, j + 1]
+    return (1.0 - a) * near + a * ((1.0 - b) * values[i + 1, j] + b * values[i + 1, j + 1])
+
+
+@compiled
+def _values(pulls: Array, fuels: Array, grades: Array, situations: Array) -> Array:
+    """What the rest of the way costs, cm^3, (batch, stages + 1, speeds, lags), from an energy map (grade,
+    speed, pedal), the grades of the stages (batch, stages) and situations."""
+    batch, stages = grades.shape
+    values = np.empty((batch, stages + 1, SPEED_STEPS, LAG_STEPS))
+    for row in range(batch):
+        now = situations[row]
+        for i in range(SPEED_STEPS):
+            speed = now[LEADER] + REACH * (2.0 * i / (SPEED_STEPS - 1) - 1.0)
+            values[row, stages, i] = now[MOMENTUM] * (now[LEADER] - speed)
+        for k in range(stages - 1, -1, -1):
+            after = values[row, k + 1]
+            for i in range(SPEED_STEPS):
+                speed = max(now[LEADER] + REACH * (2.0 * i / (SPEED_STEPS - 1) - 1.0), 1.0)
+                best = np.full(LAG_STEPS, np.inf)
+                for m in range(len(PEDALS)):
+                    pull = at(pulls, grades[row, k], speed, m) + now[LACK]
+                    fuel = at(fuels, grades[row, k], speed, m)
+                    for j in range(LAG_STEPS):
+                        lag = (now[HIGH] - now[LOW] + 2.0 * LAG_MARGIN_S) * j / (LAG_STEPS - 1)
+                        lag += now[LOW] - LAG_MARGIN_S
+                        later, lag, cost = _stage(now, speed, lag, pull, fuel, STAGE_M)
+                        best[j] = min(best[j], cost + _between(after, now, later, lag))
+                values[row, k, i] = best
+    return values
+
+
+@compiled
+def _best(pulls: Array, fuels: Array, way: Array, pedal: Array, values: Array, situations: Array) -> Array:
+    """The best of FINE for each truck (batch,), from what they give (batch, FINE)."""
+    best = np.zeros(len(way))
+    for row in range(len(way)):
+        now, least = situations[row], np.inf
+        k = min(int(way[row] / STAGE_M + 0.5) + 1, values.shape[1] - 1)  # half a stage ahead, or more
+        left = max(k * STAGE_M - way[row], 1.0)
+        for m in range(len(FINE)):
+            later, lag, cost = _stage(now, now[SPEED], now[LAG], pulls[row, m], fuels[row, m], left)
+            cost += _between(values[row, k], now, later, lag) + CHANGE * (FINE[m] - pedal[row]) ** 2
+            if cost < least:
+                least, best[row] = cost, FINE[m]
+    return best

@@ -1,0 +1,227 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from deeptruck_cacc import baseline, load_policy
+from deeptruck_cacc.controllers import economy
+from deeptruck_cacc.controllers.economy import BAND_S, STAGE_M, Economy
+from deeptruck_cacc.controllers.energy_map import GRADES, PEDALS, SPEEDS, EnergyMap
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.road_ahead import AHEAD, Road
+from deeptruck_cacc.environments.rollouts import roll_out
+from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_cacc.safety.guard import guard
+from deeptruck_model import simulators, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+LEADER = 20.0  # m/s
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return trucks.load("trucksim")
+
+
+@pytest.fixture(scope="module")
+def thrifty(truck):
+    return Economy(truck)
+
+
+def hills(batch: int, limit: float = 0.03) -> Road:
+    """Sine hills of 1.2 km, between 500 m of flat road at either end, of 4 km."""
+    x, phase = np.arange(0.0, 6000.0, 25.0), np.linspace(0.0, 5.0, batch)[:, None]
+    fade = np.clip(np.minimum(x - 500.0, 3500.0 - x) / 200.0, 0.0, 1.0)
+    return Road(limit * fade * np.sin(2 * np.pi * x / 1200.0 + phase))
+
+
+def behind_a_leader(road: Road, known: Road | None, seconds: float = 200.0, **other: object) -> Scene:
+    batch, steps = len(road.grade), round(10 * seconds)
+    ones, still = np.ones(batch), np.zeros((batch, steps))
+    values: dict[str, object] = {"leader_acceleration": still, "grade": still, "road": road} | other
+    return Scene(LEADER * ones, LEADER * ones, 2 * LEADER * ones, 2 * ones, known_road=known, **values)
+
+
+def fuel_at_equal_time(trace, thrifty: Economy) -> np.ndarray:
+    """Fuel (batch,), cm^3, with what time and speed at the end are worth."""
+    time, momentum = thrifty.map.prices(np.array([LEADER]))
+    late = (LEADER * trace.time[-1] - trace.dt * trace["speed"].sum(axis=0)) / LEADER
+    return trace.dt * trace["fuel"].sum(axis=0) + time * late + momentum * (LEADER - trace["speed"][-1])
+
+
+def test_the_map_is_what_the_truck_does_at_a_steady_speed(toy):
+    """a = engine / 1000 - 0.06 brake - 0.05 - 9.81 grade, fuel = engine / 100."""
+    found = EnergyMap.measure(toy)
+    engine, brake = found.scale.engine_high * np.maximum(PEDALS, 0.0), 100.0 * np.maximum(-PEDALS, 0.0)
+    flat = engine / 1000 - 0.06 * brake - 0.05
+    expected = flat - 9.81 * GRADES[:, None, None] + 0.0 * SPEEDS[:, None]
+    moving = SPEEDS[:, None] + 0.1 * expected > 0.5  # what stops it in a step is no steady speed
+    np.testing.assert_allclose(found.acceleration[moving], expected[moving], atol=1e-3)
+    np.testing.assert_allclose(found.fuel, np.broadcast_to(engine / 100, found.fuel.shape), atol=1e-9)
+
+
+def test_a_truck_without_a_grade_sensor_is_measured_on_the_flat():
+    found = EnergyMap.measure(trucks.load("freightliner"))
+    slope = found.acceleration[:, 15, 8] - found.acceleration[4, 15, 8]
+    np.testing.assert_allclose(slope, -9.81 * GRADES, atol=1e-6)
+
+
+def test_fuel_never_falls_and_is_convex_in_acceleration(thrifty):
+    """So that no programme jumps to and fro between two gears."""
+    rate = np.diff(thrifty.map.fuel, axis=2) / np.diff(thrifty.map.acceleration, axis=2)
+    assert rate.min() >= -1e-9
+    assert (np.diff(rate, axis=2) > -1e-6 * rate.max()).all()
+
+
+def test_a_simulator_without_fuel_is_refused(make_toy):
+    with pytest.raises(InputError, match=r"has no fuel.*leave out \?economy"):
+        Economy(make_toy(interface=TruckInterface("toy", fuel=False)))
+
+
+def test_who_cruises_at_a_speed_pays_the_price_of_time_that_makes_it_the_best(thrifty):
+    """Over a kilometre on the flat, fuel and time at other speeds cost more."""
+    price = float(thrifty.map.prices(np.array([LEADER]))[0][0])
+
+    def cost(speed: float) -> float:
+        acceleration, fuel = thrifty.map.rows(np.array([speed]), np.zeros(1))
+        return (float(np.interp(0.0, acceleration[0], fuel[0])) + price) * 1000.0 / speed
+
+    assert cost(LEADER) < min(cost(LEADER - 4.0), cost(LEADER + 4.0))
+
+
+def test_two_stages_are_as_good_as_the_best_of_all_pairs_of_pedals(thrifty):
+    """Against trying every pair on the grid of stages, from where the programme has a node."""
+    now = np.zeros((1, economy.COLUMNS))
+    now[0, [economy.SPEED, economy.LEADER, economy.LAG, economy.LOW, economy.HIGH]] = 20, 20, 2.1, 1.2, 3.0
+    now[0, economy.WANTED], now[0, economy.PRICE], now[0, economy.MOMENTUM] = 2.0, 5.0, 25.0
+    grades = np.array([[0.02, -0.03]])
+    values = economy._values(thrifty.map.acceleration, thrifty.map.fuel, grades, now)
+
+    def stage(speed: float, lag: float, grade: float, pedal: int):
+        acceleration, fuel = thrifty.map.rows(np.array([speed]), np.array([grade]))
+        return economy._stage(now[0], speed, lag, acceleration[0, pedal], fuel[0, pedal], STAGE_M)
+
+    best = np.inf
+    for first, second in itertools.product(range(len(PEDALS)), repeat=2):
+        speed, lag, one = stage(20.0, 2.1, 0.02, first)
+        speed, _, two = stage(speed, lag, -0.03, second)
+        best = min(best, one + two + 25.0 * (20.0 - speed))
+    assert values[0, 0, economy.SPEED_STEPS // 2, economy.LAG_STEPS // 2] == pytest.approx(best, rel=0.01)
+
+
+def test_on_the_flat_it_holds_the_gap_and_spends_what_a_constant_speed_does(truck, thrifty):
+    flat = Road(np.zeros((1, 2)))
+    trace = roll_out(truck, thrifty, behind_a_leader(flat, flat))
+    acc = roll_out(truck, baseline("acc", truck.interface, PedalMap.calibrate(truck)), trace.scene)
+    saved = 1 - fuel_at_equal_time(trace, thrifty) / fuel_at_equal_time(acc, thrifty)
+    assert abs(saved[0]) < 0.002
+    assert np.abs(trace["time_gap_error"]).max() < 0.2
+    assert trace["speed"].std() < 0.02
+
+
+def test_over_hills_that_it_knows_it_saves_fuel_within_its_band(truck, thrifty):
+    road = hills(3)
+    trace = roll_out(truck, thrifty, behind_a_leader(road, road))
+    acc = roll_out(truck, baseline("acc", truck.interface, PedalMap.calibrate(truck)), trace.scene)
+    saved = 1 - fuel_at_equal_time(trace, thrifty) / fuel_at_equal_time(acc, thrifty)
+    assert saved.min() > 0.02
+    time_gap = trace["gap"] / trace["speed"]
+    assert BAND_S[0] - 0.1 < time_gap.min() and time_gap.max() < BAND_S[1] + 0.1
+    assert (trace["brake_command"] > 0).mean() < 0.5 * (acc["brake_command"] > 0).mean()
+
+
+def test_it_does_not_come_closer_than_the_least_gap(truck, thrifty):
+    road = hills(2)
+
+    class Wary:
+        interface, dt, reset = thrifty.interface, thrifty.dt, staticmethod(thrifty.reset)
+
+        def act(self, seen):
+            return thrifty.act({**seen, "least_gap": np.full(2, 36.0)})
+
+    assert roll_out(truck, Wary(), behind_a_leader(road, road))["gap"].min() > 35.0
+
+
+def test_it_follows_a_leader_that_slows_down_and_one_that_goes_on(truck, thrifty):
+    """By 8 m/s within 10 s, 40 s at that, and back."""
+    pull = np.zeros((1, 1500))
+    pull[:, 100:200], pull[:, 600:800] = -0.8, 0.4
+    flat = Road(np.zeros((1, 2)))
+    trace = roll_out(truck, thrifty, behind_a_leader(flat, flat, 150.0, leader_acceleration=pull))
+    assert trace["gap"].min() > BAND_S[0] * 12.0 - 2.0
+    assert abs(trace["speed"][-1, 0] - LEADER) < 0.5
+    assert BAND_S[0] - 0.1 < (trace["gap"] / trace["speed"])[-1, 0] < BAND_S[1] + 0.1
+
+
+def test_it_stops_behind_a_leader_and_goes_on_when_that_does(truck, thrifty):
+    pull = np.zeros((1, 1200))
+    pull[:, 100:200], pull[:, 600:800] = -2.0, 0.5
+    flat = Road(np.zeros((1, 2)))
+    driver = guard(thrifty)
+    trace = roll_out(truck, driver, behind_a_leader(flat, flat, 120.0, leader_acceleration=pull))
+    assert trace["gap"].min() > 2.0 and trace["speed"][590, 0] < 0.3
+    assert trace["speed"][-1, 0] > 9.0
+
+
+def test_trucks_of_a_batch_drive_as_they_would_alone(truck, thrifty):
+    road = hills(3)
+    scene = behind_a_leader(road, road, 30.0)
+    together = roll_out(truck, thrifty, scene)["speed"]
+    for k in range(3):
+        one = Road(road.grade[k : k + 1])
+        alone = roll_out(truck, thrifty, behind_a_leader(one, one, 30.0))["speed"]
+        np.testing.assert_allclose(alone[:, 0], together[:, k], atol=1e-9)
+
+
+def test_an_unknown_road_is_flat_beyond_the_grade_that_is_felt(truck, thrifty):
+    felt, blind = (
+        {"grade": np.array([0.02])},
+        {"grade": np.array([0.02]), "grade_ahead": np.full((1, 9), np.nan)},
+    )
+    alone, given = (thrifty._ahead(x, np.array([0.02])) for x in (felt, blind))
+    assert alone.shape == (1, AHEAD) and alone[0, 0] == 0.02 and alone[0, -1] < 1e-6
+    np.testing.assert_array_equal(given[0], alone[0, :9])
+
+
+def test_a_nan_gives_a_nan_command_to_that_truck_alone(truck, thrifty):
+    thrifty.reset()
+    names = ("leader_speed", "speed", "gap", "target_time_gap", "grade")
+    seen = {name: np.full(4, value) for name, value in zip(names, (20.0, 20.0, 40.0, 2.0, 0.0), strict=True)}
+    for k, name in enumerate(names[:3]):
+        seen[name][k] = np.nan
+    for _ in range(3):
+        commands = np.array(thrifty.act(seen))
+        assert np.isnan(commands[:, :3]).all() and np.isfinite(commands[:, 3]).all()
+    clear = {name: np.full(4, values[3]) for name, values in seen.items()}
+    assert np.isfinite(np.array(thrifty.act(clear))).all()
+
+
+def test_it_is_loaded_by_name_and_has_run_before(truck, make_toy, monkeypatch):
+    made = load_policy("planner:truck:trucksim?economy", truck.interface)
+    assert isinstance(made, Economy) and made._past is None
+    with pytest.raises(InputError, match="commands engine_command in N m"):
+        load_policy("planner:truck:trucksim?economy", TruckInterface("other", engine_unit="percent"))
+    asked = []
+    monkeypatch.setattr(simulators, "load", lambda path: asked.append(path) or make_toy())
+    load_policy("planner:truck:trucksim?gear=recorded?economy")
+    assert asked == ["truck:trucksim?gear=recorded"]
+
+
+def test_behind_a_guard_it_knows_the_road_and_the_shields_gap(truck):
+    asked = []
+
+    class Spy(Economy):
+        def act(self, observation):
+            asked.append(observation)
+            return super().act(observation)
+
+    driver = guard(Spy(truck))
+    road = hills(1)
+    roll_out(truck, driver, behind_a_leader(road, road, 1.0))
+    assert asked[-1]["grade_ahead"].shape == (1, AHEAD)
+    assert asked[-1]["least_gap"][0] == pytest.approx(
+        driver.shield.steady_gap(np.array([LEADER]))[0], rel=0.05
+    )
