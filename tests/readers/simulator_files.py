@@ -54,15 +54,13 @@ def physics(folder: Path) -> Path:
 def corrected(folder: Path) -> Path:
     """The manifest of a corrected truck."""
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-    from deeptruck_model.mismatch.mechanisms.brakes import Heating
-    from deeptruck_model.mismatch.mechanisms.commands import Delays
-    from deeptruck_model.mismatch.mechanisms.variants import Static
+    from deeptruck_model.mismatch.mechanisms import variant
     from deeptruck_model.mismatch.residual.components import Shares
 
     terms = [
-        Term("dragging_brake", Static(), (0.05,)),
-        Term("brake_fade", Static(Heating(120.0, "from", 0.0)), (0.1,)),
-        Term("command_delay", Static(Delays((("all", 0.2),))), (1.0,)),
+        Term("dragging_brake", (variant("constant"),), (0.05,)),
+        Term("brake_fade", (variant("above a temperature", cooling_s=120.0, at=0.0),), (0.1,)),
+        Term("command_delay", (variant("delay", which="all", tau_s=0.2),), (1.0,)),
     ]
     shares = Shares([0.0, 30.0], [1e-3, 1e-3], [0.02, 0.02], [20.0, 8.0], 2e-4, 0.06, 2e4)
     truck = CorrectedTruck(

@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, 
 from deeptruck_model.mismatch.correction.improvement import free_runs, horizon
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.given import Drives
 from deeptruck_model.recordings.given import drives as known
@@ -48,7 +48,9 @@ class Adapted:
 
 def with_constant(simulator: Simulator, acceleration: float) -> CorrectedTruck:
     """The simulator with a constant force per mass (m/s^2) beside it."""
-    return CorrectedTruck(simulator, [Term(CONSTANT, Static(), (-acceleration / GRAVITY,))], {}, None, True)
+    return CorrectedTruck(
+        simulator, [Term(CONSTANT, (variant("offset"),), (-acceleration / GRAVITY,))], {}, None, True
+    )
 
 
 def adapt(simulator: MinimalSimulator | str | Path, recordings: Drives, first_s: float = FIRST_S) -> Adapted:

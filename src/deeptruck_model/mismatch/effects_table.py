@@ -51,12 +51,12 @@ def _row(m: Mechanism) -> str:
     kind = " (measurement)" if m.kind == "measurement_fault" else ""
     return _line(
         f"`{m.effect}`{kind}",
-        FAMILY[m.effect],
+        m.family,
         m.equation,
         ", ".join(m.depends_on),
         ", ".join(m.needs),
         m.source,
-        m.separated_by,
+        m.manoeuvre,
     )
 
 

@@ -68,7 +68,7 @@ def _of_named(c: Compared, made: Made | None, named: Named, rules: Rules) -> Fin
         equation=m.equation,
         parameters=sizes,
         depends_on=m.depends_on,
-        separating_manoeuvre=m.separated_by,
+        separating_manoeuvre=m.manoeuvre,
     )
 
 
@@ -78,7 +78,7 @@ def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
         return []
     m = LIBRARY[road.tree.first]
     f = _finding(e, road.named(), Kind(m.kind), m.says, road.force, rules)
-    return [replace(f, equation=m.equation, depends_on=m.depends_on, separating_manoeuvre=m.separated_by)]
+    return [replace(f, equation=m.equation, depends_on=m.depends_on, separating_manoeuvre=m.manoeuvre)]
 
 
 def _of_drift(c: Compared, rules: Rules) -> list[Finding]:

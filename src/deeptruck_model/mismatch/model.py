@@ -17,7 +17,6 @@ from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, 
 from deeptruck_model.mismatch.fit_result import Refitted
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
-from deeptruck_model.mismatch.mechanisms.variants import PerRecording, Spline
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
 from deeptruck_model.mismatch.report.wording import PARAMETER_UNITS
@@ -97,7 +96,7 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
     for m in p.search.library:
         if p.inside(m.effect).mean() >= LEAST_IN:
             force = p.force(m.effect, p.inside(m.effect))
-            options = [t for t in p.search.candidate_terms(m) if not general or _is_general(t)]
+            options = [t for t in p.search.candidate_terms(m) if not general or t.general]
             forms = _forms(p.search, options, force) if options else []
             if forms:
                 term = forms[0]
@@ -105,14 +104,6 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
                     term = merge(term, other)
                 out.append(term)
     return tuple(out)
-
-
-def _is_general(t: CandidateTerm) -> bool:
-    """Whether a form has no size of its own for one drive or one time."""
-    return not any(
-        isinstance(leaf, PerRecording) or (isinstance(leaf, Spline) and leaf.knots and not leaf.shared)
-        for leaf in t.variant.leaves
-    )
 
 
 def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
@@ -243,7 +234,7 @@ def _truck(simulator: Simulator, search: Regression, recipe: Recipe, model: Mode
     }
     change = accepted(simulator, change)
     terms = [
-        Term(t.mechanism.effect, t.variant, tuple(model.coefficients(t.mechanism.effect).tolist()))
+        Term(t.mechanism.effect, t.variants, tuple(model.coefficients(t.mechanism.effect).tolist()))
         for t in recipe.terms
         if t.mechanism.effect in LIBRARY
     ]

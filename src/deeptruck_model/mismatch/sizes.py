@@ -15,36 +15,18 @@ from deeptruck_model.mismatch.result import Size
 
 Array = NDArray[np.float64]
 
-SETTING_UNITS = {
-    "tau_s": "s",
-    "decay_s": "s",
-    "cooling_s": "s",
-    "soak_s": "s",
-    "cold_s": "s",
-    "window_s": "s",
-    "length_m": "m",
-    "frequency_hz": "Hz",
-    "damping": "1",
-    "after_s": "s",
-    "keeps_s": "s",
-    "frees_m": "m",
-    "limit_speed": "m/s",
-}
-PER_MASS = {"limit_force": "N", "limit_torque": "N m", "limit_power": "W"}
-LIMIT_COMMAND = "limit_command"  # in the unit of the engine's command
+PER_MASS = ("N", "N m", "W")  # units of constants that are specific
 MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
 
 def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
     """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
     out: dict[str, Size] = {}
-    for name, value in term.variant.numbers():
-        if name in SETTING_UNITS:
-            out.setdefault(name, Size(value, SETTING_UNITS[name]))
-        elif name in PER_MASS:
-            out.setdefault(name, Size(value * e.unit.scale, e.unit.of(PER_MASS[name])))
-        elif name == LIMIT_COMMAND:
-            out.setdefault(name, Size(value, unit("engine_command", e.command_units)))
+    for name, value, of in term.settings():
+        if of in PER_MASS:
+            out.setdefault(name, Size(value * e.unit.scale, e.unit.of(of)))
+        else:
+            out.setdefault(name, Size(value, unit(of, e.command_units) if of.endswith("_command") else of))
     return out
 
 

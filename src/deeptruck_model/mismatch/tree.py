@@ -6,23 +6,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+
 ROOT = "mismatch"
 UNKNOWN = "unknown"
+BESIDES = {  # what a finding may be that is no mechanism: faults of sensors, and parameters
+    "sensors": ("acceleration_bias", "speed_scale"),
+    "timing": (),
+    "brakes": ("brake_gain",),
+    "engine_driveline": ("torque_gain",),
+    "air_tyres_road": ("rolling_resistance",),
+    "load": ("mass",),
+}
 NAMES = {
-    "sensors": ("acceleration_bias", "grade_bias", "speed_scale"),
-    "timing": ("clock_offset", "command_delay", "command_rate_limit"),
-    "brakes": ("brake_fade", "brake_gain", "brake_lag", "dragging_brake"),
-    "engine_driveline": (
-        "accessory_load", "driveline_backlash", "driveline_loss", "engine_brake", "engine_friction",
-        "rotating_inertia", "shift_interruption", "torque_converter_slip", "torque_derate", "torque_gain",
-        "torque_limit", "turbo_lag", "wheel_slip",
-    ),
-    "air_tyres_road": (
-        "drafting", "drag_area", "headwind", "road_grade", "road_surface", "rolling_resistance",
-        "rolling_resistance_speed", "rolling_resistance_warmup",
-    ),
-    "load": ("load_slosh", "mass", "payload_change"),
-}  # fmt: skip
+    family: tuple(sorted((*others, *(m.effect for m in LIBRARY.values() if m.family == family))))
+    for family, others in BESIDES.items()
+}
 LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
 SENSORS = "sensors"
 HIDDEN = "unrecorded:brake"

@@ -9,8 +9,8 @@ import numpy as np
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import Gap
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import variant
+from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.mismatch.model import Made, Recipe
 from deeptruck_model.mismatch.posterior.regression import Model
 from deeptruck_model.mismatch.validate import validate
@@ -28,7 +28,13 @@ def behind_another(seed: int) -> Prepared:
 
 
 def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> None:
-    drafting = CorrectedTruck(TRUCK, [Term("drafting", Static(Gap(LENGTH_M)), (SHARE,))], {}, None, False)
+    drafting = CorrectedTruck(
+        TRUCK,
+        [Term("drafting", (variant("exponential", length_m=LENGTH_M, usual_m=NOBODY_M),), (SHARE,))],
+        {},
+        None,
+        False,
+    )
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     held_out = [behind_another(seed) for seed in range(3)]
     made = Made(drafting, plain, Recipe(), Model.__new__(Model))

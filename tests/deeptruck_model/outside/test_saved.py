@@ -12,7 +12,7 @@ from deeptruck_model import checks, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import CorrectedTruck
 from deeptruck_model.mismatch.correction.corrected_truck import Term
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.outside import saved
 
 U, W, Y0 = np.full((1, 40, 2), [500.0, 0.0]), np.zeros((1, 40, 1)), np.array([[0.0, 15.0]])
@@ -23,15 +23,17 @@ def corrected(shuttle: Path) -> Path:
     """A corrected shuttle as a folder; its arguments are read from heavy.yaml."""
     Path("heavy.yaml").write_text("mass: 30000\n")
     base = simulators.load(f"python:{shuttle.stem}:make:heavy.yaml")
-    CorrectedTruck(base, [Term("dragging_brake", Static(), (0.1,))], {"mass": 0.1}, None, True).save(
-        Path("better")
-    )
+    CorrectedTruck(
+        base, [Term("dragging_brake", (variant("constant"),), (0.1,))], {"mass": 0.1}, None, True
+    ).save(Path("better"))
     return Path("better").absolute()
 
 
 def test_it_loads_again_and_drives_the_same(corrected: Path, shuttle: Path) -> None:
     base = simulators.load(f"python:{shuttle.stem}:make:heavy.yaml")
-    first = CorrectedTruck(base, [Term("dragging_brake", Static(), (0.1,))], {"mass": 0.1}, None, True)
+    first = CorrectedTruck(
+        base, [Term("dragging_brake", (variant("constant"),), (0.1,))], {"mass": 0.1}, None, True
+    )
     again = simulators.load(corrected)
     assert again.parameters()["mass"] == pytest.approx(33000.0)
     runs = [simulators.free_run(truck, U, W, Y0).y for truck in (first, again)]

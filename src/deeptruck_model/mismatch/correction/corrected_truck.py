@@ -33,15 +33,16 @@ EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", 
 # 1: forces gave force per mass of acceleration; 2: a force that changed did nothing while brakes held.
 # 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.
 # 4: terms were settings by name, and not variants. 5: a term could be confined to a regime.
-SCHEMA = 6
+# 6: a variant was a class of its own, and not a form of its mechanism.
+SCHEMA = 7
 
 
 @dataclass(frozen=True)
 class Term:
-    """A variant of a mechanism of the library, and its coefficients."""
+    """Variants of a mechanism of the library, side by side, and their coefficients."""
 
     effect: str
-    variant: Variant
+    variants: tuple[Variant, ...]
     coefficients: tuple[float, ...]
 
 
@@ -181,7 +182,7 @@ class CorrectedTruck:
             "terms": [
                 {
                     "effect": t.effect,
-                    "variant": saved.to_json(t.variant),
+                    "variants": [saved.to_json(v) for v in t.variants],
                     "coefficients": list(t.coefficients),
                 }
                 for t in self.terms
@@ -201,7 +202,7 @@ def _added(
     forces = list(forces_of_moved)
     paths = []
     for term in terms:
-        for column, b in zip(build(LIBRARY[term.effect], term.variant), term.coefficients, strict=True):
+        for column, b in zip(build(LIBRARY[term.effect], term.variants), term.coefficients, strict=True):
             if isinstance(column.expression, Rerun):
                 paths.append((column.expression.path, column.expression.amount, b))
             elif b != 0.0:
@@ -221,7 +222,11 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
         if unknown:
             raise InputError(f"{path} has terms this version does not know: {', '.join(unknown)}")
         terms = [
-            Term(t["effect"], saved.variant_of(t["variant"]), tuple(t["coefficients"]))
+            Term(
+                t["effect"],
+                tuple(saved.variant_of(LIBRARY[t["effect"]], v) for v in t["variants"]),
+                tuple(t["coefficients"]),
+            )
             for t in manifest["terms"]
         ]
         shares = Shares.from_dict(manifest["shares"]) if manifest.get("shares") else None

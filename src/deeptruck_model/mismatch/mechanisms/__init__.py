@@ -1,4 +1,4 @@
-"""The library: every mechanism the tool can name."""
+"""The library: every mechanism the tool can name, one record each, in tables by subject."""
 
 from deeptruck_model.mismatch.mechanisms import (
     air_and_tyres,
@@ -10,36 +10,32 @@ from deeptruck_model.mismatch.mechanisms import (
     load,
     road,
 )
-from deeptruck_model.mismatch.mechanisms.base import (
+from deeptruck_model.mismatch.mechanisms.record import Column, Curve, Form, Mechanism, Variant, variant
+from deeptruck_model.mismatch.mechanisms.terms import (
     CandidateTerm,
-    Column,
-    Mechanism,
     build,
     candidate_term,
     candidate_terms,
-    is_time_varying,
     merge,
 )
-from deeptruck_model.mismatch.mechanisms.own_forms import OWN
-from deeptruck_model.mismatch.mechanisms.variants import Constants, Variant
 
 LIBRARY: dict[str, Mechanism] = {
     m.effect: m
-    for room in (brakes, air_and_tyres, road, engine, engine_drag, driveline, load, commands)
-    for m in room.MECHANISMS
+    for table in (brakes, air_and_tyres, road, engine, engine_drag, driveline, load, commands)
+    for m in table.MECHANISMS
 }
 
 __all__ = [
     "LIBRARY",
-    "OWN",
     "CandidateTerm",
     "Column",
-    "Constants",
+    "Curve",
+    "Form",
     "Mechanism",
     "Variant",
     "build",
     "candidate_term",
     "candidate_terms",
-    "is_time_varying",
     "merge",
+    "variant",
 ]

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import Expression, InRecording, Signal, absolute, exp, maximum
-from deeptruck_model.mismatch.mechanisms.base import (
-    Column,
-    Mechanism,
-    quantile,
+from deeptruck_model.mismatch.expression import (
+    Expression,
+    Lag,
+    Signal,
+    absolute,
+    exp,
+    lift,
+    maximum,
+    minimum,
 )
-from deeptruck_model.mismatch.mechanisms.over_time import (
-    MOST_KNOTS,
-    each_recording,
-    from_then_on,
-    in_each,
-    moments,
-    spline_columns,
-    splines,
-)
+from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, each_wind, from_moments, slowly
+from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
     BRAKE,
     DISTANCE,
@@ -29,302 +25,242 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ELAPSED,
     PULL,
     SPEED,
-)
-from deeptruck_model.mismatch.mechanisms.variants import (
-    Constants,
-    FromMoment,
-    PerRecording,
-    Simple,
-    Spline,
-    Static,
+    UPPER,
+    quantile,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
-AROUND_M_S = (0.0, 6.0, -6.0)
 NOBODY_M = 1e4  # a gap behind nobody
+FAR_M = 150.0  # the same, on a curve
 STEADY_M_S, GUST_M_S = 7.0, 5.0  # prior sd of a drive's mean wind, and the largest of its slow changes
 # Most by which the wind along the road departs from the drive's mean for half a minute: Beaufort 6 that falls
 # calm, or is met round a bend. What swings further is slopes or brakes under another name.
 SWING_M_S = 12.0
 SIDE = 0.4  # sd of the drag that wind from the side adds, SAE J1252: 5 to 10 % a degree of yaw
 PER_SQUARE = DRAG / maximum(SPEED, 1.0) ** 2
+LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
+HOLDS = 1e3  # m/s^2: tyres that never slip
 
 
-@dataclass(frozen=True)
-class Wind(Constants):
-    """One wind throughout."""
-
-    wind_m_s: float
-
-
-@dataclass(frozen=True)
-class Winds(Constants):
-    """A wind of each drive, linear around one; `side` adds to it drag area by what blows from the side."""
-
-    around_m_s: float
-    side: bool = False
+def _wind(wind_m_s: float) -> Column:
+    air = SPEED + wind_m_s
+    change = air * absolute(air) - SPEED**2
+    return Column(-(PER_SQUARE * change), 0.3, "wind", "m/s", wind_m_s, mean=1.0)
 
 
-def _headwinds(e: Evidence) -> Iterator[Simple]:
-    """One wind throughout, one for each recording, or a slowly turning one; linear around calm or around a
-    wind. What blows from the side acts as more drag area."""
-    for wind in (-12.0, -8.0, -4.0, 4.0, 8.0, 12.0):
-        yield Static(Wind(wind))
-    names = tuple(s.name for s in e.stretches)
-    for around in AROUND_M_S:
-        if 1 < len(names) <= MOST_KNOTS:
-            yield PerRecording(names, 1.0 / len(names), Winds(around), weather=True)
-    for around in AROUND_M_S:
-        yield from splines(e, _per_wind(around), GUST_M_S, constants=Winds(around), levels=True)
-    yield from splines(e, -DRAG, SIDE, constants=Winds(0.0, side=True), levels=True)
+def _more_wind(around_m_s: float, most: float = np.inf) -> Column:
+    """1 m/s more wind than `around_m_s`."""
+    more = -(PER_SQUARE * (SPEED * 2.0 + around_m_s))
+    return Column(more, STEADY_M_S, "wind", "m/s", sign=0, most=most)
 
 
-def _per_wind(around_m_s: float) -> Expression:
-    """The force of 1 m/s more wind than that, m/s^2."""
-    return -(PER_SQUARE * (SPEED * 2.0 + around_m_s))
+def _behind(length_m: float, usual_m: float) -> Column:
+    """`length_m` is the gap over which air drag comes back, `usual_m` that at which a simulation without a
+    leader follows."""
+    gap = Signal("gap", missing=NOBODY_M, simulated=usual_m)
+    return Column(DRAG * exp(-(gap / length_m)), 0.4, "share_of_drag")
 
 
-def _headwind(v: Simple) -> list[Column]:
-    match v:
-        case Static(Wind(wind_m_s)):
-            air = SPEED + wind_m_s
-            change = air * absolute(air) - SPEED**2
-            return [Column(-(PER_SQUARE * change), 0.3, "wind", "m/s", wind_m_s, mean=1.0)]
-        case PerRecording(names=names, constants=Winds(around_m_s)):
-            return _steady_winds(names, _per_wind(around_m_s))
-        case Spline(names=names, constants=Winds(around_m_s, side)):
-            linear = _per_wind(around_m_s)
-            steady = _steady_winds(names, linear)
-            if side:
-                return steady + spline_columns(v, -DRAG, "more_drag", "1", sign=1, steady=False)
-            return steady + spline_columns(v, linear, "wind", "m/s", sign=0, steady=False, most=SWING_M_S)
-    raise TypeError(f"{v!r} is no wind")
-
-
-def _steady_winds(names: tuple[str, ...], linear: Expression) -> list[Column]:
-    """A wind for each recording; in a simulation blows the mean of them."""
-    mean = 1.0 / len(names)
-    return [
-        Column(linear * InRecording(i, elsewhere=mean), STEADY_M_S, f"wind[{name}]", "m/s", sign=0)
-        for i, name in enumerate(names)
-    ]
-
-
-@dataclass(frozen=True)
-class Gap(Constants):
-    """The gap over which air drag comes back, and that at which a simulation without a leader follows."""
-
-    length_m: float
-    usual_m: float = NOBODY_M
-
-
-def _draftings(e: Evidence) -> Iterator[Simple]:
-    """A simulation without a vehicle ahead follows at the gap that was recorded."""
+def _gaps(e: Evidence) -> Iterable[Constants]:
     gap = e["gap"][e.valid]
     usual = float(np.nanmedian(gap)) if np.isfinite(gap).any() else NOBODY_M
-    for length_m in (8.0, 20.0, 50.0):
-        yield Static(Gap(length_m, usual))
-        if 1 < len(e.stretches) <= MOST_KNOTS:  # behind another vehicle on every drive
-            yield each_recording(e, Gap(length_m, usual))
+    return grid(length_m=(8.0, 20.0, 50.0), usual_m=[usual])
 
 
-def _drafting(v: Simple) -> list[Column]:
-    if not isinstance(v.constants, Gap):
-        raise TypeError(f"{v!r} is no drafting")
-    gap = Signal("gap", missing=NOBODY_M, simulated=v.constants.usual_m)
-    near = exp(-(gap / v.constants.length_m))
-    if isinstance(v, PerRecording):
-        return [Column(DRAG * near * here, 0.4, f"share_of_drag[{name}]") for name, here in in_each(v)]
-    return [Column(DRAG * near, 0.4, "share_of_drag")]
+POWERS = {  # of speed: name and unit of the coefficient, which is that at 20 m/s
+    1: ("slope", "N s/m"),
+    2: ("square", "N s^2/m^2"),
+    4: ("fourth_power", "N s^4/m^4"),
+}
 
 
-def _drag_areas(e: Evidence) -> Iterator[Simple]:
-    """A constant difference is a parameter error; missing physics is drag area that changes."""
-    yield from moments(e)
-    if len(e.stretches) > 2:
-        yield each_recording(e)
-    yield from splines(e, -DRAG, 0.5)
+def _power_of_speed(order: int) -> Column:
+    at_20 = SPEED / 20.0 if order == 1 else (SPEED / 20.0) ** order
+    name, unit = POWERS[order]
+    return Column(-at_20, 0.03, name, unit, 20.0**-order, per_mass=True)
 
 
-def _drag_area(v: Simple) -> list[Column]:
-    match v:
-        case PerRecording():
-            return [Column(-(DRAG * here), 0.2, f"change[{name}]", sign=0) for name, here in in_each(v)]
-        case FromMoment():
-            return [Column(-(DRAG * from_then_on(v)), 0.3, "change", sign=0)]
-    return spline_columns(v, -DRAG, "change", "1", sign=0)
-
-
-@dataclass(frozen=True)
-class SpeedPowers(Constants):
-    """The powers of speed with which rolling resistance grows, of 1, 2 and 4."""
-
-    orders: tuple[int, ...]
-
-
-def _rollings(e: Evidence) -> Iterator[Static]:
-    yield from (Static(SpeedPowers((order,))) for order in (1, 2, 4))
-    yield Static(SpeedPowers((1, 4)))  # Mitschke's polynomial
-
-
-def _rolling_speed(v: Simple) -> list[Column]:
-    if not isinstance(v.constants, SpeedPowers):
-        raise TypeError(f"{v!r} is no rolling resistance")
-    return [_rolling_power(order) for order in v.constants.orders]
-
-
-def _rolling_power(order: int) -> Column:
-    if order == 4:
-        return Column(-((SPEED / 20.0) ** 4), 0.03, "fourth_power", "N s^4/m^4", 20.0**-4, per_mass=True)
-    if order == 2:
-        return Column(-((SPEED / 20.0) ** 2), 0.03, "square", "N s^2/m^2", 1 / 400.0, per_mass=True)
-    return Column(-(SPEED / 20.0), 0.03, "slope", "N s/m", 1 / 20.0, per_mass=True)
-
-
-@dataclass(frozen=True)
-class WarmsInTime(Constants):
-    tau_s: float
-
-
-@dataclass(frozen=True)
-class WarmsByTurning(Constants):
-    length_m: float
-
-
-def _warm_ups(e: Evidence) -> Iterator[Simple]:
-    """Every drive may start as cold as the others, or as cold as it happens to be; time warms, or turning."""
-    ways: list[Constants] = [WarmsInTime(tau_s) for tau_s in (60.0, 200.0, 600.0, 1500.0)]
-    ways += [WarmsByTurning(length_m) for length_m in (2000.0, 6000.0)]
-    for way in ways:
-        yield Static(way)
-        if 1 < len(e.stretches) <= MOST_KNOTS:
-            yield each_recording(e, way)
-
-
-def _warm_up(v: Simple) -> list[Column]:
-    still_cold = exp(-_warmed(v.constants))
-    if isinstance(v, PerRecording):
-        return [
-            Column(-(still_cold * here), 0.05, f"cold_force[{name}]", "N", per_mass=True)
-            for name, here in in_each(v)
-        ]
-    return [Column(-still_cold, 0.03, "cold_force", "N", per_mass=True)]
-
-
-def _warmed(by: Constants) -> Expression:
-    match by:
-        case WarmsInTime(tau_s):
-            return ELAPSED / tau_s
-        case WarmsByTurning(length_m):
-            return DISTANCE / length_m
-    raise TypeError(f"{by!r} warms no tyres")
-
-
-LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
-
-
-@dataclass(frozen=True)
-class Grip(Constants):
+def _grips(e: Evidence) -> Iterable[Constants]:
     """The largest pull and brake force (m/s^2) that the tyres hold."""
-
-    pull: float
-    brake: float = 1e3
-
-
-def _slips(e: Evidence) -> Iterator[Simple]:
     for q in (0.8, 0.92, 0.97):
         pull = max(quantile(e, e["engine"], e["engine"] > 0.05, q), LEAST_GRIP)
         brake = quantile(e, e["brake"], e["brake"] > 0.1, q)
         if np.isfinite(pull) or np.isfinite(brake):
-            yield Static(Grip(pull if np.isfinite(pull) else 1e3, brake if np.isfinite(brake) else 1e3))
-    grip = max(quantile(e, e["engine"], e["engine"] > 0.05, 0.6), LEAST_GRIP)
-    if np.isfinite(grip):  # the road is slippery here and there
-        yield from splines(e, _beyond(grip), 1.0, quick=False, constants=Grip(grip))
+            yield {
+                "pull": pull if np.isfinite(pull) else HOLDS,
+                "brake": brake if np.isfinite(brake) else HOLDS,
+            }
 
 
-def _beyond(grip: float) -> Expression:
-    return -maximum(PULL - grip, 0.0)
+def _slippery(e: Evidence) -> Iterable[Constants]:
+    pull = max(quantile(e, e["engine"], e["engine"] > 0.05, 0.6), LEAST_GRIP)
+    return ({"pull": pull},) if np.isfinite(pull) else ()
 
 
-def _slip(v: Simple) -> list[Column]:
-    match v:
-        case Spline(constants=Grip(pull)):
-            return spline_columns(v, _beyond(pull), "traction_share", "1", sign=1, steady=False)
-        case Static(Grip(pull, brake)):
-            return [
+def _beyond(pull: float) -> Expression:
+    return -maximum(PULL - pull, 0.0)
+
+
+HEADWIND = Mechanism(
+    "headwind",
+    "air_tyres_road",
+    says="wind along the road changes the air drag",
+    equation="F = -rho/2 CdA ((v + w)|v + w| - v^2)",
+    needs=("drag", "speed"),
+    depends_on=("speed", "time"),
+    source="SAE J1263 wind correction",
+    manoeuvre="drive the same stretch both ways at two speeds",
+    forms={
+        "one wind": Form(_wind, grid(wind_m_s=(-12.0, -8.0, -4.0, 4.0, 8.0, 12.0))),
+        # linear around calm or around a wind
+        "each drive": Form(_more_wind, grid(around_m_s=(0.0, 6.0, -6.0)), (each_wind,)),
+        "turning": Form(
+            lambda around_m_s: _more_wind(around_m_s, SWING_M_S),
+            grid(around_m_s=(0.0, 6.0, -6.0)),
+            (slowly(GUST_M_S),),
+            level=_more_wind,
+        ),
+        # what blows from the side acts as more drag area
+        "from the side": Form(
+            lambda: Column(-DRAG, SIDE, "more_drag"),
+            courses=(slowly(SIDE),),
+            level=lambda: _more_wind(0.0),
+        ),
+    },
+)
+
+DRAFTING = Mechanism(
+    "drafting",
+    "air_tyres_road",
+    says="the vehicle ahead takes away air drag",
+    equation="F = +rho/2 CdA v^2 s exp(-gap / L)",
+    needs=("drag", "gap"),
+    depends_on=("gap", "speed"),
+    source="Browand et al., PATH UCB-ITS-PRR-2004-20",
+    manoeuvre="follow at several gaps at constant speed",
+    forms={
+        # behind the same vehicle, or another one on every drive
+        "exponential": Form(_behind, _gaps, (always, each_drive()), units={"length_m": "m"}),
+        **{
+            f"gap, {trend}": Curve(
+                DRAG,
+                minimum(Signal("gap", missing=FAR_M, simulated=FAR_M), FAR_M),
+                "gap",
+                trend,
+                needs=("gap",),
+            )
+            for trend in ("falling", "any")
+        },
+    },
+)
+
+# A constant difference is a parameter error; missing physics is drag area that changes.
+DRAG_AREA = Mechanism(
+    "drag_area",
+    "air_tyres_road",
+    says="the drag area changed on the way: a tarpaulin, a trailer, a window",
+    equation="F = -rho/2 v^2 d(CdA)(t)",
+    needs=("drag", "speed"),
+    depends_on=("speed", "time", "recording"),
+    source="SAE J1263: aerodynamic drag; change of body",
+    manoeuvre="coast down from high speed before and after the change",
+    forms={
+        "changed": Form(
+            lambda: Column(-DRAG, 0.3, "change", sign=0),
+            courses=(from_moments, each_drive(0.2, more_than=2, most=np.inf), slowly(0.5)),
+        ),
+    },
+    prior=0.7,
+)
+
+ROLLING_RESISTANCE_SPEED = Mechanism(
+    "rolling_resistance_speed",
+    "air_tyres_road",
+    says="rolling resistance grows with speed",
+    equation="F = -(k1 v + k2 v^2 + k4 v^4)",
+    needs=("speed",),
+    depends_on=("speed",),
+    source="SAE J2452; Mitschke, Dynamik der Kraftfahrzeuge",
+    manoeuvre="coast down from high speed on a calm day, both ways",
+    forms={
+        # 1 and 4 are Mitschke's polynomial
+        "powers": Form(
+            lambda orders: [_power_of_speed(order) for order in orders],
+            grid(orders=((1,), (2,), (4,), (1, 4))),
+        ),
+        **{
+            f"speed, {trend}": Curve(lift(-1.0), SPEED, "speed", trend, share=False)
+            for trend in ("rising", "any")
+        },
+    },
+)
+
+# Every drive may start as cold as the others, or as cold as it happens to be.
+ROLLING_RESISTANCE_WARMUP = Mechanism(
+    "rolling_resistance_warmup",
+    "air_tyres_road",
+    says="tyres roll harder while they are cold",
+    equation="F = -F_cold exp(-t / tau)",
+    needs=("elapsed",),
+    depends_on=("time since start",),
+    source="ISO 28580 warm-up times",
+    manoeuvre="repeat the same stretch cold and after an hour",
+    forms={
+        "in time": Form(
+            lambda tau_s: force(-exp(-(ELAPSED / tau_s)), 0.03, "cold_force"),
+            grid(tau_s=(60.0, 200.0, 600.0, 1500.0)),
+            (always, each_drive(0.05)),
+            units={"tau_s": "s"},
+        ),
+        "by turning": Form(
+            lambda length_m: force(-exp(-(DISTANCE / length_m)), 0.03, "cold_force"),
+            grid(length_m=(2000.0, 6000.0)),
+            (always, each_drive(0.05)),
+            units={"length_m": "m"},
+        ),
+        "time since start": Curve(lift(-1.0), ELAPSED, "time since start", "falling", share=False),
+        "speed over 300 s": Curve(
+            lift(-1.0), Lag((SPEED,), 300.0, cold=True), "speed over 300 s", "falling", share=False
+        ),
+    },
+)
+
+WHEEL_SLIP = Mechanism(
+    "wheel_slip",
+    "engine_driveline",
+    says="tyres slip above a force",
+    equation="F = -s max(F_engine - mu N, 0), likewise when braking",
+    needs=("engine", "speed", "brake"),
+    depends_on=("traction force", "brake"),
+    source="Pacejka, Tyre and Vehicle Dynamics, ch. 1",
+    manoeuvre="full torque and full brake at low speed on the same surface",
+    forms={
+        "grip": Form(
+            lambda pull, brake: [
                 Column(_beyond(pull), 0.5, "traction_share"),
                 Column(maximum(BRAKE - brake, 0.0), 0.5, "brake_share"),
-            ]
-    raise TypeError(f"{v!r} is no slip of tyres")
-
+            ],
+            _grips,
+        ),
+        "slippery in places": Form(
+            lambda pull: Column(_beyond(pull), 1.0, "traction_share"),
+            _slippery,
+            (slowly(1.0, quick=False),),
+            steady=False,
+        ),
+        **{
+            by: Curve(acts * -1.0, absolute(acts), by, "rising", sd=0.6, knots=UPPER)
+            for acts, by in ((PULL, "traction force"), (PULL - BRAKE, "force of the tyres"))
+        },
+    },
+    prior=0.2,
+)
 
 MECHANISMS = (
-    Mechanism(
-        "headwind",
-        "F = -rho/2 CdA ((v + w)|v + w| - v^2)",
-        "wind along the road changes the air drag",
-        ("drag", "speed"),
-        ("speed", "time"),
-        "SAE J1263 wind correction",
-        "drive the same stretch both ways at two speeds",
-        _headwinds,
-        _headwind,
-    ),
-    Mechanism(
-        "drafting",
-        "F = +rho/2 CdA v^2 s exp(-gap / L)",
-        "the vehicle ahead takes away air drag",
-        ("drag", "gap"),
-        ("gap", "speed"),
-        "Browand et al., PATH UCB-ITS-PRR-2004-20",
-        "follow at several gaps at constant speed",
-        _draftings,
-        _drafting,
-    ),
-    Mechanism(
-        "drag_area",
-        "F = -rho/2 v^2 d(CdA)(t)",
-        "the drag area changed on the way: a tarpaulin, a trailer, a window",
-        ("drag", "speed"),
-        ("speed", "time", "recording"),
-        "SAE J1263: aerodynamic drag; change of body",
-        "coast down from high speed before and after the change",
-        _drag_areas,
-        _drag_area,
-        prior=0.7,
-    ),
-    Mechanism(
-        "rolling_resistance_speed",
-        "F = -(k1 v + k2 v^2 + k4 v^4)",
-        "rolling resistance grows with speed",
-        ("speed",),
-        ("speed",),
-        "SAE J2452; Mitschke, Dynamik der Kraftfahrzeuge",
-        "coast down from high speed on a calm day, both ways",
-        _rollings,
-        _rolling_speed,
-    ),
-    Mechanism(
-        "rolling_resistance_warmup",
-        "F = -F_cold exp(-t / tau)",
-        "tyres roll harder while they are cold",
-        ("elapsed",),
-        ("time since start",),
-        "ISO 28580 warm-up times",
-        "repeat the same stretch cold and after an hour",
-        _warm_ups,
-        _warm_up,
-    ),
-    Mechanism(
-        "wheel_slip",
-        "F = -s max(F_engine - mu N, 0), likewise when braking",
-        "tyres slip above a force",
-        ("engine", "speed", "brake"),
-        ("traction force", "brake"),
-        "Pacejka, Tyre and Vehicle Dynamics, ch. 1",
-        "full torque and full brake at low speed on the same surface",
-        _slips,
-        _slip,
-        prior=0.2,
-    ),
+    HEADWIND,
+    DRAFTING,
+    DRAG_AREA,
+    ROLLING_RESISTANCE_SPEED,
+    ROLLING_RESISTANCE_WARMUP,
+    WHEEL_SLIP,
 )

@@ -3,151 +3,123 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import Rerun, lift
-from deeptruck_model.mismatch.mechanisms.base import (
-    Column,
-    Mechanism,
-)
-from deeptruck_model.mismatch.mechanisms.variants import Constants, Simple, Static
+from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Form, Mechanism, grid
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 DELAYS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25)
 APART_S = (0.15, 0.3, 0.5, 0.8, 1.25)  # of engine and brake, where each has a line of its own
 FULL_RANGE_S = (0.4, 0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 7.0)
+WAYS = {"engine": ("rate", "climb", "drop", "soft", "shaped"), "brake": ("rate", "climb", "drop")}
 
 
-@dataclass(frozen=True)
-class Delays(Constants):
-    """Each command ("all", "engine" or "brake") and by how many s it is late."""
-
-    lines: tuple[tuple[str, float], ...]
-
-
-def _delays(e: Evidence) -> Iterator[Static]:
-    """Both commands, the engine's alone, or each by its own; a late brake alone is the brake's dead time."""
-    for which in ("all", "engine") if e.has("brake_command") else ("all",):
-        for tau_s in DELAYS_S:
-            yield Static(Delays(((which, tau_s),)))
-    if e.has("brake_command"):
-        for engine_s, brake_s in itertools.permutations(APART_S, 2):
-            yield Static(Delays((("engine", engine_s), ("brake", brake_s))))
+def _delay(which: str, tau_s: float) -> Column:
+    """All commands, or one of them, late by so much; negative: early."""
+    name = "delay" if which == "all" else f"delay_{which}"
+    return Column(Rerun(f"delay_{which}", tau_s), 0.3, name, "s", tau_s, mean=1.0)
 
 
-def _delay(v: Simple) -> list[Column]:
-    if not isinstance(v.constants, Delays):
-        raise TypeError(f"{v!r} is no delay")
-    return [
-        Column(Rerun(f"delay_{which}", tau_s), 0.3, _delay_of(which), "s", tau_s, mean=1.0)
-        for which, tau_s in v.constants.lines
-    ]
+def _slewed(how: str, which: str, rate: float) -> Column:
+    """A command slewed in the way `how` of `CommandPath` with a rate in its unit per s."""
+    return Column(Rerun(f"{how}_{which}", rate), 0.3, f"share_{which}", mean=1.0)
 
 
-def _delay_of(which: str) -> str:
-    return "delay" if which == "all" else f"delay_{which}"
+def _ranges(e: Evidence) -> dict[str, float]:
+    """The full range of each command that is known."""
+    known = (w for w in WAYS if e.has(f"{w}_command"))
+    return {which: float(np.ptp(e[f"{which}_command"][e.valid])) for which in known}
 
 
-@dataclass(frozen=True)
-class RateLimits(Constants):
-    """How commands are slewed (a name of `CommandPath`), and each with its rate in units of the command per
-    s."""
-
-    how: str
-    rates: tuple[tuple[str, float], ...]
-
-
-def _rates(e: Evidence) -> Iterator[Static]:
-    """One command or both, by how long the full range takes; one may be slewed only up or only down. Torque
-    is often shaped: eased into its target, and taken away faster than it is added."""
-    spans = {}
-    for which in ("engine", "brake"):
-        if e.has(f"{which}_command"):
-            spans[which] = float(np.ptp(e[f"{which}_command"][e.valid]))
-    for some in ([w] for w in spans):
-        shaped = ("soft", "shaped") if some == ["engine"] else ()
-        for how in ("rate", "climb", "drop", *shaped):
-            for s in FULL_RANGE_S if spans[some[0]] > 0 else ():
-                yield Static(RateLimits(how, tuple((w, spans[w] / s) for w in some)))
-    if len(spans) == 2 and min(spans.values()) > 0:
-        for s in FULL_RANGE_S:
-            yield Static(RateLimits("rate", tuple((w, span / s) for w, span in spans.items())))
+def _rates_of_one(e: Evidence) -> Iterable[Constants]:
+    """By how long the full range takes. Torque is often shaped: eased into its target, and taken away faster
+    than it is added."""
+    for which, full in _ranges(e).items():
+        if full > 0:
+            yield from grid(how=WAYS[which], which=(which,), rate=[full / s for s in FULL_RANGE_S])
 
 
-def _rate(v: Simple) -> list[Column]:
-    if not isinstance(v.constants, RateLimits):
-        raise TypeError(f"{v!r} is no rate limit")
-    return [
-        Column(Rerun(f"{v.constants.how}_{which}", rate), 0.3, f"share_{which}", mean=1.0)
-        for which, rate in v.constants.rates
-    ]
+def _rates_of_both(e: Evidence) -> Iterable[Constants]:
+    full = _ranges(e)
+    if len(full) == 2 and min(full.values()) > 0:
+        yield from ({which: span / s for which, span in full.items()} for s in FULL_RANGE_S)
 
 
-def _clocks(e: Evidence) -> Iterator[Static]:
-    """Early commands only a clock can make; late ones look like a delay."""
-    for tau_s in (*(-d for d in DELAYS_S), *DELAYS_S):
-        yield Static(Delays((("all", tau_s),)))
-
-
-def _grade_offsets(e: Evidence) -> Iterator[Static]:
-    yield Static()
-
-
-def _grade_bias(v: Simple) -> list[Column]:
-    return [Column(lift(-GRAVITY), 0.01, "bias", "ratio", sign=0)]
-
-
-MECHANISMS = (
-    Mechanism(
-        "command_delay",
-        "u(t) -> u(t - d), engine and brake perhaps each by its own",
-        "commands act later than the simulator thinks",
-        ("engine_command",),
-        ("command rate",),
-        "J1939 message period plus actuator dead time",
-        "step one command at a time, on one clock with the response",
-        _delays,
-        _delay,
-    ),
-    Mechanism(
-        "command_rate_limit",
-        "|du/dt| <= r",
-        "commands are slewed on their way",
-        ("engine_command",),
-        ("command rate",),
-        "SAE J1939-71 TSC1 override ramping",
-        "step commands of different size: a limit makes large ones late, a lag does not",
-        _rates,
-        _rate,
-    ),
-    Mechanism(
-        "clock_offset",
-        "commands and responses are stamped by clocks d apart",
-        "commands and responses are not on one clock",
-        ("engine_command",),
-        ("command rate",),
-        "comparison of channels, no truck physics",
-        "record one event on both clocks",
-        _clocks,
-        _delay,
-        kind="measurement_fault",
-        prior=0.5,
-    ),
-    Mechanism(
-        "grade_bias",
-        "grade = true + b",
-        "the recorded grade is offset",
-        ("grade",),
-        ("nothing",),
-        "inclinometer mounting angle",
-        "stand on the same spot in both directions",
-        _grade_offsets,
-        _grade_bias,
-        kind="measurement_fault",
-        prior=0.7,
-    ),
+COMMAND_DELAY = Mechanism(
+    "command_delay",
+    "timing",
+    says="commands act later than the simulator thinks",
+    equation="u(t) -> u(t - d), engine and brake perhaps each by its own",
+    needs=("engine_command",),
+    depends_on=("command rate",),
+    source="J1939 message period plus actuator dead time",
+    manoeuvre="step one command at a time, on one clock with the response",
+    forms={
+        # a late brake alone is the brake's dead time
+        "delay": Form(
+            _delay,
+            lambda e: grid(which=("all", "engine") if e.has("brake_command") else ("all",), tau_s=DELAYS_S),
+            words={"which": ("all", "engine")},
+        ),
+        "each its own": Form(
+            lambda engine_s, brake_s: [_delay("engine", engine_s), _delay("brake", brake_s)],
+            tuple({"engine_s": a, "brake_s": b} for a, b in itertools.permutations(APART_S, 2)),
+            needs=("brake_command",),
+        ),
+    },
 )
+
+COMMAND_RATE_LIMIT = Mechanism(
+    "command_rate_limit",
+    "timing",
+    says="commands are slewed on their way",
+    equation="|du/dt| <= r",
+    needs=("engine_command",),
+    depends_on=("command rate",),
+    source="SAE J1939-71 TSC1 override ramping",
+    manoeuvre="step commands of different size: a limit makes large ones late, a lag does not",
+    forms={
+        "one": Form(_slewed, _rates_of_one, words={"how": WAYS["engine"], "which": tuple(WAYS)}),
+        "both": Form(
+            lambda engine, brake: [_slewed("rate", "engine", engine), _slewed("rate", "brake", brake)],
+            _rates_of_both,
+        ),
+    },
+)
+
+CLOCK_OFFSET = Mechanism(
+    "clock_offset",
+    "timing",
+    says="commands and responses are not on one clock",
+    equation="commands and responses are stamped by clocks d apart",
+    needs=("engine_command",),
+    depends_on=("command rate",),
+    source="comparison of channels, no truck physics",
+    manoeuvre="record one event on both clocks",
+    # early commands only a clock can make; late ones look like a delay
+    forms={
+        "offset": Form(lambda tau_s: _delay("all", tau_s), grid(tau_s=(*(-d for d in DELAYS_S), *DELAYS_S)))
+    },
+    kind="measurement_fault",
+    prior=0.5,
+)
+
+GRADE_BIAS = Mechanism(
+    "grade_bias",
+    "sensors",
+    says="the recorded grade is offset",
+    equation="grade = true + b",
+    needs=("grade",),
+    depends_on=("nothing",),
+    source="inclinometer mounting angle",
+    manoeuvre="stand on the same spot in both directions",
+    forms={"offset": Form(lambda: Column(lift(-GRAVITY), 0.01, "bias", "ratio", sign=0))},
+    kind="measurement_fault",
+    prior=0.7,
+)
+
+MECHANISMS = (COMMAND_DELAY, COMMAND_RATE_LIMIT, CLOCK_OFFSET, GRADE_BIAS)

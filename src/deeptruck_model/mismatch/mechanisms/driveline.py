@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -21,13 +19,9 @@ from deeptruck_model.mismatch.expression import (
     maximum,
     minimum,
 )
-from deeptruck_model.mismatch.mechanisms.base import (
-    Column,
-    Mechanism,
-    overall_ratio_reference,
-    quantile,
-)
+from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
+    ELAPSED,
     ENGINE,
     ENGINE_SPEED,
     GEAR,
@@ -35,271 +29,268 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     OVERALL_RATIO,
     PULL,
     RATIO,
+    SHIFTED,
     SIMULATED,
     SPEED,
+    STOOD,
+    geared,
+    quantile,
+    ratio_if_known,
+    ratio_reference,
 )
-from deeptruck_model.mismatch.mechanisms.variants import Constants, Simple, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
-
-@dataclass(frozen=True)
-class LossByGear(Constants):
-    gears: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class LossByRatio(Constants):
-    """By the gear ratio over `reference` (rad/m), or drag at the input shaft and a share of the pull, as
-    regulation 2017/2400, annex VI, has it."""
-
-    by: Literal["ratio", "input"]
-    reference: float
+SOON = (0.02, 0.12, 0.25, 0.4, 0.55, 0.75, 0.98)  # quantiles of seconds
+LOCKED_M_S = 12.0  # faster, no truck's converter slips
+UP, DOWN = Since((Change((GEAR,)) > 0.5,)), Since((Change((GEAR,)) < -0.5,))
+SIGN = Change((ENGINE > 0.03,))
+TIP_IN, TIP_OUT = Since((SIGN > 0.1,)), Since((SIGN < -0.1,))
+MISSING = maximum(Lag((PULL,), 1.5), PULL)  # the pull before a shift, or that of now
 
 
-def _losses(e: Evidence) -> Iterator[Static]:
-    yield Static()
-    if e.has("gear"):
-        gears = np.round(np.nan_to_num(e["gear"]))
-        used = [float(g) for g in np.unique(gears) if g > 0 and (gears[e.valid] == g).mean() > 0.03]
-        if 1 < len(used) <= 16:
-            yield Static(LossByGear(tuple(used)))
-    if e.has("ratio"):
-        yield Static(LossByRatio("ratio", overall_ratio_reference(e)))
-    if e.has("ratio", "engine_speed"):
-        yield Static(LossByRatio("input", overall_ratio_reference(e)))
+def _gears(e: Evidence) -> Iterable[Constants]:
+    gears = np.round(np.nan_to_num(e["gear"]))
+    used = [float(g) for g in np.unique(gears) if g > 0 and (gears[e.valid] == g).mean() > 0.03]
+    return [{"gears": tuple(used)}] if 1 < len(used) <= 16 else []
 
 
-def _loss(v: Simple) -> list[Column]:
-    match v.constants:
-        case LossByGear(gears):
-            return [Column(-(PULL * (absolute(GEAR - g) < 0.5)), 0.1, f"share_gear_{g:.0f}") for g in gears]
-        case LossByRatio("input", reference):
-            drag = -(OVERALL_RATIO / reference)
-            return [
-                Column(drag, 0.05, "drag", "N", per_mass=True),
-                Column(drag * (ENGINE_SPEED / OMEGA), 0.05, "drag_per_speed", "N", per_mass=True),
-                Column(-PULL, 0.1, "share_of_pull"),
-            ]
-        case LossByRatio("ratio", reference):
-            return [Column(-(PULL * maximum(OVERALL_RATIO / reference - 1.0, 0.0)), 0.1, "share_per_ratio")]
-    return [Column(-absolute(ENGINE), 0.15, "share_of_engine_force")]
+def _at_the_input(reference: float) -> list[Column]:
+    """Drag at the input shaft and a share of the pull, as regulation 2017/2400, annex VI, has it."""
+    drag = -(OVERALL_RATIO / reference)
+    return [
+        force(drag, 0.05, "drag"),
+        force(drag * (ENGINE_SPEED / OMEGA), 0.05, "drag_per_speed"),
+        Column(-PULL, 0.1, "share_of_pull"),
+    ]
 
 
-@dataclass(frozen=True)
-class Window(Constants):
-    """One share throughout a time after the event."""
-
-    window_s: float
-
-
-@dataclass(frozen=True)
-class Stages(Constants):
-    """A share for each part of the time after the event, by the ends of the parts."""
-
-    until_s: tuple[float, ...]
-
-
-def _shifts(e: Evidence) -> Iterator[Static]:
+def _shifts(e: Evidence) -> bool:
+    """Whether there are at least three gear changes."""
     gear = np.round(np.nan_to_num(e["gear"]))
-    if ((np.abs(np.diff(gear)) > 0) & e.valid[1:]).sum() < 3:
-        return
-    for window_s in (0.4, 0.8, 1.4, 2.2):
-        yield Static(Window(window_s))
-    yield Static(Stages((0.3, 0.6, 1.0, 1.5, 2.2)))
-
-
-def _shift(v: Simple) -> list[Column]:
-    """A share of the pull missing throughout a window, or in each part of it separately."""
-    since = Since((absolute(Change((GEAR,))) > 0.5,))
-    force = maximum(Lag((PULL,), 1.5), PULL)
-    match v.constants:
-        case Window(window_s):
-            return [Column(-(force * (since < window_s)), 0.6, "share_of_pull")]
-        case Stages(until_s):
-            return [
-                Column(-(force * _between(since, first, last)), 0.6, f"share_{first:g}_to_{last:g}_s")
-                for first, last in itertools.pairwise((0.0, *until_s))
-            ]
-    raise TypeError(f"{v!r} is no shift")
+    return bool(((np.abs(np.diff(gear)) > 0) & e.valid[1:]).sum() >= 3)
 
 
 def _between(since: Expression, first: float, last: float) -> Expression:
     return (since < last) * (1.0 - (since < first))
 
 
-@dataclass(frozen=True)
-class SlipBySpeed(Constants):
-    scale_m_s: float
+def _stages(until_s: tuple[float, ...]) -> Iterator[tuple[float, float]]:
+    """The parts of the time after an event, by the ends of the parts."""
+    return itertools.pairwise((0.0, *until_s))
 
 
-@dataclass(frozen=True)
-class SlipByRatio(Constants):
+def _locked(e: Evidence) -> Iterable[Constants]:
     """Gears, and the ratio (rad/m) of each with the converter locked."""
-
-    locked: tuple[tuple[float, float], ...]
-
-
-def _converters(e: Evidence) -> Iterator[Static]:
-    """By speed, or by how much faster the engine turns than it would with the converter locked."""
-    for scale_m_s in (2.0, 4.0, 8.0):
-        yield Static(SlipBySpeed(scale_m_s))
-    if e.has("ratio", "gear"):
-        ratio, gear = e["ratio"], np.round(np.nan_to_num(e["gear"]))
-        locked = {
-            g: quantile(e, ratio, (gear == g) & (e["speed"] > 1.0), 0.1)
-            for g in np.unique(gear[e.valid]).tolist()
-            if g > 0
-        }
-        yield Static(SlipByRatio(tuple((float(g), r) for g, r in locked.items() if np.isfinite(r))))
+    ratio, gear = e["ratio"], np.round(np.nan_to_num(e["gear"]))
+    locked = {
+        g: quantile(e, ratio, (gear == g) & (e["speed"] > 1.0), 0.1)
+        for g in np.unique(gear[e.valid]).tolist()
+        if g > 0
+    }
+    return [{"locked": tuple((float(g), r) for g, r in locked.items() if np.isfinite(r))}]
 
 
-def _converter(v: Simple) -> list[Column]:
-    match v.constants:
-        case SlipByRatio(locked):
-            own = sum(((absolute(GEAR - g) < 0.5) * r for g, r in locked), lift(0.0))
-            slip = maximum(1.0 - own / maximum(RATIO, 0.01), 0.0)
-            return [Column(-(PULL * slip), 1.0, "share_per_slip", sign=0)]
-        case SlipBySpeed(scale_m_s):
-            return [Column(-(PULL * exp(-(SPEED / scale_m_s))), 0.5, "share", sign=0)]
-    raise TypeError(f"{v!r} is no slip of a converter")
+def _slipping(locked: tuple[tuple[float, float], ...]) -> Column:
+    """By how much faster the engine turns than it would with the converter locked."""
+    own = sum(((absolute(GEAR - g) < 0.5) * r for g, r in locked), lift(0.0))
+    return Column(-(PULL * maximum(1.0 - own / maximum(RATIO, 0.01), 0.0)), 1.0, "share_per_slip", sign=0)
 
 
-@dataclass(frozen=True)
-class Turning(Constants):
-    """A share of the mass at the gear ratio `reference` (rad/m)."""
-
-    reference: float
-    share: float
-
-
-def _inertias(e: Evidence) -> Iterator[Static]:
-    for share in (0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12):
-        yield Static(Turning(overall_ratio_reference(e), share))
-
-
-def _inertia(v: Simple) -> list[Column]:
-    """F = -J r^2 a with a the acceleration that is left: -a0 x / (1 + x), x the share of the mass."""
-    if not isinstance(v.constants, Turning):
-        raise TypeError(f"{v!r} is no inertia")
-    reference, part = v.constants.reference, v.constants.share
+def _turning(reference: float, share: float) -> Column:
+    """F = -J r^2 a with a the acceleration that is left: -a0 x / (1 + x), x the share of the mass; `share`
+    is that at the ratio `reference` (rad/m)."""
     # first gear over top gear; beyond, the clutch slips
-    overall_ratio = minimum(OVERALL_RATIO / reference, 20.0)
-    share = (overall_ratio**2) * part
-    return [Column(-(SIMULATED * (share / (share + 1.0))), 0.3, "share_of_mass", "1", part, mean=1.0)]
+    x = (minimum(OVERALL_RATIO / reference, 20.0) ** 2) * share
+    return Column(-(SIMULATED * (x / (x + 1.0))), 0.3, "share_of_mass", "1", share, mean=1.0)
 
 
-@dataclass(frozen=True)
-class TipIn(Constants):
-    """A force of `size` (m/s^2), or a share of the engine's, that is missing for a while after each change of
-    sign."""
-
-    window_s: float
-    size: float | None = None
-
-
-@dataclass(frozen=True)
-class PlayTaken(Constants):
-    """A play by the force times s that takes it up, and the force a soft spring in it holds; both at the gear
-    ratio `reference` (rad/m), where gears are known."""
-
-    reach: float
-    holds: float
-    reference: float | None = None
-
-
-def _backlashes(e: Evidence) -> Iterator[Static]:
+def _strong_pull(e: Evidence) -> list[float]:
+    """A large engine force, m/s^2; empty where there is hardly any."""
     size = quantile(e, np.abs(e["engine"]), np.abs(e["engine"]) > 0.0, 0.8)
-    strong = max(size, 0.05)
-    for window_s in (0.3, 0.7, 1.2):
-        if np.isfinite(size):
-            yield Static(TipIn(window_s, strong))
-        yield Static(TipIn(window_s))
-    yield Static(Stages((0.3, 0.7, 1.2, 2.0)))  # several plays, one after the other
-    if np.isfinite(size):
-        reference = overall_ratio_reference(e) if "ratio" in e.signals else None
-        for turns_s in (0.15, 0.3, 0.6, 1.2):  # by a strong pull
-            for soft in (0.0, 0.3):  # what a soft spring in it holds of that
-                yield Static(PlayTaken(strong * turns_s, strong * soft, reference))
+    return [max(size, 0.05)] if np.isfinite(size) else []
 
 
-def _backlash(v: Simple) -> list[Column]:
-    change = Change((ENGINE > 0.03,))
-    tip_in, tip_out = Since((change > 0.1,)), Since((change < -0.1,))
-    match v.constants:
-        case PlayTaken(reach, holds, reference):
-            overall_ratio = OVERALL_RATIO / reference if reference else lift(1.0)
-            play = Play((ENGINE / maximum(overall_ratio, 0.05),), reach, holds)
-            return [Column(-(play * overall_ratio), 0.5, "share")]
-        case Stages(until_s):
-            return [
-                Column(-(ENGINE * _between(t, first, last)), 0.6, f"{side}_share_{first:g}_to_{last:g}_s")
-                for side, t in (("tip_in", tip_in), ("tip_out", tip_out))
-                for first, last in itertools.pairwise((0.0, *until_s))
-            ]
-        case TipIn(window_s, None):
-            up, down = -((tip_in < window_s) * ENGINE), -((tip_out < window_s) * ENGINE)
-            return [Column(up, 0.6, "tip_in_share"), Column(down, 0.6, "tip_out_share")]
-        case TipIn(window_s, float(size)):
-            up, down = -((tip_in < window_s) * size), (tip_out < window_s) * size
-            return [Column(up, 0.5, "tip_in"), Column(down, 0.5, "tip_out")]
-    raise TypeError(f"{v!r} is no backlash")
+def _plays(e: Evidence) -> Iterable[Constants]:
+    """By how long a strong pull takes to take it up, and what a soft spring in it holds of that pull."""
+    for strong in _strong_pull(e):
+        for turns_s, soft in itertools.product((0.15, 0.3, 0.6, 1.2), (0.0, 0.3)):
+            yield {"reach": strong * turns_s, "holds": strong * soft, "reference": ratio_if_known(e)}
 
+
+def _play(reach: float, holds: float, reference: float) -> Column:
+    """A play by the force times s that takes it up, and the force a soft spring in it holds; both at the
+    ratio `reference` (rad/m), zero where gears are not known."""
+    play = Play((ENGINE / maximum(geared(reference), 0.05),), reach, holds)
+    return Column(-(play * geared(reference)), 0.5, "share")
+
+
+DRIVELINE_LOSS = Mechanism(
+    "driveline_loss",
+    "engine_driveline",
+    says="the driveline loses a share of the torque it carries",
+    equation="F = -k |F_engine|, or k by gear; F = -r (c0 + c1 w) - k F_engine",
+    needs=("engine",),
+    depends_on=("engine torque", "gear"),
+    source="gear mesh efficiency: SAE J1266; Regulation (EU) 2017/2400, annex VI",
+    manoeuvre="pull with the same torque in different gears, and coast in gear",
+    forms={
+        "share": Form(lambda: Column(-absolute(ENGINE), 0.15, "share_of_engine_force")),
+        "by gear": Form(
+            lambda gears: [
+                Column(-(PULL * (absolute(GEAR - g) < 0.5)), 0.1, f"share_gear_{g:.0f}") for g in gears
+            ],
+            _gears,
+            needs=("gear",),
+        ),
+        "by ratio": Form(
+            lambda reference: Column(
+                -(PULL * maximum(OVERALL_RATIO / reference - 1.0, 0.0)), 0.1, "share_per_ratio"
+            ),
+            lambda e: grid(reference=[ratio_reference(e)]),
+            needs=("ratio",),
+        ),
+        "at the input": Form(
+            _at_the_input, lambda e: grid(reference=[ratio_reference(e)]), needs=("ratio", "engine_speed")
+        ),
+        "ratio": Curve(PULL * -1.0, OVERALL_RATIO, "ratio", "any", needs=("ratio",)),
+        "speed": Curve(absolute(ENGINE) * -1.0, SPEED, "speed", "rising", level=True),
+        "engine speed": Curve(
+            absolute(ENGINE) * -1.0,
+            ENGINE_SPEED,
+            "engine speed",
+            "rising",
+            level=True,
+            needs=("engine_speed",),
+        ),
+        "engine force": Curve(absolute(ENGINE) * -1.0, absolute(ENGINE), "engine force", "any"),
+    },
+)
+
+SHIFT_INTERRUPTION = Mechanism(
+    "shift_interruption",
+    "engine_driveline",
+    says="traction is missing around gear changes",
+    equation="F = -s F_engine for a while after a gear change",
+    needs=("gear", "engine"),
+    depends_on=("time since gear change",),
+    source="automated manual transmissions: torque gap of 0.5-1.5 s",
+    manoeuvre="accelerate through all gears at full torque",
+    forms={
+        "window": Form(
+            lambda window_s: Column(-(MISSING * (window_s > SHIFTED)), 0.6, "share_of_pull"),
+            lambda e: grid(window_s=(0.4, 0.8, 1.4, 2.2)) if _shifts(e) else (),
+            units={"window_s": "s"},
+        ),
+        "stages": Form(
+            lambda until_s: [
+                Column(-(MISSING * _between(SHIFTED, a, b)), 0.6, f"share_{a:g}_to_{b:g}_s")
+                for a, b in _stages(until_s)
+            ],
+            lambda e: grid(until_s=[(0.3, 0.6, 1.0, 1.5, 2.2)]) if _shifts(e) else (),
+        ),
+        "time since a shift": Curve(
+            MISSING * -1.0, minimum(SHIFTED, 4.0), "time since a shift", "falling", needs=("gear",)
+        ),
+        # what comes back later than simulated: up and down may each take their own time
+        **{
+            f"pull, {by}": Curve(PULL * -1.0, minimum(since, 4.0), by, "falling", needs=("gear",), knots=SOON)
+            for since, by in (
+                (SHIFTED, "time since a shift"),
+                (UP, "time since a shift up"),
+                (DOWN, "time since a shift down"),
+            )
+        },
+    },
+)
+
+TORQUE_CONVERTER_SLIP = Mechanism(
+    "torque_converter_slip",
+    "engine_driveline",
+    says="the torque converter multiplies or loses torque at low speed",
+    equation="F = -s F_engine exp(-v / v0)",
+    needs=("engine", "speed"),
+    depends_on=("speed", "engine torque"),
+    source="SAE J643 converter characteristics",
+    manoeuvre="launch at several torques with the converter locked and unlocked",
+    forms={
+        "by speed": Form(
+            lambda scale_m_s: Column(-(PULL * exp(-(SPEED / scale_m_s))), 0.5, "share", sign=0),
+            grid(scale_m_s=(2.0, 4.0, 8.0)),
+        ),
+        "by ratio": Form(_slipping, _locked, needs=("ratio", "gear")),
+        "loss": Curve(PULL * -1.0, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
+        "gain": Curve(PULL, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
+        # no lock-up while the oil is cold; a converter that fills again
+        "time since start": Curve(PULL * -1.0, ELAPSED, "time since start", "falling"),
+        "time since standing": Curve(PULL * -1.0, STOOD, "time since standing", "falling"),
+    },
+)
+
+ROTATING_INERTIA = Mechanism(
+    "rotating_inertia",
+    "engine_driveline",
+    says="rotating parts take a share of the acceleration, most in low gears",
+    equation="F = -J r^2 a",
+    needs=("ratio", "simulated"),
+    depends_on=("gear", "acceleration"),
+    source="Gillespie, Fundamentals of Vehicle Dynamics, eq. 2-9b",
+    manoeuvre="accelerate with the same torque in a low and a high gear",
+    forms={
+        "inertia": Form(
+            _turning,
+            lambda e: grid(
+                reference=[ratio_reference(e)], share=(0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12)
+            ),
+        ),
+        "ratio": Curve(SIMULATED * -1.0, OVERALL_RATIO, "ratio", "rising", needs=("ratio",)),
+    },
+)
+
+DRIVELINE_BACKLASH = Mechanism(
+    "driveline_backlash",
+    "engine_driveline",
+    says="the driveline has play when torque changes sign",
+    equation="torque is carried only after the play is taken up, at each change between drive and overrun",
+    needs=("engine",),
+    depends_on=("sign of engine torque",),
+    source="Lagerberg and Egardt, Backlash estimation with application to automotive powertrains, 2007",
+    manoeuvre="tip in and out around zero torque in a high gear",
+    forms={
+        # a force of `size` (m/s^2), or a share of the engine's, that is missing for a while
+        "force": Form(
+            lambda window_s, size: [
+                Column(-((window_s > TIP_IN) * size), 0.5, "tip_in"),
+                Column((window_s > TIP_OUT) * size, 0.5, "tip_out"),
+            ],
+            lambda e: grid(window_s=(0.3, 0.7, 1.2), size=_strong_pull(e)),
+            units={"window_s": "s"},
+        ),
+        "share": Form(
+            lambda window_s: [
+                Column(-((window_s > TIP_IN) * ENGINE), 0.6, "tip_in_share"),
+                Column(-((window_s > TIP_OUT) * ENGINE), 0.6, "tip_out_share"),
+            ],
+            grid(window_s=(0.3, 0.7, 1.2)),
+            units={"window_s": "s"},
+        ),
+        # several plays, one after the other
+        "stages": Form(
+            lambda until_s: [
+                Column(-(ENGINE * _between(t, a, b)), 0.6, f"{side}_share_{a:g}_to_{b:g}_s")
+                for side, t in (("tip_in", TIP_IN), ("tip_out", TIP_OUT))
+                for a, b in _stages(until_s)
+            ],
+            grid(until_s=[(0.3, 0.7, 1.2, 2.0)]),
+        ),
+        "play": Form(_play, _plays),
+    },
+    prior=0.7,
+)
 
 MECHANISMS = (
-    Mechanism(
-        "driveline_loss",
-        "F = -k |F_engine|, or k by gear; F = -r (c0 + c1 w) - k F_engine",
-        "the driveline loses a share of the torque it carries",
-        ("engine",),
-        ("engine torque", "gear"),
-        "gear mesh efficiency: SAE J1266; Regulation (EU) 2017/2400, annex VI",
-        "pull with the same torque in different gears, and coast in gear",
-        _losses,
-        _loss,
-    ),
-    Mechanism(
-        "shift_interruption",
-        "F = -s F_engine for a while after a gear change",
-        "traction is missing around gear changes",
-        ("gear", "engine"),
-        ("time since gear change",),
-        "automated manual transmissions: torque gap of 0.5-1.5 s",
-        "accelerate through all gears at full torque",
-        _shifts,
-        _shift,
-    ),
-    Mechanism(
-        "torque_converter_slip",
-        "F = -s F_engine exp(-v / v0)",
-        "the torque converter multiplies or loses torque at low speed",
-        ("engine", "speed"),
-        ("speed", "engine torque"),
-        "SAE J643 converter characteristics",
-        "launch at several torques with the converter locked and unlocked",
-        _converters,
-        _converter,
-    ),
-    Mechanism(
-        "rotating_inertia",
-        "F = -J r^2 a",
-        "rotating parts take a share of the acceleration, most in low gears",
-        ("ratio", "simulated"),
-        ("gear", "acceleration"),
-        "Gillespie, Fundamentals of Vehicle Dynamics, eq. 2-9b",
-        "accelerate with the same torque in a low and a high gear",
-        _inertias,
-        _inertia,
-    ),
-    Mechanism(
-        "driveline_backlash",
-        "torque is carried only after the play is taken up, at each change between drive and overrun",
-        "the driveline has play when torque changes sign",
-        ("engine",),
-        ("sign of engine torque",),
-        "Lagerberg and Egardt, Backlash estimation with application to automotive powertrains, 2007",
-        "tip in and out around zero torque in a high gear",
-        _backlashes,
-        _backlash,
-        prior=0.7,
-    ),
+    DRIVELINE_LOSS,
+    SHIFT_INTERRUPTION,
+    TORQUE_CONVERTER_SLIP,
+    ROTATING_INERTIA,
+    DRIVELINE_BACKLASH,
 )

@@ -1,6 +1,24 @@
-"""The signals that formulas are made of, by short names."""
+"""The signals that formulas are made of, by short names, and typical values of them."""
 
-from deeptruck_model.mismatch.expression import Signal, maximum
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.expression import (
+    Change,
+    Expression,
+    Lag,
+    Signal,
+    Since,
+    absolute,
+    lift,
+    maximum,
+    minimum,
+)
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+Array = NDArray[np.float64]
 
 SPEED, ENGINE, BRAKE = Signal("speed"), Signal("engine"), Signal("brake")
 DRAG, ROLLING = Signal("drag"), Signal("rolling")
@@ -12,3 +30,43 @@ OVERALL_RATIO = Signal("lever")
 PLACE = Signal("place", missing=-1.0)  # below zero where nobody knows it
 PULL = maximum(ENGINE, 0.0)
 OMEGA = 150.0  # rad/s, a diesel's working speed
+PER_POWER = -(1.0 / maximum(SPEED, 3.0))
+SHIFTED = Since((absolute(Change((GEAR,))) > 0.5,))
+STOOD = minimum(Since((SPEED < 0.5,)), 60.0)  # s since standing
+GEARED = ("ratio", "engine_speed")
+UPPER = (0.4, 0.7, 0.85, 0.93, 0.97, 0.995)  # quantiles of what acts only when it is large
+
+
+def over(seconds: float, power: Expression) -> Expression:
+    """What a power has left after a time, with a start from cold."""
+    return Lag((power,), seconds, cold=True)
+
+
+def geared(reference: float) -> Expression:
+    """The overall ratio over `reference` (rad/m); one where that is zero, as gears are not known."""
+    return OVERALL_RATIO / reference if reference else lift(1.0)
+
+
+def ratio_reference(e: Evidence) -> float:
+    """Median overall ratio (rad/m) while driving, so that columns in engine terms stay of order one."""
+    if "ratio" not in e.signals:
+        return 1.0
+    ratio = e["ratio"][e.valid & np.isfinite(e["ratio"])]
+    return max(float(np.median(ratio)), 1e-3) if len(ratio) else 1.0
+
+
+def ratio_if_known(e: Evidence) -> float:
+    """The same, zero where the ratio is not known."""
+    return ratio_reference(e) if "ratio" in e.signals else 0.0
+
+
+def torque_of(e: Evidence, reference: float) -> Array:
+    """The pull (n,) as a torque, in a force at the ratio `reference`; as it is where that is zero."""
+    pull = np.maximum(e["engine"], 0.0)
+    return pull * reference / np.maximum(e["ratio"], 0.05 * reference) if reference else pull
+
+
+def quantile(e: Evidence, x: Array, where: NDArray[np.bool_], q: float) -> float:
+    """A quantile of x over valid rows that satisfy `where`; infinite when there are too few."""
+    rows = e.valid & where & np.isfinite(x)
+    return float(np.quantile(x[rows], q)) if rows.sum() > 50 else float("inf")

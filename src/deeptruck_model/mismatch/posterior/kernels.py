@@ -13,8 +13,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_terms, is_time_varying
-from deeptruck_model.mismatch.mechanisms.variants import Spline, Variant
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_terms
+from deeptruck_model.mismatch.mechanisms.courses import Spline
+from deeptruck_model.mismatch.mechanisms.record import Variant
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 
 Array = NDArray[np.float64]
@@ -77,18 +78,19 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
 
 def _of_terms(search: Regression, terms: Sequence[CandidateTerm]) -> list[Kernel]:
     """One kernel of the laws among a name's terms, and one of those that vary in time."""
-    laws = [t for t in terms if not is_time_varying(t)]
-    varying = [t for t in terms if is_time_varying(t)]
+    laws = [t for t in terms if not t.varies_in_time]
+    varying = [t for t in terms if t.varies_in_time]
     parts = ((laws, LAW, 1.0), (varying, IN_TIME, TIME_VARYING))
     return [_kernel(search, part, most, odds) for part, most, odds in parts if part]
 
 
 def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int, odds: float) -> Kernel:
-    power: dict[Variant, Array] = {}  # of the same columns, which several terms have at other sizes
-    columns: dict[Variant, Array] = {}
+    # of the same columns, which several terms have at other sizes
+    power: dict[tuple[Variant, ...], Array] = {}
+    columns: dict[tuple[Variant, ...], Array] = {}
     typical = np.zeros(len(search.e))
     for t in terms:
-        key = replace(t.variant, sd=1.0) if isinstance(t.variant, Spline) else t.variant
+        key = tuple(_of_any_size(v) for v in t.variants)
         if key not in columns:
             columns[key] = np.nan_to_num(t.columns)
         power[key] = power.get(key, 0.0) + (t.prior.sd**2 + t.prior.mean**2) / len(terms)
@@ -103,6 +105,11 @@ def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int, odds:
         mechanism.chance(search.e) * odds,
         "in time" if most == IN_TIME else "law",
     )
+
+
+def _of_any_size(v: Variant) -> Variant:
+    """The variant with knots of one size, of which several have the same columns."""
+    return replace(v, course=replace(v.course, size=1.0)) if isinstance(v.course, Spline) else v
 
 
 def _thin(features: Array, search: Regression, most: int) -> Array:

@@ -12,18 +12,14 @@ from deeptruck_model import simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import fed
-from deeptruck_model.mismatch.mechanisms import saved
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import Gap
-from deeptruck_model.mismatch.mechanisms.brakes import BrakeLag, Heating
-from deeptruck_model.mismatch.mechanisms.commands import Delays
-from deeptruck_model.mismatch.mechanisms.engine_drag import Friction
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import saved, variant
+from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.signals import ACCELERATION, SPEED
 
 BASE = trucks.load("trucksim")
-STATIC = saved.to_json(Static())
-STEADY = Term("dragging_brake", Static(), (0.05,))
+CONSTANT = [saved.to_json(variant("constant"))]
+STEADY = Term("dragging_brake", (variant("constant"),), (0.05,))
 SHARES = Shares([0.0, 30.0], [1e-3, 1e-3], [0.02, 0.02], [20.0, 8.0], 2e-4, 0.06, 2e4)
 
 
@@ -135,13 +131,17 @@ def test_stepping_keeps_speed_the_integral_of_acceleration_and_old_states_usable
     np.testing.assert_array_equal(one, two)
 
 
-FADE = Static(Heating(120.0, "from", 0.0))
+FADE = (variant("above a temperature", cooling_s=120.0, at=0.0),)
 
 
 def test_where_nothing_is_measured_its_own_response_goes_on() -> None:
     plain = trucks.load("trucksim")
     truck = CorrectedTruck(
-        plain, (Term("engine_friction", Static(Friction(5.0, 0)), (0.1,)),), {}, None, validated=True
+        plain,
+        (Term("engine_friction", (variant("warm", reference=5.0, order=0),), (0.1,)),),
+        {},
+        None,
+        validated=True,
     )
     u, w = np.array([[600.0, 0.0]]), np.zeros((1, 1))
     state, y = truck.step(truck.reset(np.array([[0.0, 15.0, 5.0]])), u, w)
@@ -150,7 +150,9 @@ def test_where_nothing_is_measured_its_own_response_goes_on() -> None:
 
 
 def test_a_command_path_moves_the_command() -> None:
-    late = CorrectedTruck(BASE, [Term("brake_lag", Static(BrakeLag("delay", 0.5)), (1.0,))], {}, None, False)
+    late = CorrectedTruck(
+        BASE, [Term("brake_lag", (variant("lag", side="delay", tau_s=0.5),), (1.0,))], {}, None, False
+    )
     u, w, y0 = inputs(10.0, 1)
     u[:, :, 0], u[:, 40:, 1] = 0.0, 30.0
     shifted = u.copy()
@@ -197,7 +199,13 @@ def test_a_learned_truck_is_not_given_the_acceleration_that_was_corrected() -> N
 
 def test_channels_beside_the_protocol_come_from_along() -> None:
     u, w, y0 = inputs(20.0)
-    truck = CorrectedTruck(BASE, [Term("drafting", Static(Gap(20.0)), (0.4,))], {}, None, False)
+    truck = CorrectedTruck(
+        BASE,
+        [Term("drafting", (variant("exponential", length_m=20.0, usual_m=NOBODY_M),), (0.4,))],
+        {},
+        None,
+        False,
+    )
     alone = simulators.free_run(truck, u, w, y0).y
     np.testing.assert_allclose(alone, simulators.free_run(BASE, u, w, y0).y, atol=1e-9)
     gap = np.full(u.shape[:2], 8.0)
@@ -215,7 +223,7 @@ def test_a_force_against_motion_does_not_push_a_standing_truck_back() -> None:
 
 def test_a_term_by_the_gear_goes_with_the_gear_that_is_simulated() -> None:
     """A slipping clutch has no gear ratio, and the gear of a drive at another speed is not this truck's."""
-    friction = Term("engine_friction", Static(Friction(1.0, 0)), (0.02,))
+    friction = Term("engine_friction", (variant("warm", reference=1.0, order=0),), (0.02,))
     truck = CorrectedTruck(BASE, [friction], {}, None, False, [20.0])
     u, w, y0 = inputs(20.0)
     y0[:, SPEED] = 0.3
@@ -238,7 +246,7 @@ def test_saved_and_loaded_it_is_the_same(tmp_path: Path, shares: Shares | None) 
     terms = [
         STEADY,
         Term("brake_fade", FADE, (0.1,)),
-        Term("command_delay", Static(Delays((("all", 0.2),))), (1.0,)),
+        Term("command_delay", (variant("delay", which="all", tau_s=0.2),), (1.0,)),
     ]
     truck = CorrectedTruck(BASE, terms, {"mass": 0.1}, shares, True, [7.0, 28.0])
     truck.save(tmp_path / "sim")
@@ -256,9 +264,9 @@ def test_a_damaged_directory_is_one_clear_line(tmp_path: Path) -> None:
     path = tmp_path / "sim" / simulators.MANIFEST
     manifest = json.loads(path.read_text())
     for change, says in (
-        ({"terms": [{"effect": "magic", "variant": {}, "coefficients": []}]}, "does not know: magic"),
-        ({"terms": [{"effect": "dragging_brake", "variant": {}, "coefficients": [1.0]}]}, "is damaged"),
-        ({"terms": [{"effect": "headwind", "variant": STATIC, "coefficients": [1.0]}]}, "is damaged"),
+        ({"terms": [{"effect": "magic", "variants": [{}], "coefficients": []}]}, "does not know: magic"),
+        ({"terms": [{"effect": "dragging_brake", "variants": [{}], "coefficients": [1.0]}]}, "is damaged"),
+        ({"terms": [{"effect": "headwind", "variants": CONSTANT, "coefficients": [1.0]}]}, "is damaged"),
         ({"shares": {"speed": []}}, "is damaged"),
         ({"validated": None, "terms": None}, "is damaged"),
     ):
@@ -267,7 +275,7 @@ def test_a_damaged_directory_is_one_clear_line(tmp_path: Path) -> None:
             simulators.load(tmp_path / "sim")
 
 
-@pytest.mark.parametrize("version", [1, 2, 4])
+@pytest.mark.parametrize("version", [1, 2, 4, 6])
 def test_a_truck_corrected_by_another_version_is_refused(tmp_path: Path, version: int) -> None:
     """Its coefficients were fitted to other forces, or its terms are kept in another form."""
     CorrectedTruck(BASE, [STEADY], {}, None, True).save(tmp_path / "old")

@@ -13,8 +13,8 @@ from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, 
 from deeptruck_model.mismatch.correction.improvement import compared, free_windows
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.fit_result import Errors
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import Gap
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import variant
+from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]
@@ -104,7 +104,13 @@ def test_a_corrected_truck_hears_what_was_recorded_beside_the_protocol(prepared:
     beside = Prepared(
         **{**prepared[0].__dict__, "recording": type(near)(**{**near.__dict__, "channels": channels})}
     )
-    drafting = CorrectedTruck(TRUCK, [Term("drafting", Static(Gap(20.0)), (0.4,))], {}, None, False)
+    drafting = CorrectedTruck(
+        TRUCK,
+        [Term("drafting", (variant("exponential", length_m=20.0, usual_m=NOBODY_M),), (0.4,))],
+        {},
+        None,
+        False,
+    )
     alone, behind = (free_windows(drafting, [p], 30.0).speed for p in (prepared[0], beside))
     assert np.abs(alone).max() < 1.0 and (behind[:, -1] > alone[:, -1]).any()
 

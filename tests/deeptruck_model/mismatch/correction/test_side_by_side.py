@@ -12,15 +12,14 @@ from deeptruck_model.mismatch.correction import side_by_side
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import free_runs, free_windows
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import Gap
-from deeptruck_model.mismatch.mechanisms.brakes import BrakeLag
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import variant
+from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.simulators import Simulator
 
 TRUCK = trucks.load("trucksim")
-DRAG = Term("dragging_brake", Static(), (0.05,))
-LATE = Term("brake_lag", Static(BrakeLag("delay", 0.5)), (1.0,))
-NEAR = Term("drafting", Static(Gap(20.0)), (0.4,))
+DRAG = Term("dragging_brake", (variant("constant"),), (0.05,))
+LATE = Term("brake_lag", (variant("lag", side="delay", tau_s=0.5),), (1.0,))
+NEAR = Term("drafting", (variant("exponential", length_m=20.0, usual_m=NOBODY_M),), (0.4,))
 
 
 def _corrected(

@@ -7,13 +7,12 @@ import pytest
 
 from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.mechanisms.air_and_tyres import Wind
+from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.carriers import factors
-from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.signals import ACCELERATION
 
 BASE = trucks.load("trucksim")
-WIND = Term("headwind", Static(Wind(4.0)), (1.2,))
+WIND = Term("headwind", (variant("one wind", wind_m_s=4.0),), (1.2,))
 MORE = {"drag_area": 0.33, "mass": 0.2}
 
 

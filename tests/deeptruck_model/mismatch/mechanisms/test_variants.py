@@ -1,79 +1,96 @@
-"""What a variant of a candidate term can be asked, and how it is kept."""
+"""How variants are kept, and what a candidate term says of those it is made of."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, saved
-from deeptruck_model.mismatch.mechanisms.base import every_variant
-from deeptruck_model.mismatch.mechanisms.brakes import Keeps
-from deeptruck_model.mismatch.mechanisms.variants import (
-    FromMoment,
-    OwnCurve,
-    PerRecording,
-    Spline,
-    Static,
-    Sum,
-    Variant,
-)
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Variant, candidate_term, merge, saved
+from deeptruck_model.mismatch.mechanisms import variant as variant_with
+from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Course, EachDrive, FromMoment, Spline
+from deeptruck_model.mismatch.mechanisms.terms import every_variant
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 SPLINE = Spline("elapsed", (3, 4), ("a", "b"), 20.0, 1.0 / 7.0, 0.1)
-EACH = PerRecording(("a", "b"), 0.5)
+EACH = EachDrive(("a", "b"), 0.5)
 LATER = FromMoment(1, 30.0, 2, 32)
+DRAG = LIBRARY["dragging_brake"]
+KEPT = saved.to_json(variant_with("kept", keeps_s=30.0))
+SLOW = saved.to_json(variant_with("constant", SPLINE))
 
 
 @pytest.mark.parametrize(
-    ("variant", "varies", "trials"),
+    ("course", "varies", "general", "trials"),
     [
-        (Static(), False, 1.0),
-        (OwnCurve(0, (1.0, 2.0), 1.0), False, 3.0),
-        (LATER, False, 32.0),
-        (EACH, False, 1.0),
-        (SPLINE, True, 20.0),
-        (replace(SPLINE, knots=()), False, 1.0),
-        (Sum((Static(), EACH)), False, 1.0),
-        (Sum((Static(), SPLINE)), True, 1.0),
+        (ALWAYS, False, True, 1.0),
+        (LATER, False, True, 32.0),
+        (EACH, False, False, 1.0),
+        (SPLINE, True, False, 20.0),
+        (replace(SPLINE, shared=True), True, True, 20.0),
     ],
 )
-def test_what_is_asked_of_a_variant_is_asked_of_all_it_is_made_of(
-    variant: Variant, varies: bool, trials: float
+def test_a_term_is_asked_what_its_courses_are(
+    course: Course, varies: bool, general: bool, trials: float, nothing_missing: Evidence
 ) -> None:
-    assert (variant.varies_in_time, variant.trials) == (varies, trials)
+    term = candidate_term(DRAG, variant_with("constant", course), nothing_missing)
+    assert (term.varies_in_time, term.general, term.trials) == (varies, general, trials)
+    both = merge(candidate_term(DRAG, variant_with("kept", keeps_s=3.0), nothing_missing), term)
+    assert (both.varies_in_time, both.general, both.trials) == (varies, general, trials)
 
 
-def test_constants_are_reported_with_those_of_every_summand() -> None:
-    both = Sum((Static(Keeps(30.0)), LATER))
-    assert dict(both.numbers()) == {"keeps_s": 30.0, "after_s": 30.0}
+def test_a_curve_is_one_of_three_more_terms(nothing_missing: Evidence) -> None:
+    on_a_curve = variant_with("time since braking", at=(1.0, 2.0), scale=1.0)
+    assert candidate_term(DRAG, on_a_curve, nothing_missing).trials == 3.0
+
+
+def test_reported_constants_are_those_of_every_variant(nothing_missing: Evidence) -> None:
+    first, other = (
+        candidate_term(DRAG, v, nothing_missing)
+        for v in (variant_with("kept", keeps_s=30.0), variant_with("constant", LATER))
+    )
+    both: CandidateTerm = merge(first, other)
+    assert list(both.settings()) == [("keeps_s", 30.0, "s"), ("after_s", 30.0, "s")]
 
 
 def test_every_variant_is_the_same_after_it_was_kept(nothing_missing: Evidence) -> None:
     for mechanism in LIBRARY.values():
         if nothing_missing.has(*mechanism.needs):
-            for variant in every_variant(mechanism, nothing_missing):
-                whole = Sum((variant, variant))
-                again = saved.variant_of(json.loads(json.dumps(saved.to_json(whole))))
-                assert again == whole
+            for each in every_variant(mechanism, nothing_missing):
+                assert saved.variant_of(mechanism, json.loads(json.dumps(saved.to_json(each)))) == each
 
 
 @pytest.mark.parametrize(
     "damaged",
     [
         {},
-        {"kind": "Nothing"},
-        {"kind": "Keeps", "keeps_s": 30.0},
-        {"kind": "Sum", "summands": 3},
-        {"kind": "Static", "constants": {"kind": "Keeps", "keeps_s": "long"}},
-        {"kind": "Static", "constants": {"kind": "Keeps", "keeps_s": float("nan")}},
-        saved.to_json(SPLINE) | {"knots": [3, "four"]},
-        saved.to_json(SPLINE) | {"colour": 1},
+        {"form": "nothing", "constants": {}},
+        {"form": "kept"},
+        {"form": "kept", "constants": 3},
+        KEPT | {"constants": {}},
+        KEPT | {"constants": {"keeps_s": "long"}},
+        KEPT | {"constants": {"keeps_s": float("nan")}},
+        KEPT | {"constants": {"keeps_s": True}},
+        KEPT | {"constants": {"keeps_s": 30.0, "colour": 1}},
+        {"form": "time since braking", "constants": {"at": [1.0, 2.0]}},
+        {"form": "time since braking", "constants": {"at": [1.0, 2.0], "scale": 0.0}},
+        SLOW | {"course": SLOW["course"] | {"knots": [3, "four"]}},
+        SLOW | {"course": SLOW["course"] | {"colour": 1}},
+        SLOW | {"course": SLOW["course"] | {"along": "sideways"}},
+        SLOW | {"course": {"kind": "Nothing"}},
         [],
-        "Static",
+        "kept",
     ],
 )
-def test_what_was_not_kept_so_is_refused(damaged: object) -> None:
-    with pytest.raises((ValueError, TypeError, KeyError)):
-        saved.variant_of(damaged)
+def test_what_was_not_kept_so_is_refused(damaged: Any) -> None:
+    with pytest.raises((ValueError, TypeError, KeyError, AttributeError)):
+        saved.variant_of(DRAG, damaged)
+
+
+def test_a_word_that_is_not_permitted_is_refused() -> None:
+    lag = saved.to_json(variant_with("lag", side="delay", tau_s=0.3))
+    assert saved.variant_of(LIBRARY["brake_lag"], lag) == Variant("lag", (("side", "delay"), ("tau_s", 0.3)))
+    with pytest.raises(ValueError, match="'sideways' is no side of brake_lag"):
+        saved.variant_of(LIBRARY["brake_lag"], lag | {"constants": {"side": "sideways", "tau_s": 0.3}})

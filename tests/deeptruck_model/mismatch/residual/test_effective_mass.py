@@ -15,7 +15,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.expression import Signal, Stream
 from deeptruck_model.mismatch.expression.nodes import Constant
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual import effective_mass, gather
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -139,7 +139,7 @@ def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
     e = gather.gather(believed, prepared, [False] * len(prepared))
     search = Regression(e)
     mechanism = next(m for m in search.library if m.effect == "dragging_brake")
-    steady = next(s for s in search.candidate_terms(mechanism) if s.variant == Static())
+    steady = next(s for s in search.candidate_terms(mechanism) if s.variants == (variant("constant"),))
     found = search.model((steady,), frozenset())
     assert found.coefficients("dragging_brake")[0] * e.mass == pytest.approx(2000.0, rel=0.03)
 

@@ -8,12 +8,12 @@ import pytest
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, prepare
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.residual.forced import _alike, forced
 from deeptruck_model.simulators import Simulator, forced_run
 
 TRUCK = trucks.load("trucksim")
-LATE = CorrectedTruck(TRUCK, [Term("dragging_brake", Static(), (0.1,))], {}, None, True)
+LATE = CorrectedTruck(TRUCK, [Term("dragging_brake", (variant("constant"),), (0.1,))], {}, None, True)
 
 
 @pytest.fixture(scope="module")

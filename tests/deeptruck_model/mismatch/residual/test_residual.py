@@ -11,7 +11,7 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import prepare
-from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -145,7 +145,9 @@ def test_a_truck_whose_brake_was_not_recorded(drives: list[Recording]) -> None:
     prepared = [prepare(r, False) for r in unbraked]
     e = gather.gather(box, prepared, [False, True])
     assert "brake_command" not in e.signals and np.isfinite(e.residual).all()
-    steady = CorrectedTruck(box, [Term("dragging_brake", Static(), (0.05,))], {}, Shares.of(e), True)
+    steady = CorrectedTruck(
+        box, [Term("dragging_brake", (variant("constant"),), (0.05,))], {}, Shares.of(e), True
+    )
     p = prepared[0]
     _, y = steady.step(steady.reset(p.y[None, 0]), p.u[None, 0], p.w[None, 0])
     assert np.isfinite(y).all()

@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from deeptruck_model.mismatch.expression import lift
-from deeptruck_model.mismatch.mechanisms.over_time import of_all, spline_columns, splines
-from deeptruck_model.mismatch.mechanisms.variants import Spline
+from deeptruck_model.mismatch.mechanisms.courses import Spline, of_all, slowly
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def test_knots_are_named_by_recording_and_place(nothing_missing: Evidence) -> None:
-    for spline in splines(nothing_missing, lift(1.0), 1.0, "distance"):
+    for spline in of_distance(nothing_missing):
         knot = spline.spacing
         assert {f"force[a, {knot:.0f} m]", f"force[b, {knot:.0f} m]"} <= _names(spline)
         (shared,) = of_all(nothing_missing, spline)
@@ -24,9 +23,13 @@ def test_knots_are_named_by_recording_and_place(nothing_missing: Evidence) -> No
 def test_what_is_driven_once_cannot_come_again(nothing_missing: Evidence) -> None:
     apart = nothing_missing["distance"] + np.where(nothing_missing.record == 1, 2e4, 0.0)
     once = replace(nothing_missing, signals=nothing_missing.signals | {"place": apart})
-    (spline, *_) = splines(once, lift(1.0), 1.0, "distance")
+    (spline, *_) = of_distance(once)
     assert list(of_all(nothing_missing, spline)) and not list(of_all(once, spline))
 
 
+def of_distance(e: Evidence) -> list[Spline]:
+    return [s for s in slowly(1.0, "distance")(e, lift(1.0)) if isinstance(s, Spline)]
+
+
 def _names(spline: Spline) -> set[str]:
-    return {c.name for c in spline_columns(spline, lift(1.0), "force", "N", sign=0, steady=False)}
+    return {f"force{suffix}" for suffix, _ in spline.factors()}

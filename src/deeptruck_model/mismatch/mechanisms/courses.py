@@ -1,0 +1,275 @@
+"""How a coefficient may vary: always one, from a moment on, one for each recording, or along knots.
+
+A `Course` multiplies the columns of a form by `factors`. An `Offer` gives the courses of a form that a set of
+recordings can show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal, lift
+from deeptruck_model.mismatch.mechanisms.symbols import PLACE
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+Along = Literal["elapsed", "distance"]
+
+MANY_TERMS = 20.0  # trials of a spline: it can stand in for much else, and is penalised for that
+SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots
+COARSER = 3.0
+SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that is time-varying
+FINE_M = 100.0  # knots of a hilly road
+MOST_KNOTS = 80
+BIN_M = 10.0  # in which a road is counted
+TWICE = 1.5  # times that a road was driven, below which nothing position-dependent is visible
+
+
+@dataclass(frozen=True)
+class Course:
+    """One coefficient for each column, on every drive."""
+
+    @property
+    def sd(self) -> float | None:
+        """Prior sd of a coefficient; None where it is that of the form's column."""
+        return None
+
+    @property
+    def trials(self) -> float:
+        """How many alternatives it was picked from."""
+        return 1.0
+
+    @property
+    def varies_in_time(self) -> bool:
+        """Whether it has knots in time or along the road, and so can follow any slow force."""
+        return False
+
+    @property
+    def general(self) -> bool:
+        """Whether it holds on other drives too."""
+        return True
+
+    def factors(self) -> Iterator[tuple[str, Expression]]:
+        """What the columns are multiplied by, each with a suffix of their names."""
+        yield "", lift(1.0)
+
+
+ALWAYS = Course()
+
+
+@dataclass(frozen=True)
+class FromMoment(Course):
+    """Zero before `after_s` (s) in recording `first` of `count`, full from then on; one of so many `moments`
+    that are tried. A simulation of another drive always has it."""
+
+    first: int
+    after_s: float
+    count: int
+    moments: int
+
+    @property
+    def trials(self) -> float:
+        return float(self.moments)
+
+    def factors(self) -> Iterator[tuple[str, Expression]]:
+        later: Expression = InRecording(self.first, from_s=self.after_s, elsewhere=1.0)
+        for i in range(self.first + 1, self.count):
+            later = later + InRecording(i)
+        yield "", later
+
+
+@dataclass(frozen=True)
+class EachDrive(Course):
+    """A coefficient for each of the recordings `names`; a simulation of another drive has the share `mean` of
+    each."""
+
+    names: tuple[str, ...]
+    mean: float
+    size: float | None = None  # prior sd of a coefficient
+
+    @property
+    def sd(self) -> float | None:
+        return self.size
+
+    @property
+    def general(self) -> bool:
+        return False
+
+    def factors(self) -> Iterator[tuple[str, Expression]]:
+        for i, name in enumerate(self.names):
+            yield f"[{name}]", InRecording(i, elsewhere=self.mean)
+
+
+@dataclass(frozen=True)
+class Spline(Course):
+    """A linear spline with knots every `spacing` along `along` (s, or m), `knots` of them in each recording.
+
+    A `shared` one has the same knots for all recordings, at places along the road. `size` is the prior sd of
+    a coefficient. A simulation of another drive has the share `mean` of every knot.
+    """
+
+    along: Along
+    knots: tuple[int, ...]
+    names: tuple[str, ...]
+    spacing: float
+    mean: float
+    size: float
+    shared: bool = False
+
+    @property
+    def sd(self) -> float | None:
+        return self.size
+
+    @property
+    def trials(self) -> float:
+        return MANY_TERMS
+
+    @property
+    def varies_in_time(self) -> bool:
+        return True
+
+    @property
+    def general(self) -> bool:
+        return self.shared
+
+    def factors(self) -> Iterator[tuple[str, Expression]]:
+        signal, unit = (Signal(self.along),), "s" if self.along == "elapsed" else "m"
+        for i, count in enumerate(self.knots):
+            for k in range(count):
+                at = k * self.spacing
+                if self.shared:
+                    yield f"[{at:.0f} {unit}]", AtPlace((PLACE,), at, self.spacing, self.mean)
+                else:
+                    label = f"[{self.names[i]}, {at:.0f} {unit}]"
+                    yield label, Knot(signal, i, at, self.spacing, self.mean)
+
+
+COURSES = {kind.__name__: kind for kind in (Course, FromMoment, EachDrive, Spline)}
+
+Offer = Callable[[Evidence, Expression], Iterator[Course]]
+"""The courses that recordings can show of a coefficient that multiplies an expression."""
+
+
+def always(e: Evidence, carrier: Expression) -> Iterator[Course]:
+    """One coefficient throughout."""
+    yield ALWAYS
+
+
+def each_drive(sd: float | None = None, *, more_than: int = 1, most: float = MOST_KNOTS) -> Offer:
+    """A coefficient for every recording, where there are `more_than` and `most` of them."""
+
+    def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
+        if more_than < len(e.stretches) <= most:
+            fitted = sum(not s.held_out for s in e.stretches)
+            yield EachDrive(tuple(s.name for s in e.stretches), 1.0 / max(fitted, 1), sd)
+
+    return offer
+
+
+def each_wind(e: Evidence, carrier: Expression) -> Iterator[Course]:
+    """A coefficient for every recording; a simulation is left with the mean of all."""
+    if 1 < len(e.stretches) <= MOST_KNOTS:
+        yield EachDrive(tuple(s.name for s in e.stretches), 1.0 / len(e.stretches))
+
+
+def from_moments(e: Evidence, carrier: Expression, most: int = 32) -> Iterator[Course]:
+    """From moments on that are evenly spread, and from every start of a recording."""
+    spread = np.arange(len(e))[:: max(1, len(e) // most)].tolist()
+    yield from _from_each(_starts(e) | set(spread), e)
+
+
+def from_standstills(e: Evidence, carrier: Expression, most: int = 24) -> Iterator[Course]:
+    """From standstills and starts of recordings on: where a load changes."""
+    entering = np.flatnonzero(np.diff((e["speed"] < 1.0).astype(int)) > 0) + 1
+    yield from _from_each(_starts(e) | set(entering.tolist()), e, most)
+
+
+def _starts(e: Evidence) -> set[int]:
+    return {s.start for s in e.stretches}
+
+
+def _from_each(points: set[int], e: Evidence, most: int | None = None) -> Iterator[FromMoment]:
+    inner = [p for p in sorted(points) if 0.04 * len(e) < p < 0.96 * len(e)]
+    inner = inner[:: max(1, len(inner) // most)] if most else inner
+    record, elapsed = e.record, e["elapsed"]
+    for p in inner:
+        yield FromMoment(int(record[p]), float(elapsed[p]), len(e.stretches), len(inner))
+
+
+def slowly(largest: float, along: Along = "elapsed", *, quick: bool = True) -> Offer:
+    """Knots in time or distance, afresh in every recording.
+
+    Every name gets the same knots and the same sizes of force, up to the `largest` sd of its coefficient that
+    is physically possible: between two of them only how the force varies with the carrier decides. What is
+    not `quick` cannot change from one of the finer knots to the next.
+    """
+
+    def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
+        moving = e.valid & (e["speed"] > 1.0)
+        typical = float(np.sqrt(np.mean(np.square(carrier.rows(e)[moving])))) if moving.any() else 0.0
+        if typical <= 0.0:
+            return
+        pace = float(np.mean(e["speed"][moving])) if along == "distance" else 1.0
+        lengths = [float(np.ptp(e[along][s.rows])) for s in e.stretches]
+        spare = max(MOST_KNOTS - 2 * len(lengths), 1)
+        fine_s = float(np.clip(len(e) * e.dt / spare, *SLOW_KNOT_S))
+        for knot_s in (fine_s, COARSER * fine_s) if quick else (COARSER * fine_s,):
+            for sd in sorted({min(size / typical, largest) for size in SLOW_SIZES}):
+                yield profile(e, along, share_out(lengths, knot_s * pace), knot_s * pace, sd)
+
+    return offer
+
+
+def along_the_road(largest: float) -> Offer:
+    """Profiles over distance, afresh in every recording, and those that are the same wherever a drive comes
+    by; as slow as wind, and as fine as hills."""
+
+    def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
+        lengths = [float(np.ptp(e["distance"][s.rows])) for s in e.stretches]
+        fine = [
+            profile(e, "distance", share_out(lengths, knot), knot, largest) for knot in (FINE_M, 2.5 * FINE_M)
+        ]
+        for own in (*slowly(largest, "distance")(e, carrier), *fine):
+            assert isinstance(own, Spline)
+            yield own
+            yield from of_all(e, own)
+
+    return offer
+
+
+def share_out(lengths: Sequence[float], spacing: float, most: int = MOST_KNOTS) -> list[int]:
+    """Knots for each recording at `spacing`, until `most` are used up; later recordings get none.
+
+    A log of many hours would otherwise have knots too far apart to show anything anywhere.
+    """
+    out, left = [], most
+    for length in lengths:
+        count = int(length / spacing) + 2
+        count = count if count <= left else (left if left == most else 0)
+        out.append(count)
+        left -= count
+    return out
+
+
+def profile(e: Evidence, along: Along, knots: Sequence[int], spacing: float, sd: float) -> Spline:
+    """A spline with so many knots in each recording; a simulation is left with the mean over those that are
+    not held out."""
+    fitted = sum(k for k, s in zip(knots, e.stretches, strict=True) if not s.held_out)
+    mean = 1.0 / max(fitted or sum(knots), 1)
+    return Spline(along, tuple(knots), tuple(s.name for s in e.stretches), spacing, mean, sd)
+
+
+def of_all(e: Evidence, spline: Spline) -> Iterator[Spline]:
+    """The same with knots at places, which every drive has that comes by; wider apart where the road is long.
+    None where hardly any of it is driven twice."""
+    known = e.valid & (e["place"] >= 0.0)
+    driven = float(np.sum(e["speed"][known])) * e.dt
+    if driven < TWICE * BIN_M * len(np.unique((e["place"][known] / BIN_M).astype(int))):
+        return
+    last = float(np.max(e["place"][known], initial=0.0))
+    spacing = max(spline.spacing, last / (MOST_KNOTS - 2))
+    knots = int(last / spacing) + 2
+    yield replace(spline, knots=(knots,), spacing=spacing, shared=True, mean=1.0 / knots)

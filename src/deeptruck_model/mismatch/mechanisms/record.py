@@ -1,0 +1,145 @@
+"""The record of a mechanism: a piece of physics by the way it acts, not by one formula.
+
+A record says which signals drive it, in which direction it can only act, and how large it can be. Its forms
+have constants (time constants, thresholds, orders: whatever enters nonlinearly), of which several values are
+tried. Forms are chosen by evidence, coefficients are fitted. `terms.py` evaluates all of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from deeptruck_model.mismatch.expression import Expression
+from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Course, Offer, always
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+Constants = Mapping[str, Any]
+Family = Literal["sensors", "timing", "brakes", "engine_driveline", "air_tyres_road", "load"]
+
+Trend = Literal["rising", "falling", "any"]
+
+EVEN = (0.02, 0.35, 0.65, 0.98)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One coefficient: what it multiplies, its prior, and how it is reported (unit, factor into it)."""
+
+    expression: Expression
+    sd: float
+    name: str
+    unit: str = "1"
+    factor: float = 1.0
+    per_mass: bool = False  # the coefficient times the mass (kg) is in `unit`
+    sign: int = 1  # +1: never negative; 0: free
+    mean: float = 0.0
+    course: tuple[tuple[str, float], ...] = ()  # of a piece of a curve: what it adds at each place, by name
+    most: float = np.inf  # coefficient times factor: one that is significantly larger is none of this
+
+
+def force(expression: Expression, sd: float, name: str = "force", sign: int = 1) -> Column:
+    """A column whose coefficient is a force in N."""
+    return Column(expression, sd, name, "N", per_mass=True, sign=sign)
+
+
+@dataclass(frozen=True)
+class Form:
+    """A formula: `columns` (m/s^2 per unit coefficient) as a function of its constants.
+
+    `constants` are the values that are tried, perhaps dependent on the recordings; `units` are those of the
+    constants that a finding reports, `words` the permitted values of constants that are no numbers. `needs`
+    are signals beyond those of the mechanism. On knots a coefficient that holds always is added where
+    `steady`, and one for each drive, on the column `level`, where that is given.
+    """
+
+    columns: Callable[..., Column | list[Column]]
+    constants: Iterable[Constants] | Callable[[Evidence], Iterable[Constants]] = ({},)
+    courses: tuple[Offer, ...] = (always,)
+    needs: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    steady: bool = True
+    level: Callable[..., Column] | None = None
+
+    def made(self, constants: Constants) -> list[Column]:
+        """Its columns where the coefficient holds always."""
+        columns = self.columns(**constants)
+        return columns if isinstance(columns, list) else [columns]
+
+    def tried(self, e: Evidence) -> Iterator[tuple[Constants, Course]]:
+        """Constants and courses that these recordings can show."""
+        if e.has(*self.needs):
+            for constants in self.constants(e) if callable(self.constants) else self.constants:
+                for offer in self.courses:
+                    for course in offer(e, self.made(constants)[0].expression):
+                        yield constants, course
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A form of any shape: `carrier` times a monotone or free curve over `of`, through a few knots.
+
+    One that rises or falls without `level` vanishes at its low end. `share`: the carrier is a force of which
+    the curve is a share.
+    """
+
+    carrier: Expression
+    of: Expression
+    by: str
+    trend: Trend
+    level: bool = False
+    share: bool = True
+    sd: float = 0.3
+    needs: tuple[str, ...] = ()
+    knots: tuple[float, ...] = EVEN  # quantiles of `of` where the carrier acts
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A form by its name, with values of its constants and the course of its coefficient."""
+
+    form: str
+    constants: tuple[tuple[str, Any], ...] = ()
+    course: Course = ALWAYS
+
+
+def variant(form: str, course: Course = ALWAYS, **constants: Any) -> Variant:
+    """A variant from the constants' names and values."""
+    return Variant(form, tuple(constants.items()), course)
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A named piece of physics.
+
+    `needs` are the signals without which it cannot be tested; `depends_on` what it varies with, for people;
+    `manoeuvre` would separate it from others; `prior` is its prior probability relative to the others.
+    """
+
+    effect: str
+    family: Family
+    says: str
+    equation: str
+    needs: tuple[str, ...]
+    depends_on: tuple[str, ...]
+    source: str
+    manoeuvre: str
+    forms: Mapping[str, Form | Curve] = field(repr=False)
+    kind: str = "missing_physics"
+    prior: float = 1.0
+    unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
+
+    def chance(self, e: Evidence) -> float:
+        """Prior probability relative to the other mechanisms, given which signals were recorded."""
+        return self.prior * (0.2 if self.unlikely_with and e.has(self.unlikely_with) else 1.0)
+
+
+def grid(**values: Iterable[Any]) -> tuple[Constants, ...]:
+    """Every combination of values of constants, the last one fastest."""
+    combinations = itertools.product(*values.values())
+    return tuple(dict(zip(values, combination, strict=True)) for combination in combinations)

@@ -1,0 +1,215 @@
+"""The evaluator: from the records of mechanisms to candidate terms on recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.expression import Expression, Interpolated, Rerun, Signal, rows_of
+from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Course, EachDrive, FromMoment, Spline
+from deeptruck_model.mismatch.mechanisms.record import Column, Curve, Form, Mechanism, Variant
+from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Prior
+
+Array = NDArray[np.float64]
+
+CURVE_TRIALS = 3.0  # a curve is one of so many more terms in which its mechanism is looked for
+ACTING = 0.1  # of the carrier's largest: where it says little no knot is worth having
+NEAREST = 0.04  # of the whole way, between knots
+LEAST_ROWS = 50
+SIZE = 0.1  # m/s^2 sd of a force that is no share of another
+
+
+@dataclass(frozen=True)
+class CandidateTerm:
+    """Variants of a mechanism side by side, evaluated: columns (n, k) and their prior."""
+
+    mechanism: Mechanism
+    variants: tuple[Variant, ...]
+    parts: tuple[Column, ...]
+    columns: Array
+    prior: Prior
+    trials: float  # how many alternatives it was picked from; paid for in evidence
+
+    @property
+    def varies_in_time(self) -> bool:
+        """Whether it has knots in time or along the road, and so can follow any slow force."""
+        return any(v.course.varies_in_time for v in self.variants)
+
+    @property
+    def general(self) -> bool:
+        """Whether it has no size of its own for one drive or one time."""
+        return all(v.course.general for v in self.variants)
+
+    def settings(self) -> Iterator[tuple[str, float, str]]:
+        """Constants that a finding reports: name, value, unit."""
+        for v in self.variants:
+            form, values = self.mechanism.forms[v.form], dict(v.constants)
+            if isinstance(form, Form):
+                yield from ((name, values[name], unit) for name, unit in form.units.items())
+            if isinstance(v.course, FromMoment):
+                yield "after_s", v.course.after_s, "s"
+
+
+def every_variant(mechanism: Mechanism, e: Evidence) -> Iterator[Variant]:
+    """The forms of a mechanism that these recordings can show.
+
+    No curves for a learned simulator: what it learned badly runs in curves too.
+    """
+    for name, form in mechanism.forms.items():
+        if isinstance(form, Form):
+            for constants, course in form.tried(e):
+                yield Variant(name, tuple(constants.items()), course)
+        elif e.model_discrepancy == 0 and e.has(*form.needs) and (constants := _knots_of(form, e)):
+            yield Variant(name, tuple(constants.items()))
+
+
+def build(mechanism: Mechanism, variants: Sequence[Variant]) -> list[Column]:
+    """The columns of variants, side by side: the accelerations that their forces give."""
+    columns = [c for v in variants for c in _columns(mechanism.forms[v.form], v)]
+    return [replace(c, expression=_acceleration(c.expression)) for c in columns]
+
+
+def _acceleration(force: Expression) -> Expression:
+    """The acceleration a force gives; what the simulator itself was asked for is one already."""
+    return force if _asked(force) else with_effective_mass(force)
+
+
+def _asked(x: Expression) -> bool:
+    of_simulator = isinstance(x, Signal) and x.name.startswith("sensitivity:")
+    return of_simulator or isinstance(x, Rerun) or any(_asked(part) for part in x.inputs)
+
+
+def _columns(form: Form | Curve, v: Variant) -> list[Column]:
+    constants, course = dict(v.constants), v.course
+    if isinstance(form, Curve):
+        return _of_curve(form, **constants)
+    made = form.made(constants)
+    if course == ALWAYS:
+        return made
+    varying = [varied for c in made for varied in _varied(c, course)]
+    if not isinstance(course, Spline):
+        return varying
+    if form.level is not None:
+        each = EachDrive(course.names, 1.0 / len(course.names))
+        return _varied(form.level(**constants), each) + varying
+    return [replace(c, sd=2.0 * course.size) for c in made if form.steady] + varying
+
+
+def _varied(c: Column, course: Course) -> list[Column]:
+    """A column for each coefficient of a course."""
+    return [
+        replace(c, expression=c.expression * factor, name=c.name + suffix, sd=course.sd or c.sd)
+        for suffix, factor in course.factors()
+    ]
+
+
+def _of_curve(curve: Curve, at: Sequence[float], scale: float) -> list[Column]:
+    """The pieces of a curve with knots `at`; `scale` is the carrier's rms, or one."""
+    names = [f"at {curve.by} {x:.3g}" for x in at]
+    return [
+        Column(
+            (curve.carrier * (1.0 / scale)) * piece,
+            curve.sd if curve.share else SIZE,
+            names[0],
+            "1" if curve.share else "N",
+            per_mass=not curve.share,
+            course=tuple(zip(names, values, strict=True)),
+        )
+        for piece, values in pieces(curve, at)
+    ]
+
+
+def pieces(curve: Curve, at: Sequence[float]) -> Iterator[tuple[Expression, list[float]]]:
+    """What a curve is made of, none of which may be negative, and the values of each at the knots."""
+    values = np.eye(len(at)) if curve.trend == "any" else np.triu(np.ones((len(at), len(at))))
+    if curve.trend == "falling":
+        values = 1.0 - values + np.eye(len(at))
+    for row in values:
+        if curve.trend == "any" or curve.level or not row.all():
+            yield Interpolated((curve.of,), tuple(at), tuple(row.tolist())), row.tolist()
+
+
+def _knots_of(curve: Curve, e: Evidence) -> dict[str, Any]:
+    """Knots and scale of a curve; empty where its carrier or its variable hardly moves."""
+    carrier, x = np.abs(curve.carrier.rows(e)), curve.of.rows(e)
+    acts = e.valid & (carrier > ACTING * float(np.quantile(carrier[e.valid], 0.98))) & (carrier > 0)
+    if acts.sum() < LEAST_ROWS:
+        return {}
+    at = apart(knots(x[acts], curve.knots))
+    scale = 1.0 if curve.share else float(np.sqrt(np.mean(carrier[acts] ** 2)))
+    return {"at": at, "scale": scale} if len(at) > 1 else {}
+
+
+def knots(x: Array, quantiles: tuple[float, ...]) -> Array:
+    """Quantiles of x (n,); where most of it stands at its limit, of the rest, and the limit itself."""
+    limit = float(x.max())
+    below = x[x < limit]
+    if len(below) < LEAST_ROWS or len(below) > 0.5 * len(x):
+        return np.asarray(np.quantile(x, quantiles))
+    return np.append(np.quantile(below, quantiles), limit)
+
+
+def apart(at: Array) -> tuple[float, ...]:
+    """Ascending knots, without those too near the one before: between them a curve would follow noise."""
+    out = [float(at[0])]
+    for x in at[1:]:
+        if x - out[-1] > NEAREST * (at[-1] - at[0]):
+            out.append(float(x))
+    return tuple(out)
+
+
+def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:
+    """One term with the columns of both: a mechanism's true form may lie between two of its terms.
+
+    What is added starts from zero, not from the mean its own candidate term had.
+    """
+    prior = Prior(
+        np.zeros_like(other.prior.mean), other.prior.sd + abs(other.prior.mean) / 2, other.prior.sign
+    )
+    return CandidateTerm(
+        first.mechanism,
+        first.variants + other.variants,
+        first.parts + other.parts,
+        np.concatenate([first.columns, other.columns], axis=1),
+        Prior.join(first.prior, prior),
+        first.trials * other.trials,
+    )
+
+
+def candidate_terms(mechanism: Mechanism, e: Evidence) -> list[CandidateTerm]:
+    """Every candidate term of a mechanism on this evidence that is not zero throughout."""
+    made = [candidate_term(mechanism, variant, e) for variant in every_variant(mechanism, e)]
+    made = [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
+    count = distinct(made, e)
+    return [replace(s, trials=s.trials * count) for s in made]
+
+
+def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> CandidateTerm:
+    """One candidate term of a mechanism on this evidence."""
+    parts = build(mechanism, (variant,))
+    columns = np.stack(rows_of([p.expression for p in parts], e), axis=1)
+    prior = Prior(*(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign")))
+    curve = isinstance(mechanism.forms[variant.form], Curve)
+    trials = CURVE_TRIALS if curve else variant.course.trials
+    return CandidateTerm(mechanism, (variant,), tuple(parts), columns, prior, trials)
+
+
+def distinct(made: Sequence[CandidateTerm], e: Evidence) -> float:
+    """How many different forces the terms of a mechanism are: each is an alternative, and is paid for.
+
+    Many that are nearly alike are one: the exponential of the entropy of the eigenvalues of how they
+    correlate (the effective rank of Roy and Vetterli, EUSIPCO 2007), over every fifth row.
+    """
+    if len(made) < 2:
+        return 1.0
+    rows = np.flatnonzero(e.valid)[::5]
+    forces = np.stack([s.columns[rows] @ (np.abs(s.prior.mean) + s.prior.sd) for s in made])
+    forces /= np.linalg.norm(forces, axis=1, keepdims=True) + 1e-12
+    share = np.maximum(np.linalg.eigvalsh(forces @ forces.T) / len(made), 1e-12)
+    return float(np.exp(-np.sum(share * np.log(share))))
