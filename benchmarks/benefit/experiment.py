@@ -39,7 +39,7 @@ SPEED_NOISE = 0.003  # m/s, a good wheel speed sensor
 SETTLED_S = 10.0
 
 
-def pays(
+def benefit(
     out: str | Path,
     effects: Sequence[str] = EFFECTS,
     recipes: Sequence[str] = tuple(RECIPES),
@@ -49,7 +49,7 @@ def pays(
     overwrite: bool = False,
     say: Say = lambda line: None,
 ) -> dict[str, Any]:
-    """Run the cases and write `out`/pays.json, pays.md and pays.png.
+    """Run the cases and write `out`/benefit.json, benefit.md and benefit.png.
 
     Drives, verdicts, simulators and policies stay under `out`/work. A run that dies leaves
     `files.unfinished(out)`, in which `resume` goes on. Raises InputError as `plan.check`.

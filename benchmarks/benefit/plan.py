@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.folders import APPLIED
 from deeptruck_model.results import FOUND, PHYSICS_TRUCK
 
 EFFECTS = ("road_grade", "brake_fade", "payload", "brake_lag", "command_delay")
-FIGURES, PAGE, PICTURE, WORK = "pays.json", "pays.md", "pays.png", "work"
+FIGURES, PAGE, PICTURE, WORK = "benefit.json", "benefit.md", "benefit.png", "work"
 _KEPT = (
     *(f"cases/*/old/{name}" for name in (*PHYSICS_TRUCK.names, files.LEDGER)),
     *(f"cases/*/drive*/{name}" for name in ("metadata.yaml", "*_0.mcap", files.LEDGER)),

@@ -21,17 +21,17 @@ COLOURS = {"old": "tab:red", "corrected": "tab:blue", "true": "0.45"}
 CLEARLY, WORTH_S = 0.9, 0.005  # a ratio of medians above, or seconds below, are no difference worth a word
 FOUND = ("effect", "the truck has", "the tool found", "free-run speed error: old, re-tuned, corrected (m/s)")
 FOLLOWED = (
-    *("effect", "recipe", "time-gap error, rms (s)", "it pays", "its mean (s)", "it pays"),
+    *("effect", "recipe", "time-gap error, rms (s)", "benefit", "its mean (s)", "benefit"),
     *("speed, rms (m/s)", "jerk, rms (m/s³)", "brake (%)"),
 )
-STOPPED = ("effect", "recipe", "runs that end below 2 m", "least gap (m)", "it pays", "brake (%)")
+STOPPED = ("effect", "recipe", "runs that end below 2 m", "least gap (m)", "benefit", "brake (%)")
 UNITS = {"time_gap_rms_s": "time-gap error, rms [s]", "min_gap_m": "least gap [m]"}
 
 Kinds = dict[str, list[dict[str, Any]]]  # old, corrected, true: for each seed, what it did in each scene
 
 
 def write(results: dict[str, Any], out: Path) -> None:
-    """pays.json, pays.md and pays.png under `out`."""
+    """benefit.json, benefit.md and benefit.png under `out`."""
     (out / FIGURES).write_text(json.dumps(results, indent=1) + "\n")
     _draw(results, out / PICTURE)
     (out / PAGE).write_text(page(results))

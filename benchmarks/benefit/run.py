@@ -16,7 +16,9 @@ app = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
 
 @app.command(help=f"{__doc__}\n\nAbout an hour of one core.")
 def main(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for pays.md, pays.png, pays.json, work/.")],
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for benefit.md, benefit.png, benefit.json, work/.")
+    ],
     effect: Annotated[
         list[str] | None, typer.Option(help="Effect; repeat for several. Default: all of them.")
     ] = None,
@@ -34,10 +36,10 @@ def main(
 
     effects, recipes = effect or plan.EFFECTS, recipe or tuple(plan.RECIPES)
     plan.check(out, effects, recipes, resume=resume, overwrite=overwrite)
-    from benchmarks.benefit.experiment import pays
+    from benchmarks.benefit.experiment import benefit
 
     effort = plan.Effort(seeds=seeds, iterations=iterations)
-    pays(
+    benefit(
         out,
         effects,
         recipes,
@@ -46,7 +48,7 @@ def main(
         overwrite=overwrite,
         say=lambda line: typer.echo(line, err=True),
     )
-    typer.echo(f"{out}: pays.md, pays.png and pays.json")
+    typer.echo(f"{out}: benefit.md, benefit.png and benefit.json")
 
 
 def start() -> None:

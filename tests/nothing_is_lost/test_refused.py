@@ -242,7 +242,7 @@ def test_begun_work_with_a_file_of_the_user_is_refused_at_once(here: Path) -> No
         ("deeptruck-model train none --out out", "MODEL_CARD.md"),
         ("deeptruck-model apply none --out out", "simulator.json"),
         ("deeptruck-cacc train --simulator truck:trucksim --out out", "policy.json"),
-        ("benchmarks/benefit/run.py --out out", "pays.md"),
+        ("benchmarks/benefit/run.py --out out", "benefit.md"),
         ("deeptruck-model prove --out out", "proof.md"),
     ],
 )

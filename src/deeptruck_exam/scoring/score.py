@@ -29,7 +29,8 @@ SILENT = 0.9  # the probability of nothing that a silent verdict states
 
 def group(finding: Mapping[str, Any]) -> set[str]:
     """The finding's name and all it is not distinguishable from."""
-    return {str(finding.get("effect")), *map(str, finding.get("cannot_be_told_from") or ())}
+    others = finding.get("credible_set", finding.get("cannot_be_told_from"))  # schema 3, schema 2
+    return {str(finding.get("effect")), *map(str, others or ())}
 
 
 def bears(finding: Mapping[str, Any], name: str) -> bool:

@@ -69,4 +69,4 @@ def _slow_noise(own: Evidence) -> float:
         rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
         means += own.residual[rows[own.valid[rows].all(axis=1)]].mean(axis=1).tolist()
     spread = 1.4826 * float(np.median(np.abs(means)))
-    return max(own.rules.slow_noise, own.rules.allowance * spread)
+    return max(own.rules.slow_noise, own.rules.tolerance * spread)

@@ -297,7 +297,7 @@ def _name(series: Series, noise: Fit, kernels: Sequence[Kernel], rows: slice) ->
             _evidence(y, whiten(features, noise.ar, at, weight)) + np.log(k.chance)
         )
     each = {name: float(logsumexp(x)) for name, x in nats.items()}
-    unit = series.rules.temper
+    unit = series.rules.evidence_temperature
     total = logsumexp([x / unit for x in each.values()])
     probability = {name: float(np.exp(x / unit - total)) for name, x in each.items() if name != UNKNOWN}
     for name, p in probability.items():

@@ -206,7 +206,7 @@ class Monitor:
             return Sample(time, math.nan, math.nan, math.nan)
         self._recent.append((residual, disagreement))
         smoothed, spread = np.mean(self._recent, axis=0)
-        allowed = self._rules.allowance * float(spread)
+        allowed = self._rules.tolerance * float(spread)
         enough = len(self._recent) == self._recent.maxlen
         if enough and abs(smoothed) > self._threshold + allowed:
             self._standing_out.append((time, residual))

@@ -48,13 +48,13 @@ class Rules:
     slow_noise: float = _rule(
         0.015, "m/s^2", "standard deviation of a mean over 10 s that may be noise, of a physics truck", CHOSEN
     )
-    allowance: float = _rule(
-        2.0, "1", "times the disagreement of a simulator under its own input noise that it may be off", CHOSEN
+    tolerance: float = _rule(
+        2.0, "1", "tolerance factor on the spread of the simulator under its own input noise", CHOSEN
     )
-    temper: float = _rule(
+    evidence_temperature: float = _rule(
         3.0,
         "1",
-        "log evidence is divided by it, as the noise model is only nearly right; nats that pay for a choice",
+        "log evidence is divided by it because the noise model is approximate; nats that a choice costs",
         CHOSEN,
     )
     slow_force: float = _rule(

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.benefit import experiment, report
 from benchmarks.benefit.belief import believed
 from benchmarks.benefit.effects import CASES, Case, LateEngine, SlowBrake, UnsensedRoad, downhill
-from benchmarks.benefit.experiment import pays
+from benchmarks.benefit.experiment import benefit
 from benchmarks.benefit.plan import BENEFIT, EFFECTS, Effort
 from benchmarks.benefit.run import start
 from deeptruck_cacc.controllers.pedals import PedalMap
@@ -90,37 +90,37 @@ def test_one_case_from_drives_to_page(tmp_path, monkeypatch):
     monkeypatch.setattr(experiment, "DRIVES", 3)
     monkeypatch.setattr(experiment, "HELD_OUT", 1)
     monkeypatch.setattr(experiment, "DRIVE_S", 120.0)
-    out = tmp_path / "pays"
+    out = tmp_path / "benefit"
 
     def kill(line: str) -> None:
         if "corrected" in line:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        pays(out, ["payload"], ["trusting"], TINY, say=kill)
-    assert [path.name for path in tmp_path.iterdir()] == [".pays.unfinished"]
+        benefit(out, ["payload"], ["trusting"], TINY, say=kill)
+    assert [path.name for path in tmp_path.iterdir()] == [".benefit.unfinished"]
     drive = Path("work") / "cases" / "payload" / "drive0"
     stamp = (files.unfinished(out) / drive).stat().st_mtime_ns
     with pytest.raises(InputError, match=r"was begun and not finished .*; add --resume"):
-        pays(out, ["payload"], ["trusting"], TINY)
-    results = pays(out, ["payload"], ["trusting"], TINY, resume=True)["payload"]
+        benefit(out, ["payload"], ["trusting"], TINY)
+    results = benefit(out, ["payload"], ["trusting"], TINY, resume=True)["payload"]
     assert (out / drive).stat().st_mtime_ns == stamp  # not driven again
     assert results["applied"] and "mass" in results["found"]
     before, _, after = results["free_run_speed_rmse"].values()
     assert after < 0.5 * before
     least = {kind: seeds[0]["stop"]["min_gap_m"] for kind, seeds in results["recipes"]["trusting"].items()}
     assert least["old"] < 2.0 < min(least["corrected"], least["true"])
-    assert "runs that end below 2 m" in (out / "pays.md").read_text()
-    assert json.loads((out / "pays.json").read_text())["payload"]["found"] == results["found"]
-    assert (out / "pays.png").stat().st_size > 10_000
+    assert "runs that end below 2 m" in (out / "benefit.md").read_text()
+    assert json.loads((out / "benefit.json").read_text())["payload"]["found"] == results["found"]
+    assert (out / "benefit.png").stat().st_size > 10_000
     with pytest.raises(InputError, match=r"holds a benefit of correction already; .*--overwrite"):
-        pays(out, ["payload"], ["trusting"], TINY)
+        benefit(out, ["payload"], ["trusting"], TINY)
     assert BENEFIT.check(out, overwrite=True)
     BENEFIT.claim(out)
     assert BENEFIT.check(out, overwrite=True)  # each file is known by its name
     (out / "work" / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"holds work/notes.txt, which is no part of"):
-        pays(out, ["payload"], ["trusting"], TINY, overwrite=True)
+        benefit(out, ["payload"], ["trusting"], TINY, overwrite=True)
 
 
 def test_a_shield_learns_the_fade_from_a_simulator_that_has_it():
@@ -187,7 +187,7 @@ def test_it_pays_only_where_no_seed_says_otherwise(old, corrected, says):
 
 def test_unknown_names_are_refused(tmp_path, monkeypatch, capsys):
     with pytest.raises(InputError, match="no effect 'moon'; known: road_grade"):
-        pays(tmp_path / "out", ["moon"])
+        benefit(tmp_path / "out", ["moon"])
     monkeypatch.setattr(sys, "argv", ["run.py", "--out", str(tmp_path), "--recipe", "haste"])
     with pytest.raises(SystemExit) as ended:
         start()
@@ -197,4 +197,4 @@ def test_unknown_names_are_refused(tmp_path, monkeypatch, capsys):
 def test_a_file_in_the_way_is_refused(tmp_path):
     (tmp_path / "f").write_text("x")
     with pytest.raises(InputError, match="f is a file; choose another --out"):
-        pays(tmp_path / "f")
+        benefit(tmp_path / "f")

@@ -22,9 +22,9 @@ def verdict(*findings, kind="missing_physics"):
     return {
         "verdict": kind,
         "findings": [
-            {"effect": f, "cannot_be_told_from": []}
+            {"effect": f, "credible_set": []}
             if isinstance(f, str)
-            else {"effect": f[0], "cannot_be_told_from": list(f[1:])}
+            else {"effect": f[0], "credible_set": list(f[1:])}
             for f in findings
         ],
     }

@@ -104,7 +104,7 @@ def test_a_drag_area_that_changed_on_the_way_is_named() -> None:
     said = run([*before, *after[:3]], [after[3]])  # two drives of each gain 14 nats, too few for a name
     assert said["verdict"] == "missing_physics"
     (first, *_) = said["findings"]
-    assert "drag_area" in (first["effect"], *first["cannot_be_told_from"])
+    assert "drag_area" in (first["effect"], *first["credible_set"])
     where = {True: 0.0, False: 0.0}
     for s in said["segments"]:
         where[s["recording"] in {r.name for r in after}] += s["end_s"] - s["start_s"]

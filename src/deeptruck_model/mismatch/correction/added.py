@@ -51,7 +51,7 @@ class Added:
     def signals(self) -> frozenset[str]:
         """Names of all signals that the expressions are made of."""
         asked = frozenset[str]().union(*(x.signals() for x, _ in self.forces))
-        return asked | {"engine_speed" for _ in asked & {"ratio", "lever"}}  # it is read from that
+        return asked | {"engine_speed" for _ in asked & {"ratio", "overall_ratio"}}  # it is read from that
 
 
 @dataclass
@@ -172,7 +172,7 @@ class TruckWithForces:
             now.setdefault(name, x[:, min(state.row, x.shape[1] - 1)])
         if "ratio" in now:
             in_gear = inside["ratio"] / self._radius if self._radius and "ratio" in inside else None
-            now["lever"] = overall_ratio(now["ratio"], self._gears, in_gear)
+            now["overall_ratio"] = overall_ratio(now["ratio"], self._gears, in_gear)
         turning = effective_mass.free(inside)
         now["effective_mass_gain"] = np.ones(len(y)) if turning is None else turning
         return now

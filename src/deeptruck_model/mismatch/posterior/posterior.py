@@ -126,7 +126,7 @@ def posterior(
     columns = [always, *(k.features for k in of)]
     first = np.arange(always.shape[1])
     draws: Draws | None = None
-    unit = rules.temper
+    unit = rules.evidence_temperature
     for turn in range(2):
         gram, pull = _products(search, columns, y, noise)
         signed = [None if k.sign is None else _signed(k, search) for k in of]

@@ -69,10 +69,10 @@ class Model:
         return float(np.hypot(steeper * self.change_sd(parameter), 0.5 * moved**2))
 
     def covariance(self, name: str) -> Array:
-        """Posterior covariance of the coefficients of an effect, at the temper of evidence, or as wide as
+        """Posterior covariance of the coefficients of an effect, at the evidence temperature, or as wide as
         recordings disagree, whichever is the more."""
         part = dict(self.layout)[name]
-        own = self.rules.temper * self.fit.covariance[part, part]
+        own = self.rules.evidence_temperature * self.fit.covariance[part, part]
         sd = np.sqrt(np.diag(own))
         wider = np.maximum(self.fit.between[part] / np.maximum(sd, 1e-12), 1.0)
         out: Array = own * np.outer(wider, wider)
@@ -142,7 +142,7 @@ class Regression:
         if key not in self._models:
             X, prior, layout = self._design(named, free)
             found = fit(self.series, X, prior, start)
-            cost = self.rules.temper * sum(
+            cost = self.rules.evidence_temperature * sum(
                 np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named
             )
             score = found.evidence - float(cost)
@@ -168,7 +168,7 @@ class Regression:
                 self.model(named, grown.free | {p}, grown.fit) for p in self.parameters if p not in grown.free
             ]
             step = max(options, key=lambda m: m.score, default=grown)
-            if step.score < grown.score + self.rules.temper:
+            if step.score < grown.score + self.rules.evidence_temperature:
                 break
             grown = step
         return max((best, grown, everything), key=lambda m: m.score)

@@ -146,7 +146,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
         return None
     centred, known = _slow_part(e, left, weight)
     rms = float(np.sqrt(np.mean(centred[known] ** 2)))
-    noise = e.rules.allowance * sigma / np.sqrt(2.0 * np.sqrt(np.pi) * WIDTH_S / e.dt)
+    noise = e.rules.tolerance * sigma / np.sqrt(2.0 * np.sqrt(np.pi) * WIDTH_S / e.dt)
     if rms < max(float(np.hypot(e.rules.slow_force, doubt)), noise):
         return None
     speed, pull = np.maximum(e["speed"], 3.0), np.maximum(e["engine"], 0.0)

@@ -311,7 +311,7 @@ def _ratio(out: dict[str, Array]) -> None:
         return
     ratio = out["ratio"] = turns(out["engine_speed"], out["speed"])
     known = gears(ratio, out["speed"])
-    out["lever"] = overall_ratio(ratio, known, out.pop("ratio in gear", None))
+    out["overall_ratio"] = overall_ratio(ratio, known, out.pop("ratio in gear", None))
     out["engine_speed"] = np.where(
-        np.isin(out["lever"], known), out["lever"] * out["speed"], out["engine_speed"]
+        np.isin(out["overall_ratio"], known), out["overall_ratio"] * out["speed"], out["engine_speed"]
     )

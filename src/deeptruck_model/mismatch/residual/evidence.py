@@ -66,7 +66,7 @@ UNITS = {
     "simulated": "m/s²",
     "grade": "rise/run",
     "ratio": "rad/m",
-    "lever": "rad/m",
+    "overall_ratio": "rad/m",
     "engine_speed": "rad/s",
     "gap": "m",
     "elapsed": "s",
@@ -242,7 +242,7 @@ class Evidence:
     def doubt(self, sigma: float) -> Array:
         """Factor >= 1 by which a sample is less certain, (n,), where the simulator disagrees with itself."""
         near = maximum_filter1d(self.disagreement, 2 * DOUBT_ROWS + 1)
-        out: Array = np.sqrt(1.0 + (self.rules.allowance * near / max(sigma, 1e-9)) ** 2)
+        out: Array = np.sqrt(1.0 + (self.rules.tolerance * near / max(sigma, 1e-9)) ** 2)
         return out
 
     # -- filters that start afresh with every recording ---------------------------------------

@@ -42,8 +42,8 @@ def synthetic() -> Evidence:
         "sensitivity:mass": brake + 2e-4 * speed**2 - engine,
     }  # fmt: skip
     signals["ratio"] = np.clip(signals["engine_speed"] / np.maximum(speed, 0.5), 0.0, 150.0)
-    signals["lever"] = np.minimum(signals["ratio"], 30.0)
-    signals["effective_mass_gain"] = 1.0 / (1.05 + 4e-4 * signals["lever"] ** 2)
+    signals["overall_ratio"] = np.minimum(signals["ratio"], 30.0)
+    signals["effective_mass_gain"] = 1.0 / (1.05 + 4e-4 * signals["overall_ratio"] ** 2)
 
     stretches = (
         Stretch("a", 0, SIZES[0], 0.0, False),

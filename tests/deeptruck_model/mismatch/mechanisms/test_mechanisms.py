@@ -49,7 +49,7 @@ def test_a_demanded_engine_brake_is_a_force_or_a_torque_that_follows_engine_spee
         "engine_command": np.where(np.arange(n) % 2, -500.0, 300.0),
         "engine_speed": turning,
         "ratio": np.full(n, 8.0),
-        "lever": np.full(n, 8.0),
+        "overall_ratio": np.full(n, 8.0),
     }
     force = column(e, "engine_brake", variant("demanded force", full=1000.0), **signals)
     np.testing.assert_allclose(force, np.where(np.arange(n) % 2, -0.5, 0.0))
@@ -89,7 +89,7 @@ def test_a_limited_command_takes_its_share_of_the_pull_where_no_gear_ratio_is_kn
     )
     np.testing.assert_allclose(lost, -np.maximum(command - 900.0, 0.0) / 1000.0)
     assert "command" in {v.form for v in every_variant(LIBRARY["torque_limit"], e)}
-    ratio = {"ratio": np.full(len(e), 8.0), "lever": np.full(len(e), 8.0)}
+    ratio = {"ratio": np.full(len(e), 8.0), "overall_ratio": np.full(len(e), 8.0)}
     with_ratio = every_variant(LIBRARY["torque_limit"], replace(e, signals=e.signals | ratio))
     assert "command" not in {v.form for v in with_ratio}
 

@@ -28,15 +28,15 @@ def test_a_slipping_clutch_is_no_lever() -> None:
     out = {"speed": speed, "engine_speed": np.maximum(turns * speed, 50.0)}
     components._ratio(out)
     assert out["ratio"][:3] == pytest.approx([100.0, 100.0, 100.0])
-    assert out["lever"][:3] == pytest.approx([28.0, 28.0, 28.0], rel=0.01)
-    assert (out["lever"] <= out["ratio"]).all()
-    assert out["lever"][speed > 8.0] == pytest.approx(7.0)
+    assert out["overall_ratio"][:3] == pytest.approx([28.0, 28.0, 28.0], rel=0.01)
+    assert (out["overall_ratio"] <= out["ratio"]).all()
+    assert out["overall_ratio"][speed > 8.0] == pytest.approx(7.0)
 
 
 def test_a_lever_is_unknown_where_the_engine_speed_is() -> None:
     out = {"speed": np.full(4, 10.0), "engine_speed": np.array([100.0, np.nan, 100.0, 100.0])}
     components._ratio(out)
-    assert np.isnan(out["lever"]).tolist() == [False, True, False, False]
+    assert np.isnan(out["overall_ratio"]).tolist() == [False, True, False, False]
     nothing = {"speed": np.full(4, 10.0)}
     components._ratio(nothing)
     assert set(nothing) == {"speed"}
@@ -62,8 +62,8 @@ def test_the_noise_of_two_sensors_moves_no_lever() -> None:
     turns = np.where(speed < 9.0, 12.0, 6.0)
     out = {"speed": speed * rng.normal(1.0, 0.01, 2000), "engine_speed": turns * speed}
     components._ratio(out)
-    assert np.unique(out["lever"]) == pytest.approx([6.0, 12.0], rel=0.01)
-    assert out["engine_speed"] == pytest.approx(out["lever"] * out["speed"])
+    assert np.unique(out["overall_ratio"]) == pytest.approx([6.0, 12.0], rel=0.01)
+    assert out["engine_speed"] == pytest.approx(out["overall_ratio"] * out["speed"])
 
 
 def test_a_simulator_reports_the_overall_ratio_of_a_slipping_clutch() -> None:

@@ -63,7 +63,8 @@ def test_rotating_masses_take_a_share_that_grows_with_the_turns_per_metre() -> N
     e = evidence(trucks.load("volvo"))
     driving = e.valid & (e["brake_command"] == 0.0) & (e.since(e["brake_command"] > 0.0) > 2.0)
     high, low = (
-        e["effective_mass_gain"][driving & in_gear] for in_gear in (e["lever"] < 8.0, e["lever"] > 20.0)
+        e["effective_mass_gain"][driving & in_gear]
+        for in_gear in (e["overall_ratio"] < 8.0, e["overall_ratio"] > 20.0)
     )
     assert 0.85 < np.median(high) < 0.97
     assert np.quantile(low, 0.2) < np.median(high) - 0.03
