@@ -66,6 +66,11 @@ WORDS = {  # what control engineers do not say: and what they do
     "often off|off for long": "outlier fraction, persistent bias",
     "not told from": "in the credible set with",
     "mended": "corrected, repaired",
+    "(make|makes|made|making) up for": "compensate",
+    "now and then": "occasionally, intermittent",
+    "(is|are|was|were) asked for": "requested, demanded",
+    "beside it": "next to it, in addition",
+    "by the mean": "time average",
 }
 
 

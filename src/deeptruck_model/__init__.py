@@ -9,7 +9,7 @@
     mismatch.write(found, "found")
     verdict = mismatch.read("found")                   # Verdict
 
-Paths are `str` or `Path`. Each name is loaded when it is asked for. Bad input raises `errors.InputError`.
+Paths are `str` or `Path`. Each name is loaded at its first use. Bad input raises `errors.InputError`.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -121,7 +121,7 @@ def _torques(truck: Specification, speed: Array) -> tuple[Array, Array]:
 
 
 def _demand(truck: Specification, r: Recording) -> Array:
-    """The share of the torque there is that is asked for, 0 to 1."""
+    """The requested share of the available torque, 0 to 1."""
     command = r.channels["engine_command"]
     if truck.pedal is not None:
         return np.asarray(np.interp(command, *truck.pedal))

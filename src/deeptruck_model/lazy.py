@@ -1,4 +1,4 @@
-"""A package's names, loaded when they are asked for: `--help` and a wrong path need none of its libraries."""
+"""A package's names, loaded at their first use: `--help` and a wrong path need none of its libraries."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@
     vehicle = load_vehicle("trucksim")                 # a name that is shipped, or a path
     bridge = Bridge(vehicle, can.Bus(...))             # commands in, limited frames out
 
-`decode` and `check` read CAN logs. Each name is loaded when it is asked for. Bad input raises `InputError`.
+`decode` and `check` read CAN logs. Each name is loaded at its first use. Bad input raises `InputError`.
 """
 
 from importlib import import_module

@@ -110,7 +110,7 @@ class Bridge:
             return self.safety.engage(now, person, lead_vehicle)
 
     def obstacles(self, now: float, *, lead_vehicle: bool) -> tuple[str, ...]:
-        """Why control cannot be given now, for whoever watches: nothing is asked for, nothing counted."""
+        """Why control cannot be given now, for whoever watches: nothing is requested, nothing counted."""
         with self._lock:
             return (*self.safety.obstacles(now, lead_vehicle), *self._faults.obstacles(now))
 

@@ -76,7 +76,7 @@ class Baseline:
         if self._past is None or len(self._past[0]) != len(grade):
             self._past = np.zeros(len(grade)), np.zeros(len(grade))
         correction, wanted = self._past
-        # The acceleration asked for one slow constant ago is what the slow ego rate should show now.
+        # The acceleration requested one slow constant ago is what the slow ego rate should show now.
         off = wanted - seen.acceleration
         correction = np.clip(correction + self.correction_per_s * self.dt * off, -1.0, 1.0)
         now = np.clip(self.law(seen), *self.comfort)

@@ -1,4 +1,4 @@
-"""A law of following: from what is seen of leader and truck to the acceleration asked for."""
+"""A law of following: from what is seen of leader and truck to the requested acceleration."""
 
 from __future__ import annotations
 

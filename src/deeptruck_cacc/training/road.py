@@ -53,8 +53,8 @@ class Road:
     alpha_sharp: float = 0.2  # on the same, linear from 0.03 s on, so that the last bit goes as well
     alpha_rate: float = 0.3  # on the change of action a step, squared: keeps the pedals quiet
     alpha_both: float = 1.0  # on engine times brake: neither pedal is worth anything against the other
-    alpha_asked: float = 200.0  # on the same as asked of exclusive pedals: where both are, what the engine is
-    # asked for is taken from the brake, which is ten times stronger; that was a limit cycle of 1.3 Hz
+    alpha_asked: float = 200.0  # on the same as asked of exclusive pedals: where both are, the engine's
+    # demand is taken from the brake, which is ten times stronger; that was a limit cycle of 1.3 Hz
     margin_m: float = 4.0  # the crash penalty cannot be differentiated; a hinge this far above d_safety can
 
     def __post_init__(self) -> None:
@@ -102,7 +102,7 @@ class Road:
         time gap, command gain.
 
         Behind a moving leader, holding the time gap takes a speed other than the leader's; the ideal
-        follower's is asked for instead (see FeatureMap).
+        follower's is the target instead (see FeatureMap).
         """
         speeds, ideal = [scene.leader_speed], [scene.leader_speed]
         for pull in scene.leader_acceleration.T:

@@ -40,7 +40,7 @@ def sweep(
     Writes `out`/sweep.json and sweep.md. `simulator` is a path for simulators.load, which every worker must
     reach. A sweep that dies leaves `files.unfinished(out)`, in which `resume` goes on; a combination whose
     worker was killed goes on by itself; see `sweeps.run` for `workers` and `engine`. Raises InputError as
-    `check`, and without Ray where it is asked for.
+    `check`, and without Ray where it is the engine.
     """
     out = Path(out).absolute()
     chosen = check(simulator, out, grid, trainer=trainer, resume=resume, overwrite=overwrite)

@@ -4,7 +4,7 @@ one stack.
 Batches of 20,000 steps, paths of 800, gamma 0.9999, a Gaussian over an MLP of 3 x 25. Whole returns are
 compared with a linear baseline (return_baselines.py). The curvature is that of a random share of the states,
 as the TRPO paper has it: neighbours a tenth of a second apart say much the same. The trust region falls along
-a line to nothing, so that the end is kept. A seed's result does not depend on the seeds beside it.
+a line to nothing, so that the end is kept. A seed's result does not depend on the other seeds.
 """
 
 from __future__ import annotations

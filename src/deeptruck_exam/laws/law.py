@@ -51,7 +51,7 @@ class Law:
     The state `s` holds arrays (batch,): initial values stand beside the class's name, in the variable's unit,
     or come from `start`. `withheld` are channels that would show what the force hook cannot change, such as
     the engine speed of a truck in neutral. Of an engine that gives less, `reported` says that its controller
-    knows: `on_bus_nm` (batch,) is what it reports beyond the torque it was asked for (SAE J1939-71, SPN 513).
+    knows: `on_bus_nm` (batch,) is what it reports beyond the requested torque (SAE J1939-71, SPN 513).
     """
 
     withheld: ClassVar[tuple[str, ...]] = ()

@@ -2,7 +2,7 @@
 
 Right first: the first finding bears the true name. In the set: the true name is the first finding's or
 among those it calls not distinguishable. An equivalent name ('accepts' of an effect) counts in the group
-alone, and only where the tool itself states the true name beside it. A constant wrong mass is `mass`; a
+alone, and only where the tool itself states the true name as well. A constant wrong mass is `mass`; a
 mass that differs between drives is `payload_change`; the other name is wrong first, and right in the group
 when stated. 'unknown' counts only where it is the finding itself: beside other names it costs nothing.
 

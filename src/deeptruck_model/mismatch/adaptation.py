@@ -36,7 +36,7 @@ LEAST_SD = 0.002  # m/s^2, of the constant that one free run asks for
 
 @dataclass(frozen=True)
 class Adapted:
-    """The simulator with a constant acceleration (m/s^2) beside it, its standard deviation, and the seconds
+    """The simulator with a constant acceleration (m/s^2) added, its standard deviation, and the seconds
     of the drive and the free runs that it was estimated from."""
 
     truck: CorrectedTruck
@@ -47,7 +47,7 @@ class Adapted:
 
 
 def with_constant(simulator: Simulator, acceleration: float) -> CorrectedTruck:
-    """The simulator with a constant force per mass (m/s^2) beside it."""
+    """The simulator with a constant force per mass (m/s^2) added."""
     return CorrectedTruck(
         simulator, [Term(CONSTANT, (variant("offset"),), (-acceleration / GRAVITY,))], {}, None, True
     )

@@ -131,7 +131,7 @@ class Handler(BaseHTTPRequestHandler):
         if not self._is_ours() or not hmac.compare_digest(token.encode(), self.server.place.token.encode()):
             self.answer(HTTPStatus.FORBIDDEN, b"Open the address that was printed.\n")
             return None
-        if not slash:  # what the page asks for lies beside it
+        if not slash:  # what the page requests lies next to it
             self.answer(HTTPStatus.PERMANENT_REDIRECT, b"", more={"Location": f"/{token}/"})
             return None
         return rest

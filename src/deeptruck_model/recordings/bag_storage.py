@@ -145,7 +145,7 @@ def _open(file: Path, stack: ExitStack) -> Storage:
 
 
 def _recovered(file: Path, stack: ExitStack) -> Path:
-    """The database, or a copy of one with a journal beside it, into which sqlite has put that."""
+    """The database, or a copy of one with a journal next to it, into which sqlite has put that."""
     journals = [file.with_name(file.name + end) for end in JOURNALS]
     journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
     if not journals:

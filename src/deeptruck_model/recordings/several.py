@@ -61,7 +61,7 @@ def _name(bag: Path, end: tuple[str, ...], others: Sequence[tuple[str, ...]]) ->
     for depth in range(1, len(end)):
         if all(other[-depth:] != end[-depth:] for other in others):
             return "/".join(end[-depth:])
-    return str(bag.resolve())  # a folder and a file beside it that differ in the file's suffix alone
+    return str(bag.resolve())  # a folder and a file next to it that differ in the file's suffix alone
 
 
 def _called(name: str, recordings: list[Recording]) -> list[Recording]:

@@ -75,7 +75,7 @@ def demand(p: Any, command: float, most: float) -> float:
 def _wanted(
     s: Any, p: Any, command: float, drag: float, most: float, sync_speed: float
 ) -> tuple[float, float]:
-    """Indicated and retarding torque asked for by driver, governors and gearbox."""
+    """Indicated and retarding torque requested by driver, governors and gearbox."""
     w = s.engine_speed
     if s.synchronising > 0.0:
         sync = drag + p.engine_inertia * (sync_speed - w) / SYNC_TIME

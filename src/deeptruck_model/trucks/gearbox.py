@@ -82,7 +82,7 @@ def _next_gear(s: Any, p: Any) -> float:
 
 @part
 def _asked(s: Any, p: Any) -> float:
-    """The recorded gear, where the truck follows it; 0 where it chooses. NaN is not asked for."""
+    """The recorded gear, where the truck follows it; 0 where it chooses. It is never NaN."""
     return min(float(int(s.asked_gear + 0.5)), p.gears) if s.asked_gear > 0.5 else 0.0
 
 

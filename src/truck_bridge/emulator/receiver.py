@@ -66,7 +66,7 @@ class Receiver:
         return before is None or source.counter != before  # a repeated frame is a stuck sender
 
     def demand(self, now: float) -> float:
-        """What is asked for now; NaN when nobody asks. A time-out returns to rest at RETURN_PER_S."""
+        """What is requested now; NaN when nothing is. A time-out returns to rest at RETURN_PER_S."""
         live = [
             (source.priority, -source.received, address, source.demand)
             for address, source in self._sources.items()

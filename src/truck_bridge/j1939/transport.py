@@ -46,7 +46,7 @@ class _Session:
     received: float  # when a frame of it came last
     patience: float  # how long the next one may take, s
     parts: list[bytes] = field(default_factory=list)
-    asked: int = 0  # last packet that the receiver has asked for
+    asked: int = 0  # last packet that the receiver has requested
     missed: bool = False  # a packet: nothing counts until the receiver asks again
 
     @property

@@ -133,7 +133,7 @@ class Timing:
     """Times of the core, s."""
 
     controller_timeout: float = 0.15  # no command for so long: graded release
-    stall: float = 0.1  # not asked for so long while engaged: the truck has timed out, release
+    stall: float = 0.1  # not requested for so long while engaged: the truck has timed out, release
     handover: float = 2.0  # after engagement, rates are scaled by handover_scale
     handover_scale: float = 0.5
     fade_longest: float = 4.0

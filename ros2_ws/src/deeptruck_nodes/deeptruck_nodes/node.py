@@ -107,7 +107,7 @@ class DeeptruckNode(Node):
 class _Stop:
     """Set by SIGINT, SIGTERM and, unless it is ignored, SIGHUP.
 
-    rclpy's own handlers now and then lose a signal, so they are off.
+    rclpy's own handlers lose a signal occasionally, so they are off.
     A node that is still being made, which takes seconds, has nothing to leave in order and ends at once.
     """
 

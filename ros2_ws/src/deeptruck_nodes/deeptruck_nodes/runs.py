@@ -178,14 +178,14 @@ def _recorder(common: Common, interface: TruckInterface | None) -> dict[str, Any
 
 
 def _monitor(common: Common) -> Sections:
-    """The monitor's parameters where one was asked for."""
+    """The monitor's parameters where one is wanted."""
     if not common.monitor:
         return {}
     return {"mismatch_monitor": {"simulator": _named(common.monitor)}}
 
 
 def _page(common: Common, interface: TruckInterface | None) -> Sections:
-    """The page's parameters where one was asked for."""
+    """The page's parameters where one is wanted."""
     if not common.page:
         return {}
     return {PAGE: {"interface": json.dumps(interface.to_dict()) if interface else ""}}
@@ -304,7 +304,7 @@ def _run(
 
 @contextmanager
 def _watched(sections: Sections, file: Path) -> Iterator[tuple[Program, ...]]:
-    """The page's program where one was asked for, first to start and last to end; its address is said here,
+    """The page's program where one is wanted, first to start and last to end; its address is said here,
     as logs may be read by others."""
     if PAGE not in sections:
         yield ()

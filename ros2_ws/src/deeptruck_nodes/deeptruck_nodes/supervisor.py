@@ -85,7 +85,7 @@ class Supervisor:
         self._folder, self._programs = folder, programs
         self._environment, self._lock = dict(environment), lock
         self._children: list[_Child] = []
-        self._asked = 0  # how often somebody asked for the end
+        self._asked = 0  # how often the end was requested
         self._revivals = REVIVALS
         self._going = False
         self.why = "it never began"

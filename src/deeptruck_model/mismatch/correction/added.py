@@ -59,7 +59,7 @@ class State:
     """State of a truck with forces: the truck's, the expressions' memory, and where the drive stands."""
 
     base: Any
-    memory: tuple[list[Any], list[Any]]  # of what brakes make up for, of the mechanisms
+    memory: tuple[list[Any], list[Any]]  # of what brakes compensate, of the mechanisms
     path: Any
     speed: Array
     distance: Array

@@ -1,4 +1,4 @@
-"""The corrected simulator: the old one, its parameters as refitted, and the named forces beside it."""
+"""The corrected simulator: the old one, its parameters as refitted, and the named forces in addition."""
 
 from __future__ import annotations
 

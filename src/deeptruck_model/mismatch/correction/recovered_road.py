@@ -1,6 +1,6 @@
 """The slope that was recovered, as the grade of its recordings.
 
-A learned truck that was trained without slopes has absorbed part of them, so that a slope beside it does not
+A learned truck that was trained without slopes has absorbed part of them, so that a slope in addition does not
 help. One that is trained again with these has the road as an input.
 """
 

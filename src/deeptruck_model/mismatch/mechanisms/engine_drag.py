@@ -77,7 +77,7 @@ def released(e: Evidence) -> list[float]:
 
 
 def _coasting(small: float, after_s: float = 0.0) -> Expression:
-    """One where the engine is asked for less than `small` and does not pull, from `after_s` later on."""
+    """One where the engine command is below `small` and the engine does not pull, from `after_s` later on."""
     coast = (small + 1e-9 > ENGINE_COMMAND) * (ENGINE < 0.05)
     return coast * (Since((1.0 - coast,)) > after_s) if after_s else coast
 

@@ -76,7 +76,7 @@ def build(mechanism: Mechanism, variants: Sequence[Variant]) -> list[Column]:
 
 
 def _acceleration(force: Expression) -> Expression:
-    """The acceleration a force gives; what the simulator itself was asked for is one already."""
+    """The acceleration a force gives; the simulator's own answers are accelerations already."""
     return force if _asked(force) else with_effective_mass(force)
 
 

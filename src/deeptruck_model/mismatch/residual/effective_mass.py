@@ -27,13 +27,13 @@ HELD_UNIT = "m/s^2"  # of a brake command that is a deceleration
 BRAKED = 0.05  # m/s^2: the brake switch
 HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleration: lags in a row
 FORGOTTEN = 40.0  # time constants after which nothing is left of a force
-RELEASED_S = 1.0  # for which such brakes still make up for a force after the pedal is let go
+RELEASED_S = 1.0  # for which such brakes still compensate a force after the pedal is let go
 ASKED, ASKED_AT, ASKED_S = 1.5, 15.0, 3.0  # m/s^2, from m/s, for s
 ASKED_MORE = 0.005  # of rolling resistance or slope
 
 EFFECTIVE_MASS_GAIN = Signal("effective_mass_gain", missing=1.0)
 HOLDS = Signal("holds", missing=0.0)  # one while brakes hold a commanded deceleration
-MADE_UP = Signal("made up", missing=0.0)  # the share of a steady force that they have made up for by then
+MADE_UP = Signal("made up", missing=0.0)  # the share of a steady force that they have compensated by then
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class WithEffectiveMass(Expression):
     """The acceleration that a force per mass gives, (n,).
 
     `effective_mass_gain` is that of a steady force. What changes while brakes hold
-    a deceleration acts until these have made up for it.
+    a deceleration acts until these have compensated it.
     """
 
     inputs: tuple[Expression, ...]
@@ -66,7 +66,7 @@ class WithEffectiveMass(Expression):
 
 
 def _late(held_force: Array, e: Evidence) -> Array:
-    """What brakes have made up for of a force that acts while they hold, (n,); afresh in each recording."""
+    """What brakes have compensated of a force that acts while they hold, (n,); afresh in each recording."""
     keep = float(np.exp(-e.dt / HOLD_S))
     apart = np.zeros(round(FORGOTTEN * HOLD_S / e.dt) + 1)
     parts = [part for s in e.stretches for part in (held_force[s.rows], apart)]
@@ -96,7 +96,7 @@ def free(inside: Mapping[str, Array]) -> Array | None:
 
 
 def holds(simulator: Simulator) -> bool:
-    """Whether its brakes hold a deceleration, and so make up for what else slows or drives the truck.
+    """Whether its brakes hold a deceleration, and so compensate what else slows or drives the truck.
 
     A command that is a deceleration may as well be a force by another name. So a truck with a rolling
     resistance of its own is asked whether it slows harder with more of it, another that takes a slope whether

@@ -121,7 +121,7 @@ PER_KILOGRAM = ForceUnit("m/s^2", 1.0)
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-LEAST_EFFECTIVE_MASS_GAIN = 0.5  # where brakes make up for a force its size is not known
+LEAST_EFFECTIVE_MASS_GAIN = 0.5  # below this the brakes compensate the force, so its size is not identifiable
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
 BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
@@ -212,7 +212,7 @@ class Evidence:
         return ForceUnit("N", self.mass) if self.mass_known else PER_KILOGRAM
 
     def newtons(self, acceleration: Array) -> Array:
-        """The forces that give these accelerations, (n,); too small where the brakes make up for them."""
+        """The forces that give these accelerations, (n,); too small where the brakes compensate them."""
         gain = self.signals.get("effective_mass_gain", np.ones(len(self)))
         out: Array = acceleration * self.mass / np.maximum(gain, LEAST_EFFECTIVE_MASS_GAIN)
         return out

@@ -1,7 +1,7 @@
 """What ordinary sensors and loggers make of a response: late, smoothed, ringing.
 
 Known beside all that is searched, and no finding. Where nothing stands for it, a filter of a tenth of a
-second is worth a hundred nats at the shifts of low gears, and sloshing loads and friction make up for it.
+second is worth a hundred nats at the shifts of low gears, and sloshing loads and friction would compensate for it.
 """
 
 from __future__ import annotations
