@@ -31,7 +31,7 @@ OPTIMISTIC = "its errors there are optimistic"
 def remarks(
     simulator: Simulator, recordings: Sequence[Recording], metrics: dict[str, Any], horizon_s: float = 0.0
 ) -> list[str]:
-    """One line for each; none where the figures may be taken as they are. `horizon_s` is the requested one."""
+    """One line for each remark; none where the figures need none. `horizon_s` is the requested one."""
     found = [_shorter(metrics, horizon_s), _overlap(recordings, metrics)]
     if is_deep(simulator):
         found += [_outside(simulator, recordings), _other(simulator, recordings, metrics)]

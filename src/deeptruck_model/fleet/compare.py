@@ -41,24 +41,24 @@ class Comparison:
 
     @property
     def key(self) -> str:
-        """The same where the same would be found."""
+        """Equal for comparisons with the same result."""
         content = [(d["name"], d["sha256"]) for d in self.drives]
         return key(self.truck, content, simulator_key(self.simulator), self.hours, self.seed, code())
 
     @property
     def folder(self) -> str:
-        """Where its result is."""
+        """Folder of the result."""
         return folder(self.truck)
 
 
 def folder(truck: str) -> str:
-    """Of a truck's result."""
+    """Folder of a truck's result."""
     return f"{VERDICTS}/truck={quote(truck, safe='')}"
 
 
 @cache
 def simulator_key(text: str) -> str:
-    """Of what a simulator is: the content of its directory or files, else its name."""
+    """Key of a simulator: hash of its directory or files, else its name."""
     path = Path(text.partition(":")[2] if text.startswith("truck:") else text)
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else []
     files += [path] if path.is_file() else []
@@ -83,9 +83,11 @@ def chosen(drives: Sequence[Mapping[str, Any]], hours: float | None) -> list[Map
 
 
 def compare(job: Comparison) -> dict[str, Any]:
-    """Compare one truck with its simulator; writes the result's folder, and last its receipt, which is
-    returned. A truck that cannot be compared has a receipt that says why; where the storage failed it has
-    none."""
+    """Compare one truck with its simulator; write the result's folder, then its receipt, and return the
+    receipt.
+
+    A truck that cannot be compared has a receipt that says why; where the storage failed it has none.
+    """
     begun, cpu = time.monotonic(), time.process_time()
     receipt: dict[str, Any] = {"truck": job.truck, "key": job.key}
     try:
@@ -106,7 +108,7 @@ def compare(job: Comparison) -> dict[str, Any]:
 
 
 def lost(job: Comparison, why: str) -> dict[str, Any]:
-    """The receipt of a truck whose process was killed each time."""
+    """The receipt of a truck whose process was killed at each attempt."""
     receipt = {"truck": job.truck, "key": job.key, "quarantined": why}
     job.target.write_json(f"{job.folder}/{DONE}", receipt)
     return receipt
@@ -181,7 +183,7 @@ def _rounded(nats: Mapping[str, float]) -> dict[str, float]:
 
 
 def _by_week(found: Any, drives: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """What the simulator is off by in each week that has a date, rms in m/s^2 of the rows compared."""
+    """Rms of the residual (m/s^2) over the compared rows of each week that has a date."""
     e = found.evidence
     if e is None:
         return {}
@@ -205,7 +207,7 @@ def receipts(target: Place) -> list[dict[str, Any]]:
 
 
 def is_done(job: Comparison) -> dict[str, Any] | None:
-    """The receipt of a truck that was compared so already."""
+    """The receipt of a truck whose comparison is already done."""
     path = f"{job.folder}/{DONE}"
     if not job.target.exists(path):
         return None

@@ -45,7 +45,7 @@ class Reading:
 
     @property
     def key(self) -> str:
-        """The same where the same would be read."""
+        """Key that is equal where the same rows would be read."""
         interface = self.taken.interface.to_dict()
         return key(self.topic_map, self.columns, interface, self.taken.dt, code(*ROOMS))
 
@@ -102,7 +102,7 @@ def extract(job: Extraction) -> dict[str, Any]:
 
 
 def lost(job: Extraction, why: str) -> dict[str, Any]:
-    """The receipt of a file whose reader was killed each time: it is quarantined."""
+    """The receipt of a file whose reader was killed at each attempt: the file is quarantined."""
     drive, file = job.drive, job.drive.file
     receipt = {"path": file.path, "truck": drive.truck, "date": drive.date, "bytes": file.size}
     receipt |= {"quarantined": why, "sha256": None}
@@ -253,5 +253,5 @@ def _kept(recordings: Sequence[Recording], target: Place, path: str) -> dict[str
 
 
 def _anonymous(account: dict[str, Any]) -> dict[str, Any]:
-    """An account without the place of the local copy."""
+    """An account without the path of the local copy."""
     return {n: account[n] for n in ("items", "read", "used", "set_aside", "channels")}

@@ -154,7 +154,7 @@ def _first(name: str, e: Mapping[str, Any]) -> tuple[str, str, str, str, str, st
 
 
 def _again(trucks: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Trucks that were compared a second time: how many, and earlier and present result where they differ."""
+    """Trucks that were compared again: their number, and earlier and present result where they differ."""
     again = {name: e for name, e in trucks.items() if "previous" in e}
     if not again:
         return None
@@ -188,7 +188,7 @@ def _says(result: Mapping[str, Any]) -> tuple[str, list[str]]:
 
 
 def _short(result: Mapping[str, Any]) -> tuple[str, str, str]:
-    """The result, the driving it is of, and its evidence."""
+    """The result in short, the hours of driving, and the evidence."""
     said = result["verdict"].replace("_", " ")
     said += f": {_stated(result['stated'])}" if result["stated"] else ""
     until = f" until {result['last_week']}" if result["last_week"] else ""
@@ -200,7 +200,7 @@ def _stated(stated: list[str]) -> str:
 
 
 def _nats(value: float | None, marked: bool) -> dict[str, str]:
-    """A cell: its text, and how dark it is from 0 to 1."""
+    """Text and darkness (0 to 1) of a cell."""
     if value is None:
         return {"text": "", "shade": "0"}
 
@@ -213,7 +213,7 @@ def _probability(p: float) -> dict[str, str]:
 
 
 def _weeks(trucks: list[tuple[str, Any]]) -> dict[str, Any] | None:
-    """Trucks by weeks: rms of what the simulator is off by; None where no date is known."""
+    """Residual rms by truck and week; None where no date is known."""
     weeks = sorted({w for _, e in trucks for w in e["weeks"]})
     if not weeks:
         return None

@@ -1,4 +1,4 @@
-"""What a fleet is: which file is whose drive of which day, which class a truck is of, and its simulator."""
+"""The plan of a fleet: truck and date of every file, class and simulator of every truck."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pool: what the fleet's verdicts say together. pool.json, from the receipts of `compare`."""
+"""Pool the verdicts of a fleet: pool.json, from the receipts of `compare`."""
 
 from __future__ import annotations
 
@@ -97,12 +97,12 @@ def headline(pooled: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _needed(c: Mapping[str, Any]) -> int:
-    """References by which all tested trucks of a class could be discoveries; 0 where none is tested."""
+    """References needed before all tested trucks of a class could be discoveries; 0 where none is tested."""
     return int(c["references_needed"].get(str(c["tested"]), 0)) if c["tested"] else 0
 
 
 def _named(names: Iterable[str]) -> str:
-    """A few trucks by name, many by their number."""
+    """Up to a few trucks by name, more as a count."""
     names = list(names)
     return ", ".join(names) if len(names) <= NAMED else str(len(names))
 
@@ -154,7 +154,7 @@ def _by_family(nats: Mapping[str, float]) -> dict[str, float]:
 def _class(
     tested: Mapping[str, Tested], verdicts: Iterable[Mapping[str, Any]], level: float
 ) -> dict[str, Any]:
-    """What could be found in a class, and what all of it shares."""
+    """Effects that could be found in a class, and those that all of its trucks share."""
     references = sum(t.role == REFERENCE for t in tested.values())
     candidates = sum(t.role == TESTED for t in tested.values())
     found = sum(t.differs for t in tested.values())

@@ -31,7 +31,8 @@ EARLIER = "it was compared by an earlier version, which kept no slopes"
 
 
 def merged(trucks: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[dict[str, Any]]:
-    """Rows as MERGED of the cells that LEAST_TRUCKS of these drove; a truck's rows are those of SLOPES."""
+    """Rows as MERGED of the cells that at least LEAST_TRUCKS of these drove, from each truck's rows as
+    SLOPES."""
     by_cell: dict[str, dict[str, list[Mapping[str, Any]]]] = {}
     for truck, rows in sorted(trucks.items()):
         for row in rows:
@@ -84,7 +85,8 @@ def roads(target: Place) -> dict[str, Any]:
 
 
 def said(found: Mapping[str, Any]) -> str:
-    """One sentence of roads.json: how much road is shared, both directions counted, or why none is."""
+    """One sentence of roads.json: the length of shared road, counting both directions, or why there is
+    none."""
     left_out = "; ".join(
         f"{n} truck{'s' * (n > 1)} left out, each because {why}"
         for why, n in Counter(found["left_out"].values()).items()

@@ -1,4 +1,4 @@
-"""The stages in order: what is done already is skipped, what is to do is handed to processes or to Ray."""
+"""The stages in order: finished work is skipped, the rest goes to processes or to Ray."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Workers:
 
     @contextmanager
     def ready(self) -> Iterator[None]:
-        """For the length of a block: Ray is connected once for all stages. Raises InputError for workers that
-        cannot be reached, or that have another version of this package."""
+        """Connect Ray once for all stages within the block. Raises InputError for workers that cannot be
+        reached, or that have another version of this package."""
         if self.engine != "ray":
             yield
             return
@@ -136,7 +136,7 @@ def extract(fleet: Fleet, workers: Workers) -> dict[str, Any]:
 
 
 def _probed(jobs: Sequence[Extraction]) -> tuple[list[Extraction], list[dict[str, Any]]]:
-    """The first files of each class, read here, and what is left to do."""
+    """The first files of each class, read here, and the files left to read."""
     by_simulator: dict[str, list[Extraction]] = {}
     for job in jobs:
         by_simulator.setdefault(job.reading.key, []).append(job)
@@ -177,7 +177,7 @@ def compare(target: Place, workers: Workers, hours: float | None = None) -> list
 
 
 def _shown(label: str, results: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, Any]]:
-    """The same results, with a progress bar: how many, how fast, time left, and how many were left out."""
+    """The same results, with a progress bar: count, rate, time left, and failures."""
     begun, out, read = time.monotonic(), 0, 0
     with bar(label) as show:
         for done, one in enumerate(results, 1):

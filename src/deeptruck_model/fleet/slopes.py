@@ -1,4 +1,4 @@
-"""Slopes of one truck: what the residual of a simulator without a grade input has in each cell of road."""
+"""Slopes of one truck: the residual of a simulator without a grade input, by cells of road."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def mean_heading(degrees: NDArray[np.float64]) -> float:
 
 
 def written(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> bytes:
-    """A table as CSV: positions to 0.1 m, other numbers to six digits."""
+    """A table as CSV, positions to 0.1 m and other numbers to six digits."""
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
     out.writerow(columns)

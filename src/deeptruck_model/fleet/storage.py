@@ -40,7 +40,8 @@ class Stored:
 
 @dataclass(frozen=True)
 class Place:
-    """A folder or a prefix of a bucket: the file system, which travels to other processes, and a path."""
+    """A folder or the prefix of a bucket: a path, and its file system, which can be sent to other
+    processes."""
 
     files: fs.FileSystem
     path: str
@@ -166,7 +167,7 @@ class Place:
 
 
 class StorageError(InputError):
-    """The storage failed or refused: nothing is known of the file, which a later run tries again."""
+    """The storage failed or refused, so nothing is known of the file; a later run tries again."""
 
 
 def place(uri: str, endpoint: str | None = None) -> Place:
@@ -210,7 +211,7 @@ def code(*rooms: str) -> str:
 
 
 def key(*parts: object) -> str:
-    """A short name for data: the same for equal ones, on every machine."""
+    """A short hash of data, equal on every machine."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
@@ -223,6 +224,6 @@ def _denied(error: OSError) -> bool:
 
 
 def _says(error: BaseException) -> str:
-    """The first sentence of what a storage library says, on one line."""
+    """The first sentence of a storage library's error, on one line."""
     text = " ".join(str(error).split()) or type(error).__name__
     return re.split(r"\. Detail|, detail:", text)[0][:200]

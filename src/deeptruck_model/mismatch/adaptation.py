@@ -1,8 +1,8 @@
-"""What a drive has of its own: a constant force per mass, estimated from its first minutes.
+"""A constant force per mass for one drive, estimated from its first minutes.
 
-Load, wind and weather differ from day to day, and no other drive shows them. Every free run along the begin
-of the drive asks for the constant of least squared speed error; their mean is shrunk to zero by how far they
-disagree.
+Load, wind and weather differ from day to day and cannot be learned from other drives. Each free run along the
+begin of the drive gives the constant of least squared speed error; their mean is shrunk to zero by their
+scatter.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""A process that answers `live` questions beside a node: who asks never waits, and one answer is kept.
+"""A process that answers the questions of `live` for a node, so that the node never waits.
 
-Questions and answers go through its standard input and output. It ends with that input, however the node
-ended. Standard library only, so that a node loads no more than it needs.
+Questions and answers go through its standard input and output, and it ends when its input closes, however the
+node ended. Only the newest answer is kept. It uses the standard library alone, so that a node loads no more
+than it needs.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ class Companion:
 
     @property
     def busy(self) -> bool:
-        """Whether a question is not answered yet, or its answer not taken, or it rests."""
+        """Whether a question is being answered, an answer has not been taken, or the process rests."""
         return self._thread is not None or time.monotonic() < self._rests_until
 
     def ask(self, question: Callable[[], Question]) -> None:
-        """Begin to answer what `question` returns, which is called in a thread; the process is started by the
-        first one."""
+        """Start to answer what `question` returns, which is called in a thread; the first call starts the
+        process."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "deeptruck_model.mismatch.companion"],

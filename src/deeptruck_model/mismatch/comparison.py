@@ -1,4 +1,4 @@
-"""A simulator compared with drives: what `decide` judges, before any correction."""
+"""A simulator compared with drives: the input of `decide`, before any correction."""
 
 from __future__ import annotations
 

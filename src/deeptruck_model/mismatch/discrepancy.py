@@ -1,4 +1,4 @@
-"""What a learned simulator is off by on recordings that it keeps and was not fitted to."""
+"""Error of a learned simulator on the recordings that it keeps and was not fitted to."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ JOLTS = 0.02  # of the time, that count for nothing
 
 
 def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
-    """The recordings that a learned simulator keeps; none where they are too short."""
+    """The held-out recordings that a learned simulator keeps; none where they are too short."""
     try:
         prepared = [
             learned(simulator, prepare(r, measured_acceleration)) for r in getattr(simulator, "reference", ())
@@ -32,8 +32,8 @@ def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
 
 
 def allowed_for(simulator: Simulator, e: Evidence, measured_acceleration: bool, seed: int) -> Evidence:
-    """The evidence with how far a learned simulator is off on its own recordings, and how slow that is; as it
-    is beside a simulator whose physics is known."""
+    """The evidence with a learned simulator's error on its own recordings and the slow part of that;
+    unchanged for a simulator of known physics."""
     if e.known_physics:
         return e
     own_drives = kept(simulator, measured_acceleration)

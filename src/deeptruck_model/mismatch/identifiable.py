@@ -1,4 +1,4 @@
-"""What the mismatch tool can identify of a simulator, from what the simulator states of itself."""
+"""What the mismatch tool can identify, given what the simulator reports of itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a node asks of the newest messages of a truck, and what it is answered (`live.answer`)."""
+"""Questions that a node asks about the newest messages of a truck, and their answers (`live.answer`)."""
 
 from __future__ import annotations
 

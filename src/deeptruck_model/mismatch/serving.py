@@ -38,8 +38,8 @@ DEFECT = "this went wrong; what did is on the terminal"
 
 
 class Comparisons:
-    """Compares again, one after the other, in a thread; its results go into `folder`, and what is said to be
-    worth keeping of them `to` another."""
+    """Runs comparisons one after another in a thread; results go into `folder`, and those the user keeps `to`
+    another."""
 
     def __init__(self, found: Mismatch, again: Again, folder: Path, to: Path) -> None:
         self._found, self._again, self._folder, self._to = found, again, folder, to

@@ -1,6 +1,7 @@
-"""Recorded channels that the simulator does not take, held against what is slow and what differs by drive.
+"""Recorded channels that the simulator does not use, compared with the slow parts and those that differ by
+drive.
 
-A channel is a witness where a line in it, fitted to the other drives, predicts a drive that was left out.
+A channel is a witness if a line in it, fitted to the other drives, predicts a drive that was left out.
 """
 
 from __future__ import annotations

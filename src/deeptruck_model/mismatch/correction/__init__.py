@@ -1,4 +1,1 @@
-"""An explanation comes in; a corrected simulator goes out.
-
-With it goes what it is worth on drives it was not fitted to.
-"""
+"""From an explanation to a corrected simulator, with its benefit on drives it was not fitted to."""

@@ -1,4 +1,5 @@
-"""A truck and what is added to it, step by step: the forces of one correction, or of several side by side."""
+"""Forces and command paths added to a truck, step by step: those of one correction, or of several side by
+side."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ class Added:
 
     @staticmethod
     def side_by_side(each: Sequence[Added], rows: Sequence[int]) -> Added:
-        """Of several corrections in one batch, of so many rows each."""
+        """Several corrections in one batch, each for its number of rows."""
 
         def only(k: int, size: Size, elsewhere: float = 0.0) -> Array:
             return np.repeat([size if j == k else elsewhere for j in range(len(each))], rows)
@@ -107,7 +108,7 @@ class TruckWithForces:
         )
 
     def step(self, state: State, u: Array, w: Array) -> tuple[State, Array]:
-        """One step, as of any Simulator."""
+        """One step, as `Simulator.step`."""
         commands, path = self._path.step(state.path, u)
         inner, y = self.base.step(state.base, commands, w)
         now = self._now(inner, y, u, w, state)
@@ -178,7 +179,7 @@ class TruckWithForces:
         return now
 
     def _own_forces(self, inside: Mapping[str, Array], speed: Array, u: Array) -> dict[str, Array]:
-        """The truck's own, per mass, with what is seen of its engine: by its inside, or by shares."""
+        """The truck's own forces per mass, read from its inside or computed by shares."""
         if "traction_force" not in inside:
             return dict(self._shares.now(speed, u)) if self._shares is not None else {}
         mass = inside["mass"]

@@ -1,4 +1,4 @@
-"""The corrected simulator: the old one, its parameters as refitted, and the named forces in addition."""
+"""The corrected simulator: the given one with refitted parameters and the named forces."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class CorrectedTruck:
 
     @property
     def adds(self) -> bool:
-        """Whether it is more than the truck beneath with other parameters."""
+        """Whether it differs from the truck beneath in more than parameters."""
         return bool(self.terms or self.added.forces)
 
     @cached_property
@@ -97,7 +97,7 @@ class CorrectedTruck:
 
     @property
     def driven(self) -> Any:
-        """What the truck beneath has learned from, where it is a learned one."""
+        """The training domain of the truck beneath, where that is a learned one."""
         return getattr(self.original, "driven", None)
 
     @property

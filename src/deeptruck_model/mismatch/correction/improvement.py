@@ -1,4 +1,4 @@
-"""Does the fit improve? Open-loop error on recordings that were not used for the fit, before and after."""
+"""Open-loop error before and after the correction, on recordings that were not used for the fit."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BOOTSTRAPS = 1000
 
 @dataclass(frozen=True)
 class _Row:
-    """A pass along a recording, the place of that among others, and the samples at which free runs begin."""
+    """A pass along a recording, the recording's place in the list, and samples at which free runs begin."""
 
     prepared: Prepared
     place: int
@@ -91,7 +91,7 @@ def _errors(rows: Sequence[_Row], predicted: Array, steps: int) -> Errors:
 
 
 def horizon(prepared: Sequence[Prepared]) -> float:
-    """Length of free runs along these recordings, s: the longest of which enough fit between their gaps."""
+    """Length of free runs, s: the longest of which enough fit between the gaps of these recordings."""
     for long in HORIZONS_S:
         runs = sum(len(_starts(p, round(SETTLE_S / p.dt), round(long / p.dt), 0)) for p in prepared)
         if runs >= ENOUGH:
@@ -139,7 +139,7 @@ def _exogenous(rows: Sequence[_Row], length: int) -> dict[str, Array]:
 
 
 def _starts(p: Prepared, settle: int, steps: int, more: int) -> list[int]:
-    """Where runs begin; after each gap the first is `more` samples later than it could be."""
+    """Samples at which free runs begin; the first after each gap is `more` samples later than possible."""
     out, k, after_gap = [], settle, True
     while k + steps + 1 < len(p.recording):
         if p.valid[k : k + steps].mean() <= LEAST_VALID:

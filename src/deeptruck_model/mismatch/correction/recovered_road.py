@@ -1,7 +1,7 @@
-"""The slope that was recovered, as the grade of its recordings.
+"""The recovered slope as the grade of its recordings.
 
-A learned truck that was trained without slopes has absorbed part of them, so that a slope in addition does not
-help. One that is trained again with these has the road as an input.
+A learned truck that was trained without slopes has absorbed part of them, so adding the slope to it does not
+help. A truck that is trained again with these recordings has the slope as an input.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LEAST = 10  # seconds of a recording with a slope, of which less is no road
 
 
 class Slopes(Protocol):
-    """Slopes that were recovered, and what to give where they are of other recordings."""
+    """Recovered slopes; `advice` is for recordings they do not belong to."""
 
     advice: ClassVar[str]
 

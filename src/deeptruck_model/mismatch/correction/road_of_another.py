@@ -34,8 +34,8 @@ NEAR = 5  # steps by which places may differ that are one: wheels and curves mea
 
 @dataclass(frozen=True)
 class Shared:
-    """Windows of one's roads that are on another's: which (a,), what the other's slope is there (a, WIDTH) as
-    one feels it, and whether the other went the other way (a,)."""
+    """Windows that lie on another vehicle's road: their indices (a,), the other's slope as felt in this
+    direction (a, WIDTH), and whether the other drove the opposite direction (a,)."""
 
     windows: Indices
     slope: Array
@@ -44,7 +44,8 @@ class Shared:
 
 @dataclass(frozen=True)
 class Covered:
-    """How much of a recording is on the other's road, km; it drove `turned_km` of it the other way."""
+    """Kilometres of a recording on the other vehicle's road, `turned_km` of them in the opposite
+    direction."""
 
     name: str
     km: float
@@ -81,7 +82,8 @@ def shared(own: Windows, other: Windows) -> Shared:
 
 
 class Votes:
-    """Of each window the place where it agrees best, (a,), how well, and how many others say the same."""
+    """For each window (a,): the place where it agrees best, the agreement there, and the number of other
+    windows that vote for the same offset."""
 
     def __init__(self, own: Windows, other: Windows, alike: Array, way: float) -> None:
         """`alike` (a, b); `way` is 1 where the distances run against each other, else -1."""

@@ -31,8 +31,8 @@ FLEET_FIRST = "give roads.csv as 'deeptruck-model fleet roads' wrote it"
 
 
 def cells(headed: Array) -> list[Cell]:
-    """The cell at each step of a drive, of its latitude, longitude and heading, degrees (n, 3): squares of
-    about CELL_M. All steps of a passage through a square have the way of its mean heading."""
+    """The cell at each step of a drive: latitude, longitude and heading, degrees, (n, 3). Cells are squares
+    of about CELL_M; all steps of a passage through one have its mean heading."""
     latitude, longitude, heading = headed.T
     row = np.floor(latitude / CELL_DEG)
     column = np.floor(longitude * np.cos(np.radians((row + 0.5) * CELL_DEG)) / CELL_DEG)

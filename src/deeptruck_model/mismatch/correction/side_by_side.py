@@ -18,11 +18,11 @@ Group = tuple[Simulator | TruckWithForces, list[int]]
 def groups(
     trucks: Sequence[Simulator], rows: Sequence[int], channels: Sequence[tuple[str, ...]]
 ) -> list[Group]:
-    """What drives the rows of several trucks, and which trucks' rows these are, in their order.
+    """For each batch: the simulator that drives it, and the trucks whose rows it has, in order.
 
-    Trucks go together that correct the same simulator along recordings of the same `channels`. Other
-    parameters go together where the simulator takes some for each row; what adds no force stays apart from
-    what does.
+    Trucks share a batch if they correct the same simulator along recordings with the same `channels`.
+    Different parameters share one only if the simulator takes some for each row; trucks that add no force
+    have their own.
     """
     alike: dict[tuple[Any, ...], list[int]] = {}
     for k, truck in enumerate(trucks):
@@ -40,7 +40,7 @@ def _kind(truck: Simulator) -> tuple[Any, ...]:
 
 
 def _of(truck: Simulator) -> tuple[Simulator, dict[str, float]]:
-    """The simulator that is corrected, and the parameters that it has instead of its own."""
+    """The simulator beneath a correction, and its changed parameters."""
     return (truck.original, truck.inner) if isinstance(truck, CorrectedTruck) else (truck, {})
 
 

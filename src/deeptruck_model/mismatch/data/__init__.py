@@ -1,4 +1,1 @@
-"""Recordings come in; recordings fit to be compared with a simulator go out.
-
-What was set aside is counted by rule. Nothing here knows of mechanisms.
-"""
+"""Recordings made fit to be compared with a simulator; samples that were set aside are counted by rule."""

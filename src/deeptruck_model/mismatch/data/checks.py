@@ -1,4 +1,5 @@
-"""Check the data before the truck: what is rejected and why, and faults that show between sensors alone."""
+"""Checks of the data before the truck: rejected samples with their reasons, and sensor faults that show
+between sensors alone."""
 
 from __future__ import annotations
 
@@ -25,11 +26,11 @@ SHIFTS = 4  # times that the accelerometer is shifted by the lag so far, as a fi
 
 @dataclass(frozen=True)
 class Kinematics:
-    """What speed and accelerometer say of each other in one drive.
+    """The fit of one drive's accelerometer to the derivative of its speed.
 
     `slope` and `offset` (m/s^2) map dv/dt to the accelerometer, `lag_s` is by how much the accelerometer is
-    late, with standard errors; NaN where acceleration was not measured or hardly varied. The
-    noise is that of one sample of speed.
+    late, each with its standard error; NaN where acceleration was not measured or hardly varied. The noise is
+    that of one sample of speed.
     """
 
     speed_noise: float
@@ -156,7 +157,8 @@ class SensorFault:
         return self.unit == "1"
 
     def elsewhere(self) -> SensorFault | None:
-        """The same as a fault of the other sensor; None for a bias, which the derivative of speed has not."""
+        """The same fault attributed to the other sensor; None for a bias, which the derivative of speed
+        cannot have."""
         if not (self.is_lag or (self.is_scale and self.value > 0.0)):
             return None
         (other,) = set(self.between) - {self.channel}
@@ -278,7 +280,7 @@ def corrected(r: Recording, faults: Sequence[SensorFault]) -> Recording:
 
 
 def _sooner(x: Array, samples: float) -> Array:
-    """x (n,) that comes so many samples sooner; NaN where that is not known."""
+    """x (n,) moved forward by so many samples; NaN where it is unknown."""
     at = np.arange(len(x), dtype=float)
     return np.interp(at + samples, at, x, left=np.nan, right=np.nan)
 

@@ -30,8 +30,8 @@ LAP_M = 200.0  # a road that is met again sooner was not left
 
 
 def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
-    """The drives with their `road` where two or more have positions, NOWHERE along the others; as they are
-    where fewer do."""
+    """The drives with their `road`, NOWHERE along those without positions; unchanged where fewer than two
+    have positions."""
     ways = [_way(p, _position(p)) if _positions(p) else None for p in drives]
     placed = [p for p, way in zip(drives, ways, strict=True) if way is not None and _as_driven(way)]
     if len(placed) < min(2, len(drives)):
@@ -51,8 +51,8 @@ def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
 
 
 def _between(driven: Array, own: Array) -> Array:
-    """The place at every row (n,) of a drive, between those of its steps (k,). From one road to another it is
-    not on what lies between the two."""
+    """The place at every row (n,) of a drive, interpolated between its steps (k,), but never from one road to
+    another."""
     if len(own) < 2:
         return np.full(len(driven), own[0])
     steps = np.maximum((driven - driven[0]) / STEP_M, 0.0)
@@ -64,12 +64,12 @@ def _between(driven: Array, own: Array) -> Array:
 
 
 def without_a_place(drives: Sequence[Prepared]) -> list[str]:
-    """Names of the drives whose positions are missing or not believed, where others have theirs."""
+    """Names of the drives whose positions are missing or implausible, where others have valid ones."""
     return [p.recording.name for p in drives if p.road is not None and (p.road == NOWHERE).all()]
 
 
 def on_a_road_of_its_own(drives: Sequence[Prepared]) -> list[str]:
-    """Names of the drives whose positions are nowhere near those of any other, where two others do meet."""
+    """Names of the drives that meet no other drive by their positions, where at least two others do."""
     placed = [p for p in drives if p.road is not None and (p.road != NOWHERE).any()]
     passed = [set(np.floor_divide(p.place(), STEP_M).tolist()) for p in placed]
     apart = [
@@ -137,7 +137,8 @@ def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
 
 
 def _metres_a_radian(latitude: float) -> tuple[float, float]:
-    """Of longitude and of latitude (rad), on the ellipsoid WGS84: a sphere is off by up to half a percent."""
+    """Metres per radian of longitude and of latitude (rad), on the ellipsoid WGS84: a sphere is wrong by up
+    to half a percent."""
     left = 1.0 - FLAT * float(np.sin(latitude)) ** 2
     return AXIS_M * float(np.cos(latitude)) / left**0.5, AXIS_M * (1.0 - FLAT) / left**1.5
 
@@ -155,7 +156,7 @@ def driven_by_positions(p: Prepared) -> Array:
 
 
 def _as_driven(way: Array) -> bool:
-    """Whether the positions of a way (k, 4) go about as far as it was driven: a receiver may stand still."""
+    """Whether the positions of a way (k, 4) cover about the driven distance: a receiver may have frozen."""
     gone = float(np.hypot(*np.diff(way[:, :2], axis=0).T).sum())
     return gone > BELIEVED * STEP_M * (len(way) - 1) and gone < STEP_M * (len(way) - 1) / BELIEVED
 

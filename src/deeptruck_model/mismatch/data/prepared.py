@@ -259,7 +259,7 @@ def prepare(
 
 
 def learned(simulator: Simulator, p: Prepared) -> Prepared:
-    """The recording, invalid too outside a learned simulator's training domain."""
+    """The recording with samples outside a learned simulator's training domain marked invalid."""
     driven = getattr(simulator, "driven", None)
     if driven is None:
         return p
@@ -268,17 +268,18 @@ def learned(simulator: Simulator, p: Prepared) -> Prepared:
 
 
 def fed(simulator: Simulator, y: Array) -> Array:
-    """What of a recorded drive y (..., T, n_y) the simulator is fed; it starts from all of it."""
+    """The part of a recorded drive y (..., T, n_y) that the simulator gets as feedback; it starts from all of
+    it."""
     out = fed_back(simulator, y).copy()
     out[..., 0, :] = y[..., 0, :]
     return out
 
 
 def fed_back(simulator: Simulator, y: Array) -> Array:
-    """What of responses y (..., n_y) that are not its own the simulator is fed.
+    """The part of responses y (..., n_y) of another truck that the simulator gets as feedback.
 
-    A learned simulator that sees the acceleration it is to predict passes it on, and the mismatch with it; so
-    it is fed speed alone.
+    A learned simulator that gets the acceleration it is to predict passes it on, and the mismatch with it; so
+    it gets the speed alone.
     """
     if simulator.parameters():
         return y
@@ -288,7 +289,7 @@ def fed_back(simulator: Simulator, y: Array) -> Array:
 
 
 def padded(x: Array, length: int) -> Array:
-    """x (T, ...) that goes on to `length` as it ends."""
+    """x (T, ...), extended to `length` by its last value."""
     more = length - len(x)
     return np.concatenate([x, np.repeat(x[-1:], more, axis=0)]) if more else x
 

@@ -32,8 +32,8 @@ SCALED = (
 
 
 def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
-    """Raises InputError where speed and engine speed of the first drive with both are a unit apart. Other
-    factors are no proof: tyres and axles differ."""
+    """Raises InputError where speed and engine speed of the first drive with both differ by a unit's factor.
+    Other factors prove nothing, as tyres and axles differ."""
     first = next((p for p in prepared if "engine_speed" in p.recording.channels), None)
     scale = _scale(simulator, first) if first is not None else None
     if first is None or scale is None or 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
@@ -60,7 +60,8 @@ def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> 
 
 
 def _scaled(drives: Sequence[Array]) -> tuple[float, float] | None:
-    """The one factor of all drives' ratios, (m,) each, and its standard error; None where there is none."""
+    """The common factor of all drives' ratios, (m,) each, and its standard error; None where there is
+    none."""
     drives = [x for x in drives if len(x)]
     if not drives:
         return None

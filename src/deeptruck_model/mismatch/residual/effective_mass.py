@@ -1,7 +1,7 @@
-"""What acceleration a force on the truck gives: less than force per mass.
+"""The effective-mass gain: the acceleration that a force on the truck gives is less than force per mass.
 
 Wheels and engine turn with the truck, the more the lower the gear; and brakes that hold a commanded
-deceleration make up within a second for whatever else slows or drives the truck.
+deceleration compensate any other force within a second.
 """
 
 from __future__ import annotations
@@ -96,11 +96,11 @@ def free(inside: Mapping[str, Array]) -> Array | None:
 
 
 def holds(simulator: Simulator) -> bool:
-    """Whether its brakes hold a deceleration, and so compensate what else slows or drives the truck.
+    """Whether the brakes hold a commanded deceleration, and so compensate other forces.
 
-    A command that is a deceleration may as well be a force by another name. So a truck with a rolling
-    resistance of its own is asked whether it slows harder with more of it, another that takes a slope whether
-    it does uphill. Any other holds: what is commanded so is held on the road.
+    A command in m/s^2 may also be a force under another unit. So a truck with a rolling resistance is tested:
+    does it slow harder with more of it? One without, but with a slope as input: does it uphill? Any other
+    truck with such a command is taken to hold.
     """
     interface, own = simulator.interface, simulator.parameters().get("rolling_resistance")
     if interface.brake_unit != HELD_UNIT or (own is None and not interface.grade):

@@ -1,4 +1,4 @@
-"""Everything the search for missing physics looks at, stacked over the recordings on one slow clock."""
+"""The data of the comparison, stacked over the recordings at one period."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def turns(engine_speed: Array, speed: Array) -> Array:
 
 
 def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
-    """The turns per metre at which driving gathers, rad/m, ascending; none where there is no driving."""
+    """The turns per metre (rad/m) around which driving clusters, ascending; none without driving."""
     left = np.log(ratio[np.isfinite(ratio) & (ratio > 0.1) & (speed > CLUTCH_CLOSED)])
     count, found = len(left), []
     while len(left) > max(SELDOM * count, 20):
@@ -46,8 +46,11 @@ def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
 
 
 def overall_ratio(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
-    """The gear's own turns per metre near one of the `known`. Elsewhere a clutch slips: what it would be
-    `in_gear`, where a simulator reports it, or the ratio, but never beyond the lowest."""
+    """The turns per metre of the gear, near one of the `known`.
+
+    Elsewhere a clutch slips: then it is that `in_gear`, where a simulator reports it, or the measured ratio,
+    at most that of the lowest gear.
+    """
     if not known:
         return ratio
     centres = np.log(np.asarray(known))

@@ -1,4 +1,4 @@
-"""Drive the simulator along the recordings and gather what it says, doubts and depends on."""
+"""Drive the simulator along the recordings and collect residual, uncertainty and sensitivities."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _compared(
     mass_kg: float | None,
     rerun_along: Sequence[bool],
 ) -> Evidence:
-    """What the simulator as it is says along the drives, and its uncertainty of that."""
+    """Simulated acceleration and residual along the drives, with the simulator's uncertainty."""
     simulator, prepared, grid = d.simulator, d.prepared, d.grid
     stated = _stated_mass(simulator, prepared, mass_kg)
     signals, mass, mass_known = components.signals(simulator, prepared, d.runs, grid, stated)
@@ -131,8 +131,11 @@ def _compared(
 
 
 def _with_parameters(d: _Driven, e: Evidence) -> Evidence:
-    """The evidence with what each parameter changes, and what a force gives. Brakes that hold a deceleration
-    answer more rolling resistance as they answer any force, so that their gain is computed last."""
+    """The evidence with the sensitivities to parameters and the effective-mass gain.
+
+    Brakes that hold a deceleration answer more rolling resistance as they answer any force, so their gain is
+    computed last.
+    """
     holds, turning = e.has("brake_command") and effective_mass.holds(d.simulator), d.turning()
     e.signals["effective_mass_gain"] = effective_mass.rows(d.simulator, e, turning, holds)
     left = effective_mass.held(holds).rows(e)
@@ -156,8 +159,8 @@ def _stated_mass(simulator: Simulator, prepared: Sequence[Prepared], mass_kg: fl
 def _disagreement(
     simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, seed: int, apart_by: float
 ) -> Array:
-    """Sd of the simulated acceleration when the inputs move by their own quantisation and noise, and speed
-    by what it changes by in `apart_by` samples: when in these a truck shifts nobody knows."""
+    """Sd of the simulated acceleration when inputs move by their quantisation and noise, and speed by its
+    change over `apart_by` samples, within which the moment of a shift is unknown."""
     rng = np.random.default_rng(seed)
     parts = []
     for p in prepared:

@@ -1,4 +1,4 @@
-"""Block averages: what is looked at once for every few samples of the recordings."""
+"""Block averages: one row of the comparison for every few samples of the recordings."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ LEAST_DRIVES = 4  # with fewer, nothing is said of how much drives disagree on a
 
 @dataclass(frozen=True)
 class Series:
-    """The observed residual y (n,), which samples count, and how uncertain each one is beside the others.
+    """The observed residual y (n,), which samples count, and the relative uncertainty of each.
 
     `starts` (n,) is True at the first sample of each contiguous stretch; `relative` >= 1 widens the
     innovations where the simulator disagrees with itself. `slow` bounds slow noise: the autoregression's

@@ -1,4 +1,4 @@
-"""Where a simulator drives in another gear than was recorded: there it says nothing of forces."""
+"""Samples in which a simulator drives in another gear than was recorded, and says nothing of forces."""
 
 from __future__ import annotations
 

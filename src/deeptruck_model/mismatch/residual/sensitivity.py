@@ -1,4 +1,4 @@
-"""What the simulated acceleration changes by where a parameter of the simulator changes."""
+"""Sensitivity of the simulated acceleration to the simulator's parameters."""
 
 from __future__ import annotations
 

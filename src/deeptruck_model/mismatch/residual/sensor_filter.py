@@ -1,7 +1,7 @@
-"""What ordinary sensors and loggers make of a response: late, smoothed, ringing.
+"""Nuisance terms for ordinary sensors and loggers, which record a response late, smoothed or ringing.
 
-Known beside all that is searched, and no finding. Where nothing stands for it, a filter of a tenth of a
-second is worth a hundred nats at the shifts of low gears, and sloshing loads and friction would compensate for it.
+They are in every model and never a finding. Without them a filter of 0.1 s gains a hundred nats at the shifts
+of low gears, and sloshing loads and friction compensate for it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ def known(e: Evidence) -> tuple[Array, Prior]:
 
 
 def _late_slope(e: Evidence) -> list[Array]:
-    """What a slope that is recorded a second late hides, (n,) m/s^2; none where no slope is recorded."""
+    """Acceleration (n,) that is hidden where slope is recorded a second late, m/s^2; none without a recorded
+    slope."""
     if not e.has("grade"):
         return []
     turns, over = np.zeros(len(e)), max(1, round(SMOOTH_S / e.dt))
@@ -60,13 +61,13 @@ def _late_slope(e: Evidence) -> list[Array]:
 
 
 def rows(e: Evidence) -> int:
-    """How many rows before and after a sample a filter reaches; none where rows are too far apart for one, as
-    beside a learned simulator."""
+    """Rows before and after a sample that a filter reaches; none where rows are too far apart for one, as for
+    a learned simulator."""
     return int(REACH_S / e.dt + ROUNDING)
 
 
 def _shifted(e: Evidence, most: int) -> list[Array]:
-    """What the simulated acceleration is some rows before and after each, beyond what it is there."""
+    """The simulated acceleration some rows before and after each row, minus that at the row."""
     return [_row_after(e, k) - e.simulated for k in range(-most, most + 1) if k]
 
 

@@ -1,4 +1,4 @@
-"""When within a sample a truck shifts: one that steps finer than its simulator decides a little sooner."""
+"""The moment of a shift within a sample: a truck with finer steps than its simulator shifts sooner."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ FEWEST = 5  # such rows, to estimate the moment by
 
 
 def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid: Grid) -> Array:
-    """The increase of the simulated acceleration, (n,), where the truck decides a sample sooner. A truck that
-    steps finer than its simulator shifts before it throughout, and that is no missing physics."""
+    """The change of the simulated acceleration (n,) if the truck decides a sample sooner.
+
+    A truck that steps finer than its simulator always shifts before it, and that is no missing physics.
+    """
     us = [p.u for p in prepared]
     after, before = (
         accelerations(
