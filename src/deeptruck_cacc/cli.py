@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    add_completion=False,
     help="Train a car-following policy on a truck simulator, and show how it drives.",
 )
 PolicyPath = Annotated[

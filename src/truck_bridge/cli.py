@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    add_completion=False,
     help="J1939 logs and buses of a truck: decode, check, record, replay, convert.",
 )
 

@@ -16,6 +16,7 @@ from deeptruck_model import console
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    add_completion=False,
     help="Turn recordings of a truck into a simulator, and find the physics the simulator leaves out.",
 )
 
