@@ -16,19 +16,7 @@ from truck_bridge import channels, j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
 from truck_bridge.j1939.codec import Codec, Layout, Signal
-from truck_bridge.safety import (
-    Axis,
-    Driveline,
-    Field,
-    Followed,
-    Heard,
-    Limits,
-    Measured,
-    Obeyed,
-    Table,
-    Timing,
-)
-from truck_bridge.safety.tables import Allowed
+from truck_bridge.safety import tables
 from truck_bridge.units import to_si
 from truck_bridge.vehicles.schema import VEHICLE, check
 from truck_bridge.vehicles.vehicle import Blocking, Transmitted, Vehicle
@@ -84,7 +72,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
     for key, names in (needed | {"follows": {spec["signal"] for spec in follows.values()}}).items():
         for signal in sorted(names - known):
             raise InputError(f"{key}: signal '{signal}' is not received; known: {', '.join(sorted(known))}")
-    table = Table(
+    table = tables.Table(
         address=own,
         axes=tuple(message.axis for message in sent.values()),
         heard=received,
@@ -96,7 +84,9 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         timing=_timing(data),
         engage_speed=_pair("engage.speed", data["engage"]["speed"]),
         needs_lead=data["engage"]["needs_lead"],
-        obeyed=tuple(Obeyed(name, tuple(map(float, those))) for name, those in data.get("obeys", {}).items()),
+        obeyed=tuple(
+            tables.Obeyed(name, tuple(map(float, those))) for name, those in data.get("obeys", {}).items()
+        ),
         followed=tuple(_followed(axis, spec, sent) for axis, spec in follows.items()),
     )
     return Vehicle(
@@ -125,12 +115,12 @@ def _named(data: dict[str, Any]) -> dict[str, list[tuple[int, dict[str, str]]]]:
     return found
 
 
-def _followed(axis: str, spec: dict[str, Any], sent: dict[str, Transmitted]) -> Followed:
+def _followed(axis: str, spec: dict[str, Any], sent: dict[str, Transmitted]) -> tables.Followed:
     if axis not in sent:
         raise InputError(f"follows: nothing commands '{axis}'; known: {', '.join(sent)}")
     if spec["beyond"] == 0:
         raise InputError(f"follows.{axis}.beyond is 0; give how far the signal may be from the demand")
-    return Followed(axis, spec["signal"], float(spec["beyond"]))
+    return tables.Followed(axis, spec["signal"], float(spec["beyond"]))
 
 
 def _blocking(spec: dict[str, Any]) -> Blocking:
@@ -151,7 +141,7 @@ def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Co
     signal = layout.signals[spec["demand"]]
     word = int.from_bytes(layout.encode(spec["active"]), "little") & ~(signal.mask << signal.start)
     release = int.from_bytes(layout.encode(spec["release"]), "little")
-    axis = Axis(
+    axis = tables.Axis(
         key,
         layout.can_id(own, _address(data, spec["to"])),
         spec["period"],
@@ -166,7 +156,7 @@ def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Co
     return Transmitted(axis, layout, spec["demand"], spec["active"], spec["release"], spec["phase"])
 
 
-def _allowed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[Allowed]:
+def _allowed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[tables.Allowed]:
     """What each controller may demand by TSC1; the only message whose modes the core knows."""
     for who, axes in data["demands"].items():
         for axis, spec in axes.items():
@@ -176,14 +166,14 @@ def _allowed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[All
                 raise InputError(f"{place}: only what TSC1 commands can be allowed: {', '.join(known)}")
             key = sent[axis].axis.can_id & 0x03FF_FF00 | _address(data, who)
             period = _pair(f"{place}.period", spec["period"])
-            yield Allowed(f"{who} to {axis}", key, tuple(spec["modes"]), spec["longest"], period)
+            yield tables.Allowed(f"{who} to {axis}", key, tuple(spec["modes"]), spec["longest"], period)
 
 
-def _timing(data: dict[str, Any]) -> Timing:
-    return Timing(**data.get("timing", {}))
+def _timing(data: dict[str, Any]) -> tables.Timing:
+    return tables.Timing(**data.get("timing", {}))
 
 
-def _limits(key: str, spec: dict[str, Any], timing: Timing) -> Limits:
+def _limits(key: str, spec: dict[str, Any], timing: tables.Timing) -> tables.Limits:
     speed, low, high = (tuple(map(float, spec[name])) for name in ("speed", "low", "high"))
     if not len(speed) == len(low) == len(high) > 1:
         raise InputError(
@@ -204,7 +194,7 @@ def _limits(key: str, spec: dict[str, Any], timing: Timing) -> Limits:
             f"transmit.{key}.limits: at 12 m/s^2 the envelope moves {steepest * 12:g} a second, faster"
             f" than the {slowest:g} a demand may follow; make it flatter or rate and fade larger"
         )
-    return Limits(speed, low, high, spec["rate"], spec["fade"], spec["jerk"])
+    return tables.Limits(speed, low, high, spec["rate"], spec["fade"], spec["jerk"])
 
 
 def _pair(key: str, values: list[float]) -> tuple[float, float]:
@@ -213,7 +203,7 @@ def _pair(key: str, values: list[float]) -> tuple[float, float]:
     return values[0], values[1]
 
 
-def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:
+def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> tables.Heard:
     """One entry of `receive`: its name is the message's, unless it says `message` itself because two
     controllers send the same one.
     """
@@ -232,9 +222,11 @@ def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec
         own = field.offset, field.offset + field.scale * field.last
         low, high = spec.get("range", {}).get(name) or channels.physical_range(layout.name, source) or own
         fastest, still = (spec.get(column, {}).get(name, math.inf) for column in ("fastest", "still"))
-        measured.append(Measured(name, field, low, high, fastest, still))
+        measured.append(tables.Measured(name, field, low, high, fastest, still))
     sender = layout.pgn << 8 | _address(data, spec["from"])
-    return Heard(key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
+    return tables.Heard(
+        key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none")
+    )
 
 
 def _room_to_sign(key: str, layout: Layout) -> None:
@@ -261,8 +253,8 @@ def _signal(layout: Layout, name: str) -> Signal:
     return layout.signals[name]
 
 
-def _field(signal: Signal, factor: float) -> Field:
-    return Field(signal.start, signal.bits, signal.scale * factor, signal.offset * factor, signal.last)
+def _field(signal: Signal, factor: float) -> tables.Field:
+    return tables.Field(signal.start, signal.bits, signal.scale * factor, signal.offset * factor, signal.last)
 
 
 def _address(data: dict[str, Any], who: str) -> int:
@@ -273,7 +265,7 @@ def _address(data: dict[str, Any], who: str) -> int:
         raise InputError(f"no address for '{who}'; known: {', '.join(data['addresses'])}") from None
 
 
-def _driveline(spec: dict[str, Any] | None) -> Driveline | None:
+def _driveline(spec: dict[str, Any] | None) -> tables.Driveline | None:
     if spec is None:
         return None
-    return Driveline(spec["rolling_radius"] / spec["final_drive"], spec["tolerance"])
+    return tables.Driveline(spec["rolling_radius"] / spec["final_drive"], spec["tolerance"])
