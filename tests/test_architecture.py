@@ -122,7 +122,7 @@ FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
         "account", "errors", "files", "reading", "console", "checks", "compatibility", "constants",
-        "vehicle_kinds", "table_file", "csv_text", "curve_file", "log_kinds", "mat_file", "row_keys",
+        "earth", "vehicle_kinds", "table_file", "csv_text", "curve_file", "log_kinds", "mat_file", "row_keys",
         "outside.reference", "outside.saved", "outside.truck",
         "interrupts", "script_start",
     )

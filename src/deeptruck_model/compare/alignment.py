@@ -11,6 +11,7 @@ from scipy.signal import correlate
 from scipy.spatial import cKDTree
 
 from deeptruck_model.compare.sides import Side
+from deeptruck_model.earth import metres_per_degree
 
 Array = NDArray[np.float64]
 
@@ -18,7 +19,6 @@ LEAST_SHARED = 0.5  # of the shorter side, that an offset must leave to compare
 AGREES = 0.8  # correlation of speeds below which no offset is believed: drives of other roads reach 0.6
 SIGNIFICANT = 8.0  # standard deviations: unrelated drives reached 6.5 in 334 trials, pieces of one 35
 NEARLY = 0.002  # of correlation: a leader that repeats itself agrees with itself at several offsets
-EARTH_M = 6371e3
 NEAR_M = 30.0  # two lanes and the error of an ordinary GPS
 LEAST_M = 500.0  # of shared road
 BIN_M, LEAST_ROAD_M = 25.0, 3000.0  # shorter profiles of slopes agree by chance
@@ -164,9 +164,8 @@ def _by_position(first: Side, other: Side) -> Road | str:
 
 def _metres(side: Side, about: Side) -> Array:
     """East and north of the middle of `about`, m, (n, 2)."""
-    latitude, longitude = (np.radians(side.columns[c]) for c in ("latitude", "longitude"))
-    middle = float(np.nanmean(np.radians(about.columns["latitude"])))
-    return EARTH_M * np.stack([np.cos(middle) * longitude, latitude], axis=1)
+    east_m, north_m = metres_per_degree(float(np.nanmean(about.columns["latitude"])))
+    return np.stack([east_m * side.columns["longitude"], north_m * side.columns["latitude"]], axis=1)
 
 
 def _by_slope(first: Side, other: Side) -> Road | str:

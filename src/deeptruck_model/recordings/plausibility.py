@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
+from deeptruck_model.earth import metres_per_degree
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.signals import CHANNELS
@@ -45,7 +46,6 @@ VARIED, STILL = 0.1, 0.1  # m/s^2, standard deviation of dv/dt that shows an acc
 CORRELATED, SCALE = 0.7, (0.67, 1.5)
 HAS_GRAVITY = 0.5  # of g times the slope of the road
 OFFSET = 0.15  # m/s^2; 1 degree of tilt is 0.17
-EARTH_M_PER_DEG = 111_195.0
 MOVING_M_S, DRIVING_M_S = 1.0, 3.0
 LEAST_ENGINE_RPM = 400.0  # diesel engines idle at 500 to 800 rpm, those of trucks/pool at 600
 FASTEST_TRUCK = 36.0  # m/s, 130 km/h: no truck is driven faster
@@ -253,7 +253,8 @@ def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     (east,) = _windows(recordings, SLOW_S, "longitude")
     if len(east) != len(north):
         return
-    pace = EARTH_M_PER_DEG * np.hypot(north, east * np.cos(np.radians(latitude)))
+    east_m, north_m = metres_per_degree(latitude)
+    pace = np.hypot(north * north_m, east * east_m)
     moving = (speed > DRIVING_M_S) & (pace > MOVING_M_S)
     if moving.sum() < LEAST:
         return

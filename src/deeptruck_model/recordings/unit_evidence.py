@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.earth import metres_per_degree
 from deeptruck_model.recordings.units import conversion
 
 Array = NDArray[np.float64]
@@ -16,7 +17,6 @@ CLIMB_S = 10.0  # the same for heights, whose steps are coarse
 LEAST = 30  # windows that a comparison needs
 CORRELATION = 0.7
 SLOPE = (0.85, 1.18)  # of the reference over the column, in SI; units differ by 1.15 (mph, knot) and more
-EARTH_M_PER_DEG = 111_195.0
 TOP_GEAR = 2.8  # rad of the crankshaft for a metre: fewer no road vehicle has in its highest gear
 
 Known = Mapping[str, list[tuple[str, Array]]]  # channel -> (column, values (n,) in SI)
@@ -53,7 +53,8 @@ def _pairs(channel: str, values: Array, time: Array, known: Known) -> Iterator[t
         for (lat_name, lat), (_, lon) in zip(
             known.get("latitude", []), known.get("longitude", []), strict=False
         ):
-            north, east = lat * EARTH_M_PER_DEG, lon * EARTH_M_PER_DEG * np.cos(np.radians(lat))
+            east_m, north_m = metres_per_degree(lat)
+            north, east = lat * north_m, lon * east_m
             north, mean = _over(CLIMB_S, time, change=north, mean=values)
             east, _ = _over(CLIMB_S, time, change=east, mean=values)
             yield f"the positions in '{lat_name}'", mean, np.hypot(north, east)

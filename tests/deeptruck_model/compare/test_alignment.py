@@ -5,18 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model.compare.alignment import EARTH_M, Road, road
+from deeptruck_model.compare.alignment import Road, road
 from deeptruck_model.compare.sides import Side
+from deeptruck_model.earth import metres_per_degree
 
 
 def _north(east_m: float) -> Side:
     """A minute at 20 m/s over the equator along a meridian, this far east of the one at 9 degrees."""
     n = np.arange(600)
     speed = np.full(len(n), 20.0)
+    east_m_per_degree, north_m_per_degree = metres_per_degree(0.0)
     columns = {
         "speed": speed,
-        "latitude": np.degrees((2.0 * n - 600.0) / EARTH_M),
-        "longitude": np.full(len(n), 9.0 + np.degrees(east_m / EARTH_M)),
+        "latitude": (2.0 * n - 600.0) / north_m_per_degree,
+        "longitude": np.full(len(n), 9.0 + east_m / east_m_per_degree),
     }
     return Side("side", 0.1, columns, {})
 

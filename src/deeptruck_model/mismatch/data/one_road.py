@@ -15,11 +15,11 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from deeptruck_model.compare.alignment import NEAR_M
+from deeptruck_model.earth import metres_per_degree
 from deeptruck_model.mismatch.data.prepared import Prepared, fill
 
 Array = NDArray[np.float64]
 
-AXIS_M, FLAT = 6378137.0, 0.00669437999  # of the ellipsoid WGS84: half its long axis, eccentricity squared
 STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 500.0  # between two roads: knots of one do not reach the other
@@ -94,15 +94,15 @@ def headed(p: Prepared) -> Array | None:
     way = _way(p, about)
     if not _as_driven(way):
         return None
-    (latitude, longitude), (east_m, north_m) = about, _metres_a_radian(about[0])
-    north = np.degrees(latitude + way[:, 1] / north_m)
-    east = (np.degrees(longitude + way[:, 0] / east_m) + 180.0) % 360.0 - 180.0
+    (latitude, longitude), (east_m, north_m) = about, metres_per_degree(about[0])
+    north = latitude + way[:, 1] / north_m
+    east = (longitude + way[:, 0] / east_m + 180.0) % 360.0 - 180.0
     return np.stack([north, east, np.degrees(np.arctan2(way[:, 2], way[:, 3])) % 360.0], axis=1)
 
 
 def _position(p: Prepared) -> tuple[float, float]:
-    """Latitude and longitude (rad), the first of a drive."""
-    first = (np.radians(p.recording.channels[name]) for name in ("latitude", "longitude"))
+    """The first latitude and longitude of a drive, degrees."""
+    first = (p.recording.channels[name] for name in ("latitude", "longitude"))
     latitude, longitude = (float(x[np.isfinite(x)][0]) for x in first)
     return latitude, longitude
 
@@ -126,21 +126,12 @@ def _track(p: Prepared, about: tuple[float, float], step_m: float) -> Array:
 
 
 def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
-    """East and north of a position (rad), (n,) each. Longitude may pass 180 degrees."""
+    """East and north of a position (degrees), m, (n,) each. Longitude may pass 180 degrees."""
     latitude, longitude = about
-    east = (
-        np.remainder(np.radians(p.recording.channels["longitude"]) - longitude + np.pi, 2.0 * np.pi) - np.pi
-    )
-    north = np.radians(p.recording.channels["latitude"]) - latitude
-    east_m, north_m = _metres_a_radian(latitude)
+    east = np.remainder(p.recording.channels["longitude"] - longitude + 180.0, 360.0) - 180.0
+    north = p.recording.channels["latitude"] - latitude
+    east_m, north_m = metres_per_degree(latitude)
     return east_m * fill(east), north_m * fill(north)
-
-
-def _metres_a_radian(latitude: float) -> tuple[float, float]:
-    """Metres per radian of longitude and of latitude (rad), on the ellipsoid WGS84: a sphere is wrong by up
-    to half a percent."""
-    left = 1.0 - FLAT * float(np.sin(latitude)) ** 2
-    return AXIS_M * float(np.cos(latitude)) / left**0.5, AXIS_M * (1.0 - FLAT) / left**1.5
 
 
 def driven_by_positions(p: Prepared) -> Array:
