@@ -37,10 +37,8 @@ class Records:
 
 
 def check_ros1(file: Path) -> None:
-    """Follow the index of a ROS 1 bag, as its readers do: bytes that it does not lead to may be anything.
-
-    Raises DamagedError where a record is longer than the file, or where there is no index.
-    """
+    """Follow the index of a ROS 1 bag, as its readers do; bytes that it does not lead to are not checked.
+    Raises DamagedError where a record is longer than the file, or where there is no index."""
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.seek(0)

@@ -82,7 +82,7 @@ class BagSource:
         self._stack.close()
 
     def _check_path(self) -> None:
-        """Raises InputError where there is nothing that could be a bag; pipes and devices are not opened."""
+        """Raises InputError where the path can be no bag; pipes and devices are not opened."""
         if not self.path.exists():
             raise InputError(f"{self.path} does not exist")
         if self.path.is_dir() and not any(self._listed()):
@@ -99,7 +99,7 @@ class BagSource:
                 reading.check_file(file, "give a recorded bag")
 
     def _files(self) -> list[Path]:
-        """The files of which the bag is made, in their order; of a database without metadata every one."""
+        """The files of the bag in order; of a database without metadata all of them."""
         if not self.path.is_dir():
             return [self.path]
         if not (self.path / METADATA).exists():
@@ -138,7 +138,7 @@ class BagSource:
         return counts
 
     def why_unreadable(self, topic: str) -> str:
-        """Why the messages on a topic cannot be read, and what mends it; '' where they can."""
+        """Why the messages on a topic cannot be read, with the cure; '' where they can."""
         kind = self.topics[topic]
         encodings = {c.encoding for c in self.connections if c.topic == topic and c.msgtype == kind}
         if not encodings <= {"cdr", "ros1"}:
@@ -262,5 +262,5 @@ def _from_json(path: Path, key: str, text: Any) -> Any:
 
 
 def _one_line(error: BaseException) -> str:
-    """What a library says, short enough and plain enough for one line."""
+    """The message of a library, shortened to one plain line."""
     return reading.plain(str(error)) or type(error).__name__

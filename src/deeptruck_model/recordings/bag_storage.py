@@ -125,7 +125,8 @@ Storage = McapStorage | RosbagsStorage
 
 
 def open_storages(files: Iterable[Path], stack: ExitStack) -> list[Storage]:
-    """One storage for each file; `stack` closes them. Raises what a damaged byte leads the libraries to."""
+    """One storage for each file; `stack` closes them. Raises the libraries' errors where a file is
+    damaged."""
     return [_open(file, stack) for file in files]
 
 
@@ -145,7 +146,7 @@ def _open(file: Path, stack: ExitStack) -> Storage:
 
 
 def _recovered(file: Path, stack: ExitStack) -> Path:
-    """The database, or a copy of one with a journal next to it, into which sqlite has put that."""
+    """The database, or a copy of it into which sqlite has written its journal."""
     journals = [file.with_name(file.name + end) for end in JOURNALS]
     journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
     if not journals:

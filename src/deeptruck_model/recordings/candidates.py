@@ -52,7 +52,7 @@ class Candidate:
 
     @property
     def order(self) -> tuple[object, ...]:
-        """The most likely first: measured, surest, then what has a unit, changes, and comes most often."""
+        """Most likely first: measured before commanded, then by certainty, known unit, change, and rate."""
         often = -self.topic.rate_hz if self.topic and np.isfinite(self.topic.rate_hz) else 0.0
         known = (-self.sure, not self.unit, self.field.still, self.place, often)
         names = (self.topic.name, self.field.path) if self.topic else ()
@@ -76,13 +76,13 @@ class Candidate:
 
     @property
     def remark(self) -> str:
-        """Why, and which values are there."""
+        """The reason, and the range of values."""
         at = f" at {rate(self.topic)}" if self.topic else ""
         still = "; never changes here" if self.field.still else ""
         return f"{self.why}; {span(self.field)}{at}{still}{self._beyond()}"
 
     def _beyond(self) -> str:
-        """A warning where the values, in this unit, are none of a truck."""
+        """A warning where the values in this unit are impossible for a truck."""
         if not self.unit:
             return ""
         ends = self.scale * np.array([self.field.low, self.field.high]) + self.offset
@@ -168,7 +168,7 @@ class Proposal:
         yield from asked
 
     def absent(self, channel: str) -> str:
-        """Why a channel that is not needed has no candidate, where that is worth a remark."""
+        """A remark on why a channel that is not needed has no candidate, where there is something to say."""
         return ""
 
 

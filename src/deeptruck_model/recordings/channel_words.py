@@ -1,4 +1,4 @@
-"""By which words and ranges a number in a bag or table is taken for one of our channels."""
+"""Words and ranges by which a number in a bag or table is recognised as one of our channels."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def named_channels(own: frozenset[str], around: frozenset[str]) -> Iterator[Name
 
 
 def unit_by_range(channel: str, named: frozenset[str], largest: float) -> str:
-    """The first unit in which values up to `largest` are plausible; '' where none is, or none is likely."""
+    """The first unit in which values up to `largest` are plausible; '' where there is none."""
     limits = _BY_RANGE.get(_kind(channel, named), ())
     return next((unit for _, most, unit in limits if math.isfinite(largest) and largest <= most), "")
 

@@ -1,4 +1,4 @@
-"""The clocks of a bag: of each topic that is used, the header stamps against the log times."""
+"""The clocks of a bag: header stamps compared with log times, for each topic in use."""
 
 from __future__ import annotations
 

@@ -251,7 +251,7 @@ def _time(entry: Any) -> Clock:
 
 
 def _format(value: Any) -> str:
-    """A format of strptime. Raises InputError for one that it does not know."""
+    """A format of strptime. Raises InputError for an unknown directive."""
     if not isinstance(value, str) or "%" not in value:
         raise InputError(f"format of 'time' must be such as \"%d.%m.%Y %H:%M:%S,%f\", not {value!r}")
     try:

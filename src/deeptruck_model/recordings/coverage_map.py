@@ -74,10 +74,8 @@ def conditions(seconds: NDArray[np.float64]) -> tuple[Condition, ...]:
 
 
 def judgement(seconds: NDArray[np.float64], duration_s: float, commanded: bool) -> str:
-    """One sentence: whether it is enough to train on, and the conditions in which it is not.
-
-    `commanded` says whether a valid engine command was recorded.
-    """
+    """One sentence: whether the recordings are enough to train on, and the conditions in which they are
+    not. `commanded` says whether a valid engine command was recorded."""
     if not commanded:
         return "Enough to train: no, as no engine command is valid."
     if duration_s < ENOUGH_S:
@@ -114,7 +112,7 @@ def draw(found: Coverage) -> bytes:
 
 
 class _Axis(NamedTuple):
-    """An axis of the maps: the edges of its cells, and from where it is drawn."""
+    """An axis of the maps: the edges of its cells, and the least value drawn."""
 
     label: str
     edges: Array
@@ -210,7 +208,7 @@ def _channels(recordings: Sequence[dict[str, Any]]) -> list[Folded]:
 
 
 def _account(account: dict[str, Any]) -> Table:
-    """What became of all that was read from one source."""
+    """The account of one source: used samples and those set aside."""
     rows = [
         (what, str(tally["read"]), str(tally["used"]), "", "")
         for what, tally in ((account["items"], account), *account["channels"].items())

@@ -1,4 +1,4 @@
-"""Writing a bag so that a kill costs at most the last second, and making a whole bag of what a kill left."""
+"""Write a bag so that a kill costs at most the last second, and repair one after a kill."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class CrashSafeWriter:
             self._guarded(self._flush)
 
     def flush(self) -> None:
-        """Make everything written so far safe. Call it from a timer where messages may stop coming."""
+        """Make everything written so far safe. Call it from a timer if messages may stop."""
         self._guarded(self._flush)
 
     def close(self) -> None:

@@ -99,7 +99,7 @@ def _channels(keys: dict[str, str], required: list[str], *, unit: bool) -> Schem
 
 
 def _extra(keys: dict[str, str], required: list[str]) -> Schema:
-    """Entries under names of their own, which have no unit."""
+    """Entries of user-defined channels, which have no unit."""
     entry = _mapping({key: {**_KINDS[key], "description": keys[key]} for key in keys}, required)
     short = [_NAME] if required == ["column"] else []
     return {
@@ -115,7 +115,7 @@ def _mapping(properties: Schema, required: list[str] | None = None) -> Schema:
 
 
 def _entry(channel: str, keys: dict[str, str]) -> Schema:
-    """What a file may say of one channel; a density only of fuel, as of others nobody reads it."""
+    """The schema of one channel's entry; only fuel has a density."""
     kinds = {**_KINDS, "unit": _unit(channel)}
     mine = [key for key in keys if key != "density" or channel == "fuel_rate"]
     return {key: {**kinds[key], "description": keys[key]} for key in mine}

@@ -1,4 +1,4 @@
-"""Candidates of a bag or table held against one another: which follows the speed, and what is doubtful."""
+"""Candidates of a bag or table compared with one another: which follow the speed, and which are doubtful."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candi
 
 
 def _followed(one: Candidate, found: plausibility.Accelerometer | None) -> Candidate:
-    """The candidate with what speaks for it or against it."""
+    """The candidate with evidence for it or against it."""
     if found is None:
         return one
     by = f"slope {found.slope:.2f} on the derivative of speed, correlation {found.correlation:.2f}"
@@ -78,7 +78,7 @@ def _followed(one: Candidate, found: plausibility.Accelerometer | None) -> Candi
 
 
 def _recordings(chosen: Mapping[str, Candidate], values: Values) -> list[Recording]:
-    """What the candidates are as one drive; none where they cannot be read so."""
+    """The candidates read as one drive; none where that fails."""
     series, units = {}, {"engine_command": "N m", "brake_command": "percent"}
     for channel, one in chosen.items():
         found = values(one)

@@ -268,7 +268,7 @@ class _Vectors:
         return columns[: len(self._sources)]
 
     def check(self, where: str) -> None:
-        """Raises InputError where what is mapped for speed is one component of a vector in another frame."""
+        """Raises InputError where the mapped speed is one component of a vector in another frame."""
         across = (self._squares / max(self._count, 1)) ** 0.5
         if self._speed and across > SIDEWAYS:
             x, y = self._speed.field, f"{self._speed.field[:-1]}y"
@@ -279,7 +279,7 @@ class _Vectors:
 
 
 class _Drain:
-    """Hands samples over to the resampler, and counts the messages that they came from."""
+    """Passes samples on to the resampler, and counts the messages they came from."""
 
     def __init__(
         self,
@@ -346,7 +346,7 @@ def _converted(column: Array, source: Source) -> Array:
 
 
 def _extra(stored: dict[str, object]) -> dict[str, Source]:
-    """Channels that a bag has under names of their own."""
+    """User-defined channels of a bag."""
     names = stored.get(EXTRA_KEY, [])
     known = names if isinstance(names, list) else []
     return {str(name): Source(EXTRA_TOPIC, f"position[name={name}]") for name in known}

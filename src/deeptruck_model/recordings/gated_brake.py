@@ -40,7 +40,7 @@ def is_asked(channels: Any, implied: Collection[str] = ()) -> bool:
 
 
 def on(switch: Array) -> Array:
-    """1 on, 0 off, NaN for codes such as 2, error, and 3, not available."""
+    """1 on, 0 off; NaN for other codes, such as 2 (error) and 3 (not available)."""
     return np.where((switch == 0.0) | (switch == 1.0), switch, np.nan)
 
 

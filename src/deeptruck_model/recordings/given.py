@@ -1,4 +1,4 @@
-"""Recordings as a Python call is given them: read already, or the bags that they are in."""
+"""Recordings as arguments of a Python call: already read, or the bags that hold them."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def _parts(given: Any) -> list[Any] | None:
 
 
 def check_apart(recordings: Sequence[Recording], held_out: Sequence[Recording]) -> None:
-    """Raises InputError for a drive that is both to be fitted and held out, under whatever name: it would
-    judge itself."""
+    """Raises InputError for a drive that is both fitted and held out, under whatever name: the validation
+    would be on training data."""
     fitted = {_content(r): r.name for r in recordings}
     for r in held_out:
         if (name := fitted.get(_content(r))) is not None:

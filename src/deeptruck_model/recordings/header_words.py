@@ -188,7 +188,7 @@ class Header:
 
 
 def header(name: str, below: str = "") -> Header:
-    """What a column's name says; `below` is its cell in a row of units."""
+    """The words and unit of a column's name; `below` is its cell in a row of units."""
     text, unit, stated = name, spelled(below, name), f"'{below.strip()}' in the row of units"
     for bracket in reversed(re.findall(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]", name)):
         if found := spelled(bracket, name):
@@ -213,7 +213,7 @@ def header(name: str, below: str = "") -> Header:
 
 
 def _at_end(text: str, name: str) -> str:
-    """A unit behind a name; of single letters only those that are seldom anything else."""
+    """A unit at the end of a name; of single letters only those that rarely mean anything else."""
     return spelled(text, name) if len(text) > 1 or text in "msgh%°CFK" else ""
 
 
@@ -267,7 +267,7 @@ def _english(text: str) -> frozenset[str]:
 
 
 def _parts(word: str) -> set[str]:
-    """English words for the stems in a compound."""
+    """English words for the stems of a compound word."""
     found: set[str] = set()
     for stem in sorted(_STEMS, key=len, reverse=True):
         if stem in word:

@@ -1,4 +1,4 @@
-"""What of an import can be said before the table is read: paths, COLUMNS.yaml and the place of the bag."""
+"""Checks of an import before the table is read: paths, COLUMNS.yaml and the place of the bag."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Meaning = Mapping[str, Any] | str | Path
 def check(
     table: Path, columns: Meaning, out: Path, *, overwrite: bool = False, clock: Clock | None = None
 ) -> None:
-    """Raises one InputError with every misfit."""
+    """Raises one InputError that lists all errors."""
     checks.every(
         *_of_source(table, columns, clock),
         lambda: BAG.check(out, overwrite=overwrite),

@@ -45,9 +45,8 @@ CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import wrote: the bag, its recordings, and the sealed file with its SHA-256 where there is
-    one.
-    """
+    """The result of an import: the bag, its recordings, and the file of withheld channels with its
+    SHA-256, where there is one."""
 
     bag: Path
     recordings: list[Recording]
@@ -165,7 +164,7 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
 
 
 def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
-    """Recordings whose notes say what was set aside, so that the bag says it too."""
+    """Recordings with notes of what was set aside, which the bag then holds too."""
     said = [line.strip() for line in islice(account.lines(), 1, None)]
     return [replace(r, notes=tuple(dict.fromkeys((*r.notes, *said)))) for r in recordings]
 
@@ -185,8 +184,10 @@ def _values(table: TextTable, channel: str, column: Column) -> Array:
 
 
 def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
-    """The channel's samples; where rows between them leave it blank, it was sampled only in the others. What
-    stands in one row after the other and then no more is no slow sensor, but one that failed."""
+    """The channel's samples, without the blank rows between them where a slow sensor fills only some rows.
+
+    A column that alternates and then stops is no slow sensor, but one that failed.
+    """
     valid = ~np.isnan(values)
     every = 1 if channel in (*HELD, *LATCHED) else renewed_every(values[valid])
     if every > 1:
@@ -208,9 +209,9 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
 
 
 def renewed_every(values: Array) -> int:
-    """Rows from one renewal of a value that is held between them to the next; 1 where it is not held.
+    """Rows between renewals of a value that is held between them; 1 where it is not held.
 
-    A coarse sensor too stays the same for some rows, but for other numbers of them each time.
+    A coarse sensor too repeats its value for some rows, but for a different number of rows each time.
     """
     apart = np.diff(np.flatnonzero(np.diff(values) != 0.0))
     if len(apart) < LEAST_RENEWALS or (every := int(np.median(apart))) < 2:

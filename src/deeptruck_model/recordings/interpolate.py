@@ -83,7 +83,8 @@ def _held(
 
 
 def _step_mean_of_held(time: Array, values: Array, ticks: Array, dt: float, patience: float) -> Array:
-    """Mean over [t_k, t_k + dt) of the zero-order-held command; the sample where it stays."""
+    """Mean over [t_k, t_k + dt) of the zero-order-held command; the sample itself where it does not
+    change."""
     held, first = _held(time, values, ticks, dt, patience)
     last = np.searchsorted(time, ticks + (1 - SNAP) * dt) - 1
     if np.array_equal(first, last):

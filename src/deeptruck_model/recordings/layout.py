@@ -1,8 +1,8 @@
-"""Where the numbers are inside a serialised message, so that numpy can read thousands of them at once.
+"""Byte offsets of the numbers in serialised messages, by which numpy reads thousands of them at once.
 
 One message is walked byte by byte by its definition (XCDR1, or the ROS 1 form); messages with the same
-lengths and the same names share its layout and are read as columns. Byte order and alignment: OMG DDS-
-XTypes 1.3, 7.4.1.
+lengths and the same names share its layout and are read as columns. Byte order and alignment: OMG DDS-XTypes
+1.3, 7.4.1.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def summary_of(file: Path) -> Summary | None:
 
 
 def _learn(summary: Summary, content: bytes) -> None:
-    """Put the schemas and channels of a chunk's content into the summary."""
+    """Add the schemas and channels of a chunk to the summary."""
     at = 0
     while at < len(content):
         opcode, length = struct.unpack_from("<BQ", content, at)
@@ -166,7 +166,7 @@ def _topics(chunk: IndexedChunk, types: dict[str, str]) -> dict[int, str]:
 
 
 def _far_into_each_other(ordered: Sequence[IndexedChunk]) -> bool:
-    """Whether a chunk goes on for long after a later one has begun."""
+    """Whether chunks overlap in time by much."""
     return any(
         a.index.message_end_time > b.index.message_start_time + OVERLAP_NS
         for a, b in itertools.pairwise(ordered)
@@ -189,8 +189,10 @@ def _by_group(
 def _by_topic(
     ordered: Sequence[IndexedChunk], streams: Mapping[Path, BinaryIO], types: dict[str, str]
 ) -> Iterator[Batch]:
-    """Each topic's part of a chunk by itself, in the order in which these parts begin. Chunks are unpacked
-    once to see that, and again for each part: not all of them fit into memory."""
+    """The chunks topic by topic, each part in the order of its first message.
+
+    Chunks are unpacked once to find this order and again for each part, as not all of them fit into memory.
+    """
     parts = []
     for number, chunk in enumerate(ordered):
         _, entries, wanted = _checked(chunk, streams, types)
@@ -232,7 +234,8 @@ def _read(stream: BinaryIO, index: ChunkIndex) -> tuple[bytes, dict[int, NDArray
 
 
 def content_of(chunk: Chunk) -> bytes:
-    """What is in a chunk, unpacked. The unpackers grow as they go: a size in the data is not trusted."""
+    """The unpacked content of a chunk. The unpackers grow their buffers as needed: a size in the data is
+    not trusted."""
     unpack = _UNPACK.get(chunk.compression)
     if unpack is None:
         raise ValueError(f"compression {chunk.compression!r} is unknown")
@@ -272,7 +275,7 @@ def _check_entries(data: bytes, channel: int, entries: NDArray[np.void], index: 
 
 
 def why(error: BaseException) -> str:
-    """What an error says, in one line."""
+    """The message of an error, in one line."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
@@ -288,7 +291,7 @@ class _Group:
     def add(
         self, data: bytes, entries: dict[int, NDArray[np.void]], wanted: dict[int, str], start_ns: int
     ) -> None:
-        """One more chunk, later than those before it."""
+        """Add a chunk, later than those before it."""
         for channel, topic in wanted.items():
             if channel in entries and len(entries[channel]):
                 records = entries[channel]["offset"].astype(np.int64) + self.size
@@ -299,7 +302,7 @@ class _Group:
         self.size += len(data)
 
     def batches(self) -> Iterator[Batch]:
-        """What was found, one batch a topic."""
+        """The messages found, one batch for each topic."""
         buffer = np.frombuffer(b"".join(self._data), np.uint8)
         for topic, parts in self._found.items():
             records = np.concatenate([r for r, _ in parts])

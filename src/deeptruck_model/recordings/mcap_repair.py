@@ -1,5 +1,4 @@
-"""Making a whole bag of a truncated one: cut behind the last whole chunk, then index what is there (MCAP
-only)."""
+"""Repair a truncated MCAP file: cut it after the last whole chunk and rebuild its index."""
 
 from __future__ import annotations
 
@@ -56,7 +55,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 @dataclass(frozen=True)
 class _WholeChunk:
-    """A chunk that is as it was written, and where its messages are, by channel."""
+    """An undamaged chunk, and the places of its messages by channel."""
 
     chunk: Chunk
     entries: dict[int, NDArray[np.void]]
@@ -81,7 +80,7 @@ class _WholeChunk:
 
 @dataclass
 class Found:
-    """What a scan of the data section found, and where its last whole record ends."""
+    """Result of a scan of the data section, and the end of its last whole record."""
 
     end: int
     cut: int = 0  # where the scan ended in the file as it was found
@@ -122,7 +121,7 @@ def scan(stream: BinaryIO, size: int, file: Path) -> Found:
 
 
 def is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
-    """Whether from `at` on there is the end of one file, or its beginning, and nothing behind it."""
+    """Whether the bytes from `at` on are the end of one file or its beginning, and no more."""
     while at + RECORD_HEAD <= size:
         stream.seek(at)
         opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
@@ -136,7 +135,7 @@ def is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
 
 
 def _take(found: Found, opcode: int, content: bytes, at: int, stream: BinaryIO, file: Path) -> bool:
-    """Note one record; False where it is damaged."""
+    """Record one record; False where it is damaged."""
     if opcode == Opcode.CHUNK:
         if (whole := _WholeChunk.of(content)) is None:
             return False
@@ -154,7 +153,7 @@ def _take(found: Found, opcode: int, content: bytes, at: int, stream: BinaryIO, 
 
 
 def _is_made_anew(opcode: int, length: int, begin: bytes, tail: _WholeChunk | None) -> bool:
-    """Whether what begins with this record and is cut off is no more than an index, or the end of a file."""
+    """Whether the truncated record is only an index or the end of a file, which are rebuilt anyway."""
     if opcode == Opcode.MESSAGE_INDEX:
         return tail is not None and tail.has_index(begin, length)
     return _END.get(Opcode(opcode)) == length if opcode in _END else False
@@ -281,7 +280,7 @@ def repair(path: str | Path) -> str | None:
 
 
 def _refuse_links(path: Path, file: Path) -> None:
-    """Raises InputError for a link, whose place a repaired file would take."""
+    """Raises InputError for a link, which the repaired file would replace."""
     for one in (file, path / METADATA) if path.is_dir() else (file,):
         if one.is_symlink():
             raise InputError(
@@ -291,7 +290,7 @@ def _refuse_links(path: Path, file: Path) -> None:
 
 
 def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
-    """Put a repaired copy in the place of `file`; the file that keeps what was cut off, if there is one."""
+    """Replace `file` by the repaired copy; returns the file that keeps the cut-off part, if there is one."""
     draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}.tmp")
     before, is_ours = file.stat(), files.is_as_written(file)
     with files.removing(lambda: draft.unlink(missing_ok=True)):
@@ -390,7 +389,7 @@ def _is_one_file(stream: BinaryIO, size: int) -> bool:
 
 
 def _finish(stream: BinaryIO, found: Found) -> None:
-    """Cut behind the last whole record and append the end a writer would have written."""
+    """Cut after the last whole record and append the end that a writer would have written."""
     stream.truncate(found.end)
     stream.seek(found.end)
     builder = RecordBuilder()

@@ -1,6 +1,5 @@
-"""Message definitions as they stand in bags and .msg files, parsed one by one: one that cannot be parsed
-concerns its own topics alone.
-"""
+"""Message definitions from bags and .msg files, each parsed by itself: one that fails affects its own
+topics only."""
 
 from __future__ import annotations
 
@@ -71,7 +70,7 @@ class Definitions:
 
 
 def _inner(kind: Any) -> str:
-    """The type that a field is of, or an array of it; '' for a number or text."""
+    """The element type of a field; '' for a number or text."""
     node, detail = kind
     if node.name in ("ARRAY", "SEQUENCE"):
         node, detail = detail[0]

@@ -1,7 +1,7 @@
-"""What the fields of known message types are: channel, unit, and whether they were measured or commanded.
+"""Data: the fields of known message types with channel, unit, and whether they were measured or commanded.
 
-Data alone. Units are those of the message definitions; None stands where a definition states none. A field of
-a type listed here that has no entry is none of our channels.
+Units are those of the message definitions; None stands where a definition states none. A field of a type
+listed here that has no entry is none of our channels.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What recordings lack that a truck's motion depends on, what that hides, and the signal to record."""
+"""Inputs of the truck's motion that recordings lack, what that hides, and the signal to record."""
 
 from __future__ import annotations
 

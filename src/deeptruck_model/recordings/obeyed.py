@@ -1,7 +1,7 @@
-"""Drops commands given while control was not engaged, and puts the driver's demand there.
+"""Removes commands given while control was not engaged, and puts the driver's demand in their place.
 
-The bridge says on /truck/engaged whether it passes commands on, and each command carries that bit as the
-controller knew it. In a run with --no-load, which /diagnostics says, nothing was passed on at all.
+The bridge reports on /truck/engaged whether it passes commands on, and each command carries that bit as the
+controller knew it. In a run with --no-load, which /diagnostics reports, no command was passed on.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def no_load(bag: BagSource) -> bool:
 
 
 class Obedience:
-    """Takes the samples of commands that were not obeyed out, and puts the driver's demand in their place."""
+    """Removes samples of commands that were not obeyed, and puts the driver's demand in their place."""
 
     def __init__(self, sources: Mapping[str, Source], account: Account, *, no_load: bool) -> None:
         self.known = False  # whether it was recorded which commands were obeyed

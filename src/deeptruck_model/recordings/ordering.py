@@ -1,4 +1,4 @@
-"""Samples of one topic in the order of their stamps, whatever order the bag holds them in."""
+"""Sorts the samples of one topic by their stamps."""
 
 from __future__ import annotations
 
@@ -69,5 +69,5 @@ class Queue:
         return Part(stamps[now], [c[now] for c in columns], doubled)
 
     def notes(self) -> list[str]:
-        """What had to be corrected."""
+        """Corrections that were made."""
         return [f"{self._swapped} messages on {self.topic} put back in order"] if self._swapped else []

@@ -1,4 +1,4 @@
-"""Which samples of a channel no truck can have produced, when that is a matter of its unit, and reversing."""
+"""Samples that are out of range for any truck, because of their unit or a fault, and reversing."""
 
 from __future__ import annotations
 
@@ -34,8 +34,7 @@ _OTHER_UNITS: dict[tuple[str, str], tuple[float, dict[str, float]]] = {
 
 
 class Range:
-    """Sets a channel's out-of-range samples aside, part by part, and remembers what says that its unit is
-    wrong."""
+    """Sets a channel's out-of-range samples aside, part by part, and collects evidence for a wrong unit."""
 
     def __init__(self, channel: str, tally: Tally, unit: str = "") -> None:
         self.channel, self.tally, self.unit = channel, tally, unit

@@ -221,7 +221,7 @@ class Resampler:
         return account
 
     def _nothing(self) -> str:
-        """Why there is no recording."""
+        """The reason why there is no recording."""
         nothing = f"'{self.name}' has no two speed samples in a row: nothing to make a recording of"
         speed = self._tallies.get("speed", Tally())
         reasons = [
@@ -325,7 +325,7 @@ def derive_acceleration(speed: Array, dt: float) -> Array:
 
 
 def _without_long_nan(series: Series, gap: float) -> Series:
-    """The series without runs of NaN longer than a gap: not measuring for that long is a gap too."""
+    """The series without runs of NaN longer than a gap, which count as gaps."""
     valid = np.flatnonzero(~np.isnan(series.values))
     if len(valid) in (0, len(series.time)):
         return series.between(np.inf, np.inf) if not len(valid) else series

@@ -141,7 +141,7 @@ def _numbers(table: TextTable, name: str, unit: str, stated: str, place: int) ->
 
 
 def _unlikely(seconds: Array, speeds: Sequence[Array]) -> float:
-    """How far rates of change of speeds are from a vehicle's; a unit of time differs by 60 or more."""
+    """Distance of the speeds' rates of change from those of a vehicle; units of time differ by 60 or more."""
     worst = 0.0
     for speed in speeds:
         filled = np.isfinite(seconds) & np.isfinite(speed)

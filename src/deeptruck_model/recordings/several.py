@@ -1,4 +1,4 @@
-"""Several bags together: read by one topic map, no two drives by the same name."""
+"""Several bags read by one topic map, with distinct names for their drives."""
 
 from __future__ import annotations
 
