@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.law import Law, Perception, Seen
 from deeptruck_cacc.controllers.mpc import mpc
 from deeptruck_cacc.controllers.pedals import PedalMap
@@ -47,20 +48,28 @@ def pi(seen: Seen) -> Array:
     return 0.12 * error + 0.5 * speed_error + 0.02 * seen.integral + 0.7 * seen.leader_acceleration
 
 
+CREEP = 1.0  # m/s, by which any law may close in
+CLOSING_S = 1.0  # s, time constant towards the speed allowed
+LEAST_TIME_GAP_S = 0.5  # at standstill no time gap is one
+
 LAWS: dict[str, Law] = {"acc": acc, "cacc": cacc, "idm": idm, "pi": pi, "mpc": mpc}
 
 
 @dataclass
 class Baseline:
-    """A law of following over a pedal map, with a slow correction of the acceleration it did not get."""
+    """A law of following over a pedal map, with a slow correction of the acceleration it did not get.
+
+    Far behind, no law closes in faster than it can slow down again by `approach`, whatever the engine can do.
+    """
 
     law: Law
     pedals: PedalMap
     interface: TruckInterface
     dt: float = 0.1
     comfort: tuple[float, float] = (-3.5, 1.5)  # m/s^2; the shield, not the law, brakes harder
+    approach: float = 0.3  # m/s^2
     correction_per_s: float = 0.3
-    _past: tuple[Array, Array] | None = field(default=None, repr=False)
+    _past: tuple[Array, Array, Array] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self._perceive = Perception(self.dt)
@@ -74,16 +83,27 @@ class Baseline:
         """(engine_command, brake_command) in the interface's units, each (batch,)."""
         seen, grade = self._perceive(observation)
         if self._past is None or len(self._past[0]) != len(grade):
-            self._past = np.zeros(len(grade)), np.zeros(len(grade))
-        correction, wanted = self._past
-        # The acceleration requested one slow constant ago is what the slow ego rate should show now.
+            self._past = np.zeros(len(grade)), np.zeros(len(grade)), np.zeros(len(grade))
+        correction, wanted, at_end = self._past
+        # The acceleration requested one slow constant ago is what the slow ego rate should show now. What a
+        # pedal at its end (1: engine, -1: brake) does not give is no error of the map.
         off = wanted - seen.acceleration
+        off = np.where(off * at_end > 0, 0.0, off)
         correction = np.clip(correction + self.correction_per_s * self.dt * off, -1.0, 1.0)
-        now = np.clip(self.law(seen), *self.comfort)
+        now = np.clip(np.minimum(self.law(seen), self._closing_in(seen)), *self.comfort)
         wanted = wanted + self.dt / self._perceive.slow_s * (now - wanted)
-        self._past = correction, wanted
         engine, brake = self.pedals.commands(now + correction, seen.speed, grade)
+        scale = self.pedals.scale
+        at_end = np.where(engine >= scale.engine_high, 1.0, np.where(brake >= scale.brake_high, -1.0, 0.0))
+        self._past = correction, wanted, at_end
         return engine, brake if self.interface.brake_unit else np.zeros_like(brake)
+
+    def _closing_in(self, seen: Seen) -> Array:
+        """The most to accelerate by: towards the speed from which `approach` ends at the wanted gap."""
+        time_gap = np.maximum(seen.time_gap, LEAST_TIME_GAP_S)
+        far = np.maximum(seen.gap - time_gap * seen.leader_speed, 0.0)
+        above = np.maximum(approach(far, time_gap, self.approach)[0], CREEP)
+        return np.asarray((seen.leader_speed + above - seen.speed) / CLOSING_S)
 
 
 def baseline(

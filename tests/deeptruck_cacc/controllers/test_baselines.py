@@ -1,0 +1,31 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_cacc.controllers.baselines import LAWS, baseline
+from deeptruck_cacc.environments.hard_scenes import settled
+from deeptruck_cacc.environments.rollouts import roll_out
+from deeptruck_model import simulators
+
+
+@pytest.mark.parametrize("name", [name for name in LAWS if name != "mpc"])
+@pytest.mark.parametrize("truck", ["trucksim", "freightliner"])
+def test_a_leader_far_ahead_is_approached_without_braking_hard(truck: str, name: str) -> None:
+    """40 m behind its gap each closes in, overshoots by 4 m at most and slows down by 1 m/s^2 at most."""
+    simulator = simulators.load(f"truck:{truck}")
+    scene = replace(settled(1, 600, 18.0, 2.0), gap=np.array([76.0]))
+    trace = roll_out(simulator, baseline(name, simulator.interface), scene)
+    assert np.diff(trace["speed"][:, 0]).min() > -0.1
+    assert trace["gap"][-1, 0] < 45.0 and trace["gap"].min() > 32.0
+
+
+def test_what_an_engine_at_its_end_does_not_give_is_not_summed_up() -> None:
+    truck = simulators.load("truck:trucksim").interface
+    driver, far = baseline("acc", truck), {"leader_speed": 20.0, "gap": 90.0, "target_time_gap": 2.0}
+    for _ in range(100):  # full throttle, and the truck gains nothing: a climb that it cannot see
+        engine, _ = driver.act({**{n: np.array([x]) for n, x in far.items()}, "speed": np.array([20.0])})
+    assert engine[0] == driver.pedals.scale.engine_high
+    assert driver._past is not None and driver._past[0][0] < 0.3
