@@ -100,6 +100,11 @@ class Guard:
         return self._tracker.unseen_s
 
     @property
+    def contradicted_s(self) -> Array:
+        """For how long the radar's range and the speeds have contradicted each other, s (batch,)."""
+        return self._tracker.contradicted_s
+
+    @property
     def speed_is_silent(self) -> Flags:
         """Where the truck's own speed was not received for over a second."""
         return self._last_seen.silent

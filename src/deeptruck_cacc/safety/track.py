@@ -39,14 +39,15 @@ class Tracker:
     of lane). The track it replaces is believed again at once for as long as twice `farther_s`.
 
     After each call `radar` holds gap and leader speed as measured, NaN where not believed, and `unseen_s` for
-    how long no reading was believed, inf where none ever was; each (batch,).
+    how long no reading was believed, inf where none ever was, and `contradicted_s` for how long readings have
+    come whose range and speeds contradict each other; each (batch,).
     """
 
     dt: float
     nearer_s: float = 0.2
     farther_s: float = 2.5
     jump_m: float = 5.0  # farther from a track than this a reading is of another vehicle
-    jump_speed: float = 3.0  # m/s, likewise
+    jump_speed: float = 2.0  # m/s, likewise: 20 m/s^2 from one reading to the next
     same_m: float = 1.5  # likewise, of the second track, which must tell one story from its begin
     manoeuvre: float = 2.0  # m/s^2, by which a leader that is not seen may leave its track
     drift_m: float = 2.0
@@ -54,6 +55,7 @@ class Tracker:
     forget_s: float = 4.0  # after so long without a believed reading the next one begins a new track
     radar: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)))
     unseen_s: Array = field(default_factory=lambda: np.zeros(0))
+    contradicted_s: Array = field(default_factory=lambda: np.zeros(0))
     _tracks: tuple[Track, Track] | None = field(default=None, repr=False)
     _lost_s: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # without any reading
     _drifts: Flags = field(default_factory=lambda: np.zeros(0, bool), repr=False)
@@ -92,6 +94,8 @@ class Tracker:
         self._lost_s = np.where(fits | believed, 0.0, self._lost_s + np.where(received, 0.0, self.dt))
         self.unseen_s = np.where(believed, 0.0, self.unseen_s + self.dt)
         closing = self._drifts & received & (off < 0)
+        doubted = self.contradicted_s + np.where(received, self.dt, 0.0)
+        self.contradicted_s = np.where(self._drifts & ~closing, doubted, 0.0)
         slow = np.maximum(np.minimum(leader, first.speed) + off / self.drift_s, 0.0)
         radar = np.where(believed | closing, gap, np.nan), np.where(closing, slow, leader)
         self.radar = radar[0], np.where(believed | closing, radar[1], np.nan)
@@ -105,6 +109,7 @@ class Tracker:
             self._tracks = Track(nowhere, nowhere, nowhere), Track(nowhere, nowhere, np.zeros(len(speed)))
             self._lost_s, self._drifts = np.zeros(len(speed)), np.zeros(len(speed), bool)
             self.unseen_s = np.full(len(speed), np.inf)
+            self.contradicted_s = np.zeros(len(speed))
         first, second = (t._replace(gap=t.gap + (t.speed - speed) * self.dt) for t in self._tracks)
         return first, second
 
@@ -115,5 +120,7 @@ class Tracker:
         agrees = np.abs(reading.gap - second.gap) <= reach
         agrees &= np.abs(reading.speed - second.speed) <= self.jump_speed
         followed = Track(second.gap, reading.speed, second.credit_s + self.dt)
-        less = second._replace(credit_s=np.maximum(second.credit_s - self.dt, 0.0))
+        left = second.credit_s - self.dt
+        gone = left < -1e-9  # a ghost that comes back begins anew
+        less = Track(np.where(gone, np.nan, second.gap), second.speed, np.maximum(left, 0.0))
         return followed.where(elsewhere & agrees, reading.where(elsewhere, less.where(fits, second)))

@@ -62,6 +62,24 @@ def test_a_ghost_of_one_or_two_readings_is_never_believed_and_a_cut_in_from_the_
     assert rows[:, 2].tolist() == [0, 0, *[1] * 8] and rows[2:, 0] == pytest.approx(14.8 - 0.1 * np.arange(8))
 
 
+def test_a_ghost_that_comes_back_begins_anew() -> None:
+    ghost = (18.0, 20.0, 20.0)
+    rows = fed(settled(), ([ghost] * 2 + [STEADY] * 10) * 5)
+    assert (rows[:, 0] == 40.0).all()
+
+
+def test_a_range_that_contradicts_the_speeds_is_counted_unless_it_closes_in() -> None:
+    opening, closing = settled(), settled()
+    fed(opening, [(40.0, 20.0 - 0.2 * k, 20.0) for k in range(30)])  # as far as ever behind a braking leader
+    assert 1.0 < opening.contradicted_s[0] < 1.5
+    fed(opening, [LOST] * 5)
+    assert opening.contradicted_s[0] == pytest.approx(1.4, abs=0.2)  # nothing new was seen
+    fed(opening, [(opening._tracks[0].gap[0], opening._tracks[0].speed[0], 20.0)])  # type: ignore[index]
+    assert opening.contradicted_s[0] == 0.0
+    fed(closing, [(40.0 - 0.01 * k**2, 20.0, 20.0) for k in range(30)])
+    assert closing.contradicted_s[0] == 0.0
+
+
 def test_a_vehicle_that_was_behind_a_ghost_is_believed_again_at_once() -> None:
     tracker = settled()
     assert fed(tracker, [(15.0, 20.0, 20.0)] * 10)[-1, 0] == 15.0

@@ -12,6 +12,7 @@ from deeptruck_cacc.safety.guard import Guard
 from deeptruck_nodes.observation import SECOND, Observation
 
 EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
+CONTRADICTED_S = 1.0  # for which a radar may contradict itself, or the truck's speed
 FULL = 0.95  # of the highest brake command: full braking
 
 
@@ -32,7 +33,7 @@ class Following:
     """A guarded policy that acts every `dt` of stamps; in between its command is held.
 
     The command is NaN, which nobody obeys, where there is nothing to follow: the radar has lost the leader
-    for `lose_lead_after_s`, or the truck's own speed is silent.
+    for `lose_lead_after_s` or contradicts the speeds for a second, or the truck's own speed is silent.
     """
 
     def __init__(self, guard: Guard, target_time_gap: float, lose_lead_after_s: float) -> None:
@@ -79,6 +80,7 @@ class Following:
         led = self.leads
         self.leads = bool(self._guard.unseen_s[0] <= self._lose_after_s + 1e-6)
         self.leads &= not self._guard.speed_is_silent[0]
+        self.leads &= bool(self._guard.contradicted_s[0] <= CONTRADICTED_S)
         acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
         if not self.leads:
             self._guard.reset()
