@@ -100,7 +100,7 @@ def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool
             engine, brake = shield.filter(*seen, *wished)
             acted += shield.acted
             left = gap - leader.worst_lag_m - p.needed_gap(speed, leader.worst_speed, may_be_hot, p.dt)
-            beyond = brake > np.maximum(wished[1], p.mild_braking / p.strongest_braking) + 1e-9
+            beyond = brake > np.maximum(wished[1], p.mild_brake) + 1e-9
             earliest = np.where(beyond, np.maximum(earliest, left), earliest)
         before = speed
         speed, since, heat = _worst_truck(p, speed, since, heat, engine, brake)
@@ -190,14 +190,18 @@ def _outcome(parts: Iterable[Margins]) -> Outcome:
 
 
 def hardest_braking_when_lost(promise: Promise, speed: Array, time_gap: float, seconds: float) -> Array:
-    """Hardest braking (m/s^2, (batch,)) by the brake while a leader of the truck's speed (batch,) is not seen
-    for `seconds`; the policy keeps the speed and the truck does what the shield asks for."""
+    """Hardest braking (m/s^2, (batch,)) while a leader of the truck's speed (batch,) is lost for `seconds`.
+
+    The policy keeps the speed; the truck slows down in proportion to the brake command, by `mild_braking` at
+    `mild_brake`.
+    """
     p, shield = promise, Shield(promise, 0.0, 1.0)
+    per_brake = p.mild_braking / p.mild_brake
     own, gap, hardest = speed.copy(), time_gap * speed, np.zeros(len(speed))
     for k in range(-20, round(seconds / p.dt) + 1):
         seen = np.full(len(speed), 1.0 if k <= 0 else np.nan)
         _, brake = shield.filter(seen * gap, seen * speed, own, np.full(len(own), 0.5), np.zeros(len(own)))
-        hardest = np.maximum(hardest, brake * p.strongest_braking)
-        before, own = own, np.maximum(own - p.dt * brake * p.strongest_braking, 0.0)
+        hardest = np.maximum(hardest, brake * per_brake)
+        before, own = own, np.maximum(own - p.dt * brake * per_brake, 0.0)
         gap = gap + p.dt * (speed - before)
     return hardest

@@ -46,7 +46,8 @@ class Promise:
     ease_m: float = (
         10.0  # m before the limit where, behind a leader that is not seen, `mild_braking` comes in
     )
-    mild_braking: float = 0.6  # m/s^2 by the brake, at most; the engine's drag comes on top
+    mild_braking: float = 0.6  # m/s^2, as which the truck then slows down on the level
+    mild_brake: float = 0.08  # share of the brake command by which it does
     bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,
     bridged_time_gap: float = 2.8  # s, from this time gap on (5 to 29 m/s)
 
@@ -122,7 +123,7 @@ class Shield:
         missing = ~(np.isfinite(engine) & np.isfinite(brake))
         limit = np.clip(1.0 - slack / p.soft_m, 0.0, 1.0) ** 2 * self.brake_high
         limit = np.where(slack < 0, self.brake_high, limit)
-        mild = p.mild_braking / p.strongest_braking * self.brake_high
+        mild = p.mild_brake * self.brake_high
         asked = np.where(missing, mild, brake)  # no command: slow down gently
         easing = (seen.unseen_s > 0) & (slack < p.ease_m)
         limit = np.maximum(limit, np.where(easing, np.minimum(2.0 - 2.0 * slack / p.ease_m, 1.0) * mild, 0.0))

@@ -23,7 +23,8 @@ PREPARE_S, STOP_S = 4.0, 14.0
 def measure(
     simulator: Simulator, *, worst_grade: float = -0.03, reserve: float = 0.05, base: Promise | None = None
 ) -> Promise:
-    """`base` with braking, response_s and the accelerations of this truck, each worse by the share `reserve`.
+    """`base` with braking, response_s and the accelerations of this truck, each worse by the share `reserve`,
+    and the brake command that slows it down by `mild_braking`.
 
     Full braking from 4..30 m/s on the steepest descent meant, out of 0..4 s of idle, half and full engine,
     so that boost, gear and shifts differ. Raises InputError for a truck that has no brake or does not brake.
@@ -39,6 +40,7 @@ def measure(
         max_acceleration=float(rate.max()) * (1 + reserve),
         power_per_mass=float((rate * speed[1:]).max()) * (1 + reserve),
     )
+    bounds = replace(bounds, mild_brake=_mild_brake(simulator, bounds.mild_braking))
     most = bounds.acceleration_at(start)
     time = (np.arange(len(speed))[:, None] - begin) * dt
     moving = (speed > 0.2) & (time > 0)
@@ -69,6 +71,25 @@ def bridged_time_gap(promise: Promise) -> float:
         if (hardest <= promise.mild_braking + 1e-9).all():
             return tenths / 10
     raise InputError("behind a leader that vanishes the truck brakes hard at every time gap")
+
+
+def _mild_brake(simulator: Simulator, deceleration: float) -> float:
+    """Share of the brake command that slows the truck down by `deceleration` (m/s^2) at the most, on the
+    level, its engine low, at 8..28 m/s; the mean of 2 s after a second."""
+    scale, dt = ActionScale.of(simulator), simulator.dt
+    speeds, shares = np.arange(8.0, 29.0, 4.0), np.linspace(0.0, 0.5, 26)
+    v, share = (x.ravel() for x in np.meshgrid(speeds, shares))
+    y0 = np.zeros((len(v), len(simulator.interface.y)))
+    y0[:, SPEED] = v
+    state, w = simulator.reset(y0), np.zeros((len(v), len(simulator.interface.w)))
+    u = np.column_stack([np.full(len(v), scale.engine_low), share * scale.brake_high])
+    trace = []
+    for _ in range(round(3.0 / dt)):
+        state, y = simulator.step(state, u, w)
+        trace.append(y[:, SPEED])
+    slowing = (trace[round(1.0 / dt) - 1] - trace[-1]) / 2.0
+    hardest = np.maximum.accumulate(slowing.reshape(len(shares), len(speeds)).max(axis=1))
+    return float(np.interp(deceleration, hardest, shares))
 
 
 def _gap(promise: Promise) -> float:

@@ -64,7 +64,7 @@ def test_a_speedometer_that_stays_silent_is_no_reason_to_drive_on() -> None:
     silent = np.array([commands(driver, speed=np.nan) for _ in range(20)])
     np.testing.assert_allclose(silent[:9], [commands(undisturbed) for _ in range(9)])
     assert driver.shield is not None
-    mild = 100.0 * driver.shield.promise.mild_braking / driver.shield.promise.strongest_braking
+    mild = 100.0 * driver.shield.promise.mild_brake
     np.testing.assert_allclose(silent[12:], np.tile([0.0, mild], (8, 1)))
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments import hard_scenes, scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.safety import proof, truck_limits
@@ -311,6 +312,21 @@ def test_measured_limits_hold_on_the_truck_and_are_plausible(truck):
     assert 3.5 < promise.braking < 7.0 and 0.1 <= promise.response_s <= 1.0
     weak = truck_limits.measure(truck.with_parameters({"brake_gain": 0.5}))
     assert weak.braking < 0.6 * promise.braking
+
+
+@pytest.mark.parametrize("name", ["trucksim", "freightliner", "volvo"])
+def test_the_mild_brake_slows_the_truck_down_by_mild_braking(name):
+    truck = simulators.load(f"truck:{name}")
+    promise = truck_limits.known(truck.interface)
+    scale, speed = ActionScale.of(truck), np.arange(10.0, 29.0, 3.0)
+    state = truck.reset(np.column_stack([0.0 * speed, speed, 0.0 * speed]))
+    u = np.tile([scale.engine_low, promise.mild_brake * scale.brake_high], (len(speed), 1))
+    rates = []
+    for _ in range(30):
+        state, y = truck.step(state, u, np.zeros((len(speed), len(truck.interface.w))))
+        rates.append(y[:, 0])
+    slowing = -np.mean(rates[10:], axis=0)
+    assert (slowing > 0.4).all() and (slowing < promise.mild_braking + 0.05).all()
 
 
 def test_no_crash_behind_a_full_stop_whatever_the_policy(truck):
