@@ -1,0 +1,122 @@
+"""A radar that loses a steady leader: how hard each controller brakes each truck, where nothing happens.
+
+python benchmarks/bench_dropouts.py [--policies baseline:acc baseline:cacc ...] [--trucks trucksim ...]
+
+Truck, leader, radar and the controller's core in one process, as the nodes of a lock-step run: 900 s with the
+start script's defaults (seed 3), 200 s with drop-outs of 6 s on average (0.03 a second), and a leader that
+pulls away at 0.2 m/s^2 from 18 to 28 m/s until it is out of the radar's reach of 45 m. `{truck}` in a policy
+is the truck's name. Where the controller hands back the truck coasts.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import harness
+import numpy as np
+
+from deeptruck_cacc.safety.guard import load_controller
+from deeptruck_model import simulators
+from deeptruck_nodes import leaders
+from deeptruck_nodes.following import Following
+from deeptruck_nodes.observation import SECOND, Alignment
+from deeptruck_nodes.plant import Plant
+from deeptruck_nodes.radar import Gap, Radar, RadarErrors
+from deeptruck_nodes.roads import parse as parse_road
+
+POLICIES = ["baseline:acc", "baseline:cacc", "baseline:idm", "baseline:pi", "baseline:mpc",
+            "planner:truck:{truck}"]  # fmt: skip
+TRUCKS = ["trucksim", "freightliner", "volvo"]
+FREE = -1.0  # m/s^2, the hardest braking on a free road
+SETTLED_S = 20.0
+NOISY = RadarErrors(range_noise=0.1, speed_noise=0.05, dropout_rate=0.05)
+
+
+class Scene(NamedTuple):
+    """One run of the table."""
+
+    leader: str
+    radar: RadarErrors
+    seconds: float
+    initial_speed: float = 20.0
+    seed: int = 0
+
+
+SCENES = {
+    "defaults": Scene("constant:speed=20", NOISY, 900.0, seed=3),
+    "6 s drop-outs": Scene("constant:speed=20", RadarErrors(dropout_rate=0.03, dropout_s=6.0), 200.0, seed=3),
+    "pulls away": Scene(
+        "steps:speeds=18/28,every=5,acceleration=0.2", RadarErrors(reach=45.0), 60.0, initial_speed=18.0
+    ),
+}
+
+
+class Drive(NamedTuple):
+    """What came of a run: hardest acceleration after it has settled, steps beyond `FREE`, smallest gap, and
+    what the controller counted."""
+
+    hardest: float
+    beyond: int
+    least_gap: float
+    counts: dict[str, int]
+
+
+def drive(truck: str, policy: str, scene: Scene) -> Drive:
+    """One run in lock-step."""
+    simulator = simulators.load(f"truck:{truck}")
+    plant = Plant(simulator, parse_road("flat"), scene.initial_speed)
+    following = Following(load_controller(policy, simulator.interface), 2.0, 3.0)
+    leader = leaders.parse(scene.leader)
+    assert not isinstance(leader, leaders.Sumo)
+    ahead, radar, samples = Gap(leader, 0.0, 2.0), Radar(scene.radar, scene.seed), Alignment(True, False, 0.3)
+    rates, least = [], math.inf
+    for k in range(round(scene.seconds / plant.dt)):
+        t, stamp = k * plant.dt, round((1.0 + k * plant.dt) * SECOND)
+        ahead.update(t, plant.speed)
+        gap, speed = radar.sense(t, ahead.gap, ahead.leader_speed)
+        samples.put("speed", stamp, plant.speed)
+        samples.put("gap", stamp, gap if math.isfinite(gap) else math.nan)
+        seen = samples.put("leader_speed", stamp, speed)
+        assert seen is not None
+        command = following.take(seen)
+        plant.step(*(command if math.isfinite(sum(command)) else (0.0, 0.0)))
+        rates.append(plant.acceleration)
+        least = min(least, ahead.gap)
+    settled = np.array(rates[round(SETTLED_S / plant.dt) :] if scene.seconds > 100 else rates)
+    return Drive(float(settled.min()), int((settled < FREE).sum()), least, following.counts)
+
+
+def main() -> None:
+    """Print the table and write it to docs/results/dropouts.md."""
+    args = harness.options(__doc__, {"--policies": POLICIES, "--trucks": TRUCKS})
+    lines = [*harness.heading("A radar that loses its leader"), "", *SAYS.splitlines(), ""]
+    for name, scene in SCENES.items():
+        rows = []
+        for truck in args.trucks:
+            for policy in (text.format(truck=truck) for text in args.policies):
+                run = drive(truck, policy, scene)
+                counts = " | ".join(str(run.counts[key]) for key in COUNTED)
+                rows.append(
+                    f"{truck} | `{policy}` | {run.hardest:.2f} | {run.beyond * 0.1:.1f} | "
+                    f"{run.least_gap:.1f} | {counts}"
+                )
+                print(f"{name} | {rows[-1]}", flush=True)
+        heads = "truck | controller | hardest (m/s²) | beyond 1 m/s² (s) | smallest gap (m) | " + " | ".join(
+            COUNTED.values()
+        )
+        lines += [f"## {name}: `{scene.leader}`, {scene.seconds:g} s", "", *harness.table(heads, rows), ""]
+    (harness.RESULTS / "dropouts.md").write_text("\n".join(lines).rstrip() + "\n")
+
+
+COUNTED = {
+    "drop_outs": "drop-outs",
+    "shield_interventions": "shield acted",
+    "full_brakings": "braked fully",
+}
+SAYS = """The leader keeps its speed or pulls away: no braking has a cause. Beyond 1 m/s² is what the
+next driver notices. The first 20 s of the two long runs, in which the controller settles, do not count."""
+
+
+if __name__ == "__main__":
+    main()
