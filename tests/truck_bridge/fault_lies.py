@@ -6,6 +6,7 @@ A lie is a line: kind, signals of the vehicle's table (or `all`), size. It is to
 from __future__ import annotations
 
 import math
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -26,6 +27,9 @@ KINDS = {  # size: what it means
     "beyond": "nothing: the greatest number that the field holds",
     "second": "source address of a second sender that tells half of the value beside the true frame",
     "double": "nothing: the same address sends twice, every second frame with half of the value",
+    "again": "nothing: every frame comes twice",
+    "seldom": "one frame in so many comes",
+    "late": "s that each frame is late",
     "silent": "nothing: the message does not come",
 }
 
@@ -40,6 +44,8 @@ class Lie:
     size: float = math.nan
     _since: float = math.nan
     _kept: dict[int, bytes] = field(default_factory=dict)
+    _late: dict[int, deque[tuple[float, bytes]]] = field(default_factory=lambda: defaultdict(deque))
+    _count: Counter[int] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         assert self.kind in KINDS
@@ -68,6 +74,17 @@ class Lie:
             return
         if self.kind == "freeze":
             yield can_id, kept
+        elif self.kind == "again":
+            yield from ((can_id, data), (can_id, data))
+        elif self.kind == "seldom":
+            self._count[heard.key] += 1
+            if self._count[heard.key] % self.size == 1:
+                yield can_id, data
+        elif self.kind == "late":
+            late = self._late[heard.key]
+            late.append((now, data))
+            while late and now - late[0][0] >= self.size - 1e-9:
+                yield can_id, late.popleft()[1]
         elif self.kind in ("second", "double"):
             yield can_id, data
             other = can_id & ~0xFF | int(self.size) if self.kind == "second" else can_id
@@ -106,6 +123,69 @@ class Lie:
             case "second" | "double":
                 value *= 0.5
         return min(max(round((value - f.offset) / f.scale), 0), f.last)
+
+
+RADAR_KINDS = {  # of gap, m, and the leader's speed, m/s; as above, and
+    "absent": "s for which it is NaN",
+    "beyond": "nothing: 250 m, 130 m/s",
+    "error": "nothing: -1",
+    "other": "every second reading is of another object, at this share of the value",
+    "ghost": "s for which one object at half the distance is seen, once in 3 s",
+    "old": "s that stamps are old",
+}
+
+
+@dataclass
+class RadarLie:
+    """What becomes of a radar's readings."""
+
+    kind: str
+    signals: tuple[str, ...]
+    size: float = math.nan
+    _kept: tuple[float, float] | None = None
+    _past: list[tuple[float, float]] = field(default_factory=list)
+
+    def readings(self, elapsed: float, gap: float, speed: float) -> list[tuple[float, float, float]]:
+        """Gap, speed and age of the stamp of what arrives in place of a reading, `elapsed` s after the
+        first."""
+        true = (gap, speed)
+        self._kept = self._kept or true
+        self._past.append(true)
+        count = len(self._past)
+        if self.kind == "silent" or (self.kind == "seldom" and count % self.size != 1):
+            return []
+        told = tuple(
+            self._bent(n, elapsed) if name in self.signals else true[n]
+            for n, name in enumerate(("gap", "leader_speed"))
+        )
+        age = self.size if self.kind == "old" else 0.0
+        return [(told[0], told[1], age)] * (2 if self.kind == "again" else 1)
+
+    def _bent(self, n: int, elapsed: float) -> float:
+        assert self._kept is not None
+        count, value = len(self._past), self._past[-1][n]
+        match self.kind:
+            case "hold":
+                return self._kept[n]
+            case "value":
+                return self.size
+            case "error":
+                return -1.0
+            case "beyond":
+                return (250.0, 130.0)[n]
+            case "absent":
+                return math.nan if elapsed <= self.size - 0.05 else value
+            case "scale":
+                return value * self.size
+            case "drift":
+                return value + self.size * elapsed
+            case "late":
+                return self._past[max(count - 1 - round(10 * self.size), 0)][n]
+            case "other":
+                return value * self.size if count % 2 else value
+            case "ghost":
+                return value * (0.5, 1.0)[n] if elapsed % 3.0 < self.size - 0.05 else value
+        return value
 
 
 def of_line(vehicle: Vehicle, words: list[str]) -> Lie:

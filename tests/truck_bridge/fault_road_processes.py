@@ -1,4 +1,4 @@
-"""The scenes of `fault_bus.py` on processes in real time; this process is the witness, and forges demands."""
+"""The scenes of `fault_road.py` on processes in real time; this process hears them, and forges demands."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import math
 import time
 
 import numpy as np
-from fault_bus import FORGED, LIES, NO_SIZE, Verdict, must_end, scenes, senders
+from fault_road import Verdict
 from fault_scene import Scene, limits_kept, scene
+from fault_table import SCENES, forger, must_end, possible, senders
 
 from truck_bridge import vehicles
 
@@ -20,31 +21,40 @@ def play_processes(seed: int) -> Verdict:
     rng = np.random.default_rng(seed)
     name = vehicles.NAMES[seed % len(vehicles.NAMES)]
     vehicle = vehicles.load(name)
-    drawn = [one for one in scenes(vehicle) if must_end(one, vehicle) or one == "nothing"]
-    what = str(rng.choice(drawn))
-    kind, signals, sizes = LIES.get(what, ("", (), NO_SIZE))
-    known = [size for size in sizes if kind != "second" or size not in senders(vehicle, signals)]
-    size = float(rng.choice(known))
+    drawn = [one for one in possible(vehicle) if SCENES[one].machine != "radar"]
+    ends = [
+        (one, size)
+        for one in drawn
+        for size in set(SCENES[one].sizes) - (senders(vehicle, SCENES[one].signals))
+        if must_end(one, size, vehicle) or one == "nothing"
+    ]
+    what, size = ends[int(rng.integers(len(ends)))]
+    machine, kind, signals, _ = SCENES[what]
     with scene(name) as stage:
         if not stage.engaged(START_S):
-            return Verdict(what, name, math.nan, math.nan, math.nan, math.nan, ("did not engage",))
+            return _verdict(what, size, name, math.nan, ["did not engage"])
         stage.listen(1.0)
         since = time.monotonic()
-        if kind:
+        if machine == "bus":
             stage.tell(f"lie {kind} {','.join(signals)} {size}")
         _listen(stage, what, since)
         ended = _ended(stage, since)
         broken = limits_kept(stage)
     if what == "nothing" and not math.isnan(ended):
         broken.append("control ended for nothing")
-    if must_end(what, vehicle) and math.isnan(ended):
+    if what != "nothing" and math.isnan(ended):
         broken.append("control was kept")
-    return Verdict(what, vehicle.name, ended, math.nan, math.nan, math.nan, tuple(broken))
+    return _verdict(what, size, name, ended, broken)
+
+
+def _verdict(what: str, size: float, name: str, ended: float, broken: list[str]) -> Verdict:
+    """Without what only the road shows."""
+    return Verdict(what, size, name, "", ended, math.nan, math.nan, math.nan, tuple(broken))
 
 
 def _listen(stage: Scene, what: str, since: float) -> None:
     """Hear for a while; send what is forged meanwhile."""
-    forged = FORGED.get(what)
+    forged = forger(SCENES[what]) if SCENES[what].machine == "forger" else None
     while time.monotonic() < since + LISTEN_S and math.isnan(_ended(stage, since)):
         if forged is None:
             stage.listen(0.2)

@@ -1,0 +1,44 @@
+"""The table of scenes is whole, and the judge of the road sees what it is to see."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from deeptruck_cacc.safety.track import Tracker
+from truck_bridge import vehicles
+
+sys.path.insert(0, str(Path(__file__).parent))  # the runs are scripts, and stand beside each other
+import fault_road
+from fault_table import BUS, SCENES, possible
+
+
+@pytest.mark.parametrize("name", vehicles.NAMES)
+def test_every_signal_of_every_vehicle_is_in_the_table(name):
+    vehicle = vehicles.load(name)
+    assert {signal.name for heard in vehicle.table.heard for signal in heard.signals} <= set(BUS)
+    assert len(possible(vehicle)) > 200
+
+
+@pytest.mark.parametrize(
+    "scene",
+    ["nothing", "speed drift", "engine_speed freeze", "radar gone", "radar late", "a stranger demands"],
+)
+def test_no_scene_breaks_what_must_hold(scene):
+    assert SCENES[scene]
+    assert fault_road.play(20, scene).broken == ()
+
+
+def test_the_judge_sees_a_truck_that_brakes_for_a_ghost(monkeypatch):
+    plain = Tracker.__init__
+    monkeypatch.setattr(Tracker, "__init__", lambda self, dt: plain(self, dt, nearer_s=0.0))
+    assert "braked without cause" in fault_road.play(20, "radar ghost").broken
+
+
+def test_the_judge_sees_a_bridge_that_believes_what_stands_still(monkeypatch):
+    from truck_bridge.safety import hearing
+
+    monkeypatch.setattr(hearing.Hearing, "stale", lambda self, now: [])
+    assert "control was kept" in fault_road.play(20, "speed silent").broken
