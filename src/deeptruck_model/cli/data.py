@@ -88,7 +88,7 @@ def suggest_map(
     ] = None,
     msg: MessageFiles = None,
 ) -> None:
-    """Say what a bag or table holds, and which of it may be which channel."""
+    """List the content of a bag or table, and propose a channel for each number that may be one."""
     from deeptruck_model.recordings import import_checks
 
     table = import_checks.is_table(source)
@@ -263,7 +263,7 @@ def show_coverage(
 
 
 def repair_bag(bag: Annotated[Path, typer.Argument(help="the folder of the unfinished bag")]) -> None:
-    """Mend one bag."""
+    """Repair one bag."""
     if not bag.exists():
         raise InputError(f"{bag} does not exist")
     from deeptruck_model.recordings import repair

@@ -37,7 +37,7 @@ class Mode(StrEnum):
 
 
 class Kind(StrEnum):
-    """What the decoder gives."""
+    """The kind of decoder."""
 
     black = "black"
     grey = "grey"
@@ -99,7 +99,7 @@ def train(
 def _train(
     recordings: list[Recording], out: Path, arguments: Arguments, *, resumes: bool, overwrite: bool
 ) -> None:
-    """Train, and say what is worth saying."""
+    """Train, and report."""
     from deeptruck_model.deep import finished
     from deeptruck_model.deep import train as train_truck
 
@@ -118,7 +118,7 @@ def _train(
 
 
 class Engine(StrEnum):
-    """Where a sweep trains."""
+    """Where the jobs of a sweep run."""
 
     processes = "processes"
     ray = "ray"

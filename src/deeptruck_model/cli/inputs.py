@@ -1,4 +1,4 @@
-"""What commands of the deep truck are given: bags, and a simulator directory."""
+"""Inputs of the deep truck's commands: bags, and a simulator directory."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ MessageFiles = Annotated[
 
 
 def present(*paths: Path, cure: str = "") -> None:
-    """Raises InputError for a path that is not there, before libraries are loaded that take seconds."""
+    """Raises InputError for a missing path, before libraries are loaded that take seconds."""
     for path in paths:
         if not path.exists():
             raise InputError(f"{path} does not exist{cure}")
@@ -65,7 +65,7 @@ def deep_truck(simulator: str) -> DeepTruck:
 
 
 def mapped(topic_map: Path | None) -> Mapped | None:
-    """What the topic map says, None without one. Raises InputError where it is missing or none."""
+    """The topic map, None without one. Raises InputError where the file is missing or no topic map."""
     if topic_map is None:
         return None
     from deeptruck_model.recordings.topic_map import facts

@@ -117,7 +117,7 @@ def mismatch(
 
 
 def _show(found: Mismatch, out: Path) -> None:
-    """The verdict, as the page begins."""
+    """Print the verdict's first sentences."""
     from deeptruck_model.mismatch import summary
 
     print(f"{found.result.kind}: see {out / 'report.html'}", *summary(found), sep="\n")
@@ -128,7 +128,7 @@ def _show(found: Mismatch, out: Path) -> None:
 
 
 def _serve(found: Mismatch, out: Path, again: Again) -> None:
-    """Until somebody ends the program."""
+    """Serve the page until the program is ended."""
     from deeptruck_model.mismatch.serving import served
 
     with served(found, out, again) as address:
@@ -154,7 +154,7 @@ def _spans(texts: list[str]) -> list[tuple[str, float, float]]:
 
 
 def _check_excluded(names: list[str]) -> None:
-    """Before hours of driving are read. Raises InputError for what is no effect."""
+    """Raises InputError for an unknown effect, before hours of driving are read."""
     if names:
         from deeptruck_model.mismatch.excluded import check_excluded
 

@@ -1,7 +1,5 @@
-"""What a correction does in free runs, as types: errors, and how certain it is that they fall.
-
-`FitResult.to_json` gives `fit` of verdict.json.
-"""
+"""Types for errors in free runs and the certainty of their improvement; `FitResult.to_json` is `fit` of
+verdict.json."""
 
 from __future__ import annotations
 

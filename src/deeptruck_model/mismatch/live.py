@@ -32,7 +32,7 @@ NOT_DETECTED = "nothing that matters is detected"
 
 
 def answer(question: Question) -> Answer:
-    """What a question is answered; never raises for what was heard."""
+    """Answer a question. Bad data become a refusal, not an exception."""
     begun = time.process_time()
     try:
         found, refused = _found(question), ""

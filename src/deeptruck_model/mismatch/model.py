@@ -107,7 +107,7 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
 
 
 def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
-    """The few candidate terms that together leave least of a force (n,), one taken after the other."""
+    """The few candidate terms that together leave the least of a force (n,), by greedy selection."""
     rows = search.rows
     widths = np.cumsum([0, *(t.columns.shape[1] for t in options)])
     X = np.concatenate([np.nan_to_num(t.columns[rows]) for t in options], axis=1)
@@ -129,7 +129,7 @@ def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -
 
 
 def _explained(gram: Array, pull: Array, at: NDArray[np.intp]) -> float:
-    """Squares that some columns explain, with a little ridge."""
+    """Sum of squares explained by some columns, with a small ridge."""
     H, c = gram[np.ix_(at, at)], pull[at]
     b = np.linalg.solve(H + np.eye(len(H)) * (1e-6 * np.trace(H) / len(H) + 1e-12), c)
     return float(2.0 * b @ c - b @ H @ b)
@@ -149,7 +149,7 @@ def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -
 
 @dataclass(frozen=True)
 class _Fold:
-    """A search on some of the fitted drives, and the rows (n,) of the others."""
+    """A regression on some of the fitted drives, and the rows (n,) of the others."""
 
     search: Regression
     left_out: Mask
@@ -181,7 +181,7 @@ def _left_out(folds: Sequence[_Fold], recipe: Recipe) -> float:
 
 
 def _acts(search: Regression, model: Model) -> Array:
-    """What a correction adds (n,): its terms and the parameters that are free, without sensors' lateness."""
+    """Acceleration (n,) that a correction adds: its terms and the free parameters, without nuisance terms."""
     X, _, layout = search.design(model)
     out = np.zeros(len(search.e))
     for name, part in layout:  # parameters too: all is linearised about others than those given
@@ -216,7 +216,7 @@ def _by_output_error(search: Regression, model: Model) -> Model:
 
 
 def _added_up(search: Regression, x: Array, counted: Mask) -> Array:
-    """Sums of x (n, k) over time, m/s, that begin anew every HORIZON_S; other rows add nothing."""
+    """Sums of x (n, k) over time, m/s, restarted every HORIZON_S; rows that do not count add nothing."""
     length = max(1, round(HORIZON_S / search.e.dt))
     x, out = np.where(counted[:, None], np.nan_to_num(x), 0.0), np.empty_like(x)
     for s in search.e.stretches:

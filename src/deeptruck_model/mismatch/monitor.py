@@ -48,7 +48,8 @@ class Sample:
 
 @dataclass(frozen=True)
 class Located:
-    """A stretch of time, s, in which the smoothed residual stood out, and its mean missing force (N)."""
+    """A segment of time, s, in which the smoothed residual was above its limit, and its mean missing force
+    (N)."""
 
     start: float
     end: float
@@ -89,13 +90,13 @@ class Monitor:
         self._standing_out: list[tuple[float, float]] = []
 
     def goes_on_with(self, simulator: Simulator) -> None:
-        """Compare with another simulator of the same truck from now on; its state is unknown for SETTLE_S."""
+        """Use another simulator of the same truck from now on; its state is unknown for SETTLE_S."""
         self._simulator = simulator
         self._forget()
 
     @property
     def alarm(self) -> Located | None:
-        """The stretch that stands out now and has done so for long enough."""
+        """The present segment above the limit, once it is long enough."""
         if not self._standing_out or self._standing_out[-1][0] - self._standing_out[0][0] < self._hold_s:
             return None
         return self._stretch()
@@ -134,7 +135,7 @@ class Monitor:
         self._forget()
 
     def _forget(self) -> None:
-        """Start anew after a hole in the data: the inner state is unknown for SETTLE_S."""
+        """Restart after a gap in the data: the inner state is unknown for SETTLE_S."""
         if len(self._standing_out) > 1 and self.alarm is not None:
             self.located.append(self._stretch())
         self._state, self._settled = None, math.inf
@@ -142,7 +143,7 @@ class Monitor:
         self._standing_out.clear()
 
     def _drain(self) -> list[Sample]:
-        """What still waits is taken with the newest command there is."""
+        """Complete the waiting steps with the newest command."""
         out = []
         while len(self._speeds) > 1:
             out.append(self._step())
@@ -177,7 +178,7 @@ class Monitor:
         return self._judge(end, residual, float(predicted[1:].std(ddof=1)))
 
     def _predict(self, u: Array, w: Array, acceleration: float, speed: float) -> Array:
-        """Simulated acceleration (1 + JITTER_RUNS,): with inputs as they are, and moved by their noise."""
+        """Simulated acceleration (1 + JITTER_RUNS,), with inputs as recorded and moved by their noise."""
         noise = self._noise()
         moved = np.tile(u, (JITTER_RUNS + 1, 1))
         moved[1:] += noise[1:] * self._rng.uniform(-0.5, 0.5, (JITTER_RUNS, len(u)))
@@ -189,7 +190,7 @@ class Monitor:
         return np.asarray(y[:, ACCELERATION])
 
     def _noise(self) -> Array:
-        """Of speed its noise, of each command its step; from the newest inputs, once there are enough."""
+        """The noise of speed and the step of each command, from the newest inputs once there are enough."""
         if len(self._inputs) < 30:
             return np.zeros(1 + len(self._simulator.interface.u))
         inputs = np.stack(self._inputs)
@@ -222,7 +223,7 @@ class Monitor:
         return Located(self._standing_out[0][0], self._standing_out[-1][0], mean)
 
     def _held(self, heard: deque[tuple[float, Array]], time: float) -> Array | None:
-        """What was in force at `time`: the newest value stamped no later."""
+        """The value in force at `time`: the newest one stamped no later."""
         while len(heard) > 1 and heard[1][0] <= time + 0.5 * self._dt:
             heard.popleft()
         if not heard or heard[0][0] > time + 0.5 * self._dt:

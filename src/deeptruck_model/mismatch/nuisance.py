@@ -72,7 +72,7 @@ def refitted(
 
 @dataclass(frozen=True)
 class _About:
-    """Linearises about other parameters of the simulator."""
+    """Linearises about changed parameters of the simulator."""
 
     simulator: Simulator
     drives: Drives
@@ -83,7 +83,7 @@ class _About:
     say: Callable[[str], None]
 
     def parameters_of(self, search: Regression, model: Model, least: float) -> Evidence | None:
-        """The evidence about the parameters of a model; None where none changes by more than `least`."""
+        """The evidence about the parameters of a model; None if no parameter changes by more than `least`."""
         own = self.simulator.parameters()
         change = {p: model.moved(p) for p in search.parameters if p in own}
         if all(abs(c) <= least for c in change.values()):

@@ -1,4 +1,4 @@
-"""What a run leaves behind: verdict.json, profiles.csv, report.html and the corrected simulator."""
+"""Files of a result: verdict.json, profiles.csv, report.html and the corrected simulator."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from deeptruck_model.results import FOUND
 
 
 def summary(mismatch: Mismatch) -> list[str]:
-    """What the terminal and the page begin with, as sentences."""
+    """The first sentences on the terminal and the page."""
     found = calls.instance(mismatch, Mismatch, "what is to be summed up", "find_mismatch returns one")
     return lines.lines(found.result)
 

@@ -25,9 +25,9 @@ class Question:
 
 @dataclass(frozen=True)
 class Names:
-    """What the last minutes speak for: the `nodes` of the tree with their probabilities, the sentence `says`,
-    the node that is `stated` (ROOT: none), and the budget's shares by part, with the speed error (m/s) over
-    the horizon (s) that they split. No nodes where nothing could be compared, as `says` says."""
+    """Answer about the last minutes: the `nodes` of the tree with their probabilities, the sentence
+    `says`, the node that is `stated` (ROOT: none), and the budget's shares by part, with the speed error
+    (m/s) over the horizon (s) that they split."""
 
     says: str
     stated: str = ROOT
@@ -39,8 +39,8 @@ class Names:
 
 @dataclass(frozen=True)
 class Own:
-    """A constant acceleration that the drive has of its own, m/s^2, its standard deviation, and the free runs
-    and seconds that it was estimated from."""
+    """A constant acceleration of this drive, m/s^2, its standard deviation, and the free runs and seconds
+    that it was estimated from."""
 
     constant: float
     sd: float
@@ -50,7 +50,7 @@ class Own:
 
 @dataclass(frozen=True)
 class Answer:
-    """What was found, or why the question is `refused`, and the processor time that it took, s."""
+    """The result, or why the question is `refused`, and the processor time used, s."""
 
     found: Names | Own | None
     refused: str = ""

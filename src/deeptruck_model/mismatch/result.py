@@ -1,4 +1,4 @@
-"""What was found, as types; `Verdict.to_json` gives verdict.json, schema 3, and nothing else does."""
+"""Types of the result. `Verdict.to_json` alone makes verdict.json, schema 3."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SCHEMA = 3
 
 
 class Conclusion(StrEnum):
-    """What it comes down to: the kind of the main finding, or why there is none."""
+    """The kind of the main finding, or why there is none."""
 
     PHYSICS = "missing_physics"
     PARAMETER = "parameter_error"
@@ -87,7 +87,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class Regime:
-    """A region of driving, everywhere without bounds, with its share of the error and of the time."""
+    """A region of driving, unlimited without bounds, with its share of the error and of the time."""
 
     bounds: tuple[Bound, ...]
     share_of_error: float
@@ -108,7 +108,7 @@ class Regime:
 
 
 class Kind(StrEnum):
-    """What a finding is."""
+    """The kind of a finding."""
 
     PHYSICS = "missing_physics"
     PARAMETER = "parameter_error"
@@ -116,7 +116,7 @@ class Kind(StrEnum):
 
 
 class Answer(StrEnum):
-    """To a question of `advice`."""
+    """Answer to a question of `advice`."""
 
     YES = "yes"
     NO = "no"

@@ -1,6 +1,6 @@
-"""The page of a result on this machine, on which rows can be left out and all compared again.
+"""Serve the page of a result on this machine, where rows can be left out and the comparison repeated.
 
-What is compared again goes into a temporary folder, which ends with the program; the result is not touched.
+Repeated comparisons go into a temporary folder, which is removed with the program; the result is not changed.
 """
 
 from __future__ import annotations

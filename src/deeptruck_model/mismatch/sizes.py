@@ -1,4 +1,4 @@
-"""The sizes of a finding: its parameters with their intervals, and the settings that were picked."""
+"""Sizes of a finding: fitted parameters with their intervals, and the selected constants."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the on
 
 
 def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
-    """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
+    """Selected constants as parameters without an interval; of two with one name, the first."""
     out: dict[str, Size] = {}
     for name, value, of in term.settings():
         if of in PER_MASS:
@@ -84,5 +84,5 @@ def bounded(part: Column, value: float, sd: float, unit: str, e: Evidence, turni
 
 
 def timing(part: Column, e: Evidence) -> float:
-    """Variance (s^2) of a time for not knowing where within a quarter of a row either way a command came."""
+    """Variance (s^2) of a time because the moment of a command within a quarter of a row is unknown."""
     return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0

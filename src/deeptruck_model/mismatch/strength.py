@@ -1,4 +1,4 @@
-"""How strong a force is where it acts."""
+"""Size of a force while it acts."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ STANDING_M_S = 0.1  # slower, a truck may stand: a force has no visible effect t
 
 
 def visible(e: Evidence) -> NDArray[np.bool_]:
-    """Rows (n,) that are compared while the truck moves."""
+    """Rows (n,) that are compared and in which the truck moves."""
     out: NDArray[np.bool_] = e.valid & (np.abs(e["speed"]) > STANDING_M_S)
     return out
 
 
 def acts(force: NDArray[np.float64], seen: NDArray[np.bool_], dt: float) -> NDArray[np.bool_]:
-    """Where a force (n,), m/s^2, acts among the rows that are `seen`, a period of `dt` s apart: where it is,
-    over a second, a third of nearly its largest, or more."""
+    """Where a force (n,), m/s^2, acts among the rows that are `seen`, a period of `dt` s apart: where its
+    1 s mean exceeds 35 % of its 99 % quantile, and sensor noise."""
     smooth = np.abs(uniform_filter1d(force, max(1, round(SMOOTH_S / dt))))
     if not seen.any() or smooth[seen].max() < 1e-6:
         return np.zeros(len(force), dtype=bool)

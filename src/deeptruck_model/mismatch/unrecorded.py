@@ -1,4 +1,5 @@
-"""What was not recorded or not obeyed: what that hides, in which rows, and behind which names."""
+"""Inputs that were not recorded or not obeyed: what that hides, in which rows, and which names it may
+explain."""
 
 from __future__ import annotations
 
@@ -69,7 +70,7 @@ def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tupl
 
 
 def contradicted_mass(recordings: Sequence[Recording], mass_kg: float, ci95_kg: Interval) -> Iterator[str]:
-    """That the mass which a recording states is outside the interval `ci95_kg` that the drives show, kg."""
+    """A recorded mass that is outside the interval `ci95_kg` of the drives, kg."""
     low, high = ci95_kg
     for r in recordings:
         if r.interface.mass_kg is not None and not low <= r.interface.mass_kg <= high:
@@ -81,7 +82,7 @@ def contradicted_mass(recordings: Sequence[Recording], mass_kg: float, ci95_kg: 
 
 
 def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> dict[str, str]:
-    """The missing input by the names that it may explain as well. A recorded engine speed gives the gear."""
+    """The missing input behind each name that it may explain. A recorded engine speed gives the gear."""
     known = {"gear"} if all(ENGINE_SPEED in r.channels for r in recordings) else set()
     return {n: m.input for m in missing if m.input not in known for n in BEHIND.get(m.input, ())}
 

@@ -26,9 +26,9 @@ from deeptruck_model.simulators import Simulator
 
 @dataclass(frozen=True)
 class Validated:
-    """The corrected simulator and the one with parameters refitted alone; the free runs of each simulator by
-    name; and what a learned simulator is off by in free runs on its own recordings, m/s (None where that is
-    not known)."""
+    """The corrected simulator and the one with parameters refitted alone; the free runs of each simulator
+    by name; and the error of a learned simulator in free runs on its own recordings, m/s (None where that
+    is not known)."""
 
     corrected: CorrectedTruck
     refitted: CorrectedTruck
@@ -80,7 +80,7 @@ def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous
 
 
 def _better(before: Errors, after: Errors) -> bool:
-    """Whether errors fall significantly, in root mean square and in mean absolute value."""
+    """Whether both the root-mean-square and the mean absolute error fall significantly."""
     return (
         len(before.speed) > 0
         and interval(before, after)[0] > 0.0
@@ -92,7 +92,7 @@ def _better(before: Errors, after: Errors) -> bool:
 def _without_exogenous(
     after: CorrectedTruck, held_out: list[Prepared], horizon_s: float
 ) -> WithoutExogenous | None:
-    """As whoever drives the corrected simulator has it, with what the protocol carries alone."""
+    """The corrected simulator with only the channels of the protocol, as others will drive it."""
     lacks = after.needs_beyond()
     if not lacks:
         return None

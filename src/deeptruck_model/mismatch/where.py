@@ -32,7 +32,7 @@ RATIO_STEP = 0.05  # relative; gears are farther apart
 
 
 def segments(e: Evidence, forces: Mapping[int, Array]) -> list[Segment]:
-    """Segments of drives in which each force (n,), given by the place of its finding, stands out while the
+    """Segments of drives in which each force (n,), given by the place of its finding, is large while the
     truck moves and is compared; most important first."""
     out: list[Segment] = []
     for i, force in forces.items():
@@ -135,7 +135,7 @@ def _features(e: Evidence) -> dict[str, Array]:
 def _bounds(
     tree: DecisionTreeRegressor, leaf: int, ranges: Mapping[str, float], units: Mapping[str, str]
 ) -> tuple[Bound, ...]:
-    """The path to a leaf, each signal once. `ranges` of the signals, in the tree's order."""
+    """The bounds on the path to a leaf, one for each signal. `ranges` of the signals, in the tree's order."""
     t, names = tree.tree_, list(ranges)
     bounds: dict[str, list[float]] = {}
     node = 0

@@ -38,13 +38,13 @@ class Window:
             kept.popleft()
 
     def copy(self) -> Window:
-        """As it is now: its columns take long, and may be made while more is heard."""
+        """A copy of the present content, whose columns can be made while more messages arrive."""
         other = copy(self)
         other._topics = {topic: kept.copy() for topic, kept in self._topics.items()}
         return other
 
     def heard(self) -> dict[str, Received]:
-        """All of it by topic, in columns."""
+        """All messages by topic, in columns."""
         out = {}
         for topic, kept in self._topics.items():
             stamps = np.array([stamp for stamp, _ in kept], np.int64)

@@ -1,4 +1,4 @@
-"""Nodes that remember: lags, times since events, changes, and what swings."""
+"""Nodes with memory: lags, times since events, differences, and oscillators."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _rising(x: Array, keep: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RisingLag(Expression):
-    """A follower that falls at once and rises with tau: boost, for one."""
+    """A first-order lag of rising values alone, as of boost: it falls at once."""
 
     inputs: tuple[Expression, ...]
     tau_s: float

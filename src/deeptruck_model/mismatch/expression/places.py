@@ -1,4 +1,4 @@
-"""Functions of one input, what holds in some recordings alone, and what only a simulator can run."""
+"""Functions of one input, factors of single recordings, and changes of the command path."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Stepped(Expression):
-    """A node that is computed step by step along recordings too, all of them side by side."""
+    """A node that is computed step by step along recordings too, all recordings side by side."""
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         longest = max(s.stop - s.start for s in e.stretches)

@@ -1,4 +1,4 @@
-"""What the terminal and the page begin with, as sentences of one verdict."""
+"""The first sentences of a verdict, for terminal and page."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Light(NamedTuple):
 
 
 def headline(v: Verdict) -> str:
-    """What is wrong, in which drives if not in all, how much of the error it is, and what to do."""
+    """What is wrong, in which drives, its share of the error, and what to do."""
     if not v.findings:
         besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides
@@ -71,7 +71,7 @@ def _what(f: Finding) -> str:
 
 
 def _next_step(v: Verdict) -> str:
-    """In a few words."""
+    """The next step in a few words."""
     if v.validated and v.fit is not None:
         return "apply the refitted parameters" if v.fit.offered == REFIT else "apply the correction"
     if any(f.kind is Kind.SENSOR for f in v.findings):
@@ -85,7 +85,7 @@ def _next_step(v: Verdict) -> str:
 
 
 def what(v: Verdict) -> Iterator[str]:
-    """What was compared, what is off, and by how much."""
+    """What was compared, and the error."""
     if v.compared:
         left_out = [f"{r.rule}, {percent(x)}" for r, x in shares_rejected(v) if x >= WORTH_SAYING]
         because = f" Left out: {'; '.join(left_out)}." if left_out else ""
@@ -110,7 +110,7 @@ def what(v: Verdict) -> Iterator[str]:
 
 
 def event(x: Event) -> str:
-    """Where one is, what it does to the speed, and its name."""
+    """An event: where it is, its change of speed, and its name."""
     change = f"{abs(x.speed_change):.2g} m/s {'gained' if x.speed_change > 0.0 else 'lost'}"
     name = f", {spoken(x.name)}" if x.name else ""
     return f"{x.recording}, {x.start_s:.0f} to {x.end_s:.0f} s: {change}{name}"
@@ -122,7 +122,7 @@ def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
 
 
 def refitted(v: Verdict) -> Iterator[str]:
-    """What each simulator is off by along the held-out drives, and every parameter refitted alone."""
+    """The error of each simulator along held-out drives, and each parameter that was refitted alone."""
     if v.fit is None or v.fit.errors is None:
         return
     e = v.fit.errors
@@ -155,7 +155,7 @@ def how_probable(v: Verdict) -> Iterator[str]:
 
 
 def candidates(tree: Sequence[Node]) -> str:
-    """The most probable families, none of which is stated."""
+    """The most probable families where none is stated."""
     top = [n for n in tree if n.parent == ROOT][:3]
     if len(top) == 1:
         return "No mechanism is in, and these data do not identify what the simulator is off by."
@@ -177,7 +177,8 @@ def cause(f: Finding) -> str:
 
 
 def not_recorded(v: Verdict) -> Iterator[str]:
-    """What was not recorded, what that hides, and the signal to record. The only place that names it."""
+    """Inputs that were not recorded, what that hides, and the signal to record; the only place that names
+    it."""
     for m in v.not_recorded:
         found = ""
         if m.share_of_time:
@@ -221,7 +222,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
 
 
 def _refitted(v: Verdict) -> str:
-    """What a correction changes beside the names, in a subordinate clause."""
+    """The parameters that a correction changes as well, in a subordinate clause."""
     changes = v.fit.refitted if v.fit is not None else {}
     large = [
         f"{PARAMETER_NAMES[n]} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= WORTH_SAYING

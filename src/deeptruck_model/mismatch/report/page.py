@@ -47,8 +47,8 @@ def html(found: Mismatch, command: str = "", *, served: bool = False) -> str:
 
 
 def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
-    """What became of a result, beside that of `before`, as plain data: sentences, shares of the budget and
-    speed errors."""
+    """A result compared with that `before`, as plain data: sentences, shares of the budget and speed
+    errors."""
     v = found.result
     says = (*lines.what(v), *lines.how_probable(v), *lines.refitted(v), *lines.what_to_do(v), errors_say(v))
     budgets = [m.result.budget for m in (before, found)]
@@ -160,7 +160,7 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def errors_say(v: Verdict) -> str:
-    """How far the held-out error falls, and whether that is validated; empty where nothing was driven."""
+    """The change of the held-out error, and whether it is validated; empty where nothing was driven."""
     if v.fit is None or v.fit.improvement is None:
         return ""
     if not v.fit.corrected:

@@ -48,49 +48,49 @@ BESIDE_MISSING = {
 
 
 def of_parameter(name: str, change: float) -> str:
-    """That a parameter of the simulator is wrong, and by how much."""
+    """A parameter of the simulator is wrong, and by how much."""
     side = "larger" if change > 0 else "smaller"
     return f"the {PARAMETER_NAMES[name]} is {abs(100 * change):.1f} % {side} than the simulator's"
 
 
 def not_recorded(inputs: Sequence[str]) -> str:
-    """That inputs are missing."""
+    """Inputs are missing."""
     return f"not recorded: {', '.join(map(spoken, inputs))}"
 
 
 def good(error: float, horizon_s: float) -> str:
-    """That the simulator drives as the truck."""
+    """The simulator drives as the truck."""
     return f"{off(error, horizon_s)}, and nothing that matters is left"
 
 
 def good_enough(error: float, horizon_s: float) -> str:
-    """That what is in does not matter for driving."""
+    """The effects found do not matter for driving."""
     return f"{off(error, horizon_s)}: what is missing hardly matters"
 
 
 def off_fitted(error: float) -> str:
-    """By how much the simulator is off along the drives that were fitted."""
+    """The error along the fitted drives."""
     return f"along the fitted drives it is off by {error:.2g} m/s"
 
 
 def without_faults(error: float, horizon_s: float) -> str:
-    """The same with sensors that are corrected."""
+    """The error with corrected sensors."""
     return f"with the sensor corrected {off(error, horizon_s)}"
 
 
 def off(error: float, horizon_s: float) -> str:
-    """By how much the simulator is off."""
+    """The error of the simulator."""
     return f"free runs of {horizon_s:.0f} s on held-out drives are off by {error:.2g} m/s"
 
 
 def better(before: float, after: float, *, refit: bool) -> str:
-    """What is offered improves."""
+    """The offered simulator improves."""
     by = " with parameters refitted alone" if refit else ""
     return f"the held-out speed error falls from {before:.2g} to {after:.2g} m/s{by}"
 
 
 def after_repair(better: str) -> str:
-    """What a correction is worth that was fitted with a sensor's fault corrected."""
+    """The benefit of a correction that was fitted with a corrected sensor."""
     return f"{better}, with the sensor corrected: repair it first"
 
 
@@ -113,7 +113,7 @@ ROOT = "mismatch"
 
 
 def spoken(name: str) -> str:
-    """A name, a family or a part of the budget as people read it."""
+    """A name, a family or a part of the budget in plain words."""
     if name.startswith("unrecorded:"):
         return f"unrecorded {name.partition(':')[2]}"
     return PARTS.get(name, name.replace("_", " "))
@@ -125,5 +125,5 @@ def percent(share: float) -> str:
 
 
 def opened(sentence: str) -> str:
-    """With a capital letter."""
+    """The text with a capital letter."""
     return sentence[:1].upper() + sentence[1:]
