@@ -305,10 +305,11 @@ def _engine_speed(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     """Both pedals at once, pedals that are swapped, and a pressure that no brake of a truck has."""
     has = [r for r in recordings if {"engine_command", "brake_command"} <= set(r.channels)]
-    engine, brake, gained = (
+    engine, brake = (
         np.concatenate([np.zeros(0), *(r.channels[name] for r in has)])
-        for name in ("engine_command", "brake_command", "acceleration")
+        for name in ("engine_command", "brake_command")
     )
+    gained = np.concatenate([np.zeros(0), *(_rising(r) for r in has)])
     known = np.isfinite(engine) & np.isfinite(brake) & np.isfinite(gained)
     engine, brake, gained = engine[known], brake[known], gained[known]
     if not len(engine) or engine.max() <= 0.0 or brake.max() <= 0.0:
@@ -339,6 +340,12 @@ def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
             f"the truck gains {gained[braked].mean():.2f} m/s² while brake_command is on, and "
             f"{gained[gas].mean():.2f} m/s² while engine_command is: are the two swapped?",
         )
+
+
+def _rising(r: Recording) -> Array:
+    """The derivative of speed, m/s^2: what a faulty accelerometer reads must not swap the pedals."""
+    speed = r.channels["speed"]
+    return np.gradient(speed, r.dt) if len(speed) > 1 else np.full(len(speed), np.nan)
 
 
 def _fastest(recordings: Sequence[Recording]) -> Iterator[Doubt]:

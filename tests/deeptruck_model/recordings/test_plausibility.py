@@ -90,6 +90,8 @@ def test_pedals_that_are_swapped_pressed_together_or_in_bar() -> None:
     gas, brake = np.clip(40 * a, 0, 90), np.clip(-40 * a, 0, 90)
     assert said(engine_command=gas, brake_command=brake) == []
     assert "are the two swapped?" in said(engine_command=brake, brake_command=gas)[0]
+    (turned,) = said(engine_command=gas, brake_command=brake, acceleration=-a)
+    assert "acceleration has the wrong sign" in turned
     assert "are both above half" in said(engine_command=gas, brake_command=gas)[0]
     bar = Recording("drive", 0.1, recording(engine_command=gas, brake_command=brake).channels,
                     TruckInterface("truck", "percent", "bar"))  # fmt: skip

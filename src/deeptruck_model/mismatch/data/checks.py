@@ -224,6 +224,15 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
         ]
         sign = SensorFault("acceleration_bias", -1.0, 0.0, "1", says)
         return [sign, *sensor_faults(turned, rules)]
+    if found is not None and abs(found.gravity) > plausibility.HAS_GRAVITY:
+        says = (
+            f"acceleration has gravity in it, {GRAVITY * found.gravity:.2f} m/s^2 times the slope of the "
+            f"road, and {found.offset:+.3f} m/s^2 whatever happens: a tilt of "
+            f"{plausibility.degrees_of_tilt(found.offset):.1f} degrees"
+        )
+        felt = SensorFault("acceleration_bias", found.offset, 0.0, "m/s^2", says)
+        level = [_level(r, found) for r in recordings]
+        return [felt, *(f for f in sensor_faults(level, rules) if f.effect != felt.effect)]
     seen = [compare(r.channels["speed"], r.channels["acceleration"], r.dt) for r in recordings]
     seen = [k for k in seen if np.isfinite(k.slope)]
     if not seen:
@@ -234,12 +243,6 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     faults = []
     if abs(offset) > rules.accelerometer_bias and abs(offset) > rules.sensor_sd * offset_se:
         says = f"the accelerometer is {offset:+.3f} m/s^2 off the derivative of speed whatever happens"
-        if found is not None and abs(found.gravity) > plausibility.HAS_GRAVITY:
-            tilt = plausibility.degrees_of_tilt(found.offset)
-            says = (
-                f"acceleration has gravity in it, {GRAVITY * found.gravity:.2f} m/s^2 times the slope of the "
-                f"road, and {offset:+.3f} m/s^2 whatever happens: a tilt of {tilt:.1f} degrees"
-            )
         faults.append(SensorFault("acceleration_bias", offset, offset_se, "m/s^2", says))
     if abs(slope - 1) > rules.speed_scale and abs(slope - 1) > rules.sensor_sd * slope_se:
         se, says = slope_se / slope**2, _scaled("speed", 1 / slope)
@@ -247,6 +250,13 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     if abs(lag) > rules.clock_offset_s and abs(lag) > rules.sensor_sd * lag_se:
         faults.append(SensorFault("clock_offset", lag, lag_se, "s", _late("acceleration", lag)))
     return faults
+
+
+def _level(r: Recording, found: plausibility.Accelerometer) -> Recording:
+    """The recording without the gravity that its accelerometer feels; NaN where no grade is known."""
+    grade = r.channels.get("grade", np.full(len(r), np.nan))
+    felt = found.offset + found.gravity * GRAVITY * np.sin(np.arctan(grade))
+    return replace(r, channels={**r.channels, "acceleration": r.channels["acceleration"] - felt})
 
 
 def _late(channel: str, lag_s: float) -> str:

@@ -196,7 +196,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield f"{opened(v.advice['data'].reason)}."
     for f in v.findings:
         if f.kind is Kind.SENSOR:
-            yield f"Remove the {spoken(f.effect)} at its sensor or clock, and record again."
+            yield f"Remove the {spoken(f.effect)} at its sensor or clock before you record more."
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
         elif "recording" in f.depends_on and not v.validated:

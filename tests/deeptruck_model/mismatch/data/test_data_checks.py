@@ -111,6 +111,20 @@ def test_each_fault_is_called_by_its_name_and_size(
     assert effect == "clock_offset" or set(found) == {effect}
 
 
+def test_an_accelerometer_that_feels_gravity_is_a_fault_and_not_a_late_one() -> None:
+    """In hills whose slope changes faster than the offset could be seen by itself."""
+    tilt = np.radians(2.0)
+
+    def tilted(r: Recording) -> Recording:
+        grade = 0.04 * np.sin(np.arange(N) * DT / 23.0)
+        felt = r.channels["acceleration"] * np.cos(tilt) + 9.80665 * np.sin(np.arctan(grade) + tilt)
+        return replace(r, channels={**r.channels, "grade": grade, "acceleration": felt})
+
+    (fault,) = checks.sensor_faults([tilted(drive(k)) for k in range(3)], Rules())
+    assert fault.effect == "acceleration_bias" and fault.value == pytest.approx(0.342, abs=0.01)
+    assert "has gravity in it, 9.8" in fault.says and "a tilt of 2.0 degrees" in fault.says
+
+
 def test_the_sensor_that_is_not_at_fault_fits_the_commands_better() -> None:
     (fault,) = checks.sensor_faults([drive(k, scale=1.06) for k in range(3)], Rules())
     other = fault.elsewhere()
