@@ -29,6 +29,7 @@ from deeptruck_model.mismatch.posterior.kernels import without as leaving_out
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.prepare import Span, prepared, with_rejection
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.forced import forgotten
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.mismatch.road import road
@@ -45,6 +46,12 @@ NO_VEHICLE = 0.01  # of the samples: more is no jolt
 IMPOSSIBLE = (
     "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
     "see 'deeptruck-model check-simulator'"
+)
+FORGOTTEN = 0.1  # of the acceleration: more is not what the simulator is
+FORGETS = (
+    "the simulator has no force() and starts anew at each recorded response, which changes its own "
+    "acceleration by {share:.0%}: what it forgets would be named as what it lacks. Add force(state, y), "
+    "which keeps gear, boost and brake pressure"
 )
 OTHER_GEAR = "the simulator drives in another gear than was recorded or follows from the engine speed"
 
@@ -127,6 +134,8 @@ def compared(
     missing = unrecorded.inputs([*recordings, *held_out], mass_known=stated)
     if drives.useless:
         return Uncompared(drives, missing)
+    if (lost := forgotten(simulator, drives.part(held_out=False))) > FORGOTTEN:
+        return Uncompared(replace(drives, useless=FORGETS.format(share=lost)), missing)
 
     say("driving the simulator along the recordings")
     e = gather(

@@ -55,6 +55,26 @@ def drive(truck: MyTruck, name: str, seed: int, seconds: float = 120.0) -> Recor
     return Recording(name, truck.dt, {**channels, **commands}, INTERFACE)
 
 
+class Lagging(MyTruck):
+    """Its engine follows by a lag, which is lost where it starts anew. The state is (batch, 2)."""
+
+    def reset(self, y0: Array) -> Array:
+        return np.stack([y0[:, 1], np.zeros(len(y0))], axis=1)
+
+    def step(self, state: Array, u: Array, w: Array) -> tuple[Array, Array]:
+        engine = state[:, 1] + (u[:, 0] - state[:, 1]) * self.dt / 0.6
+        after, y = super().step(state[:, 0], np.stack([engine, u[:, 1]], axis=1), w)
+        return np.stack([after, engine], axis=1), y
+
+
+def test_no_name_is_given_to_what_a_simulator_without_force_forgets() -> None:
+    """Its own drives: nothing is missing, and a mass of 10 t was stated for 28."""
+    drives = [drive(Lagging(), f"drive{k}", k) for k in range(3)]
+    verdict = find_mismatch(Lagging(), drives[:2], drives[2:]).verdict
+    assert verdict["verdict"] == "undetermined" and verdict["findings"] == []
+    assert "Add force(state, y)" in verdict["advice"]["data"]["reason"]
+
+
 def test_what_a_simulator_may_leave_out_is_added() -> None:
     minimal: MinimalSimulator = MyTruck()  # mypy holds this
     truck = completed(minimal)

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.residual.grid import Grid
 from deeptruck_model.signals import ACCELERATION
-from deeptruck_model.simulators import Run, Simulator, forced_run
+from deeptruck_model.simulators import Run, Simulator, forced_run, free_run
 
 Array = NDArray[np.float64]
 
+FREE_S = 200.0  # of a free run that shows whether a simulator without `force` forgets
 ALIKE = 0.8  # of the longest drive's length, for drives that are run at once
 
 
@@ -33,6 +34,20 @@ def forced(simulator: Simulator, prepared: Sequence[Prepared], us: Sequence[Arra
             own = (slice(row, row + 1), slice(lengths[i]))
             runs[i] = Run(run.y[own], {name: x[own] for name, x in run.inside.items()})
     return [runs[i] for i in range(len(us))]
+
+
+def forgotten(simulator: Simulator, prepared: Sequence[Prepared]) -> float:
+    """By what share (rms) its own acceleration changes where a simulator without `force` starts anew at each
+    response of a free run; 0 for one that has `force`."""
+    if not getattr(simulator, "starts_anew", False):
+        return 0.0
+    p = max(prepared, key=lambda p: int(p.valid.sum()))
+    n = round(FREE_S / p.dt)
+    u, w, y = (np.nan_to_num(x[:n])[None] for x in (p.u, p.w, p.y))
+    free = free_run(simulator, u, w, y[:, 0]).y
+    anew = forced_run(simulator, u, w, free).y
+    own, again = free[0, 2:, ACCELERATION], anew[0, 2:, ACCELERATION]
+    return float(np.linalg.norm(again - own)) / max(float(np.linalg.norm(own)), 1e-6)
 
 
 def _alike(lengths: Sequence[int]) -> list[list[int]]:
