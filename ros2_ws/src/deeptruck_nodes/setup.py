@@ -12,6 +12,7 @@ NODES = (
     "controller",
     "can_bridge",
     "mismatch_monitor",
+    "road_map",
     "recorder",
     "replay",
     "live_page",

@@ -40,6 +40,7 @@ ACCELERATION, OUTSIDE, HOME = 2.0, 100.0, 0.1
 CHANGE = 4.0  # cm^3, of a pedal changed by its whole reach from one step to the next, squared
 LACK_S, RATE_S = 4.0, 0.5  # time constants: of the acceleration beyond the map, and of measuring one
 LASTING_M = 150.0  # way over which the profile's error at the truck is expected to die away
+LEADER_S = 3.0  # s, over which the leader's speed is taken for the plan: the followers know it at once
 SLOW = (6.0, 10.0)  # m/s; below the wanted gap is held, above the whole band is used
 RATE, FOLLOW_S = 1.0, 1.0  # of the followers at both ends of the band: m/s^2 and s
 COMFORT = (-3.5, 1.0)  # m/s^2; the shield, not the follower, brakes harder
@@ -79,8 +80,8 @@ class Economy:
         known = np.isfinite(seen.speed + seen.gap + seen.leader_speed + seen.target_gap)
         ahead = self._ahead(observation, grade)
         pull, fuel = self.map.rows(np.nan_to_num(seen.speed, nan=TYPICAL["speed"]), ahead[:, 0])
-        past = self._felt(seen.speed, pull)
-        now = self._situation(seen, observation.get("least_gap", 0.0), past.lack)
+        past = self._felt(seen, pull)
+        now = self._situation(seen, observation.get("least_gap", 0.0), past)
         if past.age_s >= REPLAN_S - 1e-9:
             values = _values(self.map.acceleration, self.map.fuel, ahead[:, :: round(STAGE_M / AHEAD_M)], now)
             past = past._replace(values=values, age_s=0.0, way=np.zeros(len(grade)))
@@ -107,21 +108,24 @@ class Economy:
         lasting = np.exp(-AHEAD_M / LASTING_M * np.arange(profile.shape[1]))
         return np.asarray(profile + (grade - profile[:, 0])[:, None] * lasting)
 
-    def _felt(self, speed: Array, pull: Array) -> _Past:
-        """The past with the acceleration since then beyond the map's, which is `pull` (batch, pedals)."""
-        past = self._past
+    def _felt(self, seen: Seen, pull: Array) -> _Past:
+        """The past with what was seen since then: the leader's slow speed, and the acceleration beyond the
+        map's, which is `pull` (batch, pedals)."""
+        past, speed = self._past, seen.speed
+        leader = np.nan_to_num(seen.leader_speed, nan=TYPICAL["leader_speed"])
         if past is None or len(past.pedal) != len(speed):
             nothing = np.zeros(len(speed))
-            return _Past(nothing, speed, nothing, nothing, nothing, np.inf, np.zeros((0, 0, 0, 0)))
+            return _Past(nothing, speed, leader, nothing, nothing, nothing, np.inf, np.zeros((0, 0, 0, 0)))
         beyond = (speed - past.speed) / self.dt - _at(past.pedal, pull)
         beyond = np.where(np.isfinite(beyond), beyond, past.lack)
         slow = past.beyond + self.dt / RATE_S * (beyond - past.beyond)
         lack = np.clip(past.lack + self.dt / LACK_S * (slow - past.lack), -0.5, 0.5)
-        return past._replace(speed=speed, beyond=slow, lack=lack)
+        leader = past.leader + self.dt / LEADER_S * (leader - past.leader)
+        return past._replace(speed=speed, leader=leader, beyond=slow, lack=lack)
 
-    def _situation(self, seen: Seen, least_gap: Any, lack: Array) -> Array:
-        """What both parts of the programme need to know, (batch, columns below)."""
-        leader, speed = (np.nan_to_num(x, nan=TYPICAL["speed"]) for x in (seen.leader_speed, seen.speed))
+    def _situation(self, seen: Seen, least_gap: Any, past: _Past) -> Array:
+        """What both parts of the programme need to know, (batch, COLUMNS)."""
+        leader, speed = past.leader, np.nan_to_num(seen.speed, nan=TYPICAL["speed"])
         wanted = np.clip(np.nan_to_num(seen.time_gap, nan=TYPICAL["target_time_gap"]), 0.5, 10.0)
         share = np.clip((np.minimum(leader, speed) - SLOW[0]) / (SLOW[1] - SLOW[0]), 0.0, 1.0)
         low = wanted + share * np.minimum(BAND_S[0] - wanted, 0.0)
@@ -133,17 +137,18 @@ class Economy:
         now[:, LAG] = np.nan_to_num(seen.gap, nan=TYPICAL["gap"]) / cruise
         now[:, LOW], now[:, HIGH] = low, high
         now[:, WANTED] = np.clip(wanted, low, high)
-        now[:, PRICE], now[:, MOMENTUM], now[:, LACK] = *self.map.prices(cruise), lack
+        now[:, PRICE], now[:, MOMENTUM], now[:, LACK] = *self.map.prices(cruise), past.lack
         return now
 
 
 class _Past(NamedTuple):
-    """What is kept between calls, each (batch,): the pedal given, the speed then, the acceleration beyond the
-    map's as measured (`beyond`) and as expected to last (`lack`), and the way driven since the value function
-    `values` was made, `age_s` ago."""
+    """What is kept between calls, each (batch,): the pedal given, the speed then, the leader's slow speed,
+    the acceleration beyond the map's as measured (`beyond`) and as expected to last (`lack`), and the way
+    driven since the value function `values` was made, `age_s` ago."""
 
     pedal: Array
     speed: Array
+    leader: Array
     beyond: Array
     lack: Array
     way: Array

@@ -145,6 +145,18 @@ def test_it_does_not_come_closer_than_the_least_gap(truck, thrifty):
     assert roll_out(truck, Wary(), behind_a_leader(road, road))["gap"].min() > 35.0
 
 
+def test_a_radars_noise_hardly_moves_the_pedals(truck, thrifty):
+    """That of the leader node, 0.1 m and 0.05 m/s at 10 Hz."""
+    road, rng = hills(1), np.random.default_rng(0)
+    noise = {
+        "seen_gap_offset": 0.1 * rng.normal(size=(1, 1000)),
+        "seen_speed_offset": 0.05 * rng.normal(size=(1, 1000)),
+    }
+    quiet, busy = (roll_out(truck, thrifty, behind_a_leader(road, road, 100.0, **x)) for x in ({}, noise))
+    jerk = [np.sqrt(np.square(trace["jerk"]).mean()) for trace in (quiet, busy)]
+    assert jerk[1] < 1.2 * jerk[0] < 0.15
+
+
 def test_it_follows_a_leader_that_slows_down_and_one_that_goes_on(truck, thrifty):
     """By 8 m/s within 10 s, 40 s at that, and back."""
     pull = np.zeros((1, 1500))

@@ -15,8 +15,8 @@ from deeptruck_nodes import messages
 from deeptruck_nodes.following import Following
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
-from deeptruck_nodes.observation import Alignment
-from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
+from deeptruck_nodes.observation import Alignment, Observation
+from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, ROAD_AHEAD, TWIST
 
 
 class Controller(DeeptruckNode):
@@ -33,7 +33,8 @@ class Controller(DeeptruckNode):
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
         guard = load_controller(self.p["policy"], interface, shield=self.p["shield"])
         self._following = Following(guard, self.p["target_time_gap"], self.p["lose_lead_after_s"])
-        self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"])
+        mapped = "road_map" in self.p["peers"]
+        self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"], mapped)
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
         self._simulated = "truck_sim" in self.p["peers"]
         self._bridge_engaged, self._bridge_engaged_at = (
@@ -43,6 +44,7 @@ class Controller(DeeptruckNode):
         self._received = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._command = self.publish_on(COMMAND)
         self.listen_to(ROAD, self._on_road)
+        self.listen_to(ROAD_AHEAD, self._on_road_ahead)
         self.listen_to(RADAR_RANGE, self._on_range)
         self.listen_to(RADAR_TWIST, self._on_radar_twist)
         self.listen_to(TWIST, self._on_twist)
@@ -96,6 +98,9 @@ class Controller(DeeptruckNode):
         grade = messages.read_scalars(message).get("grade", math.nan)
         self._take("grade", nanoseconds(message.header.stamp), grade)
 
+    def _on_road_ahead(self, message: JointState) -> None:
+        self._act(self._samples.put_map(nanoseconds(message.header.stamp), message.position))
+
     def _on_range(self, message: Range) -> None:
         self._take("gap", nanoseconds(message.header.stamp), messages.detected(message))
 
@@ -110,7 +115,9 @@ class Controller(DeeptruckNode):
             self._take("speed", nanoseconds(message.header.stamp), speed)
 
     def _take(self, name: str, stamp: int, value: float) -> None:
-        observation = self._samples.put(name, stamp, value)
+        self._act(self._samples.put(name, stamp, value))
+
+    def _act(self, observation: Observation | None) -> None:
         if observation is None or (not self.lockstep and self._is_stale("speed")):
             return
         self._observed_at = time.monotonic()

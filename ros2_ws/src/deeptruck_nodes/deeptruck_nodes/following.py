@@ -76,7 +76,10 @@ class Following:
             "target_time_gap": self._time_gap,
             "grade": seen.grade,
         }
-        engine, brake = self._guard.act({name: np.array([value]) for name, value in numbers.items()})
+        observation = {name: np.array([value]) for name, value in numbers.items()}
+        if seen.grade_ahead:
+            observation["grade_ahead"] = np.array([seen.grade_ahead])
+        engine, brake = self._guard.act(observation)
         led = self.leads
         self.leads = bool(self._guard.unseen_s[0] <= self._lose_after_s + 1e-6)
         self.leads &= not self._guard.speed_is_silent[0]

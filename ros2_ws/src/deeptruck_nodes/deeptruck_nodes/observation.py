@@ -3,46 +3,59 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 SECOND = 1_000_000_000  # ns
+MAP_AGE = SECOND  # ns
 
 
 @dataclass(frozen=True)
 class Observation:
-    """One sample in SI units; gap and leader speed are NaN where the radar detected nothing."""
+    """One sample in SI units; gap and leader speed are NaN where the radar detected nothing. `grade_ahead` is
+    the road as in a Policy's observation, () where it is not known."""
 
     stamp: int
     speed: float
     gap: float
     leader_speed: float
     grade: float
+    grade_ahead: tuple[float, ...] = ()
 
 
 class Alignment:
     """Collects samples by their stamps.
 
     A radar sample is complete when range and speed carry the same stamp. In lock-step (`strict`) the truck's
-    speed, and its grade where it has one, must carry that stamp too; in real time the newest ones count, and
-    a radar sample that is older than the newest speed by more than `stale_after_s` is none.
+    speed, and its grade and the map of its road where it has them, must carry that stamp too; in real time
+    the newest ones count, a radar sample that is older than the newest speed by more than `stale_after_s` is
+    none, and neither is a map that is older than a sample by more than MAP_AGE: the truck has driven on.
     """
 
-    def __init__(self, strict: bool, uses_grade: bool, stale_after_s: float) -> None:
-        self._strict, self._uses_grade = strict, uses_grade
+    def __init__(self, strict: bool, uses_grade: bool, stale_after_s: float, uses_map: bool = False) -> None:
+        self._needed = ["leader_speed"]
+        if strict:
+            self._needed += ["speed", *["grade"] * uses_grade, *["grade_ahead"] * uses_map]
         self._oldest = round(stale_after_s * SECOND)
         self._latest: dict[str, tuple[int, float]] = {}
+        self._map: tuple[float, ...] = ()
         self._taken = -1
 
     def put(self, name: str, stamp: int, value: float) -> Observation | None:
         """File a speed, gap, leader_speed or grade. Returns the observation it completes, once each."""
         self._latest[name] = (stamp, value)
+        return self._complete()
+
+    def put_map(self, stamp: int, grades: Sequence[float]) -> Observation | None:
+        """File what is known of the road ahead. Returns the observation it completes, once each."""
+        self._latest["grade_ahead"], self._map = (stamp, 0.0), tuple(grades)
+        return self._complete()
+
+    def _complete(self) -> Observation | None:
         if not {"speed", "gap", "leader_speed"} <= self._latest.keys():
             return None
         stamp, gap = self._latest["gap"]
-        needed = ["leader_speed"]
-        if self._strict:
-            needed += ["speed", "grade"] if self._uses_grade else ["speed"]
-        if stamp <= self._taken or any(self._latest.get(n, (-1,))[0] != stamp for n in needed):
+        if stamp <= self._taken or any(self._latest.get(n, (-1,))[0] != stamp for n in self._needed):
             return None
         if stamp < self._latest["speed"][0] - self._oldest:
             return None
@@ -54,4 +67,6 @@ class Alignment:
         grade = self._latest.get("grade", (0, 0.0))[1]
         if not (math.isfinite(gap) and math.isfinite(leader_speed)):
             gap = leader_speed = math.nan
-        return Observation(stamp, speed, gap, leader_speed, grade if math.isfinite(grade) else 0.0)
+        known = abs(stamp - self._latest.get("grade_ahead", (stamp, 0.0))[0]) <= MAP_AGE
+        grade = grade if math.isfinite(grade) else 0.0
+        return Observation(stamp, speed, gap, leader_speed, grade, self._map if known else ())

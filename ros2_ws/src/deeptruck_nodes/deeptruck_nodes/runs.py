@@ -53,12 +53,14 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
         **_monitor(common),
         **_page(common, interface),
         "leader": {},
+        **_map(given),
         "controller": _controller(policy, interface),
         "truck_sim": {"simulator": _named(simulator)},
     }
     sections = _merged(sections, given, common, misfits)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of_node(sections, "truck_sim", lambda p: run_checks.road_is_known(p["road"]))
+    misfits.of_node(sections, "road_map", lambda p: run_checks.road_is_known(p["road"]))
     if truck is not None and not lockstep:
         misfits.of_node(sections, "truck_sim", lambda p: run_checks.rate_fits(p["rate_hz"], truck.dt))
     domain = _checked(misfits, common, sections, lockstep)
@@ -89,12 +91,14 @@ def drive_vehicle(
     sections: Sections = {"recorder": _recorder(common, interface), **_monitor(common)}
     sections |= _page(common, interface)
     sections |= {"leader": {}} if "leader" in given else {}
+    sections |= _map(given)
     sections |= {"controller": _controller(policy, interface), "can_bridge": {}}
     sections = _merged(sections, given, common, misfits)
     if "mismatch_monitor" in sections:
         sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of(lambda: road(grade))
+    misfits.of_node(sections, "road_map", lambda p: run_checks.road_is_known(p["road"]))
     misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))
     domain = _checked(misfits, common, sections)
     others: tuple[Program, ...] = ()
@@ -189,6 +193,11 @@ def _page(common: Common, interface: TruckInterface | None) -> Sections:
     if not common.page:
         return {}
     return {PAGE: {"interface": json.dumps(interface.to_dict()) if interface else ""}}
+
+
+def _map(given: Sections) -> Sections:
+    """The road map's parameters where the road ahead is known."""
+    return {"road_map": {}} if "road_map" in given else {}
 
 
 def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]:

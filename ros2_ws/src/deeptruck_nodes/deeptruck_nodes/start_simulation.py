@@ -52,6 +52,9 @@ def main(
         ),
     ] = "noisy",
     road: Annotated[str, typer.Option(help="The grade ahead, see below.")] = "flat",
+    known_road: Annotated[
+        str, typer.Option(help="What the controller knows of the road, as --road; published as /road/ahead.")
+    ] = "",
     initial_speed: Annotated[float, typer.Option(help="Of the truck, m/s.")] = 20.0,
     initial_gap: Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")] = 0.0,
     time_gap: Annotated[float, typer.Option(help="To hold, s.")] = 2.0,
@@ -76,6 +79,8 @@ def main(
         "controller": {"target_time_gap": time_gap},
         "truck_sim": {"rate_hz": rate, "initial_speed": initial_speed, "road": road, "duration_s": duration},
     }
+    if known_road:
+        given["road_map"] = {"road": known_road}
     common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
     raise typer.Exit(runs.simulate(common, given, policy=policy, simulator=simulator, lockstep=lockstep))
 

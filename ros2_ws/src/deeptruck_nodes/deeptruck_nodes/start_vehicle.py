@@ -43,6 +43,13 @@ Grade = Annotated[str, typer.Option(help="Of the emulated road: rise/run, or a C
 Policy = Annotated[
     str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM[?economy].")
 ]
+KnownRoad = Annotated[
+    str,
+    typer.Option(
+        help="Known of the road from where the run begins: table:path=CSV (distance,grade) or as "
+        "deeptruck-simulation --road; published as /road/ahead."
+    ),
+]
 TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
 Leader = Annotated[
     str | None,
@@ -78,6 +85,7 @@ def main(
     initial_speed: InitialSpeed = 20.0,
     initial_gap: InitialGap = 0.0,
     grade: Grade = "0",
+    known_road: KnownRoad = "",
     time_gap: TimeGap = 2.0,
     engage: Engage = False,
     no_load: NoLoad = False,
@@ -100,6 +108,8 @@ def main(
     if leader is not None or emulator:
         profile = {"profile": leader or "constant:speed=20", "initial_gap": initial_gap, "seed": seed}
         given["leader"] = {**profile, **runs.RADARS[radar]}
+    if known_road:
+        given["road_map"] = {"road": known_road}
     common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
     raise typer.Exit(
         runs.drive_vehicle(

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from deeptruck_cacc.controllers.road_ahead import AHEAD, AHEAD_M
+from deeptruck_nodes import roads
+from deeptruck_nodes.messages import nanoseconds
+from deeptruck_nodes.topics import ROAD, ROAD_AHEAD, TWIST
+
+HILLS = "sine:grade=0.03,length=400"
+
+
+def decoded(bag: Path) -> dict[str, list[Any]]:
+    """Messages of a bag by topic, in the order of their stamps."""
+    found: dict[str, list[Any]] = {}
+    with (bag / f"{bag.name}_0.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages(log_time_order=True):
+            found.setdefault(channel.topic, []).append(message)
+    return found
+
+
+def test_in_lockstep_every_step_has_the_road_ahead_and_the_economy_drives_by_it(
+    start: Callable[..., Any], tmp_path: Path
+) -> None:
+    economy, speeds = "planner:truck:trucksim?economy", {}
+    for name, known in (("known", ["--known-road", HILLS]), ("unknown", [])):
+        words = ("--simulator", "truck:trucksim", "--policy", economy, "--lockstep", "--duration", 15)
+        words += ("--radar", "clean", "--road", HILLS, "--record", tmp_path / name)
+        code, _, errors = start("start_simulation.py", *words, *known, runs=f"runs-{name}").finish()
+        assert (code, errors) == (0, "")
+        speeds[name] = [m.twist.linear.x for m in decoded(tmp_path / name)[TWIST.name]]
+    bag = decoded(tmp_path / "known")
+    ahead, road = bag[ROAD_AHEAD.name], bag[ROAD.name]
+    assert [nanoseconds(m.header.stamp) for m in ahead] == [
+        nanoseconds(m.header.stamp) for m in bag[TWIST.name]
+    ]
+    assert ahead[0].name[:2] == ["grade_0", "grade_25"] and len(ahead[0].name) == AHEAD
+    here = np.array([m.position[0] for m in ahead])
+    felt = np.array([m.position[list(m.name).index("grade")] for m in road])
+    np.testing.assert_allclose(here, felt, atol=1e-3)
+    hills = roads.parse(HILLS)
+    expected = [hills.at(AHEAD_M * k)[0] for k in range(AHEAD)]
+    np.testing.assert_allclose(ahead[0].position, expected, atol=1e-9)
+    assert ROAD_AHEAD.name not in decoded(tmp_path / "unknown")
+    assert np.abs(np.subtract(speeds["known"], speeds["unknown"])).max() > 0.02
+
+
+def test_a_road_that_nobody_knows_is_one_line(start: Callable[..., Any]) -> None:
+    words = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--known-road", "dunes")
+    code, _, errors = start("start_simulation.py", *words).finish()
+    assert code == 2 and errors.count("\n") == 1 and "dunes" in errors
