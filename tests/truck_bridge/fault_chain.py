@@ -92,7 +92,7 @@ class Chain:
         if self.bridge.engaged != self._engaged:
             self._engaged = self.bridge.engaged
             if self._engaged:
-                self.following.reset()
+                self.following.forget()
             self._send()
         elif self.now - self._sent > REPEAT_S - 1e-9:
             self._send()
@@ -116,7 +116,7 @@ class Chain:
         seen = self._samples.put(name, round(at * SECOND), value)
         if seen is not None and self.now - self._published <= STALE_S:
             self._observed = self.now
-            self.following.take(seen)
+            self.following.take(seen, obeyed=self._engaged)
             self._send()
 
     def _send(self) -> None:

@@ -120,10 +120,25 @@ class Guard:
         return self.policy.dt
 
     def reset(self) -> None:
-        """Forget the past."""
-        for part in (self.policy, self.fallback, self._tracker, self._last_seen, self.shield):
-            if part is not None:
-                part.reset()
+        """Forget the past; the brakes count as cold."""
+        self._forget()
+        if self.shield is not None:
+            self.shield.reset()
+
+    def forget(self) -> None:
+        """Forget the past, but not how hot the brakes are. The last command was not obeyed."""
+        self._forget()
+        if self.shield is not None:
+            self.shield.forget()
+
+    def spare(self) -> None:
+        """The last command was not obeyed: it heated no brakes."""
+        if self.shield is not None:
+            self.shield.spare()
+
+    def _forget(self) -> None:
+        for part in (self.policy, self.fallback, self._tracker, self._last_seen):
+            part.reset()
         self._away = None
 
     def act(self, observation: Observation) -> tuple[Array, Array]:

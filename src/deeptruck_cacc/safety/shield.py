@@ -105,10 +105,21 @@ class Shield:
     acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
     braking: Flags = field(default_factory=lambda: np.zeros(0, bool))
     _seen: Bounds | None = field(default=None, repr=False)
+    _cooled: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # J/kg, without the last command
 
     def reset(self) -> None:
         """Forget the past; the brakes count as cold."""
         self._seen = None
+
+    def forget(self) -> None:
+        """Forget leader and speed, but not how hot the brakes are. The last command was not obeyed."""
+        if self._seen is not None:
+            self._seen = Bounds.unknown(len(self._cooled))._replace(heat=self._cooled)
+
+    def spare(self) -> None:
+        """The last command was not obeyed: it heated nothing."""
+        if self._seen is not None:
+            self._seen = self._seen._replace(heat=self._cooled)
 
     def filter(
         self, gap: Array, leader_speed: Array, speed: Array, engine: Array, brake: Array
@@ -136,7 +147,8 @@ class Shield:
         self.braking = slack < 0
         self.acted = missing | (sent_brake > asked) | (sent_engine != engine)
         heating = np.minimum(sent_brake / self.brake_high, 1.0) * p.strongest_braking * seen.speed
-        self._seen = seen._replace(heat=seen.heat + p.dt * (heating - seen.heat / p.cooling_s))
+        self._cooled = seen.heat * (1.0 - p.dt / p.cooling_s)
+        self._seen = seen._replace(heat=self._cooled + p.dt * heating)
         return sent_engine, sent_brake
 
     def steady_gap(self, speed: Array) -> Array:

@@ -294,6 +294,25 @@ def test_the_heat_of_a_step_is_by_formula(brake, share):
     assert shield._seen.heat == pytest.approx(per_step + per_step - 0.1 * per_step / 900.0)
 
 
+def test_brakes_stay_hot_where_the_past_is_forgotten_and_are_not_heated_by_what_nobody_obeys():
+    shield = Shield(PROMISE, 0.0, 1.0)
+    for _ in range(100):
+        shield.filter(column(100.0), column(20.0), column(20.0), column(0.0), column(0.5))
+    hot = shield._seen.heat[0]
+    assert hot == pytest.approx(0.5 * 7.5 * 20.0 * 10.0, rel=0.01)
+    for _ in range(100):  # without a leader it would brake fully, and nobody obeys
+        shield.filter(column(np.nan), column(np.nan), column(20.0), column(0.5), column(0.0))
+        shield.spare()
+        shield.forget()
+    assert shield.braking[0]
+    assert shield._seen.heat[0] == pytest.approx(hot * (1.0 - 0.1 / 900.0) ** 100)
+    shield.reset()
+    shield.forget()
+    shield.spare()
+    shield.filter(column(100.0), column(20.0), column(20.0), column(0.0), column(0.0))
+    assert shield._seen.heat[0] == 0.0
+
+
 def test_hot_brakes_need_more_room():
     shield = Shield(PROMISE, 0.0, 100.0)
     for _ in range(600):

@@ -69,9 +69,13 @@ class Controller(DeeptruckNode):
 
     def _send(self, stamp: int) -> None:
         self._sent_at = time.monotonic()
-        engaged = self._simulated or (self._bridge_engaged and not self._is_old(self._bridge_engaged_at))
-        values = dict(zip(COMMAND.fields, (*self._following.held, float(engaged)), strict=True))
+        values = dict(zip(COMMAND.fields, (*self._following.held, float(self._drives)), strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
+
+    @property
+    def _drives(self) -> bool:
+        """Whether the commands drive the truck, as the bridge said last."""
+        return self._simulated or (self._bridge_engaged and not self._is_old(self._bridge_engaged_at))
 
     def _is_stale(self, name: str) -> bool:
         return self._is_old(self._received[name])
@@ -90,7 +94,7 @@ class Controller(DeeptruckNode):
         if not changed:
             return
         if engaged:
-            self._following.reset()  # what was summed up while nobody obeyed means nothing
+            self._following.forget()  # what was summed up while nobody obeyed means nothing
         if not self._is_old(self._observed_at) and math.isfinite(sum(self._following.held)):
             self._send(self.now())
 
@@ -122,7 +126,7 @@ class Controller(DeeptruckNode):
             return
         self._observed_at = time.monotonic()
         events = self._following.events
-        self._following.take(observation)
+        self._following.take(observation, obeyed=self._drives)
         self._send(observation.stamp)
         leads, values = self._following.leads, {**self._following.counts, "gap_m": observation.gap}
         level, says = ("ok", "following") if leads else ("warn", "nothing to follow: no command")

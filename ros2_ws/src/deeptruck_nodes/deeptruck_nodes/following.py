@@ -45,7 +45,7 @@ class Following:
         self._events = {name: Event() for name in EVENTS}
         self.held = (math.nan, math.nan)  # engine and brake command in the interface's units
         self.leads = False  # there is something to follow
-        self.reset()
+        guard.reset()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -57,15 +57,17 @@ class Following:
         """How often something began, in all."""
         return sum(event.count for event in self._events.values())
 
-    def reset(self) -> None:
-        """Forget the past, but for the counts."""
-        self._guard.reset()
+    def forget(self) -> None:
+        """Forget the past, but for the counts and how hot the brakes are."""
+        self._guard.forget()
 
-    def take(self, seen: Observation) -> tuple[float, float]:
-        """Engine and brake command after an observation."""
+    def take(self, seen: Observation, *, obeyed: bool = True) -> tuple[float, float]:
+        """Engine and brake command after an observation; `obeyed`: they will drive the truck."""
         if seen.stamp >= self._acts_from:
             self._acts_from = seen.stamp + self._period * 9 // 10  # stamps may jitter
             self.held = self._act(seen)
+            if not obeyed:
+                self._guard.spare()
         return self.held
 
     def _act(self, seen: Observation) -> tuple[float, float]:
@@ -86,7 +88,7 @@ class Following:
         self.leads &= bool(self._guard.contradicted_s[0] <= CONTRADICTED_S)
         acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
         if not self.leads:
-            self._guard.reset()
+            self._guard.forget()
             engine, brake, acted, braking = np.array([math.nan]), np.array([math.nan]), False, False
         self._steps["shield_acted"] += int(acted)
         self._steps["baseline_drove"] += int(self.leads and self._guard.handed_over[0])
