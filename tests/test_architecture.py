@@ -183,7 +183,7 @@ MODEL = (  # the rooms of docs/architecture.md: a row imports from itself and th
 MISMATCH = (  # what the steps share, the steps of docs/mismatch_method.md, and what words their result
     ("mismatch.rules",),
     ("mismatch.residual.evidence", "mismatch.residual.noise"),
-    ("mismatch.data", "mismatch.expression"),
+    ("mismatch.data", "mismatch.expression", "mismatch.roads"),
     ("mismatch.residual",),
     ("mismatch.mechanisms",),
     ("mismatch.tree",),

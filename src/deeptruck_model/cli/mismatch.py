@@ -27,7 +27,7 @@ from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
-    from deeptruck_model.mismatch.correction.shared_roads import SharedRoads
+    from deeptruck_model.mismatch.roads.shared_roads import SharedRoads
     from deeptruck_model.mismatch.serving import Again
 
 Bags = Annotated[
@@ -263,8 +263,8 @@ def road(
         lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
-    from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
-    from deeptruck_model.mismatch.correction.road_of_another import with_road_of_another
+    from deeptruck_model.mismatch.roads.recovered_road import Roads, with_road
+    from deeptruck_model.mismatch.roads.road_of_another import with_road_of_another
 
     roads = shared_roads() if fleet else Roads.read(directory)
     read = rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ())
@@ -282,7 +282,7 @@ def road(
 
 def _shared_roads(table: Path) -> SharedRoads:
     """Raises InputError where it is no table of shared roads."""
-    from deeptruck_model.mismatch.correction.shared_roads import SharedRoads
+    from deeptruck_model.mismatch.roads.shared_roads import SharedRoads
 
     return SharedRoads.read(table)
 

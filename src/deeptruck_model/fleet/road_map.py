@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from deeptruck_model.mismatch.correction.shared_roads import CELL_DEG, CELL_M
+from deeptruck_model.mismatch.roads.shared_roads import CELL_DEG, CELL_M
 
 EDGES = (-0.02, -0.005, 0.005, 0.02)  # slopes between the colours
 LABELS = (

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.correction.shared_roads import CELL_M, Cell, cells, name
-from deeptruck_model.mismatch.data.one_road import STEP_M, headed
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.roads.one_road import STEP_M, headed
+from deeptruck_model.mismatch.roads.shared_roads import CELL_M, Cell, cells, name
 
 SLOPES = "slopes.csv"
 NUMBERS = ("latitude", "longitude", "heading", "slope", "variance")

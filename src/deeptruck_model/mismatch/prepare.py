@@ -9,7 +9,6 @@ from itertools import compress
 import numpy as np
 
 from deeptruck_model.mismatch.data import checks, speed_unit
-from deeptruck_model.mismatch.data.one_road import on_a_road_of_its_own, on_one_road, without_a_place
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
     each_once,
@@ -21,6 +20,7 @@ from deeptruck_model.mismatch.data.prepared import (
     with_inputs,
 )
 from deeptruck_model.mismatch.residual.forced import forced
+from deeptruck_model.mismatch.roads.one_road import on_a_road_of_its_own, on_one_road, without_a_place
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION

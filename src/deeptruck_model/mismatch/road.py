@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.posterior.road_lock import BY_CHANCE, RoadLock, road_lock
 from deeptruck_model.mismatch.posterior.slow_force import plain_truck, slow_force
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.stretches import LENGTH_M
+from deeptruck_model.mismatch.roads.stretches import LENGTH_M
 from deeptruck_model.mismatch.tree import UNKNOWN, Tree
 from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 

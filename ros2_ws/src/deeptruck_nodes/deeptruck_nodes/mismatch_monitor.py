@@ -9,12 +9,12 @@ from geometry_msgs.msg import AccelStamped, TwistStamped
 from sensor_msgs.msg import JointState, Range
 
 from deeptruck_model import simulators
-from deeptruck_model.mismatch.companion import Companion
-from deeptruck_model.mismatch.monitor import Located, Monitor, Sample
-from deeptruck_model.mismatch.questions import Answer, Names, Own, Question
+from deeptruck_model.mismatch.live.companion import Companion
+from deeptruck_model.mismatch.live.monitor import Located, Monitor, Sample
+from deeptruck_model.mismatch.live.questions import Answer, Names, Own, Question
+from deeptruck_model.mismatch.live.window import Window
 from deeptruck_model.mismatch.report.wording import percent, spoken
 from deeptruck_model.mismatch.tree import ROOT
-from deeptruck_model.mismatch.window import Window
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND, nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.data.checks import SensorFault
-from deeptruck_model.mismatch.data.one_road import driven_by_positions
 from deeptruck_model.mismatch.data.prepared import Prepared, fed
+from deeptruck_model.mismatch.roads.one_road import driven_by_positions
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, forced_run

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.residual.stretches import STEP_M, WIDTH, Windows, turned
+from deeptruck_model.mismatch.roads.stretches import STEP_M, WIDTH, Windows, turned
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.posterior.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.stretches import LENGTH_M, STEP_M, Windows, similarity, turned
+from deeptruck_model.mismatch.roads.stretches import LENGTH_M, STEP_M, Windows, similarity, turned
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -18,7 +18,7 @@ from threading import Thread
 from typing import IO, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.questions import Answer, Question
+    from deeptruck_model.mismatch.live.questions import Answer, Question
 
 NICE = 10  # whatever drives goes first
 
@@ -46,7 +46,7 @@ class Companion:
         process."""
         if self._process is None:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "deeptruck_model.mismatch.companion"],
+                [sys.executable, "-m", "deeptruck_model.mismatch.live.companion"],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                 start_new_session=True,  # Ctrl-C is for the node, which ends it
             )  # fmt: skip
@@ -90,7 +90,7 @@ def main() -> None:
 
 
 def _serve(questions: IO[bytes], answers: IO[bytes]) -> None:
-    from deeptruck_model.mismatch.live import answer
+    from deeptruck_model.mismatch.live.answer import answer
 
     while True:
         try:

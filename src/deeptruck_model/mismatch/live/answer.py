@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.adaptation import adapt, with_constant
 from deeptruck_model.mismatch.comparison import Uncompared
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.findings import findings
-from deeptruck_model.mismatch.questions import Answer, Names, Own, Question
+from deeptruck_model.mismatch.live.questions import Answer, Names, Own, Question
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import ROOT, Node

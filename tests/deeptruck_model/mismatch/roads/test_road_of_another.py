@@ -7,8 +7,8 @@ import pytest
 
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.correction.recovered_road import RecoveredSlope, Roads
-from deeptruck_model.mismatch.correction.road_of_another import with_road_of_another
+from deeptruck_model.mismatch.roads.recovered_road import RecoveredSlope, Roads
+from deeptruck_model.mismatch.roads.road_of_another import with_road_of_another
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("freightliner")

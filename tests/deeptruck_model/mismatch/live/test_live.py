@@ -11,10 +11,10 @@ from small_drives import TRUCK, LazyBrake, drives
 
 from deeptruck_model import recordings
 from deeptruck_model.mismatch.adaptation import adapt
-from deeptruck_model.mismatch.companion import Companion
-from deeptruck_model.mismatch.live import NOT_DETECTED, answer
-from deeptruck_model.mismatch.questions import Names, Own, Question
-from deeptruck_model.mismatch.window import Window
+from deeptruck_model.mismatch.live.answer import NOT_DETECTED, answer
+from deeptruck_model.mismatch.live.companion import Companion
+from deeptruck_model.mismatch.live.questions import Names, Own, Question
+from deeptruck_model.mismatch.live.window import Window
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.extract import of_messages
 from deeptruck_model.recordings.resample import Received

@@ -13,7 +13,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
+from deeptruck_model.mismatch.roads.recovered_road import Roads, with_road
 from deeptruck_model.recordings import Recording, read, write_bag
 
 TRUCK = trucks.load("freightliner")  # has no grade sensor

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data.one_road import STEP_M, headed
 from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.mismatch.roads.one_road import STEP_M, headed
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import channel_of
 

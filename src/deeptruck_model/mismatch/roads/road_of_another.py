@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.correction.recovered_road import Roads
-from deeptruck_model.mismatch.residual.stretches import (
+from deeptruck_model.mismatch.roads.recovered_road import Roads
+from deeptruck_model.mismatch.roads.stretches import (
     LENGTH_M,
     STEP_M,
     WIDTH,

@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch.data.one_road import (
+from deeptruck_model.mismatch.data.prepared import Prepared, prepare
+from deeptruck_model.mismatch.roads.one_road import (
     driven_by_positions,
     on_a_road_of_its_own,
     on_one_road,
     without_a_place,
 )
-from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.recordings import Recording
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch.monitor import Monitor, Sample
+from deeptruck_model.mismatch.live.monitor import Monitor, Sample
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("trucksim")

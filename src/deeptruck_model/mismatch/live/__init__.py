@@ -1,0 +1,1 @@
+"""While driving: names from the newest messages, and a monitor of the residual."""

@@ -1,0 +1,1 @@
+"""Roads: places by positions or slopes, and recovered slopes of one or several vehicles."""
