@@ -16,11 +16,10 @@ from deeptruck_exam.plants.simulators import OWN, SIMULATORS, make
 from deeptruck_exam.scoring.score import FAILED, score_names
 from deeptruck_exam.tool import ToolRun, run_tool
 from deeptruck_model import files
-from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 
 PLANTS = ("fastsim",)
 FIT = NAMES[:-1]
-OFFERS = (AS_GIVEN, REFIT, CORRECTION)  # in the order of page.DRIVEN
+OFFERS = ("as_given", "parameters_only", "correction")  # `fit.offered` of verdict.json, as page.DRIVEN
 NULL, NULL_FACTOR = "nothing", 4  # nulls need numbers: of its own equations so many times the cases
 BLIND = "slope"  # concealed by not logging it, so that no simulator may ask for it
 
@@ -94,7 +93,7 @@ def judged(key: str, run: ToolRun) -> dict[str, Any]:
     fit = run.verdict.get("fit") or {}
     first: Mapping[str, Any] = next(iter(run.verdict.get("findings") or ()), {})
     errors = {name: (fit.get(name) or {}).get("speed_rmse") for name in page.DRIVEN}
-    errors["offered"] = errors[page.DRIVEN[OFFERS.index(fit.get("offered", AS_GIVEN))]]
+    errors["offered"] = errors[page.DRIVEN[OFFERS.index(fit.get("offered", OFFERS[0]))]]
     return {
         **score_names(CONCEALED[key].scored(), run.verdict),
         "probability": first.get("probability"),
