@@ -50,6 +50,7 @@ from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED
+from deeptruck_model.simulators import Simulator
 
 RECIPES: dict[str, Arguments] = {
     "paper": PAPER,
@@ -65,6 +66,8 @@ VARIANTS: dict[str, Arguments] = {
     "cubic": replace(SHORT, fuel=1.0),
 }
 """The paper's recipe over fewer passes, as it is and with one setting changed at a time."""
+OWN = "physics"
+"""In place of a recipe: the physics truck itself."""
 Array = NDArray[np.float64]
 TARGETS = {"gear": "gear", "front_pressure": "brake pressure", "drag_force": "drag"}
 SOURCES = {
@@ -138,11 +141,12 @@ def first_truck(work: Path, truck: str, recipe: str) -> tuple[Path, DeepTruck] |
 
 
 @cache
-def drives(truck: str) -> tuple[Recording, Recording]:
-    """Training and test drive: 4 h and 3 h of `trucksim`, the paper's field budgets of the others."""
+def drives(truck: str, *, as_driven: bool = False) -> tuple[Recording, Recording]:
+    """Training and test drive: 4 h and 3 h of `trucksim`, the paper's field budgets of the others, with the
+    brake command of the paper, or `as_driven`."""
     if truck == "trucksim":
         return drive_of(truck, 240, TRAIN_SEED), drive_of(truck, 180, TEST_SEED)
-    return field_drives(truck)
+    return field_drives(truck, as_driven=as_driven)
 
 
 def learn(job: Job) -> list[dict[str, Any]]:
@@ -158,7 +162,7 @@ def learn(job: Job) -> list[dict[str, Any]]:
     trained = train([training], job.folder, arguments, resumes=True, observe=observe)
     found = []
     for member, (name, truck) in enumerate(zip(job.names, singles(trained), strict=True)):
-        one = {"name": name, "budget": job.updates}
+        one = {"name": name, "budget": job.updates, **_trained(truck)}
         one |= _measured(truck, training, test, long=job.truck == "trucksim")
         if watched:
             one |= _converged(_read(curves, truck, member))
@@ -177,22 +181,39 @@ def rounded(found: Any) -> Any:
     return [rounded(value) for value in found] if isinstance(found, list | tuple) else found
 
 
-def runs_of(truck: DeepTruck, test: Recording, *, long: bool) -> Trials:
+def own_equations(work: Path, truck: str) -> None:
+    """Measure the physics truck itself, started from the recorded response like a deep truck, unless it was.
+
+    What that response does not tell, such as the gear, it does not know either."""
+    kept = work / f"{truck}-{OWN}-0.json"
+    if not kept.exists():
+        training, test = drives(truck, as_driven=True)
+        gear, speed = training.channels["gear"], training.channels["speed"]
+        found = _measured(trucks.load(truck), training, test, long=truck == "trucksim")
+        top = gear == gear.max()
+        found["either_gear"] = [float(speed[top].min()), float(speed[gear == gear.max() - 1].max())]
+        files.write(kept, json.dumps(rounded(found)).encode())
+
+
+def runs_of(truck: Simulator, test: Recording, *, long: bool) -> Trials:
     """The paper's: 90 of 40 s, or in the field 10 of 15 s."""
     count, horizon_s = (TRIALS, HORIZON_S) if long else (FIELD_RUNS, FIELD_S)
     return trials(truck, [test], count, horizon_s)
 
 
-def _measured(truck: DeepTruck, training: Recording, test: Recording, *, long: bool) -> dict[str, Any]:
-    runs, updates = runs_of(truck, test, long=long), truck.details["training"]["updates"]
+def _trained(truck: DeepTruck) -> dict[str, Any]:
+    updates = truck.details["training"]["updates"]
+    return {"updates": updates, "passes": passes(truck, updates), "auxiliary": truck.details["auxiliary"]}
+
+
+def _measured(truck: Simulator, training: Recording, test: Recording, *, long: bool) -> dict[str, Any]:
+    runs = runs_of(truck, test, long=long)
     known = training.channels["speed"]
     low, high = float(np.nanmin(known)), float(np.nanmax(known))
     speeds = runs.measured[..., SPEED]
     inside = (speeds >= low).all(axis=1) & (speeds <= high).all(axis=1)
-    found = {**statistics(runs), "updates": updates, "passes": passes(truck, updates)}
-    found |= {"largest_fuel": float(np.nanmax(training.channels["fuel_rate"]))}
-    found |= {"auxiliary": truck.details["auxiliary"], "band": _bands(runs), "inside": int(inside.sum())}
-    found |= {"errors": _errors(runs)}
+    found = {**statistics(runs), "largest_fuel": float(np.nanmax(training.channels["fuel_rate"]))}
+    found |= {"band": _bands(runs), "inside": int(inside.sum()), "errors": _errors(runs)}
     if inside.any():
         u, w, measured, modelled = (x[inside] for x in (runs.u, runs.w, runs.measured, runs.modelled))
         found["band_inside"] = _bands(Trials(u, w, measured, modelled, runs.dt, runs.channels))

@@ -22,7 +22,7 @@ from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.pages.style import MODELLED, WIDTH_IN, styled
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, SPEED, printed
-from deeptruck_model.simulators import free_run
+from deeptruck_model.simulators import Simulator, free_run
 
 Row = tuple[str, dict[str, Any]]
 COLOURS = {"training": "tab:blue", "deployment": "tab:red"}
@@ -30,7 +30,7 @@ STEPS = 100  # K
 FED = {"nothing": (), "speed": (1,), "acceleration": (0,), "fuel": (2,), "everything": (0, 1, 2)}
 
 
-def sample_trials(truck: DeepTruck, test: Recording) -> Trials:
+def sample_trials(truck: Simulator, test: Recording) -> Trials:
     """One run of 200 s, initialised once."""
     piece = test.piece(3000, 5001)
     modelled = free_run(truck, piece.u[None], piece.w[None], piece.y[:1]).y

@@ -89,10 +89,12 @@ EXPLAINED = """
 Every figure and number of the paper with ours next to it, on our reference trucks: `trucksim` for TruckSIM,
 `freightliner` and `volvo` for the two real ones, whose recordings are not public. A cell is the median of the
 seeds, in brackets the least and the largest of them; it is in bold where any seed misses the paper's bound.
-The row 'seeds' says how many ran. Two commands measure the whole page, and continue where they were stopped:
+The row 'seeds' says how many ran. Two commands measure the whole page, and continue where they were stopped;
+`--known docs/results/paper` counts the seeds that this page has. How long they take says
+[speed](speed.md#time-of-the-page-beside-the-paper).
 
 ```bash
-python benchmarks/paper/run.py modelling --out runs/experiments
+python benchmarks/paper/run.py modelling --workers 2 --out runs/experiments
 python benchmarks/paper/run.py control --out runs/experiments
 ```
 """

@@ -40,6 +40,7 @@ def test_the_control_half_has_every_chain_and_goes_on(
         "| seeds | | 1 | not run | 1 | not run |" in page
         and "TruckSIM-set: time-gap error after 10 s" in page
     )
+    assert "exactly has -0.47 to 0.46 m/s behind this leader" in page
     for file in control.CAPTIONS:
         assert f"(paper/{file.format('paper')})" in page
     printed = json.loads((out / "work/policies/paper/policy.json").read_text())["card"]
@@ -75,3 +76,10 @@ def test_the_leader_ripples_only_at_the_end() -> None:
     scene = control.closing_with_ripple(np.random.default_rng(0), 3, 400, 0.1)
     assert not scene.leader_acceleration[:, :170].any()
     assert set(np.abs(scene.leader_acceleration[:, 170:]).ravel()) == {page.RIPPLE}
+
+
+def test_an_exact_follower_lags_by_time_gap_times_acceleration() -> None:
+    still = np.zeros((1, 600))
+    scene = Scene(np.array([10.0]), np.array([10.0]), np.array([15.0]), np.array([1.5]), still + 0.3, still)
+    errors = control.exact_follower(scene, 0.1)
+    assert errors[-1, 0] == pytest.approx(1.5 * 0.3, rel=0.05) and 0.0 < errors[0, 0] < 0.05

@@ -13,7 +13,7 @@ from benchmarks.paper import learning, modelling, page
 from benchmarks.paper.drives import TRAIN_SEED, drive_of
 from benchmarks.paper.page import Row, at
 from benchmarks.paper.run import app
-from deeptruck_model import simulators
+from deeptruck_model import simulators, trucks
 from deeptruck_model.errors import InputError
 
 SPEED = Row("speed", "within 1.5", at("speed"), most=1.5)
@@ -77,13 +77,15 @@ def test_an_earlier_page_is_continued_and_a_damaged_one_refused(tmp_path: Path) 
 
 @pytest.fixture
 def little(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nine minutes of every truck, one of the two field trucks and one variant."""
+    """Nine minutes of every truck, one of the two field trucks and some of the variants."""
     volvo = {"volvo": modelling.FIELD_ROWS["volvo"]}
     monkeypatch.setattr(modelling, "FIELD_ROWS", volvo)
-    few = {name: learning.VARIANTS[name] for name in ("short", "cubic")}
+    few = {name: learning.VARIANTS[name] for name in ("short", "free", "cubic")}
     monkeypatch.setattr(modelling, "VARIANTS", few)
     whole = drive_of("trucksim", 9, TRAIN_SEED)
-    monkeypatch.setattr(learning, "drives", lambda truck: (whole, whole))
+    monkeypatch.setattr(learning, "drives", lambda truck, as_driven=False: (whole, whole))
+    trucksim = trucks.load("trucksim")
+    monkeypatch.setattr(trucks, "load", lambda name: trucksim)
     monkeypatch.setattr(modelling, "drives", learning.drives)
     monkeypatch.setattr(learning, "drive_of", lambda *_: whole.piece(0, 600))
     monkeypatch.setattr(modelling, "drive_of", lambda *_: whole)
@@ -98,10 +100,12 @@ def test_the_page_has_every_truck_and_recipe_and_goes_on(tmp_path: Path, monkeyp
     out = tmp_path / "paper"
     assert f"written: {out / 'paper.md'}" in done.output.replace("\n", "")
     page = (out / "paper.md").read_text()
-    assert page.count("| seeds | | 1 | 1 | 1 |") == 2 and page.startswith("# Beside the paper\n\n**")
+    assert page.count("| seeds | | 1 | 1 | 1 | 1 |") == 2 and page.startswith("# Beside the paper\n\n**")
     assert "### Why the deployment form stays above" in page and "\n| fuel in cm³/s, losses too | " in page
     assert "the deployment form rises in: " in page and "Not run: a quarter of the step, " in page
     assert "| | paper | fuel in l/s | fuel in cm³/s, as printed |" in page
+    assert "of the recipe's runs stay within 1.5 m/s.** The recipe never trains" in page
+    assert "**Why Volvo's fuel rate misses ±1 cm³/s.**" in page and "either of its two highest gears" in page
     assert "is trained on engine_speed, engine_torque, gear besides" in page
     assert "| our default, not trained on gear and engine | brake pressure | " in page
     for name in (*modelling.CAPTIONS, "volvo.png"):
