@@ -67,6 +67,7 @@ def test_nothing_is_learned_of_a_truck_that_is_as_its_sheet_or_without_a_gear(
     assert learned(SHEET, without) == learned(SHEET, []) and learned(SHEET, []).truck == SHEET
     same = learned(SHEET, drives(PhysicsTruck(SHEET)))
     assert same.truck == SHEET and "not taken over" in same.says[0]
+    assert "stamped where a change ends: 'late_s: " in same.says[-1]  # as our trucks record it
 
 
 def test_a_pedal_is_kept_in_the_truck_file_and_refused_where_it_cannot_be(tmp_path: Path) -> None:

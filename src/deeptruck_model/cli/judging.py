@@ -128,7 +128,7 @@ def calibrate(
 def _remarks(
     simulator: Simulator, recordings: list[Recording], metrics: dict[str, Any], horizon: float
 ) -> None:
-    """Say what makes the figures worth less than they look."""
+    """Say where the errors are less certain than they look."""
     from deeptruck_model.deep import remarks
 
     if remarks.is_deep(simulator) and (line := remarks.warning(simulator, recordings)):

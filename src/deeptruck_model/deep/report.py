@@ -99,7 +99,7 @@ FIGURES = {
 def page(metrics: dict[str, Any], folder: Path, named: str, notes: Sequence[str]) -> str:
     """evaluation.html: the numbers of metrics.json, and the figures that stand in the folder.
 
-    `notes` say where the numbers are worth less than they look."""
+    `notes` say where the errors are less certain than they look."""
     evaluated = {name: x for name, x in metrics.items() if isinstance(x, dict)}
     kinds = {key: words for key, words in FIGURES.items() if any(key in x for x in evaluated.values())}
     rows = [

@@ -10,7 +10,8 @@ from small_drives import TRUCK, LazyBrake, drives
 
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.data import checks
-from deeptruck_model.mismatch.prepare import prepared
+from deeptruck_model.mismatch.prepare import LEFT_OUT, Span, prepared
+from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
@@ -51,6 +52,42 @@ def test_the_scaled_sensor_is_found_though_the_simulator_is_wrong(truck: Physics
 
 def test_a_sensor_on_time_has_no_lag() -> None:
     assert not prepared(TRUCK, drives(LAZY, 2), [], Rules()).faults
+
+
+def test_rows_left_out_do_not_count_and_are_counted() -> None:
+    """Of the drive that is named alone, seconds from the start of its bag; all of it is still driven."""
+    recorded = drives(LAZY, 2)
+    all_of, part = (
+        prepared(TRUCK, recorded, [], Rules(), without=spans).prepared
+        for spans in ((), [Span(recorded[0].name, 60.0, 90.0)])
+    )
+    marked = (recorded[0].time >= 60.0) & (recorded[0].time <= 90.0)
+    at = next(k for k, p in enumerate(part) if p.recording.name == recorded[0].name)
+    assert not part[at].valid[marked].any()
+    assert np.array_equal(part[at].valid[~marked], all_of[at].valid[~marked])
+    assert np.array_equal(part[1 - at].valid, all_of[1 - at].valid)
+    assert len(part[at].u) == len(all_of[at].u)
+    found = prepared(TRUCK, recorded, [], Rules(), without=[Span(recorded[0].name, 60.0, 90.0)])
+    (rule,) = (r for r in found.rejected if r.rule == LEFT_OUT)
+    assert rule.samples == int(all_of[at].valid[marked].sum())
+
+
+def test_a_truck_that_follows_the_recorded_gear_is_compared_in_it() -> None:
+    """Its own shift speeds are wrong; the recorded gears, stamped where a change begins, are taken."""
+    p, recorded = TRUCK.parameters(), []
+    for r in drives(TRUCK, 2):
+        gear = r.channels["gear"]
+        begins = np.append(
+            gear[round(p["shift_time"] / r.dt) :], np.full(round(p["shift_time"] / r.dt), gear[-1])
+        )
+        recorded.append(replace(r, channels=r.channels | {"gear": begins}))
+    chooses = TRUCK.with_parameters({n: 1.25 * p[n] for n in ("upshift_low", "upshift_high")})
+    off = {}
+    for truck in (chooses, chooses.with_recorded_gear()):
+        found = prepared(truck, recorded, [], Rules())
+        e = gather(truck, found.prepared, found.held_out, seed=0, rules=Rules())
+        off[truck.interface.gear] = float(np.sqrt(np.nanmean(e.residual**2)))
+    assert off[True] < 0.4 * off[False], off
 
 
 def as_simulated_or_wrong(name: str) -> tuple[PhysicsTruck, list[PhysicsTruck]]:

@@ -137,7 +137,7 @@ REPLAY_STATE = Topic(
     "recorded time, s: where the replay is, and of how much; paused 1; may_seek 0 while a copy is recorded",
     ("position", "duration", "paused", "may_seek"),
 )  # fmt: skip
-NO_SEEK = "a copy is recorded, which would not be its source any more"
+NO_SEEK = "seeking is off while a copy is recorded"
 REPLAY_CONTROL = Topic(
     "/replay/control", JointState, ("live_page",), ("replay",), "on request",
     "paused 1 or 0; seek: recorded time to go on from, s; what is left out or NaN stays as it is",
