@@ -9,30 +9,24 @@ import sys
 from pathlib import Path
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
-from deeptruck_model.mismatch.report.wording import PARAMETER_MANOEUVRE, PARAMETER_NAMES, PARAMETER_UNITS
-from deeptruck_model.mismatch.tree import FAMILY
+from deeptruck_model.mismatch.mechanisms.others import PARAMETERS, SENSOR_ERRORS
 
 BEGIN, END = "<!-- effects: begin -->", "<!-- effects: end -->"
 HEAD = (
     "| effect | family | equation | varies with | needs | source | would be separated by |",
     "| --- | --- | --- | --- | --- | --- | --- |",
 )
-BETWEEN_SENSORS = {  # equation, and what must be recorded
-    "acceleration_bias": ("accelerometer(t) = dv/dt + b", "acceleration, speed"),
-    "speed_scale": ("speed = k * true speed", "speed, and acceleration or engine_speed"),
-}
 
 
 def table() -> str:
     """Every name a finding can have, one row each: library, sensor faults, parameters, unknown."""
     rows = [_row(m) for m in LIBRARY.values()]
-    for name, (equation, needs) in BETWEEN_SENSORS.items():
-        cells = (f"`{name}` (measurement)", FAMILY[name], equation, "speed, acceleration", needs)
-        rows.append(_line(*cells, "kinematics", "move the truck by a known distance"))
-    for name, says in PARAMETER_NAMES.items():
-        unit = PARAMETER_UNITS.get(name, "1")
-        cells = (f"`{name}` (parameter)", FAMILY[name], f"{says}; {unit}", "always", "engine, brake, speed")
-        rows.append(_line(*cells, "definition", PARAMETER_MANOEUVRE[name]))
+    for fault in SENSOR_ERRORS.values():
+        cells = (f"`{fault.name}` (measurement)", fault.family, fault.equation, "speed, acceleration")
+        rows.append(_line(*cells, fault.needs, "kinematics", "move the truck by a known distance"))
+    for p in PARAMETERS.values():
+        cells = (f"`{p.name}` (parameter)", p.family, f"{p.says}; {p.unit}", "always")
+        rows.append(_line(*cells, "engine, brake, speed", "definition", p.manoeuvre))
     rows.append(
         _line(
             "`unknown`",

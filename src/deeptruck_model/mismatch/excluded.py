@@ -7,11 +7,10 @@ from collections.abc import Sequence
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
+from deeptruck_model.mismatch.mechanisms.others import PARAMETERS, SENSOR_ERRORS
 from deeptruck_model.mismatch.tree import UNKNOWN
 
-SENSORS = ("acceleration_bias", "speed_scale")
-NAMED = (*LIBRARY, *PARAMETERS, *SENSORS, UNKNOWN)
+NAMED = (*LIBRARY, *PARAMETERS, *SENSOR_ERRORS, UNKNOWN)
 
 
 def check_excluded(names: Sequence[str]) -> None:

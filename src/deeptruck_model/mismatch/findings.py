@@ -12,6 +12,7 @@ from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.model import Made
 from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.report import wording
@@ -106,10 +107,10 @@ def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
     sizes = {"relative_error": Size(change, "1", ci95)}
     if name in c.parameters:
         value, a, b = (c.parameters[name] * (1.0 + x) for x in (change, *ci95))
-        sizes = {name: Size(value, wording.PARAMETER_UNITS.get(name, "1"), (a, b))} | sizes
+        sizes = {name: Size(value, PARAMETERS[name].unit, (a, b))} | sizes
     force = np.nan_to_num(search.e.sensitivity[name]) * change
     f = _finding(search.e, named, Kind.PARAMETER, wording.of_parameter(name, change), force, rules)
-    manoeuvre = wording.PARAMETER_MANOEUVRE.get(name, "")
+    manoeuvre = PARAMETERS[name].manoeuvre
     return replace(f, parameters=sizes, depends_on=("all driving",), separating_manoeuvre=manoeuvre)
 
 

@@ -17,9 +17,9 @@ from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, 
 from deeptruck_model.mismatch.fit_result import Refitted
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
+from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
-from deeptruck_model.mismatch.report.wording import PARAMETER_UNITS
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95, ridge
@@ -144,7 +144,7 @@ def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -
     if given is None:
         return Refitted(change, (low, high))
     value, *ci95 = (given * (1.0 + x) for x in (change, low, high))
-    return Refitted(change, (low, high), PARAMETER_UNITS.get(parameter, "1"), value, (ci95[0], ci95[1]))
+    return Refitted(change, (low, high), PARAMETERS[parameter].unit, value, (ci95[0], ci95[1]))
 
 
 @dataclass(frozen=True)

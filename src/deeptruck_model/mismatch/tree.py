@@ -5,28 +5,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import get_args
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.others import PARAMETERS, SENSOR_ERRORS
+from deeptruck_model.mismatch.mechanisms.record import Family
 
 ROOT = "mismatch"
 UNKNOWN = "unknown"
-BESIDES = {  # what a finding may be that is no mechanism: faults of sensors, and parameters
-    "sensors": ("acceleration_bias", "speed_scale"),
-    "timing": (),
-    "brakes": ("brake_gain",),
-    "engine_driveline": ("torque_gain",),
-    "air_tyres_road": ("rolling_resistance",),
-    "load": ("mass",),
+FAMILIES = get_args(Family)
+FAMILY: dict[str, str] = {
+    **{s.name: s.family for s in SENSOR_ERRORS.values()},
+    **{p.name: p.family for p in PARAMETERS.values()},
+    **{m.effect: m.family for m in LIBRARY.values()},
 }
-NAMES = {
-    family: tuple(sorted((*others, *(m.effect for m in LIBRARY.values() if m.family == family))))
-    for family, others in BESIDES.items()
-}
+NAMES = {family: tuple(sorted(name for name in FAMILY if FAMILY[name] == family)) for family in FAMILIES}
+FAMILY[UNKNOWN] = UNKNOWN
 LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
 SENSORS = "sensors"
 HIDDEN = "unrecorded:brake"
 PARTS = (*NAMES, PLACE, EACH_DRIVE, SLOW, HIDDEN, LEFT_OVER)  # of the budget
-FAMILY = {name: family for family, names in NAMES.items() for name in names} | {UNKNOWN: UNKNOWN}
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import SETTLE_S
 from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.folders import REFIT
+from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
-    PARAMETER_NAMES,
     RECORD_ROAD,
     ROOT,
     opened,
@@ -198,7 +198,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         if f.kind is Kind.SENSOR:
             yield f"Remove the {spoken(f.effect)} at its sensor or clock before you record more."
         elif f.kind is Kind.PARAMETER and not v.validated:
-            yield f"Check the simulator's {PARAMETER_NAMES[f.effect]}: {f.says}."
+            yield f"Check the simulator's {PARAMETERS[f.effect].says}: {f.says}."
         elif "recording" in f.depends_on and not v.validated:
             yield (
                 f"{opened(spoken(f.effect))} may differ from drive to drive: if so, set the simulator's "
@@ -225,7 +225,7 @@ def _refitted(v: Verdict) -> str:
     """The parameters that a correction changes as well, in a subordinate clause."""
     changes = v.fit.refitted if v.fit is not None else {}
     large = [
-        f"{PARAMETER_NAMES[n]} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= WORTH_SAYING
+        f"{PARAMETERS[n].says} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= WORTH_SAYING
     ]
     return f", which also changes {', '.join(large)}" if large else ""
 

@@ -4,21 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-PARAMETER_UNITS = {"mass": "kg", "drag_area": "m^2"}
-PARAMETER_NAMES = {
-    "mass": "mass",
-    "drag_area": "drag area",
-    "rolling_resistance": "rolling resistance",
-    "torque_gain": "engine torque for a given command",
-    "brake_gain": "brake force for a given command",
-}
-PARAMETER_MANOEUVRE = {
-    "mass": "accelerate with the same torque at a low and a high speed",
-    "drag_area": "coast down from high speed on a flat road, both ways",
-    "rolling_resistance": "coast down at low speed on a flat road, both ways",
-    "torque_gain": "pull with steps of torque at one speed",
-    "brake_gain": "brake with steps of command from one speed",
-}
+from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
+
 SENSOR_MANOEUVRE = "drive a known distance and compare each sensor with it"
 UNKNOWN_FORCE = "a force that follows no mechanism of the library"
 RECORD_MORE = "record the channels on which the force may depend, and drive where it is largest"
@@ -50,7 +37,7 @@ BESIDE_MISSING = {
 def of_parameter(name: str, change: float) -> str:
     """A parameter of the simulator is wrong, and by how much."""
     side = "larger" if change > 0 else "smaller"
-    return f"the {PARAMETER_NAMES[name]} is {abs(100 * change):.1f} % {side} than the simulator's"
+    return f"the {PARAMETERS[name].says} is {abs(100 * change):.1f} % {side} than the simulator's"
 
 
 def not_recorded(inputs: Sequence[str]) -> str:
