@@ -14,7 +14,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def _no_folder_as(library: str) -> Iterator[None]:
-    """For the length of the block a library is not there, if all that is found of it is a folder."""
+    """Within the block a library is absent if only a folder of its name is found."""
     found = importlib.util.find_spec(library)
     if found is None or found.origin is not None:
         yield

@@ -37,7 +37,7 @@ class Seen:
 
     @property
     def time_gap(self) -> Array:
-        """Wanted time gap, s."""
+        """The set time gap, s."""
         return np.asarray(self.target_gap / np.maximum(self.speed, LEAST_SPEED))
 
     def leader(self, time: Array) -> tuple[Array, Array]:

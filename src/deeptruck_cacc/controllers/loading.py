@@ -122,7 +122,7 @@ def _fields(manifest: Mapping[str, Any], key: str, kind: type, beside: str) -> d
 
 
 def _tried(policy: MlpPolicy, path: Path) -> MlpPolicy:
-    """The policy, if its numbers are possible and its parts fit one another and make commands."""
+    """The policy, if its numbers are possible, its parts fit, and it gives commands."""
     try:
         wrong = _impossible(policy)
         fits = policy.layers[0][0].shape[1] == len(policy.features.names) and len(policy.layers[-1][1]) == 2

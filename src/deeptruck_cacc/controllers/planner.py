@@ -148,8 +148,8 @@ class Planner:
 
 
 class _Past(NamedTuple):
-    """What is kept between calls: plan (batch, knots), the simulator's state and the speed it expects now
-    (batch,), and the acceleration that it lacks (batch,)."""
+    """State kept between calls: plan (batch, knots), the simulator's state and the speed it expects now
+    (batch,), and the acceleration error of the simulator (batch,)."""
 
     plan: Array
     state: Any

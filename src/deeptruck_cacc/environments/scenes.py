@@ -144,7 +144,7 @@ def late(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
 
 
 def delays(rng: np.random.Generator, batch: int, dt: float) -> NDArray[np.int64]:
-    """Steps from none to LATE_S, all alike likely, (batch,)."""
+    """Random delays in steps of dt, uniform from 0 to LATE_S, (batch,)."""
     return rng.integers(0, round(LATE_S / dt), batch, endpoint=True)
 
 

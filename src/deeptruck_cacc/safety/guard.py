@@ -111,7 +111,7 @@ class Guard:
 
     @property
     def interface(self) -> TruckInterface:
-        """The policy's."""
+        """The interface of the policy."""
         return self.policy.interface
 
     @property

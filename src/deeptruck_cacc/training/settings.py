@@ -114,7 +114,7 @@ Config = AnalyticConfig | TrpoConfig
 
 
 def settled(config: AnalyticConfig) -> AnalyticConfig:
-    """The config with the learning rate that is meant by 0."""
+    """The config with its default learning rate in place of 0."""
     rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)
     return replace(config, learning_rate=rate)
 

@@ -78,7 +78,8 @@ def check(
 
 
 def combinations(trainer: str, grid: Mapping[str, Sequence[Any]]) -> dict[str, Settings]:
-    """Every choice of one value for each setting, by name. Raises InputError with all that cannot be."""
+    """All combinations of one value for each setting, by name. Raises InputError that lists every
+    impossible one."""
     if trainer not in CONFIGS:
         raise InputError(f"there is no trainer '{trainer}'; known: {', '.join(CONFIGS)}")
     config, whose = CONFIGS[trainer], f"the {trainer} trainer"

@@ -1,4 +1,4 @@
-"""How training chooses: fresh scenes on the simulator it trains on, never on the test truck."""
+"""Validation during training: fresh scenes on the simulator it trains on, never on the test truck."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What a truck's forces see along a drive that has been driven, so that many laws can be asked at once."""
+"""The inputs of a truck's forces along a simulated drive, recorded so that many laws can be evaluated at
+once."""
 
 from __future__ import annotations
 

@@ -130,7 +130,8 @@ def _judgeable(
 
 
 def _start(path: Path, interface: TruckInterface, dt: float) -> DeepTruck:
-    """The truck under `path`, to adapt. Raises InputError where it is no deep truck, or of other signals."""
+    """The truck under `path` that is to be adapted. Raises InputError where it is no deep truck, or has
+    other signals."""
     manifest = read_manifest(path)
     if manifest.get("kind") != "deep":
         raise InputError(f"{path} is no deep truck; only one of those can be adapted")

@@ -75,7 +75,7 @@ def print_left_beside(out: Path) -> None:
 
 
 def _is_held(place: Path) -> bool:
-    """Whether a run is still at work there."""
+    """Whether a run still works there."""
     with suppress(OSError):
         try:
             free(place)

@@ -90,10 +90,9 @@ class Result:
 
     @contextmanager
     def in_place(self, out: Path) -> Iterator[None]:
-        """`out` held for work that stays in it from run to run, and of which each file is whole by itself.
-
-        Raises InputError as `check`, but for an older result: with that the work goes on.
-        """
+        """Hold `out` for work that continues there from run to run, and whose files are each complete by
+        themselves. Raises InputError as `check`, except for an older result, with which the work
+        continues."""
         with self._held(out, overwrite=True):
             if not any(out.iterdir()):
                 self.claim(out)
@@ -148,7 +147,7 @@ class Result:
             _note(f"{draft} keeps what this command did not write")
 
     def signed(self, folder: Path) -> bool:
-        """Whether the ledger in `folder` says that this command made it."""
+        """Whether `folder` has a ledger of this command."""
         known = ledger.read(folder)
         return known is not None and known.what == self.what
 

@@ -89,7 +89,7 @@ def _fleet(target: Place) -> dict[str, Any]:
 
 
 def _folder(target: Place) -> dict[str, Any]:
-    """Of the verdicts in the folders below, wherever they are: what was found, and the tree."""
+    """The findings of all verdicts below a folder, and their tree."""
     listed = [f.path for f in target.list()]
     found = {posixpath.dirname(p): target.read_json(p) for p in listed if posixpath.basename(p) == VERDICT}
     if not found:

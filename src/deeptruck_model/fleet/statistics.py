@@ -139,7 +139,7 @@ def _references(usable: Mapping[str, Seen]) -> list[str]:
 
 
 class _Totals:
-    """The held-out evidence of the references: of each truck, of each family and of each name."""
+    """Held-out evidence of the references by truck, by family and by name."""
 
     def __init__(self, references: Sequence[Nats], family: Mapping[str, str]) -> None:
         self.members: dict[str, list[str]] = {}

@@ -48,7 +48,7 @@ class Place:
     name: str
 
     def at(self, path: str) -> str:
-        """The full path of a file below."""
+        """The full path of a file in the place."""
         return posixpath.join(self.path, path)
 
     def list(self, below: str = "") -> list[Stored]:

@@ -58,7 +58,7 @@ class Link:
 
 @dataclass(frozen=True)
 class VariableMap:
-    """Everything that is said of an FMU's variables; links by our name."""
+    """All variables of an FMU that are mapped; links by our name."""
 
     interface: TruckInterface
     dt: float  # s, of our steps

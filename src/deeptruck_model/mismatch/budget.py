@@ -82,18 +82,20 @@ class Budget:
         return Budget(entry["horizon_s"], entry["windows"], rmse, tuple(map(Part.read, entry["parts"])))
 
     def share(self, part: str) -> float:
-        """Of a part; zero where there is none."""
+        """The share of a part; zero where there is none."""
         return next((p.share for p in self.parts if p.part == part), 0.0)
 
     def force(self, part: str, like: Array) -> Array:
-        """Of a part (n,); zero where there is none."""
+        """The force of a part (n,); zero where there is none."""
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
 
 
 def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
-    """Split what the simulator as `given` is off by in the rows that are fitted. The search may be about
-    refitted parameters: what that changed is a part of their families. `hidden` (n,) are rows in which an
-    input acts that was not recorded, and which the search does not compare."""
+    """Split the error of the simulator as `given` in the rows that are fitted.
+
+    The regression may be about refitted parameters: what that changed is a part of their families. `hidden`
+    (n,) are rows in which an input acts that was not recorded, and which are not compared.
+    """
     search, e = p.search, p.search.e
     columns, draws, part_of = _columns(p)
     fixed = _refitted(search, given)

@@ -1,4 +1,4 @@
-"""What `find_mismatch` was given, checked before anything is computed."""
+"""The arguments of `find_mismatch`, checked before anything is computed."""
 
 from __future__ import annotations
 

@@ -84,7 +84,8 @@ def conclude(
 
 
 def tree(c: Compared, road: Road | None, rules: Rules) -> tuple[Node, ...]:
-    """Of the first finding, or of the road; `nothing` with its probability where nothing is found."""
+    """The tree of the first finding, or of the road; `nothing` with its probability where nothing is
+    found."""
     if road is not None and road.tree.stated(rules.stated) != ROOT:
         return road.tree.nodes()
     if c.names.found:

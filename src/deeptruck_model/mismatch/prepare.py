@@ -112,7 +112,7 @@ def prepared(
 
 
 def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
-    """The drive, whose rows in the spans do not count. What they did to the truck is still driven through."""
+    """The drive with the rows of the spans marked invalid; the simulator still drives through them."""
     time, valid = p.recording.time, p.valid
     for s in spans:
         if s.recording == p.recording.name:

@@ -69,8 +69,8 @@ def witnesses(
 
 
 def _predicted(search: Regression, force: Array, x: Array, part: str) -> float:
-    """Share of the variance of means of a force (n,) that a line in a channel (n,) predicts, each drive by a
-    fit to the others; zero where too few drives have it."""
+    """Share of the variance of a force's means (n,) that a linear function of a channel (n,) predicts,
+    each drive by a fit to the others; zero where too few drives have the channel."""
     e, used = search.e, np.zeros(len(search.e), dtype=bool)
     used[search.rows] = True
     means, owner = [], []

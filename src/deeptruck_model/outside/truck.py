@@ -191,7 +191,7 @@ def _numbers(y: Any, shape: tuple[int, ...]) -> Array:
 
 
 def adopted(reference: Reference) -> OutsideTruck:
-    """What the factory makes, as a Simulator. Raises InputError where that is none."""
+    """The object of a factory as a Simulator. Raises InputError where it is none."""
     inner = made(reference)
     if missing := lacks(inner):
         what = f"what {reference.factory} returns is no simulator: {', '.join(missing.values())}"

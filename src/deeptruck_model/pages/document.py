@@ -24,7 +24,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture (PNG) and what it shows, which stands below it and is read where it cannot be seen."""
+    """A picture (PNG) with its caption, which is also its text alternative."""
 
     png: bytes
     says: str

@@ -39,7 +39,7 @@ class Place:
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
+        """The address to open in a browser."""
         return f"http://{LOCAL}:{self.listener.getsockname()[1]}/{self.token}/"
 
 
@@ -126,7 +126,8 @@ class Handler(BaseHTTPRequestHandler):
             self.post(rest)
 
     def _opened(self) -> str | None:
-        """What stands behind the token; None for a request that is refused or sent on, which is answered."""
+        """The path below the token; None for a request that is refused or redirected, which is then
+        answered."""
         token, slash, rest = self.path.removeprefix("/").partition("/")
         if not self._is_ours() or not hmac.compare_digest(token.encode(), self.server.place.token.encode()):
             self.answer(HTTPStatus.FORBIDDEN, b"Open the address that was printed.\n")

@@ -50,7 +50,7 @@ def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Calla
 
 
 def sealed(out: Path) -> Path:
-    """The file beside the bag that gets the concealed channels."""
+    """The file next to the bag for the withheld channels."""
     return out.with_name(out.name + ".sealed.csv")
 
 

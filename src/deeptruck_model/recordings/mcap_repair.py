@@ -335,7 +335,7 @@ def _behind(file: Path, at: int) -> bytes:
 
 
 def _kept(wanted: Path, content: bytes) -> Path:
-    """Write `content` under the wanted name, or the next one that is free or holds the same."""
+    """Write `content` under the wanted name, or under the next that is free or already holds it."""
     names = chain([wanted], (wanted.with_name(f"{wanted.name}{number}") for number in count(2)))
     place = next(p for p in names if not p.exists() or (p.is_file() and p.read_bytes() == content))
     if not place.exists():

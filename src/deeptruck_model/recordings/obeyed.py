@@ -84,7 +84,7 @@ class Obedience:
         return channels
 
     def _engaged(self, series: dict[str, Series]) -> Series:
-        """The engaged bits from the last one of the parts before on: the bridge's where it is recorded."""
+        """The engaged bits since the last one of the earlier parts: those of the bridge, where recorded."""
         for name, before in self._bits.items():
             new = series.get(name, _NOTHING)
             there = ~np.isnan(new.values)

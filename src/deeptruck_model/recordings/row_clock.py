@@ -34,10 +34,8 @@ DAY_ALONE = re.compile(r"\d{1,2}:\d{2}(:\d{2}.*)?")
 
 @dataclass(frozen=True)
 class RowClock:
-    """The line `time:` of COLUMNS.yaml, '' where no column is a clock, and why.
-
-    `seconds` (n,) are the times of the rows, NaN where one has none.
-    """
+    """The clock of a table: the line `time:` of COLUMNS.yaml ('' without a clock), the reason, and
+    `seconds` (n,), the times of the rows, NaN where a row has none."""
 
     line: str
     why: str

@@ -266,7 +266,7 @@ def _of_format(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
 def _parsed(
     table: TextTable, clock: Clock, cells: pa.ChunkedArray, ticks: Callable[[str], int | None]
 ) -> Array:
-    """Cells by a function that gives ns."""
+    """Times of cells by a function that gives ns."""
     found = pa.chunked_array(
         [[None if cell is None else ticks(cell) for cell in cells.to_pylist()]], pa.int64()
     )

@@ -1,7 +1,7 @@
-"""Forces of a physics truck that carry those of mechanisms: a headwind is a share of the drag.
+"""Forces of a physics truck to which those of mechanisms are proportional: a headwind is a share of the drag.
 
-Sizes are fitted about parameters that may be far from those of the corrected truck, whose own forces are then
-others by as much.
+Sizes are fitted about parameters that may differ much from those of the corrected truck, whose own forces
+then differ by as much.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ UPPER = (0.4, 0.7, 0.85, 0.93, 0.97, 0.995)  # quantiles of what acts only when 
 
 
 def over(seconds: float, power: Expression) -> Expression:
-    """What a power has left after a time, with a start from cold."""
+    """A power through a first-order lag that starts at zero: the heat of the last `seconds`."""
     return Lag((power,), seconds, cold=True)
 
 

@@ -44,8 +44,11 @@ def other_gear(
 
 
 def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
-    """Whether gears cannot be compared; of the recordings to be fitted too, which another logger may have
-    made than those held out, and of which nothing would be left."""
+    """Whether gears differ in more than half of the samples, so that they cannot be compared.
+
+    Either of all recordings or of those to be fitted: another logger may have made these, of which nothing
+    would be left.
+    """
     fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
     return any(np.concatenate(part).mean() > 0.5 for part in (apart, fitted))
 
