@@ -1,5 +1,6 @@
 """From a truck simulator to a following controller: environment, training, baselines, shield, evaluation."""
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,12 @@ _HOMES = {
     "baseline": "controllers.baselines",
     "load_policy": "controllers.loading",
 }
+
+
+if "gymnasium" in sys.modules:  # which is not loaded for it: the console script answers at once
+    from deeptruck_cacc.environments.registration import register
+
+    register()
 
 
 def __getattr__(name: str) -> Any:

@@ -1,6 +1,7 @@
-"""The environment's name in gymnasium, for the entry point of the group `gymnasium.envs`.
+"""The environment's name in gymnasium.
 
-gymnasium calls `register` when it is imported, so that nothing else is loaded here.
+Importing deeptruck_cacc after gymnasium calls `register`, which loads nothing else; so does
+`gymnasium.make("deeptruck_cacc:deeptruck/Cacc-v0")`.
 """
 
 from __future__ import annotations
