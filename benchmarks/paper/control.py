@@ -207,7 +207,7 @@ def _why_following(columns: Mapping[str, list[Figures]]) -> list[str]:
 def _chain(
     out: Path, name: str, seeds: int, iterations: int, budget: int, say: Callable[[str], None]
 ) -> None:
-    """Train and drive one chain, unless it was."""
+    """Train and drive one chain, unless that is done."""
     chain, kept = CHAINS[name], out / WORK / f"chain-{name}.json"
     given = {"seeds": seeds, "iterations": iterations, "budget": budget}
     if kept.exists() and json.loads(kept.read_text())["given"] == given:

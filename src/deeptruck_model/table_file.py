@@ -105,7 +105,8 @@ class TextTable:
         return pc.if_else(pc.equal(cells, ""), pa.scalar(None, pa.string()), cells)
 
     def values(self, name: str) -> tuple[Array, Mask]:
-        """A column as float64 (n,), NaN for cells that are blank or no number, and which are the latter."""
+        """A column as float64 (n,), with NaN for blank cells and for texts, and which rows (n,) are such
+        texts."""
         column = self.column(name)
         if pa.types.is_string(column.type):
             cells = self.cells(name)

@@ -210,7 +210,7 @@ class Bridge:
         self.disarm(time.monotonic())
 
     def _rewind(self, back: float) -> None:
-        """The clock went back: what waits for a time waits no longer for it, and no signal has an age."""
+        """The clock went back: move the pending times back too, and forget all received signals."""
         self._due = {axis: due - back for axis, due in self._due.items()}
         self._connection.rewind(back)
         self._signals, self._faults = ReceivedSignals(self.vehicle), FaultWatch(self.vehicle)

@@ -76,7 +76,7 @@ def _scene(name: str, numbers: Mapping[str, Any]) -> Table:
 
 
 def _rows(numbers: Mapping[str, Any], before: str = "") -> list[tuple[str, ...]]:
-    """A row a number, those further inside behind the name that holds them."""
+    """One row for each number; nested ones follow the name of their group."""
     out: list[tuple[str, ...]] = []
     for name, value in numbers.items():
         if isinstance(value, Mapping):

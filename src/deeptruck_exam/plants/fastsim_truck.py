@@ -41,7 +41,7 @@ INTERFACE = TruckInterface("line haul", "N m", "m/s^2", grade=True, fuel=False)
 
 @lru_cache
 def sheet() -> dict[str, Any]:
-    """The truck's data."""
+    """The truck's data sheet."""
     values: dict[str, Any] = yaml.safe_load((Path(__file__).parent / "line_haul.yaml").read_text())
     return values
 

@@ -40,7 +40,7 @@ class _Speeds:
         return self.per if unit == "m/s" else 1.0
 
     def of(self, unit: str) -> str:
-        """The unit in which a value of a unit is shown."""
+        """The unit in which values of `unit` are displayed."""
         return self.unit if unit == "m/s" else unit
 
 

@@ -58,8 +58,11 @@ def refitted(
     free: frozenset[str],
     say: Callable[[str], None],
 ) -> tuple[Regression, Model]:
-    """The regression about the parameters that fit best with no name, of which only `free` ones move, and
-    that fit. Where mass and gains move together many steps are needed."""
+    """The regression about the parameters that fit best with no name, of which only `free` ones move; and
+    their fit.
+
+    Where mass and gains move together many steps are needed.
+    """
     about = _About(simulator, drives, e, np.zeros(len(e), dtype=bool), seed, (), say)
     search = Regression(e.to_fit())
     for _ in range(CLOSER_STEPS):

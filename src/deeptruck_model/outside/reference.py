@@ -121,7 +121,7 @@ def _sha256(file: Path | None) -> str | None:
 
 @contextmanager
 def asked(named: str, what: str) -> Iterator[None]:
-    """One line in place of whatever somebody else's code raises, which stays as its cause."""
+    """One line in place of an exception of another's code, which stays as its cause."""
     try:
         yield
     except InputError as error:

@@ -205,7 +205,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
 
 
 def _say(text: str) -> None:
-    """To whoever sits before the terminal; a full disk under the log ends nothing."""
+    """Print to the terminal; a full disk under the log ends nothing."""
     with contextlib.suppress(OSError):
         print(text, flush=True)
 
