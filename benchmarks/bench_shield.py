@@ -18,6 +18,10 @@ from deeptruck_cacc.safety.shield import Promise, Shield
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator
 
+SAYS = """In `long_following` the radar sees another vehicle for 2 s, 30 m farther. It is not believed, so
+that the leader is not seen, at a time gap of 1.5 s: the truck slows down mildly (`ease_m`), by about
+0.6 m/s, and gains them back as fast as its engine lets it. Without the shield it drives on as if the
+leader were there."""
 SCENES = ("paper", "moving", "gap_closing", "long_following", "stop", "cut_in", "dropout", "descent")
 
 
@@ -31,6 +35,7 @@ def main() -> None:
     facts = ", ".join(f"{name} {value:.4g}" for name, value in promise.to_dict().items())
     lines = [*harness.heading("The shield"), f"Promise measured on {args.simulator}: `{facts}`", ""]
     lines += [*search(promise, args.rollouts), "", *bridged(promise), "", *cost(args.policy, truck, promise)]
+    lines += ["", *SAYS.splitlines()]
     (harness.RESULTS / "shield.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
 

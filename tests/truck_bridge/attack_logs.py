@@ -19,7 +19,8 @@ def main() -> int:
     """A table: how long control could have been held, and why it would have been lost."""
     vehicle = vehicles.load(TRUCK)
     print(f"{'log':<30}{'frames':>8}{'log':>8}{'engaged':>9}  lost, or never given because")
-    for path in sorted(Path(sys.argv[1]).glob("*.log")):
+    logs = (path for path in Path(sys.argv[1]).rglob("*") if path.suffix in (".log", ".txt"))
+    for path in sorted(logs):
         found = check(path, vehicle)
         why = ", ".join(f"{name} at {found.lost_s[name][0]:.1f} s" for name in found.losses)
         if not found.engaged_s:
