@@ -1,11 +1,12 @@
 """A radar that loses a steady leader: how hard each controller brakes each truck, where nothing happens.
 
-python benchmarks/bench_dropouts.py [--policies baseline:acc baseline:cacc ...] [--trucks trucksim ...]
+python benchmarks/bench_dropouts.py [--policies ...] [--trucks ...] [--scenes ...] [--title ...]
 
 Truck, leader, radar and the controller's core in one process, as the nodes of a lock-step run: 900 s with the
 start script's defaults (seed 3), 200 s with drop-outs of 6 s on average (0.03 a second), and a leader that
 pulls away at 0.2 m/s^2 from 18 to 28 m/s until it is out of the radar's reach of 45 m. `{truck}` in a policy
-is the truck's name. Where the controller hands back the truck coasts.
+is the truck's name. Where the controller hands back the truck coasts. The first 20 s of the long runs, in
+which the controller settles, do not count.
 """
 
 from __future__ import annotations
@@ -25,8 +26,7 @@ from deeptruck_nodes.plant import Plant
 from deeptruck_nodes.radar import Gap, Radar, RadarErrors
 from deeptruck_nodes.roads import parse as parse_road
 
-POLICIES = ["baseline:acc", "baseline:cacc", "baseline:idm", "baseline:pi", "baseline:mpc",
-            "planner:truck:{truck}"]  # fmt: skip
+POLICIES = ["baseline:acc", "baseline:cacc", "baseline:idm", "baseline:pi", "baseline:mpc"]  # fmt: skip
 TRUCKS = ["trucksim", "freightliner", "volvo"]
 FREE = -1.0  # m/s^2, the hardest braking on a free road
 SETTLED_S = 20.0
@@ -88,10 +88,12 @@ def drive(truck: str, policy: str, scene: Scene) -> Drive:
 
 
 def main() -> None:
-    """Print the table and write it to docs/results/dropouts.md."""
-    args = harness.options(__doc__, {"--policies": POLICIES, "--trucks": TRUCKS})
-    lines = [*harness.heading("A radar that loses its leader"), "", *SAYS.splitlines(), ""]
-    for name, scene in SCENES.items():
+    """Print the tables and put them into docs/results/dropouts.md as the section `--title`."""
+    defaults = {"--policies": POLICIES, "--trucks": TRUCKS, "--scenes": list(SCENES), "--title": "Baselines"}
+    args = harness.options(__doc__, defaults)
+    lines = harness.heading(args.title)
+    for name in args.scenes:
+        scene = SCENES[name]
         rows = []
         for truck in args.trucks:
             for policy in (text.format(truck=truck) for text in args.policies):
@@ -101,12 +103,8 @@ def main() -> None:
                     f"{truck} | `{policy}` | {run.hardest:.2f} | {run.beyond * 0.1:.1f} | "
                     f"{run.least_gap:.1f} | {counts}"
                 )
-                print(f"{name} | {rows[-1]}", flush=True)
-        heads = "truck | controller | hardest (m/s²) | beyond 1 m/s² (s) | smallest gap (m) | " + " | ".join(
-            COUNTED.values()
-        )
-        lines += [f"## {name}: `{scene.leader}`, {scene.seconds:g} s", "", *harness.table(heads, rows), ""]
-    (harness.RESULTS / "dropouts.md").write_text("\n".join(lines).rstrip() + "\n")
+        lines += [f"## {name}: `{scene.leader}`, {scene.seconds:g} s", "", *harness.table(HEADS, rows), ""]
+    harness.store("dropouts", lines)
 
 
 COUNTED = {
@@ -114,8 +112,9 @@ COUNTED = {
     "shield_interventions": "shield acted",
     "full_brakings": "braked fully",
 }
-SAYS = """The leader keeps its speed or pulls away: no braking has a cause. Beyond 1 m/s² is what the
-next driver notices. The first 20 s of the two long runs, in which the controller settles, do not count."""
+HEADS = " | ".join(
+    ("truck | controller | hardest (m/s²) | beyond 1 m/s² (s) | smallest gap (m)", *COUNTED.values())
+)
 
 
 if __name__ == "__main__":
