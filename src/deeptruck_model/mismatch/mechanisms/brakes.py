@@ -20,12 +20,11 @@ from deeptruck_model.mismatch.expression import (
 from deeptruck_model.mismatch.mechanisms.commands import FULL_RANGE_S
 from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, from_moments, slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
-from deeptruck_model.mismatch.mechanisms.symbols import BRAKE, DISTANCE, SPEED, over
+from deeptruck_model.mismatch.mechanisms.symbols import BRAKE, BRAKED_AGO, DISTANCE, SPEED, over
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 HEAT_CAPACITY = 12.5  # J/kg/K: about 500 kg of drums at 500 J/kg/K under 20 t
 COOLING_S = (40.0, 120.0, 400.0, 1200.0)
-NEVER_S = 120.0
 LAGS, RATES = ("lag", "rise", "fall", "delay"), ("rate", "climb")
 
 
@@ -152,7 +151,7 @@ DRAGGING_BRAKE = Mechanism(
         ),
         "time since braking": Curve(
             (BRAKE < 0.05) * -1.0,
-            minimum(Since((BRAKE > 0.1,)), NEVER_S),
+            BRAKED_AGO,
             "time since braking",
             "any",
             share=False,

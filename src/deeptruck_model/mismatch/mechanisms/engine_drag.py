@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.mechanisms.record import (
 )
 from deeptruck_model.mismatch.mechanisms.symbols import (
     BRAKE,
+    BRAKED_AGO,
     ELAPSED,
     ENGINE,
     ENGINE_COMMAND,
@@ -36,7 +37,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 LITTLE, RELEASED = 0.03, 0.005  # of the largest command
 LINGERS = 0.02  # of the time
 LATE_S = (0.0, 0.7)  # valves and vanes take a moment
-NEVER_S = 120.0
 COLD_S = (60.0, 200.0, 600.0, 1500.0)
 POWER = PULL * SPEED
 TURNING = ENGINE_SPEED / OMEGA
@@ -226,7 +226,7 @@ ACCESSORY_LOAD = Mechanism(
         },
         "time since braking": Curve(
             PER_POWER,
-            minimum(Since((BRAKE > 0.1,)), NEVER_S),
+            BRAKED_AGO,
             "time since braking",
             "falling",
             share=False,

@@ -33,6 +33,7 @@ OMEGA = 150.0  # rad/s, a diesel's working speed
 PER_POWER = -(1.0 / maximum(SPEED, 3.0))
 SHIFTED = Since((absolute(Change((GEAR,))) > 0.5,))
 STOOD = minimum(Since((SPEED < 0.5,)), 60.0)  # s since standing
+BRAKED_AGO = minimum(Since((BRAKE > 0.1,)), 120.0)  # s since braking
 GEARED = ("ratio", "engine_speed")
 UPPER = (0.4, 0.7, 0.85, 0.93, 0.97, 0.995)  # quantiles of what acts only when it is large
 
