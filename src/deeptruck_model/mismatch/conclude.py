@@ -59,7 +59,7 @@ def conclude(
     shares = [f.share_of_explainable_error for f in found]
     numbers = replace(numbers, kinds=[f.kind for f in found], shares=shares)
     kind = decide.conclusion(numbers, rules)
-    offered = decide.offered(numbers, kind)
+    offered = decide.offered(numbers, kind, rules)
     forces = {i: f.force for i, f in enumerate(found) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
     ahead = road.ahead if road is not None else None

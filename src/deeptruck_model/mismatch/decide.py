@@ -64,14 +64,17 @@ def uncompared(*, faulty: bool) -> Conclusion:
     return Conclusion.SENSOR if faulty else Conclusion.UNDETERMINED
 
 
-def offered(n: Numbers, kind: Conclusion) -> str:
-    """What is offered: where nothing is missing the simulator as given."""
-    return AS_GIVEN if kind is Conclusion.NOTHING else n.offered
+def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
+    """What is offered: where nothing is missing the simulator as given, unless parameters that nobody can
+    name take away as much of its error as makes a finding of a drift."""
+    if kind is Conclusion.NOTHING and not (n.offered == REFIT and n.given - n.refitted > rules.drift):
+        return AS_GIVEN
+    return n.offered
 
 
 def advice(n: Numbers, kind: Conclusion, rules: Rules) -> Mapping[str, Advice]:
     """Whether the data are enough, the simulator is good enough, and what is offered should be applied."""
-    return {"data": _data(n), "simulator": _simulator(n, kind, rules), "apply": _apply(n, kind)}
+    return {"data": _data(n), "simulator": _simulator(n, kind, rules), "apply": _apply(n, kind, rules)}
 
 
 def _data(n: Numbers) -> Advice:
@@ -95,10 +98,10 @@ def _simulator(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
     return Advice(Answer.YES, wording.good_enough(n.given, n.horizon_s))
 
 
-def _apply(n: Numbers, kind: Conclusion) -> Advice:
+def _apply(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
     if not np.isfinite(n.given):
         return Advice(Answer.NO, wording.NOT_DRIVEN)
-    offer = offered(n, kind)
+    offer = offered(n, kind, rules)
     if offer != AS_GIVEN:
         refit = offer == REFIT
         better = wording.better(n.given, n.refitted if refit else n.corrected, refit=refit)
