@@ -116,8 +116,9 @@ class TruckWithForces:
         now["effective_mass_gain"] = now["effective_mass_gain"] * left
         now |= effective_mass.holding(self._holds, now, left)
         if "engine" in now:
+            by_mass = self.base.interface.brake_unit != effective_mass.HELD_UNIT  # else a force per mass
             now["sensitivity:mass"] = now["effective_mass_gain"] * (
-                now["brake"] + now["drag"] - now["engine"]
+                by_mass * now["brake"] + now["drag"] - now["engine"]
             )
         values, memory = self._stream.step(state.memory[1], now, self.base.dt)
         extra = sum((b * v for b, v in zip(self._sizes, values, strict=True)), start=np.zeros(len(y)))

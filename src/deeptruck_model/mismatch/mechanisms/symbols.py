@@ -30,7 +30,7 @@ OVERALL_RATIO = Signal("overall_ratio")
 PLACE = Signal("place", missing=-1.0)  # below zero where nobody knows it
 PULL = maximum(ENGINE, 0.0)
 OMEGA = 150.0  # rad/s, a diesel's working speed
-PER_POWER = -(1.0 / maximum(SPEED, 3.0))
+PER_POWER = -(1.0 / maximum(SPEED, 1.0))  # m/s, at which an engine idles in its lowest gear
 SHIFTED = Since((absolute(Change((GEAR,))) > 0.5,))
 STOOD = minimum(Since((SPEED < 0.5,)), 60.0)  # s since standing
 BRAKED_AGO = minimum(Since((BRAKE > 0.1,)), 120.0)  # s since braking
