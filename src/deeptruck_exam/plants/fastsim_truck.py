@@ -3,8 +3,8 @@
 FASTSim is backward facing: it finds the power that a speed trace needs. Where the truck falls behind its
 trace, FASTSim loses its slopes, so that the driver here asks for no more than the engine has. It has neither
 gears nor an engine speed, so the bus shows its engine's power as a torque through one fixed ratio, at idle
-speed or above, as a clutch that slips lets it. It knows no wind: a head wind is given to it as the slope that
-asks for the same force.
+speed or above, as a converter without losses lets it. It knows no wind: a head wind is given to it as the
+slope that asks for the same force.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def inertia(mass: float) -> float:
 
 
 def engine_speed(speed: Array) -> Array:
-    """rad/s at speeds (n,) in m/s, with a clutch that slips below idle."""
+    """rad/s at speeds (n,) in m/s, idle or above."""
     return np.asarray(np.maximum(IDLE, speed * RATIO / sheet()["wheel_radius"]))
 
 

@@ -13,7 +13,7 @@ DRIVEN = ("before", "parameters_only", "after")
 ERRORS = (*DRIVEN, "offered")
 Row = Mapping[str, Any]
 HEAD = (
-    *("simulator", "concealed", "said", "right first, in the set"),
+    *("simulator", "concealed", "said", "right first, in the set, named at all"),
     *("as given", "refitted", "corrected", "offered"),
 )
 RIGHT = {"right": (1, 1), "group": (0, 1)}  # outcome: right first, in the set
@@ -60,11 +60,13 @@ def _said(row: Row) -> str:
 
 
 def right(rows: Sequence[Row]) -> str:
-    """How many are right first and in the set; where nothing is concealed, how many are silent."""
+    """How many are right first, in the set, and named by any finding; where nothing is concealed, how many
+    are silent."""
     if not rows[0]["true"]:
         return f"{sum(r['outcome'] == 'silent' for r in rows)} of {len(rows)} silent"
     first, group = (sum(RIGHT.get(r["outcome"], (0, 0))[i] for r in rows) for i in (0, 1))
-    return f"{first}, {group} of {len(rows)}"
+    named = sum(r["recall"] > 0.0 for r in rows)
+    return f"{first}, {group}, {named} of {len(rows)}"
 
 
 def _median(rows: Sequence[Row], name: str) -> str:

@@ -14,6 +14,8 @@ from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 from deeptruck_exam.tool import ToolRun
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.correction.added import Added, TruckWithForces
+from deeptruck_model.mismatch.expression import Signal
 from deeptruck_model.recordings import Recording
 
 needs_fastsim = pytest.mark.skipif(
@@ -62,6 +64,16 @@ def test_it_is_fit_for_use_as_a_simulator_of_ones_own() -> None:
     assert not protocol_check.missing(protocol_check.examine(loaded))
 
 
+def test_a_load_that_is_added_leaves_brakes_that_are_commanded_per_mass() -> None:
+    """1 m/s^2 of braking is no less with more load; 0.02 m/s^2 of drag are."""
+    base = simulators.completed(make())
+    loaded = TruckWithForces(base, Added(((Signal("sensitivity:mass"), 1.0),)), holds=False)
+    y0, u, w = np.array([[0.0, 15.0]]), np.array([[0.0, 1.0]]), np.zeros((1, 1))
+    _, own = base.step(base.reset(y0), u, w)
+    _, with_load = loaded.step(loaded.reset(y0), u, w)
+    assert 0.0 < with_load[0, 0] - own[0, 0] < 0.05
+
+
 @needs_fastsim
 def test_the_equations_drive_as_fastsim_does_until_something_is_concealed() -> None:
     (nominal, *_) = cases.drives(cases.CONCEALED["nothing"], 7)
@@ -88,7 +100,7 @@ def verdict(*names: str) -> dict[str, object]:
     return {
         "verdict": "parameter_error",
         "findings": [{"effect": n, "probability": 0.8} for n in names],
-        "fit": {"before": {"speed_rmse": 1.5}, "after": {"speed_rmse": 0.1}, "validated": True},
+        "fit": {"before": {"speed_rmse": 1.5}, "after": {"speed_rmse": 0.1}, "offered": "correction"},
     }
 
 
@@ -101,8 +113,8 @@ def test_a_row_is_scored_by_the_rules_of_the_exam_and_stands_on_the_page() -> No
     assert [r["outcome"] for r in rows] == ["right", "wrong", "silent"]
     assert (rows[0]["before"], rows[0]["parameters_only"], rows[0]["after"]) == (1.5, None, 0.1)
     text = "\n".join(page.lines(rows))
-    assert "| learned | mass +5 t | mass | 1, 1 of 1 | 1.50 | - | 0.10 |" in text
-    assert "- learned: concealed: 1, 1 of 2; nothing: 1 of 1 silent." in text
+    assert "| learned | mass +5 t | mass | 1, 1, 1 of 1 | 1.50 | - | 0.10 | 0.10 |" in text
+    assert "- learned: concealed: 1, 1, 1 of 2; nothing: 1 of 1 silent." in text
 
 
 def test_a_run_that_was_refused_says_why_on_the_page() -> None:
@@ -119,7 +131,7 @@ def test_a_failed_run_is_run_again_and_a_scored_one_is_not(
     monkeypatch.setattr(cases, "drives", lambda concealed, seed: [])
     (tmp_path / "cases" / "mass-3").mkdir(parents=True)
     for outcome in ("failed", "right", "right"):
-        prove._examine(tmp_path, "mass", 3, {"learned": "sim"}, ("learned",))
+        prove._examine(tmp_path, "mass", 3, "sim", "learned")
         assert prove._kept(tmp_path, "mass", 3, "learned")["outcome"] == outcome
     assert not ends
 
