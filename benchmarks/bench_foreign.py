@@ -1,0 +1,39 @@
+"""The mismatch tool on a truck that others wrote, FASTSim's (`pip install 'deeptruck[proof]'`).
+
+python benchmarks/bench_foreign.py [--cases 5] [--seed 100000] [--out build/foreign]
+
+The same as `deeptruck-model prove --plant fastsim`, whose page it puts among the results.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import harness
+
+from deeptruck_exam.folder import check_plant
+from deeptruck_exam.plants import page
+from deeptruck_exam.plants.prove import prove_plant
+
+
+def main() -> None:
+    options = harness.options(
+        __doc__,
+        {
+            "--cases": (5, "seeds"),
+            "--seed": (100_000, "the first of them"),
+            "--jobs": (2, "cases at once"),
+            "--out": (Path(harness.ROOT / "build" / "foreign"), "a stopped run in it goes on"),
+        },
+    )
+    if find_spec("fastsim") is None:
+        sys.exit("FASTSim is not installed: pip install 'deeptruck[proof]'")
+    check_plant("fastsim", options.out)
+    seeds = range(options.seed, options.seed + options.cases)
+    harness.store("foreign", page.lines(prove_plant(options.out, seeds, options.jobs)))
+
+
+if __name__ == "__main__":
+    main()
