@@ -35,8 +35,8 @@ LAG_MARGIN_S, LAG_STEPS = 0.4, 17  # the grid of lags: the band and so much to e
 REPLAN_S = 1.0  # for so long a value function is used; the pedal is chosen anew at every step
 FINE = np.interp(np.linspace(0, 1, 97), np.linspace(0, 1, len(PEDALS)), PEDALS)  # tried at every step
 # Costs, in cm^3/s, of an acceleration (m/s^2) squared, of a second outside of the band squared and of a
-# second off the wanted time gap squared. Chosen on validation roads of a physics truck.
-ACCELERATION, OUTSIDE, HOME = 2.0, 100.0, 0.1
+# second off the wanted time gap squared. Chosen on validation roads, over a deep truck and a physics truck.
+ACCELERATION, OUTSIDE, HOME = 5.0, 100.0, 0.1
 CHANGE = 4.0  # cm^3, of a pedal changed by its whole reach from one step to the next, squared
 LACK_S, RATE_S = 4.0, 0.5  # time constants: of the acceleration beyond the map, and of measuring one
 LASTING_M = 150.0  # way over which the profile's error at the truck is expected to die away

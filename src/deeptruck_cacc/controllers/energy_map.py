@@ -74,9 +74,11 @@ class EnergyMap:
         if not interface.grade:
             acceleration = acceleration - ROUNDED_GRAVITY * GRADES[:, None, None]
             fuel = np.repeat(fuel, len(GRADES), axis=0)
-        # Where more pedal gives less, as in a learned truck or for another gear, it counts as giving nothing.
+        # Where more pedal gives less, as in a learned truck or for another gear, it counts as giving nothing;
+        # nor does less pedal take more fuel: a learned truck may say so of brakes that it was never held by.
         rising = np.maximum.accumulate(acceleration, axis=2) + 1e-6 * np.arange(len(PEDALS))
-        return cls(rising, _convex(rising, np.maximum.accumulate(np.maximum(fuel, 0.0), axis=2)), scale)
+        least = np.minimum.accumulate(np.maximum(fuel, 0.0)[:, :, ::-1], axis=2)[:, :, ::-1]
+        return cls(rising, _convex(rising, least), scale)
 
     def rows(self, speed: Array, grade: Array) -> tuple[Array, Array]:
         """Acceleration and fuel rate at every one of PEDALS, (batch, pedals), at speed and grade (batch,)."""

@@ -76,6 +76,18 @@ def test_fuel_never_falls_and_is_convex_in_acceleration(thrifty):
     assert (np.diff(rate, axis=2) > -1e-6 * rate.max()).all()
 
 
+def test_fuel_that_a_learned_truck_burns_while_it_brakes_makes_coasting_no_dearer(make_toy):
+    class Learned(make_toy):
+        def step(self, state, u, w):
+            state, y = super().step(state, u, w)
+            y[:, 2] += 0.03 * u[:, 1]
+            return state, y
+
+    np.testing.assert_allclose(
+        EnergyMap.measure(Learned()).fuel, EnergyMap.measure(make_toy()).fuel, atol=1e-9
+    )
+
+
 def test_a_simulator_without_fuel_is_refused(make_toy):
     with pytest.raises(InputError, match=r"has no fuel.*leave out \?economy"):
         Economy(make_toy(interface=TruckInterface("toy", fuel=False)))
