@@ -55,8 +55,9 @@ def _pairs(channel: str, values: Array, time: Array, known: Known) -> Iterator[t
         ):
             east_m, north_m = metres_per_degree(lat)
             north, east = lat * north_m, lon * east_m
-            north, mean = _over(CLIMB_S, time, change=north, mean=values)
-            east, _ = _over(CLIMB_S, time, change=east, mean=values)
+            moving = np.where(values > 0.0, values, np.nan)  # receivers show 0 for what they do not know
+            north, mean = _over(CLIMB_S, time, change=north, mean=moving)
+            east, _ = _over(CLIMB_S, time, change=east, mean=moving)
             yield f"the positions in '{lat_name}'", mean, np.hypot(north, east)
     elif channel == "acceleration":
         for name, other in speeds:

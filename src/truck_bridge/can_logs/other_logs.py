@@ -202,6 +202,8 @@ def table(path: Path, account: Account) -> Iterator[Frame]:
         rows = csv.reader(lines, delimiter=mark)
         some = list(islice(rows, _SAMPLED))
         form = _Form.of(names, some)
+        if form.tick < 0.0:
+            account.remarks.append("times are negative and fall: they are read without their sign")
         for number, row in enumerate(chain(some, rows), 2):
             if any(row):
                 yield _of_row(path, number, row, form, account)
@@ -209,7 +211,8 @@ def table(path: Path, account: Account) -> Iterator[Frame]:
 
 @dataclass(frozen=True)
 class _Form:
-    """Which column is what, and how numbers are written in it."""
+    """Which column is what, and how numbers are written in it; `tick` is below 0 of times without sign that
+    were written with one (SavvyCAN: negative and falling)."""
 
     time: int
     tick: float
@@ -234,13 +237,14 @@ class _Form:
         can_id = next(k for k, name in enumerate(names) if name in IDS)
         each = tuple(k for k, name in enumerate(names) if BYTES.fullmatch(name))
         stamps = [cell for cell in cells(time) if cell]
-        whole = all(cell.isdigit() for cell in stamps)
-        numbers = [float(cell) for cell in stamps if re.fullmatch(r"\d+\.?\d*", cell)]
-        steps = [b - a for a, b in pairwise(numbers) if b > a]
+        whole = all(cell.removeprefix("-").isdigit() for cell in stamps)
+        numbers = [float(cell) for cell in stamps if re.fullmatch(r"-?\d+\.?\d*", cell)]
+        turned = bool(numbers) and max(numbers) < 0.0 and numbers[-1] < numbers[0]
+        steps = [abs(b - a) for a, b in pairwise(numbers) if (b < a if turned else b > a)]
         micro = whole and bool(steps) and sorted(steps)[len(steps) // 2] > _MICROSECONDS
         tick = 1e-6 if micro or names[time].endswith("us") else 1.0
         return cls(
-            time, tick, can_id, _base(cells(can_id)), at(*DATA),
+            time, -tick if turned else tick, can_id, _base(cells(can_id)), at(*DATA),
             each, _base([cell for k in each for cell in cells(k)]), at("bus", "channel", "chn"),
             at("extended", "ide", "ext", "flags"), at("dlc", "len", "length"),
         )  # fmt: skip
@@ -270,7 +274,7 @@ def _of_row(path: Path, number: int, cells: list[str], form: _Form, account: Acc
                 raise ValueError("another number of bytes than the length says")
         said = cells[form.extended].strip().lower() if form.extended is not None else ""
         time = float(cells[form.time]) * form.tick
-        if not 0 <= can_id <= EXTENDED_MASK or not 0.0 <= time < 1e12:
+        if not 0 <= can_id <= EXTENDED_MASK or not -1e12 < time < 1e12:
             raise ValueError("an identifier or time that cannot be")
     except (ValueError, IndexError) as error:
         raise InputError(f"{path}, line {number}: not a row of CAN frames ({str(error)[:80]})") from None

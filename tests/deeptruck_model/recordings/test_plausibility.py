@@ -10,7 +10,7 @@ import pytest
 from driven_tables import COLUMNS, drive, speed, table, with_channels
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, import_table, plausibility, suggest_columns
+from deeptruck_model.recordings import Recording, import_table, plausibility, suggest_columns, unit_evidence
 from deeptruck_model.signals import TruckInterface
 
 ACCELERATION = {"column": "a", "unit": "m/s^2"}
@@ -191,3 +191,13 @@ def test_the_tilt_of_an_accelerometer_is_cured_by_its_offset(tmp_path: Path) -> 
     cured = with_channels(acceleration={**ACCELERATION, "offset": -0.5})
     (r,) = import_table(path, cured, tmp_path / "b").recordings
     assert r.account is not None and r.account.remarks == []
+
+
+def test_the_unit_of_a_speed_agrees_with_places_though_the_receiver_showed_zero() -> None:
+    t = 0.1 * np.arange(900)
+    v, north = speed(t), 50 + np.cumsum(speed(t)) * 0.1 / 111_195.0
+    v[300:400] = 0.0
+    known = {"latitude": [("lat", north)], "longitude": [("lon", np.full(900, 8.0))]}
+    for unit, factor in (("m/s", 1.0), ("km/h", 3.6)):
+        found, why = unit_evidence.fitting("speed", ["m/s", "km/h", "mph"], factor * v, t, known)
+        assert found == unit and "the positions in 'lat'" in why

@@ -73,9 +73,10 @@ def kvaser() -> str:
     )
 
 
-def savvycan() -> str:
+def savvycan(sign: str = "", start: int = 0) -> str:
     rows = (
-        f"{round((t - 1777885200) * 1e6)},{i:08X},true,Rx,0,8,{d.hex(',').upper()}," for t, i, d in FRAMES
+        f"{sign}{start + round((t - 1777885200) * 1e6)},{i:08X},true,Rx,0,8,{d.hex(',').upper()},"
+        for t, i, d in FRAMES
     )
     head = "Time Stamp,ID,Extended,Dir,Bus,LEN," + ",".join(f"D{k}" for k in range(1, 9)) + "\n"
     return head + "\n".join(rows) + "\n"
@@ -89,6 +90,7 @@ LOGS: dict[str, str | bytes] = {
     "busmaster.log": busmaster(), "decimal.log": busmaster("DEC"), "a.pcap": pcap(), "big.pcap": pcap(">"),
     "nano.pcap": pcap(tick=1e-9), "cooked.pcap": pcap(cooked=True), "a.pcapng": pcapng(),
     "cabana.csv": cabana(), "kvaser.csv": kvaser(), "savvycan.csv": savvycan(),
+    "falling.csv": savvycan("-", 1_769_872_318_000_000), "rising.csv": savvycan(start=-1_769_872_318_000_000),
     "above.log": candump("Truck 7, key on, depot to yard\n\nTime,ID,DLC,Data\n"),
 }  # fmt: skip
 
