@@ -34,7 +34,7 @@ def run_tool(case: Case, out: Path, *, limit_s: float = LIMIT_S) -> ToolRun:
         *("--simulator", case.simulator),
         *(part for path in case.paths(case.fit) for part in ("--recordings", str(path))),
         *(part for path in case.paths(case.held_out) for part in ("--held-out", str(path))),
-        *(part for name in _excluded(case) for part in ("--exclude", name)),
+        *(part for name in excluded(case) for part in ("--exclude", name)),
         *("--out", str(out), "--overwrite"),  # what a stopped run left there
     ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -51,7 +51,7 @@ def run_tool(case: Case, out: Path, *, limit_s: float = LIMIT_S) -> ToolRun:
     return ToolRun(code, time.monotonic() - began, verdict, says)
 
 
-def _excluded(case: Case) -> list[str]:
+def excluded(case: Case) -> list[str]:
     """Effects to leave out of the tool's library, as the case keeps them: separated by commas."""
     return list(filter(None, case.environment.get("DEEPTRUCK_MISMATCH_EXCLUDE", "").split(",")))
 

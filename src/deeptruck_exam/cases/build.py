@@ -67,9 +67,9 @@ def build(plan: Plan) -> Built:
     """Drive what the plan says."""
     flat = not plan.grade and not any(e.key == "slope_not_recorded" for e in plan.effects)
     world = worlds.values()
-    roads = road_maker.draw(plan.rng(1), plan.drives, world["roads"], flat)
+    roads = road_maker.draw(plan.rng_of_drives(1), plan.drives, world["roads"], flat)
     n = round(plan.minutes * 60.0 / DT)
-    profiles = plan.rng(2)
+    profiles = plan.rng_of_drives(2)
     target = np.stack([speeds.profile(profiles, kind, world["speeds"], n, DT) for kind in plan.drives])
     leader_m = leader_way(target, [s == "acc" for s in plan.styles], plan.headway_s, DT)
     nominal = trucks.make(plan.truck, plan.values)
@@ -108,7 +108,7 @@ def _drive(
 
     def run(parts: list[Planted]) -> tuple[Drives, PhysicsTruck, Array]:
         truck = _plant(nominal, parts)
-        driver = Driver(setting.truck, styles, target, plan.headway_s, DT, plan.rng(3), values)
+        driver = Driver(setting.truck, styles, target, plan.headway_s, DT, plan.rng_of_drives(3), values)
         drives = simulate(truck, roads, driver, leader_m, DT)
         return drives, truck, drives.y[:, :, 0] - accelerations(nominal, drives)
 

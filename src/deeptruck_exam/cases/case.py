@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,9 @@ import yaml
 
 from deeptruck_exam import worlds
 from deeptruck_exam.cases.absorption import absorb
-from deeptruck_exam.cases.build import DT, Built, build_case
+from deeptruck_exam.cases.build import DT, Built, build, build_case
 from deeptruck_exam.cases.levels import NOT_RECORDED
-from deeptruck_exam.cases.plan import MINUTES, Plan
+from deeptruck_exam.cases.plan import MINUTES, Plan, draw_plan
 from deeptruck_exam.cases.truth import describe
 from deeptruck_exam.folder import CASE
 from deeptruck_exam.laws.law import Array
@@ -91,6 +92,23 @@ def make_case(
     (out / "truth").mkdir()
     np.savez_compressed(out / "truth" / "drives.npz", extra=built.extra, grade=built.drives.channels["grade"])
     return _written(out, plan, spec, names, truth)
+
+
+def further_drives(truth: Mapping[str, Any]) -> list[Recording]:
+    """As many other drives of the truck of a case, which the tool has not seen: other roads and speeds, the
+    same effects, sizes and sensors."""
+    keys = [e["key"] for e in truth["effects"]]
+    plan = draw_plan(
+        truth["level"],
+        truth["seed"],
+        keys[0] if len(keys) == 1 else None,
+        truth["simulator"],
+        truth["minutes"],
+        truth["attempt"],
+    )
+    built = build(replace(plan, further=1))
+    interface = interface_of(plan)
+    return [Recording(f"further_{k}", DT, channels, interface) for k, channels in enumerate(measure(built))]
 
 
 def measure(built: Built) -> list[dict[str, Array]]:

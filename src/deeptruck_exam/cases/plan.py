@@ -48,11 +48,17 @@ class Plan:
     styles: list[str] = field(default_factory=list)
     headway_s: float = 1.8
     attempt: int = 0
+    further: int = 0  # which other drives of the same truck; 0 are those of the case
 
     fit = FIT
 
     def rng(self, salt: int) -> np.random.Generator:
         return np.random.default_rng([self.seed, mark(self.level), salt, self.attempt])
+
+    def rng_of_drives(self, salt: int) -> np.random.Generator:
+        """For what differs in other drives of the same truck: roads, speeds and drivers."""
+        further = [self.further] if self.further else []
+        return np.random.default_rng([self.seed, mark(self.level), salt, self.attempt, *further])
 
     @property
     def effect_seed(self) -> int:

@@ -26,6 +26,7 @@ def describe(built: Built, names: tuple[str, ...], simulator_values: dict[str, f
         "simulator": plan.simulator,
         "truck": plan.truck,
         "minutes": plan.minutes,
+        "attempt": plan.attempt,
         "verdict": first.kind if first else "nothing_missing",
         "effects": []
         if plan.hidden_input

@@ -1,6 +1,7 @@
 """Sealed cases: repeatable, closed, and true to their level."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from deeptruck_exam import tool
 from deeptruck_exam.cases.absorption import retune
 from deeptruck_exam.cases.build import build
-from deeptruck_exam.cases.case import Case, make_case, measure, open_truth
+from deeptruck_exam.cases.case import Case, further_drives, make_case, measure, open_truth
 from deeptruck_exam.cases.plan import draw_plan
 from deeptruck_exam.scoring.evaluation import arrays, open_loop, residual
 from deeptruck_model import simulators
@@ -39,6 +40,19 @@ def test_the_same_arguments_give_the_same_case(tmp_path):
         open_truth(one)
     with pytest.raises(InputError, match="exists"):
         make_case(tmp_path / "b", "noise", 12)
+
+
+def test_further_drives_are_other_drives_of_the_same_truck(tmp_path):
+    case = make_case(tmp_path / "a", "noise", 12, "sticking_cam", minutes=0.5)
+    truth = open_truth(case)
+    further = further_drives(truth)
+    own = [read(path)[0] for path in case.paths(case.fit + case.held_out)]
+    assert len(further) == len(own)
+    for one, other in zip(own, further, strict=True):
+        assert set(one.channels) == set(other.channels)
+        assert not np.allclose(one.channels["speed"], other.channels["speed"][: len(one)], atol=0.5)
+    plan = draw_plan("noise", 12, "sticking_cam", "physics", 0.5, truth["attempt"])
+    assert build(replace(plan, further=1)).sizes == build(plan).sizes
 
 
 def test_nothing_missing_is_nothing():
