@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.special import log_ndtr
 
 Array = NDArray[np.float64]
@@ -24,6 +25,7 @@ SIZES = np.array([0.15, 0.4, 1.0, 2.5])  # of a block beside its prior sd, equal
 OUT = -1
 LEAST_POWER = 0.02  # of a direction at the largest size, in units of the noise: less says nothing
 SWEEPS, BURN_IN = 240, 60
+MOST_KNOWN = 300  # states that are remembered: a root is up to a megabyte
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,20 @@ class Draws:
         return out
 
 
+@dataclass(frozen=True)
+class _Given:
+    """A state: the directions that are inside (k,) and their scale, the Cholesky root (k, k) of their
+    precision, its solution for their pull, the log evidence, and gains (blocks, sizes) beside it, NaN where
+    not asked for yet."""
+
+    inside: Places
+    scale: Array
+    root: Array
+    onto: Array
+    evidence: float
+    gains: Array
+
+
 class _Reduced:
     """Blocks in directions that the data can show, beside columns that are always in."""
 
@@ -81,11 +97,12 @@ class _Reduced:
             whole[np.ix_(own, at)] = turn
         self.whole = whole
         self.gram, self.pull = whole.T @ left @ whole, whole.T @ pull
+        self.across, self.onto = across @ whole, onto
         self.signed = [
             None if s is None else turn.T @ s for s, turn in zip(blocks.signed, self.turns, strict=True)
         ]
         self.log_odds = blocks.log_odds
-        self._tables: dict[State, tuple[Array, float]] = {}
+        self._known: dict[State, _Given] = {}
 
     def active(self, state: State) -> tuple[Places, Array]:
         """Directions that are in, and what each is multiplied by."""
@@ -100,54 +117,79 @@ class _Reduced:
     def table(self, state: State) -> tuple[Array, float]:
         """What every block that is out would gain at each size, (blocks, sizes) in nats, its sign counted;
         and the log evidence of the state."""
-        if state not in self._tables:
-            self._tables[state] = self._table(state)
-        return self._tables[state]
+        given = self._given(state)
+        for j in np.flatnonzero(np.isnan(given.gains[:, 0])):
+            self.gains(state, int(j))
+        return given.gains, given.evidence
 
-    def _table(self, state: State) -> tuple[Array, float]:
-        a, scale = self.active(state)
-        P = np.eye(len(a)) + self.gram[np.ix_(a, a)] * np.outer(scale, scale)
-        root = np.linalg.cholesky(P)
-        across = solve_triangular(root, self.gram[a] * scale[:, None], lower=True)
-        onto = solve_triangular(root, self.pull[a] * scale, lower=True)
-        evidence = float(0.5 * onto @ onto - np.log(np.diag(root)).sum())
-        left = self.pull - across.T @ onto
-        gains = np.full((len(self.at), len(SIZES)), -np.inf)
-        for j, own in enumerate(self.at):
-            if state[j] == OUT and len(own):
-                inner = self.gram[np.ix_(own, own)] - across[:, own].T @ across[:, own]
-                gains[j] = _gains(inner, left[own], self.signed[j])
-            elif state[j] == OUT:
-                gains[j] = 0.0
-        return gains, evidence
+    def gains(self, state: State, j: int) -> Array:
+        """What one block would gain at each size beside a state, (sizes,) in nats; of one that is in minus
+        infinity."""
+        given = self._given(state)
+        if np.isnan(given.gains[j, 0]):
+            own = self.at[j]
+            if state[j] != OUT:
+                given.gains[j] = -np.inf
+            elif not len(own):
+                given.gains[j] = 0.0
+            else:
+                both = self.gram[np.ix_(given.inside, own)] * given.scale[:, None]
+                across = solve_triangular(given.root, both, lower=True)
+                inner = self.gram[np.ix_(own, own)] - across.T @ across
+                given.gains[j] = _gains(inner, self.pull[own] - across.T @ given.onto, self.signed[j])
+        out: Array = given.gains[j]
+        return out
 
-    def drawn(self, state: State, blocks: Blocks, unit: float, rng: np.random.Generator) -> Array:
+    def evidence(self, state: State) -> float:
+        """The log evidence of a state beside none, nats."""
+        return self._given(state).evidence
+
+    def _given(self, state: State) -> _Given:
+        if state not in self._known:
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            a, scale = self.active(state)
+            root = np.linalg.cholesky(np.eye(len(a)) + self.gram[np.ix_(a, a)] * np.outer(scale, scale))
+            onto = solve_triangular(root, self.pull[a] * scale, lower=True)
+            evidence = float(0.5 * onto @ onto - np.log(np.diag(root)).sum())
+            gains = np.full((len(self.at), len(SIZES)), np.nan)
+            self._known[state] = _Given(a, scale, root, onto, evidence, gains)
+        return self._known[state]
+
+    def drawn(self, state: State, unit: float, rng: np.random.Generator) -> Array:
         """Coefficients (k,) of the columns as given, from their posterior in a state: as wide as log evidence
-        that is divided by `unit` makes it."""
-        a, scale = self.active(state)
-        W = self.whole[:, a] * scale
-        E = np.zeros((len(blocks.pull), len(self.always)))
-        E[self.always, np.arange(len(self.always))] = 1.0
-        M = np.concatenate([E, W], axis=1)
-        P = np.eye(M.shape[1]) + M.T @ blocks.gram @ M
-        root = np.linalg.cholesky(P)
-        wide = np.sqrt(unit) * rng.standard_normal(len(P))
-        b = solve_triangular(root, M.T @ blocks.pull, lower=True) + wide
-        out: Array = M @ solve_triangular(root, b, lower=True, trans=1)
+        that is divided by `unit` makes it. The Cholesky factor of their precision has `root` and that of the
+        directions that are in on its diagonal, and `across` below."""
+        given = self._given(state)
+        a, scale, root = given.inside, given.scale, given.root
+        wide = np.sqrt(unit) * rng.standard_normal(len(self.always) + len(a))
+        first, then = self.onto + wide[: len(self.always)], wide[len(self.always) :]
+        then = then + given.onto
+        inside = scale * solve_triangular(root, then, lower=True, trans=1)
+        out: Array = self.whole[:, a] @ inside
+        out[self.always] += solve_triangular(
+            self.root, first - self.across[:, a] @ inside, lower=True, trans=1
+        )
         return out
 
 
 def _gains(inner: Array, pull: Array, signed: Array | None) -> Array:
     """Log evidence (sizes,) of a block with these inner products beside what is in."""
-    power, turn = np.linalg.eigh(inner)
-    power, along = np.maximum(power, 0.0), turn.T @ pull
-    s2 = SIZES[:, None] ** 2
-    shrunk = s2 / (1.0 + s2 * power)
-    out: Array = 0.5 * np.sum(shrunk * along**2 - np.log1p(s2 * power), axis=1)
-    if signed is not None:
-        onto = turn.T @ signed
-        mean, sd = shrunk @ (onto * along), np.sqrt(np.maximum(shrunk @ onto**2, 1e-30))
-        out = out + log_ndtr(mean / sd) + np.log(2.0)
+    out = np.empty(len(SIZES))
+    sides = np.asfortranarray(pull[:, None] if signed is None else np.stack([pull, signed], axis=1))
+    diagonal = np.diag_indices(len(pull))
+    for i, size in enumerate(SIZES):
+        precision = inner.copy()
+        precision[diagonal] += size**-2
+        root, failed = dpotrf(precision, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("inner products of a block are not positive definite")
+        half, _ = dtrtrs(root, sides, lower=1)
+        first = half[:, 0]
+        out[i] = 0.5 * first @ first - np.log(root[diagonal] * size).sum()
+        if signed is not None:
+            second = half[:, 1]
+            out[i] += log_ndtr(second @ first / max(float(np.sqrt(second @ second)), 1e-15)) + np.log(2.0)
     return out
 
 
@@ -164,10 +206,10 @@ def sample(
         for j in rng.permutation(len(r.at)):
             state = _toggled(r, state, int(j), unit, rng)
         state = _exchanged(r, state, unit, rng)
-        best = max(best, r.table(state)[1])
+        best = max(best, r.evidence(state))
         if sweep >= BURN_IN and (sweep - BURN_IN) % thin == 0:
             states.append(state)
-            coefficients.append(r.drawn(state, blocks, unit, rng))
+            coefficients.append(r.drawn(state, unit, rng))
     alone = r.table((OUT,) * len(r.at))[0]
     return Draws(np.array(states), np.array(coefficients), best, alone)
 
@@ -191,7 +233,7 @@ def _with(state: State, j: int, s: int) -> State:
 def _toggled(r: _Reduced, state: State, j: int, unit: float, rng: np.random.Generator) -> State:
     """A block out, or in at one of its sizes, given the others."""
     without = _with(state, j, OUT)
-    gains = r.table(without)[0][j]
+    gains = r.gains(without, j)
     logs = np.concatenate([[0.0], gains / unit + r.log_odds[j] - np.log(len(SIZES))])
     return _with(without, j, _pick(logs, rng) - 1)
 
