@@ -42,6 +42,7 @@ COMPARED = 0.7  # of a window, at least
 INFORMS = 1.0  # information of a window beside the prior's, at least, to count for a filter's spread
 QUANTILES = (0.5, 0.95)  # of the windows, by which a filter's spread is judged; events are in fewer
 NULLS = 40  # simulated residuals
+SPREADS = 4  # of them, from which the filters' spread in noise is known
 MOST = 50  # events
 
 
@@ -124,15 +125,32 @@ def find_events(
             break
         for first, last in filters.apart(sums, scale, window, direction, least):
             rows = slice(int(filters.edges[first]), int(filters.edges[last]))
+            psi[rows.start : rows.stop + ORDER] = 0.0
+            probability = float(np.exp(-null.expected(gain)))
+            at = next((k for k, x in enumerate(found) if _go_on(x, rows, series)), len(found))
+            for larger in found[at : at + 1]:  # what is left of it at an end
+                rows = slice(min(rows.start, larger.start), max(rows.stop, larger.stop))
+                probability = larger.probability
             drive = next(s for s in stretches if s.start <= rows.start < s.stop)
             start_s, end_s = (drive.start_s + (k - drive.start) * dt for k in (rows.start, rows.stop))
-            change = float(np.sum(series.y[rows][series.valid[rows]])) * dt
-            probability = float(np.exp(-null.expected(gain)))
             name = _name(series, noise, mechanisms, rows)
-            found.append(Event(drive.name, start_s, end_s, change, probability, name, rows.start, rows.stop))
-            psi[rows.start : rows.stop + ORDER] = 0.0
+            change = _speed_change(series, rows, dt)
+            event = Event(drive.name, start_s, end_s, change, probability, name, rows.start, rows.stop)
+            found[at : at + 1] = [event]
             free &= (filters.last <= first) | (filters.first >= last)
     return tuple(found)
+
+
+def _speed_change(series: Series, rows: slice, dt: float) -> float:
+    """Of the residual in some rows, m/s."""
+    return float(np.sum(series.y[rows][series.valid[rows]])) * dt
+
+
+def _go_on(x: Event, rows: slice, series: Series) -> bool:
+    """Whether an event goes on in the rows before or after it, to the same side."""
+    touches = rows.start == x.stop or rows.stop == x.start
+    same_drive = not series.starts[max(rows.start, x.start)]
+    return touches and same_drive and _speed_change(series, rows, 1.0) * x.speed_change > 0.0
 
 
 class _Filters:
@@ -261,13 +279,15 @@ class _Null:
 
     @staticmethod
     def of(filters: _Filters, rng: np.random.Generator) -> _Null:
-        """By the moments over simulated innovations."""
+        """By the moments over simulated innovations, whose filters' spread is judged as that of a log."""
         n, free = len(filters.use), np.ones(len(filters.first), dtype=bool)
-        one = np.ones((len(LENGTHS_S), filters.directions.shape[1]))
-        gains = [
-            filters.largest(filters.sums(np.clip(rng.standard_t(TAIL, n), -CLIP, CLIP)), one, free)[0]
-            for _ in range(NULLS)
-        ]
+
+        def simulated() -> Array:
+            out: Array = np.clip(rng.standard_t(TAIL, n), -CLIP, CLIP)
+            return out
+
+        scale = np.mean([filters.scale(simulated()) for _ in range(SPREADS)], axis=0)
+        gains = [filters.largest(filters.sums(simulated()), scale, free)[0] for _ in range(NULLS)]
         width = float(np.std(gains)) * np.sqrt(6.0) / np.pi
         return _Null(float(np.mean(gains)) - np.euler_gamma * width, width)
 
