@@ -157,10 +157,11 @@ def _columns(p: Posterior) -> tuple[Array, Array, list[str]]:
     """Columns (n, k) that are not zero in all draws, their coefficients (m, k) and the part of each; those of
     no name are unexplained."""
     b = p.draws.coefficients
-    own: list[Array] = [p.always]
-    at = [np.arange(p.always.shape[1])]
+    known = p.always.shape[1] - p.form_error  # what forms are off by is unexplained
+    own: list[Array] = [p.always[:, :known]]
+    at = [np.arange(known)]
     parts = [FAMILY[name] for name in p.search.parameters]
-    parts += [SENSORS] * (p.always.shape[1] - len(parts))
+    parts += [SENSORS] * (known - len(parts))
     for k, place in zip(p.of, p.at, strict=True):
         part = FAMILY.get(k.name, k.name)
         if part != UNKNOWN and np.abs(b[:, place]).max(initial=0.0) > 0.0:

@@ -164,7 +164,7 @@ def compared(
         rows = np.zeros(len(e), dtype=bool)
         for event in happened:
             rows[event.start : event.stop] = True
-        found = posterior(leaving_out(search, rows), rules, seed=seed)
+        found = posterior(leaving_out(search, rows), rules, seed=seed, noise=found.noise)
     parts = budget(found, hidden & ~e.held_out, e)
     behind = unrecorded.names_behind([*recordings, *held_out], missing)
     return Compared(

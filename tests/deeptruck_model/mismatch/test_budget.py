@@ -83,7 +83,7 @@ def test_what_all_drives_have_is_not_of_each() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.xfail(strict=True, reason="intervals are too narrow, that of a constant per drive by most")
+@pytest.mark.xfail(strict=True, reason="the interval of what is unexplained is too narrow")
 def test_intervals_hold_what_is_known() -> None:
     """Shares of four known forces beside coloured noise, which make the figures of mismatch_method.md."""
     names = ("brakes", EACH_DRIVE, "air_tyres_road", SLOW, LEFT_OVER)

@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.posterior.regression import FREE, Regression, chan
 from deeptruck_model.mismatch.posterior.sampler import SIZES, Blocks, Draws, sample
 from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, fit, whiten
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW
+from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,10 @@ SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where ther
 PLACE_M, MOST_PLACES = 200.0, 160
 TWICE = 0.3  # of the way that is driven again, at least, for a block of its own
 DRIFT = 0.05  # m/s^2, prior sd of what is slow, of a place, and of a constant per drive
+FEW = 12  # draws, beside whose mean the noise is fitted
 CHUNK = 4096  # rows that are whitened at once
+DRIFT_ODDS = 0.3  # prior odds of each of these: hardly two drives are alike
+FORM_ERROR = 0.1  # of the residual's standard deviation, which no form of a mechanism is exact to
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 NO_NAME = (SLOW, PLACE, EACH_DRIVE)  # blocks that are no mechanism
 
@@ -41,7 +44,8 @@ class Posterior:
     of: tuple[Kernel, ...]
     at: tuple[NDArray[np.intp], ...]
     draws: Draws
-    always: Array  # (n, k) columns that are always in: parameters near their values, sensors
+    always: Array  # (n, k) columns that are always in: parameters near their values, sensors, form error
+    form_error: int  # how many of these, the last, are what the forms of mechanisms may be off by
     mean: Array  # (n,) m/s^2, what the prior means of these are
     noise: Fit
     prior: Prior
@@ -111,39 +115,57 @@ class Posterior:
 
 
 def posterior(
-    search: Regression, rules: Rules, extra: Sequence[Kernel] = (), *, seed: int = 0, sweeps: int = 240
+    search: Regression,
+    rules: Rules,
+    extra: Sequence[Kernel] = (),
+    *,
+    seed: int = 0,
+    sweeps: int = 240,
+    noise: Fit | None = None,
 ) -> Posterior:
-    """Draws from the posterior of all blocks of a search, and of those that are `extra`."""
+    """Draws from the posterior of all blocks of a search, and of those that are `extra`; beside `noise` that
+    is known, else that is fitted beside what a first short run has in."""
     X, prior, _ = search.design(search.model((), frozenset()))
-    always = X * prior.sd
-    mean = X @ prior.mean
     of = (*kernels(search), *extra, *_drift(search))
+    error = _form_error(search)
+    always = np.concatenate([X * prior.sd, error], axis=1)
+    mean = X @ prior.mean
     sizes = np.cumsum([always.shape[1], *(k.features.shape[1] for k in of)])
     at = tuple(np.arange(a, b) for a, b in itertools.pairwise(sizes))
-    noise = search.background(()).fit
     y = search.series.y - mean
-    odds = np.array([np.log(rules.odds * k.chance) for k in of])
+    odds = np.log([(DRIFT_ODDS if k.part in NO_NAME else rules.odds) * k.chance for k in of])
+    signed = [None if k.sign is None else _signed(k, search) for k in of]
     columns = [always, *(k.features for k in of)]
     first = np.arange(always.shape[1])
-    draws: Draws | None = None
-    unit = rules.evidence_temperature
-    for turn in range(2):
+
+    def drawn(noise: Fit, sweeps: int) -> tuple[Draws, Array]:
         gram, pull = _products(search, columns, y, noise)
-        signed = [None if k.sign is None else _signed(k, search) for k in of]
         blocks = Blocks(gram, pull, at, odds, signed)
-        if not turn:
-            draws = sample(blocks, first, unit, seed, sweeps=12)
-            b = draws.coefficients.mean(axis=0)
-            own = always @ b[first] + sum(
-                (k.features @ b[a] for k, a in zip(of, at, strict=True) if np.abs(b[a]).max(initial=0.0) > 0),
-                start=np.zeros(len(y)),
-            )
-            left = np.where(search.series.valid, y - own, 0.0)
-            noise = fit(replace(search.series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
-        else:
-            draws = sample(blocks, first, unit, seed, sweeps=sweeps)
-    assert draws is not None
-    return Posterior(search, of, at, draws, always, mean, noise, prior, gram, draws.alone)
+        return sample(blocks, first, rules.evidence_temperature, seed, sweeps=sweeps), gram
+
+    if noise is None:
+        noise = search.background(()).fit
+        b = drawn(noise, FEW)[0].coefficients.mean(axis=0)
+        own = always @ b[first] + sum(
+            (k.features @ b[a] for k, a in zip(of, at, strict=True) if np.abs(b[a]).max(initial=0.0) > 0),
+            start=np.zeros(len(y)),
+        )
+        left = np.where(search.series.valid, y - own, 0.0)
+        noise = fit(replace(search.series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
+    draws, gram = drawn(noise, sweeps)
+    return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior, gram, draws.alone)
+
+
+def _form_error(search: Regression) -> Array:
+    """What no form of a mechanism is exact to (n, k): functions of common signals, which together have a
+    share of the residual's standard deviation (model discrepancy as in Kennedy and O'Hagan, J. R. Stat. Soc.
+    B 63, 2001). Without it the larger an effect is, the surer would be what only resembles it."""
+    anything = next(k.features for k in kernels(search) if k.name == UNKNOWN)
+    rows = search.rows
+    own = float(np.sqrt(np.mean(np.sum(anything[rows] ** 2, axis=1)))) if len(rows) else 0.0
+    size = FORM_ERROR * float(np.std(search.e.residual[rows])) if len(rows) else 0.0
+    out: Array = np.nan_to_num(anything) * (size / max(own, 1e-12))
+    return out
 
 
 def gains(search: Regression, rules: Rules) -> dict[str, float]:
