@@ -35,6 +35,7 @@ HORIZON_S = 40.0  # of the free runs that sizes are fitted to
 LEAST_IN = 0.1  # probability of a mechanism that is corrected at all
 FORMS = 3  # of a mechanism, at most, that stand for its mean force
 NEARLY = 0.03  # of the squares of a mean force, that its forms may leave
+SIMPLER = 0.1  # of these squares, that a form with fewer coefficients may leave more
 ROUNDS = 4  # of weighing the prior against what is left
 LOWEST = -0.99  # relative change of a parameter: none has no size
 FREE_RUN_NUMBERS = 2.0  # independent numbers in a free run's error: its offset and its curvature
@@ -97,7 +98,8 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
         if p.inside(m.effect).mean() >= LEAST_IN:
             force = p.force(m.effect, p.inside(m.effect))
             options = [t for t in p.search.candidate_terms(m) if not general or t.general]
-            forms = _forms(p.search, options, force) if options else []
+            pick = _forms if general else _simplest
+            forms = pick(p.search, options, force) if options else []
             if forms:
                 term = forms[0]
                 for other in forms[1:]:
@@ -106,13 +108,30 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
     return tuple(out)
 
 
-def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
-    """The few candidate terms that together leave the least of a force (n,), by greedy selection."""
+def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
+    """The candidate term with the fewest coefficients, of those that leave hardly more of a force (n,) than
+    the best one: its sizes are what a finding states."""
+    gram, pull, squares, own = _products(search, options, force)
+    left = np.array([squares - _explained(gram, pull, a) for a in own])
+    good = np.flatnonzero(left <= left.min() + SIMPLER * squares)
+    return [options[min(good, key=lambda k: (len(own[k]), left[k]))]]
+
+
+def _products(
+    search: Regression, options: Sequence[CandidateTerm], force: Array
+) -> tuple[Array, Array, float, list[NDArray[np.intp]]]:
+    """Inner products of all columns of some terms, and of these with a force (n,); its squares; and which
+    columns each term has."""
     rows = search.rows
     widths = np.cumsum([0, *(t.columns.shape[1] for t in options)])
     X = np.concatenate([np.nan_to_num(t.columns[rows]) for t in options], axis=1)
-    gram, pull, squares = X.T @ X, X.T @ force[rows], float(force[rows] @ force[rows])
     own = [np.arange(a, b) for a, b in itertools.pairwise(widths)]
+    return X.T @ X, X.T @ force[rows], float(force[rows] @ force[rows]), own
+
+
+def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
+    """The few candidate terms that together leave the least of a force (n,), by greedy selection."""
+    gram, pull, squares, own = _products(search, options, force)
     taken: list[int] = []
     left = squares
     while len(taken) < FORMS and left > NEARLY * squares:

@@ -8,6 +8,7 @@ from scipy.stats import truncnorm
 
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, carriers
+from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.posterior.regression import Model, changed_by
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
@@ -59,27 +60,34 @@ def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     gain = e.signals.get("effective_mass_gain")
     turning = 1.0 if gain is None else float(np.median(gain[e.valid]))
     main = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:MAIN_PARAMETERS]
+    of_drive = all(isinstance(v.course, EachDrive) for v in term.variants)
     return {
-        name: bounded(columns[name], value, sd, unit, e, turning)
+        name: bounded(columns[name], value, sd, unit, e, turning, of_drive=of_drive)
         for name, (value, sd, unit) in sizes.items()
         if name in main
     }
 
 
-def bounded(part: Column, value: float, sd: float, unit: str, e: Evidence, turning: float) -> Size:
+def bounded(
+    part: Column, value: float, sd: float, unit: str, e: Evidence, turning: float, *, of_drive: bool = False
+) -> Size:
     """A size with its 95 % interval within what a truck can have: its distribution is cut off there. A mass
-    is not linear in what it changes (`changed_by`); `turning` is the share of it that does not turn."""
+    is not linear in what it changes (`changed_by`); `turning` is the share of it that does not turn. That
+    `of_drive` as a whole is beside the mass of the simulator as given, not as refitted."""
     ends = np.array([-Z95, 0.0, Z95]) * sd + value
+    shift = 0.0
     if unit in ("kg", "1") and part.unit == "kg":
         whole = e.mass if e.unit.scale > 1.0 else 1.0
         ends = np.array([whole * changed_by("mass", x / whole, turning) for x in ends])
         low, high = (whole * x for x in e.vehicle.possible("mass"))
+        shift = whole - whole / (1.0 + e.moved.get("mass", 0.0)) if of_drive else 0.0
     else:
         low, high = -part.most, part.most
     if sd and np.isfinite([low, high]).any():
         mean, wide = float(ends[1]), max(float(ends[2] - ends[0]) / (2.0 * Z95), 1e-12)
         cut = truncnorm((low - mean) / wide, (high - mean) / wide, mean, wide)
         ends = np.array(cut.ppf([0.025, 0.5, 0.975]))
+    ends = ends + shift
     return Size(float(ends[1]), unit, (float(ends[0]), float(ends[2])) if sd else None)
 
 
