@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.posterior.regression import FREE
 from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Advice, Answer, Verdict
+from deeptruck_model.mismatch.result import Advice, Answer, Finding, Verdict
 from deeptruck_model.mismatch.road import Road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import ROOT, Node
@@ -74,7 +74,7 @@ def conclude(
         c.missing,
         c.budget,
         witnesses,
-        tree(c, road, rules),
+        tree(c, found, road, rules),
         decide.advice(numbers, kind, rules),
         c.drives.samples,
         float(e.everywhere().valid.mean()),
@@ -83,13 +83,15 @@ def conclude(
     )
 
 
-def tree(c: Compared, road: Road | None, rules: Rules) -> tuple[Node, ...]:
-    """The tree of the first finding, or of the road; `nothing` with its probability where nothing is
-    found."""
+def tree(c: Compared, found: Sequence[Finding], road: Road | None, rules: Rules) -> tuple[Node, ...]:
+    """The tree of the first of the findings that has one, or of the road; else of what is most probable, or
+    `nothing` with its probability."""
     if road is not None and road.tree.stated(rules.stated) != ROOT:
         return road.tree.nodes()
-    if c.names.found:
-        return c.names.found[0].tree.nodes()
+    by_name = {named.name: named.tree for named in c.names.found}
+    trees = [by_name[f.effect] for f in found if f.effect in by_name] or list(by_name.values())
+    if trees:
+        return trees[0].nodes()
     return (Node("nothing", ROOT, round(1.0 - c.names.any, 4)),)
 
 

@@ -35,8 +35,8 @@ FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its de
 def findings(
     c: Compared, made: Made | None, road: Road | None, error: float, tolerance: float, rules: Rules
 ) -> tuple[Finding, ...]:
-    """Faults of sensors, the road, every name that is in, and what is slow or differs between drives where
-    the simulator is off by more than `tolerance`, m/s. Without sizes where nothing was made."""
+    """Faults of sensors, the road, every name that is in, what differs between drives, and what is slow or of
+    a place where the simulator is off by more than `tolerance`, m/s. Without sizes where nothing was made."""
     e = c.search.e
     out = [of_fault(f) for f in c.drives.faults]
     of_road = _of_road(e, road, rules)
@@ -45,8 +45,8 @@ def findings(
         f = _of_named(c, made, named, rules)
         if f is not None and named.accepted and _longer_than_sensors(f, e):
             out.append(replace(f, missing_input=c.behind.get(f.effect, "")))
-    if error > tolerance and not of_road:
-        out += _of_drift(c, rules)
+    if not of_road:
+        out += _of_drift(c, rules, good_enough=error <= tolerance)
     shown = _with_shares(e, out, c.budget)
     return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
 
@@ -82,25 +82,47 @@ def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
     return [replace(f, equation=m.equation, depends_on=m.depends_on, separating_manoeuvre=m.manoeuvre)]
 
 
-def _of_drift(c: Compared, rules: Rules) -> list[Finding]:
-    """A force that is slow, of a place, or of one drive, and follows no recorded channel."""
+def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
+    """A force that is slow, of a place, or of one drive, and follows no recorded channel. Where the simulator
+    is good enough, only what single drives have of their own."""
     out = []
-    for part in (EACH_DRIVE, PLACE, SLOW):
+    for part in (EACH_DRIVE,) if good_enough else (EACH_DRIVE, PLACE, SLOW):
         p, share = c.posterior.probability(part), c.budget.share(part)
         size = c.budget.speed_rmse * float(np.sqrt(share))
         if p >= rules.named and size >= rules.drift:
             force = c.posterior.force(part)
+            sizes: dict[str, Size] = {}
+            if part == EACH_DRIVE:
+                force, sizes = _constants(c)
             named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
             f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
-            out.append(replace(f, separating_manoeuvre=wording.RECORD_ROAD, share_of_error=share))
+            manoeuvre = wording.RECORD_ROAD
+            out.append(replace(f, separating_manoeuvre=manoeuvre, share_of_error=share, parameters=sizes))
     return out
+
+
+def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
+    """What each fitted drive has beside the middle one of them: the force (n,), m/s^2, and its size by drive,
+    with the 95 % interval of the draws that have it in."""
+    e, p = c.search.e, c.posterior
+    fitted = [s for s in e.stretches if not s.held_out]
+    (block,) = (j for j, k in enumerate(p.of) if k.name == EACH_DRIVE)
+    features = p.of[block].features[[s.start for s in fitted]]
+    drawn = p.coefficients(block)[p.inside(EACH_DRIVE)] @ features.T
+    drawn = drawn - np.median(drawn, axis=1, keepdims=True)
+    force, sizes = np.zeros(len(e)), {}
+    for s, own in zip(fitted, drawn.T, strict=True):
+        force[s.rows] = own.mean()
+        value, *ends = (float(e.unit.scale * x) for x in (own.mean(), *np.quantile(own, [0.025, 0.975])))
+        sizes[f"force[{s.name}]"] = Size(value, e.unit.name, (ends[0], ends[1]))
+    return force, sizes
 
 
 def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
     """An error of a parameter; None where it is no larger than that of any simulator may be."""
     name, search = named.name, c.search
     change, sd = c.posterior.change(name)
-    if abs(change) - Z95 * sd < rules.nearly_right:
+    if abs(change) - sd < rules.nearly_right:
         return None
     low, high = search.e.vehicle.possible(name)
     ci95 = (max(change - Z95 * sd, low), min(change + Z95 * sd, high))

@@ -77,7 +77,7 @@ class Rules:
     nearly_right: float = _rule(
         0.015,
         "1",
-        "relative error that any simulator's parameter may have; its interval stays beyond",
+        "relative error that any simulator's parameter may have; beyond it is a standard deviation more",
         CHOSEN,
     )
 

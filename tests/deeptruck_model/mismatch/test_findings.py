@@ -64,7 +64,7 @@ def test_a_force_without_a_channel_is_a_finding_without_a_name(part: str) -> Non
     assert np.corrcoef(first.force, FORCES[part])[0, 1] > 0.9
 
 
-@pytest.mark.parametrize("part", [EACH_DRIVE, PLACE, SLOW])
+@pytest.mark.parametrize("part", [PLACE, SLOW])
 def test_it_is_none_where_the_simulator_is_good_enough(part: str) -> None:
     assert wording.DRIFT[part] not in [f.says for f in found(part, error=0.5 * RULES.visible)]
 
@@ -74,6 +74,18 @@ def test_its_share_of_the_error_is_that_of_its_part_of_the_budget(part: str) -> 
     assert found(part)[0].share_of_error == pytest.approx(compared(part).budget.share(part))
 
 
+def test_what_a_drive_has_of_its_own_has_a_size_by_drive() -> None:
+    """Beside the middle one of three, whether or not the simulator is good enough."""
+    (first,) = found(EACH_DRIVE, error=0.5 * RULES.visible)
+    e = compared(EACH_DRIVE).search.e
+    for name, force in {"a": 0.1, "b": -0.04, "c": 0.0}.items():
+        size = first.parameters[f"force[{name}]"]
+        assert size.unit == "N"
+        assert size.ci95 is not None
+        assert size.ci95[0] - 60.0 < force * e.mass < size.ci95[1] + 60.0
+    assert first.in_drives == ("a", "b")
+
+
 def test_the_headline_says_the_force_its_share_and_what_to_record() -> None:
     v = Verdict(Conclusion.PHYSICS, found(SLOW), budget=compared(SLOW).budget)
     share = wording.percent(compared(SLOW).budget.share(SLOW))
@@ -81,3 +93,10 @@ def test_the_headline_says_the_force_its_share_and_what_to_record() -> None:
         f"A slow force that no recorded channel explains, as a slope or wind is, {share} of the squared "
         "error: record elevation or position"
     )
+
+
+def test_the_headline_says_the_drives_that_differ_and_by_how_much() -> None:
+    v = Verdict(Conclusion.PHYSICS, found(EACH_DRIVE), budget=compared(EACH_DRIVE).budget)
+    sizes = found(EACH_DRIVE)[0].parameters
+    a, b = (sizes[f"force[{name}]"].value for name in "ab")
+    assert f"in a ({a:+.3g} N), b ({b:+.3g} N), " in lines.headline(v)

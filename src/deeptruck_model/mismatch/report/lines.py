@@ -47,9 +47,15 @@ def headline(v: Verdict) -> str:
         besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides
     f = v.findings[0]
-    where = f" in {', '.join(f.in_drives)}" if f.in_drives else ""
+    where = f" in {', '.join(_drive(f, name) for name in f.in_drives)}" if f.in_drives else ""
     share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
     return f"{opened(_what(f))}{where}{share}: {_next_step(v)}"
+
+
+def _drive(f: Finding, name: str) -> str:
+    """A drive in which a finding acts, with its constant force where that is known."""
+    size = f.parameters.get(f"force[{name}]")
+    return f"{name} ({size.value:+.3g} {size.unit})" if size is not None else name
 
 
 def _count(count: int, noun: str) -> str:
