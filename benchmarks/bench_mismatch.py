@@ -1,0 +1,270 @@
+"""How often is the mismatch tool right, on cases of the exam that chose nothing?
+
+    python benchmarks/bench_mismatch.py [--out DIR] [--seed 400000] [--cases 3] [--nulls 15]
+
+Of every level of the exam some cases are made beside physics trucks, and so many of `nothing_missing`; the
+tool runs on each, and the truth is opened. A correction that is offered is driven along eight more drives of
+the same truck, which the tool has not seen. Rows are kept in DIR, so that a stopped run goes on. Writes its
+section of docs/results/mismatch.md.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import harness
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from deeptruck_exam.cases.case import Case, further_drives, make_case, open_truth
+from deeptruck_exam.cases.levels import LEVELS
+from deeptruck_exam.cases.plan import MINUTES
+from deeptruck_exam.scoring import score
+from deeptruck_exam.scoring.evaluation import arrays, open_loop
+from deeptruck_exam.tool import excluded
+from deeptruck_model import simulators
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import Mismatch, find_mismatch
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
+from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, ROOT
+
+NULL = "nothing_missing"
+NO_NAME = ("input_not_recorded", "each_drive_differs")  # levels at which no name is right
+NAMED_OFF, CORRECTED_OFF, BUDGET_OFF = 0.1, 0.15, 0.3  # m/s, along held-out drives
+LEAST = 0.01  # probability of a name that is not listed
+LISTED = 0.1  # probability from which a node counts for calibration
+BINS = 5
+
+Row = dict[str, Any]
+
+
+def main() -> None:
+    """Examine the tool, print the table and write it to a section of docs/results/mismatch.md."""
+    levels = (list(LEVELS), "levels of the exam")
+    given = harness.options(
+        __doc__,
+        {
+            "--out": (Path("build/bench_mismatch"), "folder of the rows"),
+            "--seed": (400_000, "first seed"),
+            "--cases": (3, "of each level"),
+            "--nulls": (15, f"of {NULL}"),
+            "--minutes": (MINUTES, "of each recording"),
+            "--levels": levels,
+            "--print": (False, "print alone"),
+            "--kept": (False, "of the cases that are kept alone"),
+        },
+    )
+    rows = []
+    for level in given.levels:
+        for k in range(given.nulls if level == NULL else given.cases):
+            if given.kept and not kept(given.out, level, given.seed + k).exists():
+                continue
+            rows.append(examined(given.out, level, given.seed + k, given.minutes))
+            print(json.dumps(rows[-1]), flush=True)
+    lines = [
+        *harness.heading(f"Cases of the exam, seeds from {given.seed}"),
+        *summary(rows),
+        "",
+        *by_level(rows),
+    ]
+    if given.print:
+        print("\n".join(lines))
+    else:
+        harness.store("mismatch", lines)
+
+
+def examined(out: Path, level: str, seed: int, minutes: float) -> Row:
+    """The row of one case, made unless it is kept in `out`."""
+    path = kept(out, level, seed)
+    if path.exists():
+        stored: Row = json.loads(path.read_text())
+        return stored
+    folder = out / f"{level}-{seed}"
+    shutil.rmtree(folder, ignore_errors=True)  # of a stopped run
+    case = make_case(folder, level, seed, minutes=minutes)
+    truth = open_truth(case)
+    began = time.process_time()
+    try:
+        found = run(case)
+    except InputError as error:
+        row = {"cpu_s": time.process_time() - began, **judged(truth, {}, str(error))}
+    else:
+        row = {"cpu_s": time.process_time() - began, **judged(truth, found.verdict)}
+        if row["offered"] != AS_GIVEN:
+            row["further"] = along_further_drives(case, truth, found, row["offered"])
+    shutil.rmtree(folder)
+    path.write_text(json.dumps(row))
+    return row
+
+
+def kept(out: Path, level: str, seed: int) -> Path:
+    """Where the row of a case is kept."""
+    return out / f"{level}-{seed}.json"
+
+
+def run(case: Case) -> Mismatch:
+    """The tool on a case, on one core."""
+    with threadpool_limits(1):
+        return find_mismatch(
+            case.simulator,
+            [str(path) for path in case.paths(case.fit)],
+            [str(path) for path in case.paths(case.held_out)],
+            exclude=excluded(case),
+            say=lambda step: None,
+        )
+
+
+def along_further_drives(
+    case: Case, truth: Mapping[str, Any], found: Mismatch, offered: str
+) -> dict[str, float]:
+    """Speed errors (rms, m/s) of the simulator as given and of what is offered, along drives that the tool
+    has not seen."""
+    drives = arrays(further_drives(truth))
+    better = found.corrected if offered == CORRECTION else found.refitted
+    assert better is not None  # something is offered
+    trucks = {"given": simulators.load(case.simulator), "offered": better}
+    return {name: open_loop(truck, *drives).rmse()["speed_rmse"] for name, truck in trucks.items()}
+
+
+def judged(truth: Mapping[str, Any], verdict: Mapping[str, Any], says: str = "") -> Row:
+    """The verdict beside the truth, as plain data."""
+    names = score.score_names(truth, verdict)
+    fit, budget = verdict.get("fit") or {}, verdict.get("budget") or {}
+    offered = fit.get("offered", AS_GIVEN)
+    held = {n: fit[n]["speed_rmse"] for n in ("before", "parameters_only", "after") if n in fit}
+    end = {AS_GIVEN: "before", CORRECTION: "after"}.get(offered, "parameters_only")
+    parts = [p["part"] for p in budget.get("parts") or () if p["part"] != LEFT_OVER]
+    findings = verdict.get("findings") or ()
+    nodes = probabilities(verdict)
+    return {
+        "level": truth["level"],
+        "seed": truth["seed"],
+        **{n: names[n] for n in ("true", "said", "verdict", "right_first", "in_group", "set_size")},
+        "recall": names.get("recall"),
+        "false_names": names.get("false_names"),
+        "probability": nodes.get(names["true"][0], 0.0) if len(names["true"]) == 1 else None,
+        "nodes": [*nodes.items()],
+        "stated": [f["stated"] for f in findings if f["stated"] != ROOT],
+        "parts": parts[:1],
+        "budget_off": budget.get("speed_rmse"),
+        "offered": offered,
+        "before": held.get("before"),
+        "after": held.get(end),
+        "events": score.score_events(truth, verdict),
+        "found_events": [
+            (x["recording"], x["start_s"], x["end_s"], x["probability"]) for x in verdict.get("events") or ()
+        ],
+        "intervals": [i["holds"] for i in score.score_intervals(truth, verdict)],
+        "input_stated": score.input_stated(truth, verdict, says),
+        "each_drive_found": score.each_drive_found(truth, verdict),
+        "says": says,
+    }
+
+
+def probabilities(verdict: Mapping[str, Any]) -> dict[str, float]:
+    """Of names and families: those of the findings, and of the tree of the first."""
+    out = {n["node"]: float(n["probability"]) for n in verdict.get("tree") or ()}
+    for f in verdict.get("findings") or ():
+        out |= {f["family"]: float(f["family_probability"]), f["effect"]: float(f["probability"])}
+    return out
+
+
+def summary(rows: Sequence[Row]) -> list[str]:
+    """Lines of the table of all cases."""
+    one = [r for r in rows if len(r["true"]) == 1 and r["level"] not in NO_NAME]
+    first = [r for r in one if r["said"]]
+    stated = [(s, r["true"]) for r in rows if r["level"] not in NO_NAME for s in r["stated"]]
+    several = [r for r in rows if r["level"] == "several"]
+    nulls = [r for r in rows if r["level"] == NULL]
+    named = [r for r in one if _above(r["before"], NAMED_OFF)]
+    split = [r for r in one if _above(r["budget_off"], BUDGET_OFF)]
+    driven = [r for r in rows if r["true"] and _above(r["before"], CORRECTED_OFF)]
+    further = [r["further"] for r in rows if "further" in r]
+    worse = [f for f in further if f["offered"] > f["given"]]
+    said = sum(len(r["said"]) for r in several)
+    rare = [r["events"] for r in rows if r["level"] == "rare"]
+    hours = sum(8 * MINUTES / 60.0 for _ in nulls)
+    intervals = [holds for r in rows for holds in r["intervals"]]
+    sizes = [r["set_size"] for r in first]
+    ratio = np.exp(np.mean([np.log(r["after"] / r["before"]) for r in driven])) if driven else np.nan
+    logs = [np.log(max(r["probability"], LEAST)) for r in one]
+    out = {
+        "single effects, right first": _of(r["right_first"] for r in one),
+        "in the credible set; names in a set": f"{_of(r['in_group'] for r in one)}; {np.mean(sizes):.1f}",
+        "family right first": _of(FAMILY[r["said"][0]] == FAMILY[r["true"][0]] for r in first)
+        + f", of all {len(one)}",
+        "log score of names; calibration error": f"{np.mean(logs):.2f}; {calibration_error(rows):.2f}",
+        "statements that are right": _of(s in (*t, *(FAMILY[n] for n in t)) for s, t in stated),
+        f"something named, where off by {NAMED_OFF:g} m/s or more": _of(bool(r["said"]) for r in named),
+        f"largest part of the budget is the true family, where off by more than {BUDGET_OFF:g} m/s": _of(
+            r["parts"] == [FAMILY[r["true"][0]]] for r in split
+        ),
+        "several at once: names recalled; precision": _of(t in r["said"] for r in several for t in r["true"])
+        + f"; {sum(n in r['true'] for r in several for n in r['said'])} of {said}",
+        f"held-out error, what is offered over as given, where off by more than {CORRECTED_OFF:g} m/s, "
+        "geometric mean": f"{ratio:.2f} of {len(driven)}",
+        "offered, and worse on eight further drives": f"{len(worse)} of {len(further)}",
+        "nulls with a finding": _of(bool(r["said"]) for r in nulls),
+        "events of level rare: located by half or more": f"{sum(e['located'] for e in rare)} of "
+        f"{sum(e['true'] for e in rare)}",
+        "events in nulls": f"{sum(len(r['found_events']) for r in nulls)} in {hours:.1f} h",
+        "true sizes inside their 95 % intervals": _of(intervals),
+        "a withheld input is reported, and no name given that it explains": _of(
+            bool(r["input_stated"]) for r in rows if r["input_stated"] is not None
+        ),
+        "what differs between drives is the largest part of the budget": _of(
+            bool(r["each_drive_found"]) for r in rows if r["each_drive_found"] is not None
+        ),
+        "CPU s a case, median": f"{np.median([r['cpu_s'] for r in rows]):.1f}",
+    }
+    return harness.table("of | figure", (f"{name} | {figure}" for name, figure in out.items()))
+
+
+def calibration_error(rows: Iterable[Row]) -> float:
+    """Mean distance between the probabilities of names and families and how often these are right, over
+    nodes of trees in BINS bins."""
+    nodes = [
+        (p, node in (*r["true"], *(FAMILY[n] for n in r["true"])))
+        for r in rows
+        if r["level"] not in NO_NAME
+        for node, p in r["nodes"]
+        if p >= LISTED and node != "nothing"
+    ]
+    if not nodes:
+        return float("nan")
+    p, right = np.array(nodes, dtype=float).T
+    bins = np.minimum((p * BINS).astype(int), BINS - 1)
+    apart = [np.mean(bins == k) * abs(p[bins == k].mean() - right[bins == k].mean()) for k in np.unique(bins)]
+    return float(np.sum(apart))
+
+
+def by_level(rows: Sequence[Row]) -> list[str]:
+    """Lines of a table of what was said otherwise than it is, by level."""
+    out = []
+    for level in dict.fromkeys(r["level"] for r in rows):
+        own = [r for r in rows if r["level"] == level]
+        wrong = [
+            f"{', '.join(r['said']) or 'nothing'} for {', '.join(r['true']) or 'nothing'} ({r['seed']})"
+            for r in own
+            if (r["said"] != r["true"] if level not in NO_NAME else r["input_stated"] is False)
+        ]
+        out.append(f"{level.replace('_', ' ')} | {_of(r['right_first'] for r in own)} | {'; '.join(wrong)}")
+    return harness.table("level | right first | otherwise", out)
+
+
+def _above(value: float | None, least: float) -> bool:
+    return value is not None and value >= least
+
+
+def _of(flags: Iterable[bool]) -> str:
+    known = list(flags)
+    return f"{sum(known)} of {len(known)}"
+
+
+if __name__ == "__main__":
+    main()
