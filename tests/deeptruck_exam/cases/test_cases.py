@@ -138,7 +138,7 @@ def test_the_tool_is_another_process_that_gets_the_case_alone(tmp_path, monkeypa
     assert tool.run_tool(case, tmp_path / "found").returncode == 0
     recordings = tmp_path / "recordings"
     given = ["--simulator", "truck:volvo", "--recordings", str(recordings / "drive_0")]
-    given += ["--held-out", str(recordings / "drive_1"), "--out", str(tmp_path / "found")]
+    given += ["--held-out", str(recordings / "drive_1"), "--out", str(tmp_path / "found"), "--overwrite"]
     assert seen["arguments"][-len(given) - 1 :] == ["mismatch", *given]
 
 
