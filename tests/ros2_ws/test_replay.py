@@ -127,5 +127,5 @@ def test_while_a_copy_is_recorded_it_pauses_and_does_not_move(
     page.ask(paused=0)
     code, out, errors = run.finish()
     assert (code, errors) == (0, "")
-    assert "replay: not moved to 1.0 s: a copy is recorded, which would not be its source any more" in out
+    assert "replay: not moved to 1.0 s: seeking is off while a copy is recorded" in out
     assert data_hash(read(copy)) == data_hash(read(source))

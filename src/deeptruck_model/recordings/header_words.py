@@ -12,7 +12,7 @@ from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import CHANNELS
 
 TIME = frozenset((
-    "time", "timestamp", "timestamps", "date", "datetime", "clock", "utc", "epoch", "elapsed", "seconds", "t",
+    "time", "tow", "itow", "timestamp", "timestamps", "date", "datetime", "clock", "utc", "epoch", "elapsed", "seconds", "t",
     "stamp", "ts",
 ))  # fmt: skip
 NO_TIME = frozenset(
