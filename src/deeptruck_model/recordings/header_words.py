@@ -12,8 +12,8 @@ from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import CHANNELS
 
 TIME = frozenset((
-    "time", "tow", "itow", "timestamp", "timestamps", "date", "datetime", "clock", "utc", "epoch", "elapsed", "seconds", "t",
-    "stamp", "ts",
+    "time", "timestamp", "timestamps", "date", "datetime", "clock", "utc", "epoch", "elapsed", "seconds", "t",
+    "stamp", "ts", "tow", "itow",
 ))  # fmt: skip
 NO_TIME = frozenset(
     ("gap", "headway", "engine", "idle", "zone", "collision")
