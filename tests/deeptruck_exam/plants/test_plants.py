@@ -112,9 +112,10 @@ def test_a_row_is_scored_by_the_rules_of_the_exam_and_stands_on_the_page() -> No
         rows.append({**about, **row})
     assert [r["outcome"] for r in rows] == ["right", "wrong", "silent"]
     assert (rows[0]["before"], rows[0]["parameters_only"], rows[0]["after"]) == (1.5, None, 0.1)
-    text = "\n".join(page.lines(rows))
+    text = "\n".join(page.lines([*rows, {**rows[-1], "seed": 4}]))
+    assert "--cases 1 --seed 3 " in text, "a null has more seeds"
     assert "| learned | mass +5 t | mass | 1, 1, 1 of 1 | 1.50 | - | 0.10 | 0.10 |" in text
-    assert "- learned: concealed: 1, 1, 1 of 2; nothing: 1 of 1 silent." in text
+    assert "- learned: concealed: 1, 1, 1 of 2; nothing: 2 of 2 silent." in text
 
 
 def test_a_run_that_was_refused_says_why_on_the_page() -> None:
