@@ -78,15 +78,20 @@ def main() -> None:
 
 def learn(truck: str, seeds: int, work: Path) -> None:
     """Four hours of driving, a deep truck, and the policies, each unless it is there."""
-    if not (work / "simulator" / "simulator.json").exists():
-        drive = driving_cycles.drive(trucks.load(truck), hours=4.0, seed=1, name="cycle")
-        deep.train([drive], work / "simulator", deep.Arguments())
+    learn_simulator(truck, work)
     if not (work / "policy" / "policy.json").exists():
         began = time.process_time()
         source = str(work / "simulator")
         config = AnalyticConfig(seeds=seeds)
         training.train(simulators.load(source), work / "policy", config=config, source=source)
         print(f"trained in {time.process_time() - began:.0f} CPU s")
+
+
+def learn_simulator(truck: str, work: Path) -> None:
+    """Four hours of driving and a deep truck, unless it is there."""
+    if not (work / "simulator" / "simulator.json").exists():
+        drive = driving_cycles.drive(trucks.load(truck), hours=4.0, seed=1, name="cycle")
+        deep.train([drive], work / "simulator", deep.Arguments())
 
 
 def table(results: dict[str, Any]) -> list[str]:
