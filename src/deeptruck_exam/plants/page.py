@@ -30,7 +30,7 @@ def lines(rows: Sequence[Row]) -> list[str]:
         "FASTSim (NREL) drives its class 8 line-haul truck. Before this table the tool was tried on it with"
         " other seeds: a learned truck that latched after a start from rest, brakes in m/s² that were"
         " believed to hold their deceleration whatever the slope, the speed (3 m/s, now 1) below which an"
-        " accessory's power counts as a torque, how sure a finding beside a learned simulator must be, and"
+        " accessory's power counts as a torque, when a finding beside a learned simulator is accepted, and"
         " when refitted parameters are offered were seen and corrected there. The seeds of the table had no"
         " part in that. Three drives are fitted and one is held out. Errors are m/s, the median of the"
         " seeds, of free runs on the drive held out; *offered* is the one of the three that the tool hands"
