@@ -61,7 +61,7 @@ class Draws:
 @dataclass(frozen=True)
 class _Given:
     """A state: the directions that are inside (k,) and their scale, the Cholesky root (k, k) of their
-    precision, its solution for their pull, the log evidence, and gains (blocks, sizes) beside it, NaN where
+    precision, its solution for their pull, the log evidence, and gains (blocks, sizes) next to it, NaN where
     not asked for yet."""
 
     inside: Places
