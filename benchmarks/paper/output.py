@@ -214,21 +214,20 @@ def error_bands(seeds: Sequence[Mapping[str, Any]]) -> Figure:
     """Errors against time, one panel a channel: the median over the seeds of the mean error, and the ranges
     over them of the mean, and of the mean with a standard deviation on either side."""
     time, names = seeds[0]["time"], list(seeds[0]["channels"])
+    of = "one seed" if len(seeds) == 1 else f"{len(seeds)} seeds"
     figure = Figure(figsize=(WIDTH_IN, 0.6 + 1.6 * len(names)))
     axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axis, name in zip(axes, names, strict=True):
         mean, sd = (np.array([seed["channels"][name][part] for seed in seeds]) for part in ("mean", "sd"))
         wide = ((mean - sd).min(axis=0), (mean + sd).max(axis=0))
-        axis.fill_between(time, *wide, color=MODELLED, alpha=0.2, lw=0, label="mean ± sd, widest")
+        axis.fill_between(time, *wide, color=MODELLED, alpha=0.2, lw=0, label="means ± sd")
         axis.fill_between(
-            time, mean.min(axis=0), mean.max(axis=0), color=MODELLED, alpha=0.45, lw=0, label="mean, range"
+            time, mean.min(axis=0), mean.max(axis=0), color=MODELLED, alpha=0.45, lw=0, label="means"
         )
-        axis.plot(time, np.median(mean, axis=0), color=MODELLED, label="mean, median")
+        axis.plot(time, np.median(mean, axis=0), color=MODELLED, label=f"median of {of}")
         axis.axhline(0, color="0.6", lw=0.5)
         axis.set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
-    of = "one seed" if len(seeds) == 1 else f"over {len(seeds)} seeds"
     axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
-    axes[0].set_title(of, fontsize="small", loc="right")
     axes[-1].set_xlabel("time since the start of the run [s]")
     figure.align_ylabels(axes)
     return figure
