@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deeptruck_model.mismatch.folders import AS_GIVEN, REFIT
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Kind
 from deeptruck_model.mismatch.rules import Rules
@@ -65,9 +65,10 @@ def uncompared(*, faulty: bool) -> Conclusion:
 
 
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
-    """What is offered: where nothing is missing the simulator as given, unless parameters that nobody can
-    name take away as much of its error as makes a finding of a drift."""
-    if kind is Conclusion.NOTHING and not (n.offered == REFIT and n.given - n.refitted > rules.drift):
+    """What is best on drives left out, whatever the name; where nothing is missing only if it takes away as
+    much of the error as makes a finding of a drift."""
+    after = {REFIT: n.refitted, CORRECTION: n.corrected}.get(n.offered, n.given)
+    if kind is Conclusion.NOTHING and not n.given - after > rules.drift:
         return AS_GIVEN
     return n.offered
 
@@ -80,6 +81,8 @@ def advice(n: Numbers, kind: Conclusion, rules: Rules) -> Mapping[str, Advice]:
 def _data(n: Numbers) -> Advice:
     if not np.isfinite(n.fitted):
         return Advice(Answer.NO, wording.TOO_SHORT)
+    if Kind.SENSOR in n.kinds:
+        return Advice(Answer.UNSURE, wording.FAULTY)
     if n.missing:
         return Advice(Answer.UNSURE, wording.not_recorded(n.missing))
     return Advice(Answer.YES, wording.ENOUGH)

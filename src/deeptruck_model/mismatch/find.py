@@ -106,7 +106,7 @@ def find_mismatch(
         driven.errors,
         driven.corrected.marked(offered == CORRECTION),
         c.drives.prepared,
-        driven.refitted.marked(driven.refit_better),
+        driven.refitted.marked(verdict.validated and driven.refit_better),
     )
 
 

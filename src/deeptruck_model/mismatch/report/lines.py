@@ -8,7 +8,7 @@ from typing import NamedTuple
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import SETTLE_S
 from deeptruck_model.mismatch.events import Event
-from deeptruck_model.mismatch.folders import REFIT
+from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
@@ -45,11 +45,13 @@ def headline(v: Verdict) -> str:
     """What is wrong, in which drives, its share of the error, and what to do."""
     if not v.findings:
         besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
-        return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides
+        step = f": {_next_step(v)}" if v.validated else ""
+        return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides + step
     f = v.findings[0]
-    where = f" in {', '.join(_drive(f, name) for name in f.in_drives)}" if f.in_drives else ""
+    drives = ", ".join(_drive(f, name) for name in f.in_drives)
+    what = f"in {drives} alone, {_what(f)}" if drives else _what(f)
     share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
-    return f"{opened(_what(f))}{where}{share}: {_next_step(v)}"
+    return f"{opened(what)}{share}: {_next_step(v)}"
 
 
 def _drive(f: Finding, name: str) -> str:
@@ -64,11 +66,9 @@ def _count(count: int, noun: str) -> str:
 
 def _what(f: Finding) -> str:
     """The most probable statement."""
-    if f.effect == UNKNOWN:
+    if f.effect == UNKNOWN or f.kind is Kind.SENSOR:
         return f.says
     name = spoken(f.effect if f.stated in (ROOT, f.effect) else f.stated)
-    if f.kind is Kind.SENSOR:
-        return f"{name}, a fault of measurement"
     if f.stated == ROOT:
         return f"{name} is most probable ({percent(f.probability)})"
     if f.kind is Kind.PARAMETER:
@@ -128,7 +128,8 @@ def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
 
 
 def refitted(v: Verdict) -> Iterator[str]:
-    """The error of each simulator along held-out drives, and each parameter that was refitted alone."""
+    """The error of each simulator along held-out drives, and each parameter as refitted alone, unless the
+    correction is offered, which has others."""
     if v.fit is None or v.fit.errors is None:
         return
     e = v.fit.errors
@@ -137,6 +138,8 @@ def refitted(v: Verdict) -> Iterator[str]:
         f"Held-out drives, free runs of {v.fit.horizon_s:.0f} s: as given off by {e.before.speed:.2g} m/s, "
         f"with parameters refitted alone {e.parameters_only.speed:.2g}{corrected}."
     )
+    if v.fit.offered == CORRECTION:
+        return  # its own changes of parameters are said where it is offered
     sizes = [
         f"{spoken(name)} {100 * r.change:+.1f} % ({100 * r.change_ci95[0]:+.1f} to "
         f"{100 * r.change_ci95[1]:+.1f})"
@@ -202,7 +205,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield f"{opened(v.advice['data'].reason)}."
     for f in v.findings:
         if f.kind is Kind.SENSOR:
-            yield f"Remove the {spoken(f.effect)} at its sensor or clock before you record more."
+            yield f"Repair it at its sensor or clock before you record more: {f.says}."
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield f"Check the simulator's {PARAMETERS[f.effect].says}: {f.says}."
         elif "recording" in f.depends_on and not v.validated:

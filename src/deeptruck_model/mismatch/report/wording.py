@@ -21,6 +21,7 @@ COUNTS_AS_LEARNED = (
 )
 WITHOUT_MASS = "forces are given per kilogram (m/s^2), as no mass is known; state it by --mass-kg"
 TOO_SHORT = "too few unbroken windows for a budget: record drives without gaps"
+FAULTY = "a sensor or clock is wrong: it was corrected here, but repair it before you record more"
 ENOUGH = "every input that matters was recorded or stated"
 NOT_DRIVEN = "no held-out recording is long enough for a free run"
 NOT_SIGNIFICANT = "the held-out error falls, but not significantly; record more drives to hold out"

@@ -6,8 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.events import Event
-from deeptruck_model.mismatch.fit_result import FitResult, Improvement
+from deeptruck_model.mismatch.findings import of_fault
+from deeptruck_model.mismatch.fit_result import Compared, FitResult, Improvement, Refitted, Rmse
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 
@@ -39,6 +42,35 @@ def test_what_differs_from_drive_to_drive_is_to_be_adapted_to_each() -> None:
     assert any("deeptruck-model adapt" in line for line in lines.what_to_do(driven(-0.4, 0.1)))
     steady = replace(PAYLOAD, depends_on=("speed",))
     assert not any("adapt" in line for line in lines.what_to_do(Verdict(Conclusion.PHYSICS, (steady,))))
+
+
+def test_a_fault_is_said_as_what_is_wrong_and_is_to_be_repaired() -> None:
+    turned = SensorFault("acceleration_bias", -1.0, 0.0, "1", "the accelerometer has the wrong sign")
+    v = Verdict(Conclusion.SENSOR, (of_fault(turned),))
+    assert lines.headline(v) == "The accelerometer has the wrong sign: repair the sensor"
+    (step,) = lines.what_to_do(v)
+    assert step.endswith("before you record more: the accelerometer has the wrong sign.")
+
+
+@pytest.mark.parametrize("offered", [AS_GIVEN, REFIT, CORRECTION])
+def test_one_set_of_parameters_is_said(offered: str) -> None:
+    """Those refitted alone, or those that the offered correction changes."""
+    errors = Compared(Rmse(0.8, 0.1), Rmse(0.6, 0.1), Rmse(0.4, 0.1))
+    fit = FitResult(
+        ("d",), 40.0, 3, ("headwind", "mass"), offered != AS_GIVEN, errors, refitted={"mass": 0.32},
+        offered=offered, refit={"mass": Refitted(0.168, (0.08, 0.26))},
+    )  # fmt: skip
+    said = " ".join(lines.lines(Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)))
+    assert ("mass +16.8 %" in said) is (offered != CORRECTION)
+    assert ("mass by +32 %" in said) is (offered == CORRECTION)
+    assert "refitted alone 0.6" in said
+
+
+def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
+    fit = FitResult(("d",), 40.0, 3, (), True, offered=REFIT)
+    v = Verdict(Conclusion.NOTHING, fit=fit)
+    assert lines.headline(v) == "Nothing that matters is missing: apply the refitted parameters"
+    assert list(lines.what_to_do(v)) == ["Apply the refitted parameters alone."]
 
 
 def test_events_are_said_with_what_they_do_to_the_speed() -> None:
