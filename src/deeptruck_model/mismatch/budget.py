@@ -7,13 +7,13 @@ that it was fitted to.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -29,30 +29,25 @@ KNOWN = 0.9  # of a window that must be compared
 
 
 @dataclass(frozen=True)
+class DriveShare:
+    """The share of a part in the squared speed error of one drive."""
+
+    recording: str
+    share: float = field(metadata=stored(digits=4))
+
+
+@dataclass(frozen=True)
 class Part:
     """A part of the squared speed error: its `share`, a 90 % interval, the share of the time in which its
-    force acts, its force (n,), m/s^2, and its share of each drive's own error by name."""
+    force acts, its force (n,), m/s^2, and its share of the error of each drive."""
 
     part: str
-    share: float
-    low: float
-    high: float
-    time_share: float
-    force: Array
-    drives: tuple[tuple[str, float], ...] = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """An entry of `budget.parts`."""
-        shares = {name: round(getattr(self, name), 4) for name in ("share", "low", "high", "time_share")}
-        drives = [{"recording": name, "share": round(share, 4)} for name, share in self.drives]
-        return {"part": self.part, **shares, "drives": drives}
-
-    @staticmethod
-    def read(entry: Mapping[str, Any]) -> Part:
-        """An entry of `budget.parts` of verdict.json, without its force."""
-        shares = {name: entry[name] for name in ("part", "share", "low", "high", "time_share")}
-        drives = tuple((d["recording"], d["share"]) for d in entry["drives"])
-        return Part(**shares, force=np.zeros(0), drives=drives)
+    share: float = field(metadata=stored(digits=4))
+    low: float = field(metadata=stored(digits=4))
+    high: float = field(metadata=stored(digits=4))
+    time_share: float = field(metadata=stored(digits=4))
+    force: Array = field(default_factory=lambda: np.zeros(0), metadata=stored(hidden=True))
+    drives: tuple[DriveShare, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,21 +60,6 @@ class Budget:
     windows: int
     speed_rmse: float
     parts: tuple[Part, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """`budget`."""
-        return {
-            "horizon_s": self.horizon_s,
-            "windows": self.windows,
-            "speed_rmse": self.speed_rmse,
-            "parts": [p.to_json() for p in self.parts],
-        }
-
-    @staticmethod
-    def read(entry: Mapping[str, Any]) -> Budget:
-        """`budget` of verdict.json."""
-        rmse = float("nan") if entry["speed_rmse"] is None else entry["speed_rmse"]
-        return Budget(entry["horizon_s"], entry["windows"], rmse, tuple(map(Part.read, entry["parts"])))
 
     def share(self, part: str) -> float:
         """The share of a part; zero where there is none."""
@@ -144,7 +124,7 @@ def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
             float(high[i]),
             float(np.mean(np.abs(forces[i][counted]) > NOTABLE)) if name != LEFT_OVER else 1.0,
             forces[i],
-            tuple((drive, float(s[i])) for drive, s in drives.items()),
+            tuple(DriveShare(drive, float(s[i])) for drive, s in drives.items()),
         )
         for i, name in enumerate(names)
         if share[i] > 0.0 or name == LEFT_OVER

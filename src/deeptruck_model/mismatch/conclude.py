@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.posterior.regression import FREE
 from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Advice, Answer, Finding, Verdict
+from deeptruck_model.mismatch.result import Advice, Answer, Data, Finding, Verdict
 from deeptruck_model.mismatch.road import Road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import ROOT, Node
@@ -32,7 +32,7 @@ def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
     return Verdict(
         decide.uncompared(faulty=bool(found)),
         found,
-        rejected=drives.rejected,
+        data=Data(drives.rejected, drives.samples),
         caveats=(*drives.caveats, why),
         not_recorded=missing,
         advice={
@@ -40,7 +40,6 @@ def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
             "simulator": Advice(Answer.UNSURE, "nothing could be compared"),
             "apply": Advice(Answer.NO, wording.NOTHING_CORRECTED),
         },
-        recorded=drives.samples,
     )
 
 
@@ -66,20 +65,18 @@ def conclude(
     return Verdict(
         kind,
         found,
+        c.names.explanations,
+        c.events,
         tuple(where.segments(e, forces)),
         tuple(where.regimes(e, error)),
         replace(fit, offered=offered, validated=offered != AS_GIVEN, next_pass=ahead),
-        c.drives.rejected,
+        Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean())),
         (*c.drives.caveats, *_caveats(c), *_mass(c, made)),
         c.missing,
         c.budget,
         witnesses,
         tree(c, found, road, rules),
         decide.advice(numbers, kind, rules),
-        c.drives.samples,
-        float(e.everywhere().valid.mean()),
-        c.names.explanations,
-        c.events,
     )
 
 

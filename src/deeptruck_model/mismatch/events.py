@@ -9,9 +9,8 @@ largest gain is held against that of noise of the fitted model along the same dr
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
+from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, Kernel, kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.sampler import SIZES
@@ -53,29 +53,13 @@ class Event:
     large. `name` is the mechanism or family that explains it; None where none is clearly ahead."""
 
     recording: str
-    start_s: float
-    end_s: float
-    speed_change: float
-    probability: float
+    start_s: float = field(metadata=stored(digits=2))
+    end_s: float = field(metadata=stored(digits=2))
+    speed_change: float = field(metadata=stored(digits=3))
+    probability: float = field(metadata=stored(digits=4))
     name: str | None
-    start: int = 0
-    stop: int = 0
-
-    def to_json(self) -> dict[str, Any]:
-        """An entry of `events`."""
-        return {
-            "recording": self.recording,
-            "start_s": round(self.start_s, 2),
-            "end_s": round(self.end_s, 2),
-            "speed_change": round(self.speed_change, 3),
-            "probability": round(self.probability, 4),
-            "name": self.name,
-        }
-
-    @staticmethod
-    def read(entry: Mapping[str, Any]) -> Event:
-        """An entry of `events` of verdict.json."""
-        return Event(**entry)
+    start: int = field(default=0, metadata=stored(hidden=True))
+    stop: int = field(default=0, metadata=stored(hidden=True))
 
 
 def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:

@@ -141,7 +141,7 @@ def of_fault(f: SensorFault) -> Finding:
     ci = (f.value - Z95 * f.se, f.value + Z95 * f.se)
     return Finding(
         Kind.SENSOR, f.effect, FAMILY[f.effect], f.effect, f.says, f.equation,
-        {"value": Size(f.value, f.unit, ci)}, FAULT, FAULT, wording.SENSOR_MANOEUVRE, f.between,
+        {"value": Size(f.value, f.unit, ci)}, wording.SENSOR_MANOEUVRE, f.between, FAULT, FAULT,
         share_of_explainable_error=0.0,
     )  # fmt: skip
 
@@ -158,10 +158,10 @@ def _finding(e: Evidence, named: Named, kind: Kind, says: str, force: Array, rul
         says,
         "",
         {},
-        round(named.tree.names[first], 3),
-        round(named.tree.families[family], 3),
         "",
         (),
+        round(named.tree.names[first], 3),
+        round(named.tree.families[family], 3),
         rivals,
         evidence_nats=round(named.held, 1),
         strength=_strength(e, force),

@@ -163,7 +163,7 @@ def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -
     if given is None:
         return Refitted(change, (low, high))
     value, *ci95 = (given * (1.0 + x) for x in (change, low, high))
-    return Refitted(change, (low, high), PARAMETERS[parameter].unit, value, (ci95[0], ci95[1]))
+    return Refitted(change, (low, high), value, PARAMETERS[parameter].unit, (ci95[0], ci95[1]))
 
 
 @dataclass(frozen=True)

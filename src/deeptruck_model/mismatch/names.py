@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import FAMILY, SLOW, Tree
@@ -40,11 +41,7 @@ class Explanation:
     """Names that are in together, and how probable it is that these and no others are."""
 
     names: tuple[str, ...]
-    probability: float
-
-    def to_json(self) -> dict[str, object]:
-        """An entry of `explanations`."""
-        return {"names": list(self.names), "probability": round(self.probability, 3)}
+    probability: float = field(metadata=stored(digits=3))
 
 
 @dataclass(frozen=True)

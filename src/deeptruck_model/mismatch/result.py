@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.json_data import from_json, stored, to_json
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, Interval
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.names import Explanation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.strength import Strength
@@ -24,6 +26,8 @@ from deeptruck_model.mismatch.unrecorded import NotRecorded
 from deeptruck_model.mismatch.witnesses import Witness
 
 Array = NDArray[np.float64]
+
+SPARSE, HIDDEN = stored(sparse=True), stored(hidden=True)
 
 SCHEMA = 3
 
@@ -43,28 +47,13 @@ class Segment:
     """A stretch of one recording in which a finding (by its place) acts; rows are of the stacked evidence."""
 
     recording: str
-    start_s: float
-    end_s: float
+    start_s: float = field(metadata=stored(digits=2))
+    end_s: float = field(metadata=stored(digits=2))
     finding: int
-    mean_force_n: float | None  # None where no mass is known
-    start: int
-    stop: int
-    energy: float
-
-    def to_json(self) -> dict[str, Any]:
-        """An entry of `segments`."""
-        return {
-            "recording": self.recording,
-            "start_s": round(self.start_s, 2),
-            "end_s": round(self.end_s, 2),
-            "finding": self.finding,
-            "mean_force_n": None if self.mean_force_n is None else round(self.mean_force_n, 1),
-        }
-
-    @staticmethod
-    def read(entry: Mapping[str, Any]) -> Segment:
-        """An entry of `segments` of verdict.json."""
-        return Segment(**entry, start=0, stop=0, energy=0.0)
+    mean_force_n: float | None = field(metadata=stored(digits=1))  # None where no mass is known
+    start: int = field(default=0, metadata=HIDDEN)
+    stop: int = field(default=0, metadata=HIDDEN)
+    energy: float = field(default=0.0, metadata=HIDDEN)
 
 
 @dataclass(frozen=True)
@@ -87,24 +76,12 @@ class Bound:
 
 @dataclass(frozen=True)
 class Regime:
-    """A region of driving, unlimited without bounds, with its share of the error and of the time."""
+    """A region of driving, where all `bounds` hold, with its share of the error and of the time."""
 
-    bounds: tuple[Bound, ...]
+    where: str
     share_of_error: float
     share_of_time: float
-
-    @property
-    def where(self) -> str:
-        """The bounds in one line."""
-        return " and ".join(map(str, self.bounds)) or "everywhere"
-
-    def to_json(self) -> dict[str, Any]:
-        """An entry of `regimes`."""
-        return {
-            "where": self.where,
-            "share_of_error": self.share_of_error,
-            "share_of_time": self.share_of_time,
-        }
+    bounds: tuple[Bound, ...] = field(default=(), metadata=HIDDEN)
 
 
 class Kind(StrEnum):
@@ -130,10 +107,6 @@ class Advice:
     answer: Answer
     reason: str
 
-    def to_json(self) -> dict[str, str]:
-        """An entry of `advice`."""
-        return {"answer": self.answer, "reason": self.reason}
-
 
 @dataclass(frozen=True)
 class Size:
@@ -156,91 +129,50 @@ class Finding:
     says: str
     equation: str
     parameters: Mapping[str, Size]
+    separating_manoeuvre: str = field(metadata=stored(earlier="would_be_told_by"))
+    depends_on: tuple[str, ...]
     probability: float
     family_probability: float
-    separating_manoeuvre: str
-    depends_on: tuple[str, ...]
-    credible_set: tuple[str, ...] = ()
+    credible_set: tuple[str, ...] = field(default=(), metadata=stored(earlier="cannot_be_told_from"))
     share_of_explainable_error: float = 0.0
-    evidence_nats: float | None = None
-    strength: Strength | None = None
-    missing_input: str = ""  # which was not recorded and may explain it as well
-    in_drives: tuple[str, ...] = ()  # in which it acts, where not in all
-    share_of_error: float | None = None  # of the squared speed error, that the budget gives its family
-    force: Array | None = field(default=None, compare=False)
+    evidence_nats: float | None = field(default=None, metadata=SPARSE)
+    strength: Strength | None = field(default=None, metadata=SPARSE)
+    missing_input: str = field(
+        default="", metadata=SPARSE
+    )  # which was not recorded and may explain it as well
+    in_drives: tuple[str, ...] = field(default=(), metadata=SPARSE)  # in which it acts, where not in all
+    # of the squared speed error, that the budget gives its family
+    share_of_error: float | None = field(default=None, metadata=stored(digits=4, sparse=True))
+    force: Array | None = field(default=None, compare=False, metadata=HIDDEN)
 
-    @staticmethod
-    def read(entry: Mapping[str, Any]) -> Finding:
-        """An entry of `findings` of verdict.json."""
-        sizes = {
-            name: Size(s["value"], s["unit"], (s["ci95"][0], s["ci95"][1]) if s["ci95"] else None)
-            for name, s in entry["parameters"].items()
-        }
-        return Finding(
-            Kind(entry["kind"]), entry["effect"], entry["family"], entry["stated"], entry["says"],
-            entry["equation"], sizes, entry["probability"], entry["family_probability"],
-            entry.get("separating_manoeuvre", entry.get("would_be_told_by", "")), tuple(entry["depends_on"]),
-            tuple(entry.get("credible_set", entry.get("cannot_be_told_from", ()))),
-            entry["share_of_explainable_error"], entry.get("evidence_nats"),
-            Strength.read(entry.get("strength")), entry.get("missing_input", ""),
-            tuple(entry.get("in_drives", ())), entry.get("share_of_error"),
-        )  # fmt: skip
 
-    def to_json(self) -> dict[str, Any]:
-        """An entry of `findings`."""
-        out: dict[str, Any] = {
-            "kind": self.kind,
-            "effect": self.effect,
-            "family": self.family,
-            "stated": self.stated,
-            "says": self.says,
-            "equation": self.equation,
-            "parameters": {
-                n: {"value": s.value, "unit": s.unit, "ci95": s.ci95} for n, s in self.parameters.items()
-            },
-            "separating_manoeuvre": self.separating_manoeuvre,
-            "would_be_told_by": self.separating_manoeuvre,  # the key of schema 2
-            "depends_on": self.depends_on,
-            "probability": self.probability,
-            "family_probability": self.family_probability,
-            "credible_set": self.credible_set,
-            "cannot_be_told_from": self.credible_set,  # the key of schema 2
-            "share_of_explainable_error": self.share_of_explainable_error,
-        }
-        if self.evidence_nats is not None:
-            out["evidence_nats"] = self.evidence_nats
-        if self.strength is not None:
-            out["strength"] = self.strength.to_json()
-        if self.missing_input:
-            out["missing_input"] = self.missing_input
-        if self.in_drives:
-            out["in_drives"] = self.in_drives
-        if self.share_of_error is not None:
-            out["share_of_error"] = round(self.share_of_error, 4)
-        return out
+@dataclass(frozen=True)
+class Data:
+    """Samples `recorded`, of which the share `compared` was compared, and those that rules set aside."""
+
+    rejected: tuple[Rejection, ...] = ()
+    recorded: int = field(default=0, metadata=stored(later=True))
+    compared: float = field(default=0.0, metadata=stored(digits=4, later=True))
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """All that verdict.json says. `fit` and `budget` are None where nothing could be compared. `recorded` are
-    samples, of which the share `compared` was compared."""
+    """All that verdict.json says. `fit` and `budget` are None where nothing could be compared."""
 
-    kind: Conclusion
+    kind: Conclusion = field(metadata=stored(key="verdict"))
     findings: tuple[Finding, ...] = ()
+    explanations: tuple[Explanation, ...] = field(default=(), metadata=stored(later=True))
+    events: tuple[Event, ...] = field(default=(), metadata=stored(later=True))
     segments: tuple[Segment, ...] = ()
     regimes: tuple[Regime, ...] = ()
     fit: FitResult | None = None
-    rejected: tuple[Rejection, ...] = ()
+    data: Data = field(default_factory=Data)
     caveats: tuple[str, ...] = ()
     not_recorded: tuple[NotRecorded, ...] = ()
     budget: Budget | None = None
     witnesses: tuple[Witness, ...] = ()
     tree: tuple[Node, ...] = ()
     advice: Mapping[str, Advice] = field(default_factory=dict)
-    recorded: int = 0
-    compared: float = 0.0
-    explanations: tuple[Explanation, ...] = ()
-    events: tuple[Event, ...] = ()
 
     @property
     def validated(self) -> bool:
@@ -248,59 +180,18 @@ class Verdict:
         return self.fit is not None and self.fit.validated
 
     def to_json(self) -> dict[str, Any]:
-        """verdict.json as plain JSON data: no NaN, no infinities, no numpy types."""
-        out: dict[str, Any] = _plain(
-            {
-                "schema": SCHEMA,
-                "verdict": self.kind,
-                "findings": [f.to_json() for f in self.findings],
-                "explanations": [x.to_json() for x in self.explanations],
-                "events": [x.to_json() for x in self.events],
-                "segments": [s.to_json() for s in self.segments],
-                "regimes": [r.to_json() for r in self.regimes],
-                "fit": self.fit.to_json() if self.fit is not None else {},
-                "data": self._data(),
-                "caveats": self.caveats,
-                "not_recorded": [m.to_json() for m in self.not_recorded],
-                "budget": self.budget.to_json() if self.budget is not None else {},
-                "witnesses": [w.to_json() for w in self.witnesses],
-                "tree": [vars(n) for n in self.tree],
-                "advice": {name: a.to_json() for name, a in self.advice.items()},
-            }
-        )
-        return out
-
-    def _data(self) -> dict[str, Any]:
-        out: dict[str, Any] = {
-            "rejected": [vars(r) for r in self.rejected],
-            "recorded": self.recorded,
-            "compared": round(self.compared, 4),
-        }
-        return out
+        """verdict.json."""
+        out = to_json(self)
+        return {"schema": SCHEMA, **out, "fit": out["fit"] or {}, "budget": out["budget"] or {}}
 
     @staticmethod
     def read(verdict: Mapping[str, Any]) -> Verdict:
         """From verdict.json; forces along the drives are not in it. Raises KeyError, TypeError or ValueError
         for what is none."""
-        data, budget = verdict["data"], verdict["budget"]
-        return Verdict(
-            Conclusion(verdict["verdict"]),
-            tuple(Finding.read(f) for f in verdict["findings"]),
-            tuple(Segment.read(s) for s in verdict["segments"]),
-            (),
-            FitResult.read(verdict["fit"]),
-            tuple(Rejection(**r) for r in data["rejected"]),
-            tuple(verdict["caveats"]),
-            tuple(NotRecorded(**m) for m in verdict["not_recorded"]),
-            Budget.read(budget) if budget else None,
-            tuple(Witness(**w) for w in verdict["witnesses"]),
-            tuple(Node(**n) for n in verdict["tree"]),
-            {name: Advice(Answer(a["answer"]), a["reason"]) for name, a in verdict["advice"].items()},
-            data.get("recorded", 0),
-            data.get("compared", 0.0),
-            tuple(Explanation(tuple(x["names"]), x["probability"]) for x in verdict.get("explanations", ())),
-            tuple(Event.read(x) for x in verdict.get("events", ())),
-        )
+        fit, budget = verdict["fit"] or None, verdict["budget"] or None
+        if fit is not None:
+            fit = {"offered": CORRECTION if fit["validated"] else AS_GIVEN, **fit}
+        return from_json(Verdict, {**verdict, "fit": fit, "budget": budget})
 
 
 @dataclass(frozen=True, repr=False)
@@ -328,20 +219,3 @@ class Mismatch:
     def verdict(self) -> dict[str, Any]:
         """The content of verdict.json."""
         return self.result.to_json()
-
-
-def _plain(x: Any) -> Any:
-    """JSON data without NaN, infinities, enums and numpy types."""
-    if isinstance(x, dict):
-        return {str(k): _plain(v) for k, v in x.items()}
-    if isinstance(x, (list, tuple)):
-        return [_plain(v) for v in x]
-    if isinstance(x, StrEnum):
-        return x.value
-    if isinstance(x, (bool, np.bool_)):
-        return bool(x)
-    if isinstance(x, (int, np.integer)):
-        return int(x)
-    if isinstance(x, (float, np.floating)):
-        return float(x) if np.isfinite(x) else None
-    return x

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 SMOOTH_S = 1.0
@@ -38,17 +37,7 @@ def acts(force: NDArray[np.float64], seen: NDArray[np.bool_], dt: float) -> NDAr
 class Strength:
     """The mean of a force in `unit` while it acts, or its rms where it goes forward and back."""
 
-    value: float
+    value: float = field(metadata=stored(figures=4))
     unit: str
     one_way: bool
-    share_of_time: float
-
-    def to_json(self) -> dict[str, Any]:
-        """`strength` of an entry of `findings`."""
-        rounded = {"value": float(f"{self.value:.4g}"), "share_of_time": round(self.share_of_time, 3)}
-        return vars(self) | rounded
-
-    @staticmethod
-    def read(entry: Mapping[str, Any] | None) -> Strength | None:
-        """From verdict.json; None where a finding has none."""
-        return None if entry is None else Strength(**entry)
+    share_of_time: float = field(metadata=stored(digits=3))

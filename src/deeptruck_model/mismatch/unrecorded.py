@@ -4,14 +4,14 @@ explain."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
+from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.fit_result import Interval
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
@@ -49,14 +49,8 @@ class NotRecorded:
     input: str
     hides: str
     signal: str
-    share_of_time: float | None = None
-    gain: float = 0.0
-
-    def to_json(self) -> dict[str, Any]:
-        """An entry of `not_recorded`."""
-        out: dict[str, Any] = {"input": self.input, "hides": self.hides, "signal": self.signal}
-        found = {"share_of_time": round(self.share_of_time, 4)} if self.share_of_time is not None else {}
-        return out | found
+    share_of_time: float | None = field(default=None, metadata=stored(digits=4, sparse=True))
+    gain: float = field(default=0.0, metadata=stored(hidden=True))
 
 
 def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tuple[NotRecorded, ...]:

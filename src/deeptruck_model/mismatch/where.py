@@ -93,7 +93,9 @@ def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
         time = float(inside.mean())
         if share > 1.3 * time:
             ranges = dict(zip(named, np.ptp(X, axis=0), strict=True))
-            out.append(Regime(_bounds(tree, node, ranges, e.command_units), share, time))
+            bounds = _bounds(tree, node, ranges, e.command_units)
+            where = " and ".join(map(str, bounds)) or "everywhere"
+            out.append(Regime(where, share, time, bounds))
     return sorted(out, key=lambda r: -r.share_of_error)[:most]
 
 

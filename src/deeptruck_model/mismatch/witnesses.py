@@ -7,12 +7,12 @@ A channel is a witness if a line in it, fitted to the other drives, predicts a d
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.posterior.posterior import SLOW_S
@@ -34,11 +34,7 @@ class Witness:
 
     channel: str
     part: str
-    share: float
-
-    def to_json(self) -> dict[str, Any]:
-        """An entry of `witnesses`."""
-        return {"channel": self.channel, "part": self.part, "share": round(self.share, 3)}
+    share: float = field(metadata=stored(digits=3))
 
 
 def witnesses(

@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import lfilter
 from small_drives import DT, N, evidence
 
+from deeptruck_model.json_data import from_json, to_json
 from deeptruck_model.mismatch.events import CLIP, LARGEST, POWER, Event, _Filters, events, find_events
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels, without
 from deeptruck_model.mismatch.posterior.posterior import posterior
@@ -182,4 +183,4 @@ def test_noise_has_an_event_as_seldom_as_the_rule_says() -> None:
 
 def test_an_event_survives_json() -> None:
     event = Event("a", 12.0, 19.0, -0.42, 0.9876, None)
-    assert Event.read(event.to_json()) == event
+    assert from_json(Event, to_json(event)) == event

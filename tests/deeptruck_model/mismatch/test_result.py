@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deeptruck_model.json_data import from_json, to_json
 from deeptruck_model.mismatch.fit_result import FitResult, Refitted, WithoutExogenous
 from deeptruck_model.mismatch.result import (
     Bound,
@@ -20,7 +21,7 @@ from deeptruck_model.mismatch.result import (
 def finding(sizes: dict[str, Size]) -> Finding:
     return Finding(
         Kind.PHYSICS, "headwind", "air_tyres_road", "headwind", "air moves against the truck", "F = 0", sizes,
-        0.92, 0.95, "coast both ways", ("speed",), ("drag_area",), in_drives=("a",), share_of_error=0.4,
+        "coast both ways", ("speed",), 0.92, 0.95, ("drag_area",), in_drives=("a",), share_of_error=0.4,
         missing_input="gear",
     )  # fmt: skip
 
@@ -43,17 +44,17 @@ def test_numbers_that_json_has_not_become_null_and_those_of_numpy_plain() -> Non
 def test_a_finding_is_read_as_it_was_written() -> None:
     found = finding({"speed": Size(3.4, "m/s", (3.0, 3.8))})
     (entry,) = Verdict(Conclusion.PHYSICS, (found,)).to_json()["findings"]
-    assert Finding.read(entry) == found
+    assert from_json(Finding, entry) == found
 
 
 def test_no_newtons_without_a_mass() -> None:
-    assert Segment("a", 1.0, 2.0, 0, None, 0, 1, 1.0).to_json()["mean_force_n"] is None
+    assert to_json(Segment("a", 1.0, 2.0, 0, None, 0, 1, 1.0))["mean_force_n"] is None
 
 
 def test_a_fit_is_read_as_it_was_written() -> None:
     fit = FitResult(
-        ("a",), 40.0, 3, ("headwind",), False, output_error=True,
+        ("a",), 40.0, 3, ("headwind",), output_error=True,
         without_exogenous=WithoutExogenous(("gap",), 0.3), offered="as_given",
-        refit={"mass": Refitted(0.1, (0.05, 0.15), "kg", 11000.0, (10500.0, 11500.0))},
+        refit={"mass": Refitted(0.1, (0.05, 0.15), 11000.0, "kg", (10500.0, 11500.0))},
     )  # fmt: skip
-    assert FitResult.read(fit.to_json()) == fit
+    assert from_json(FitResult, to_json(fit)) == fit

@@ -35,7 +35,9 @@ def test_rows_that_are_left_out_do_not_count() -> None:
     time_s, valid = found.evidence["elapsed"], found.evidence.valid
     inside = (time_s > 21.0) & (time_s < 49.0) & ~found.evidence.held_out
     assert inside.any() and not valid[inside].any() and valid[~inside].mean() > 0.8
-    assert [r.samples for r in found.result.rejected if r.rule == LEFT_OUT] == [pytest.approx(300, abs=5)]
+    assert [r.samples for r in found.result.data.rejected if r.rule == LEFT_OUT] == [
+        pytest.approx(300, abs=5)
+    ]
 
 
 def content(folder: Path) -> dict[str, str]:

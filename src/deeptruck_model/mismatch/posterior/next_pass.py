@@ -6,13 +6,12 @@ that follow were not: there the force of the other pass is taken for the slope o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.roads.stretches import STEP_M, WIDTH, Windows, turned
 
 Array = NDArray[np.float64]
@@ -30,27 +29,14 @@ class NextPass:
     road that two passes share counts once for each."""
 
     km: float
-    rms: float
-    left: float
-    smaller_ci95: tuple[float, float]
+    rms: float = field(metadata=stored(digits=4))
+    left: float = field(metadata=stored(digits=4))
+    smaller_ci95: tuple[float, float] = field(metadata=stored(digits=3))
 
     @property
     def shown(self) -> bool:
         """Whether the other pass predicts it significantly better."""
         return self.smaller_ci95[0] > 0.0
-
-    def to_json(self) -> dict[str, Any]:
-        """`fit.next_pass` of verdict.json."""
-        ci = [round(x, 3) for x in self.smaller_ci95]
-        return {"km": self.km, "rms": round(self.rms, 4), "left": round(self.left, 4), "smaller_ci95": ci}
-
-    @staticmethod
-    def read(entry: Mapping[str, Any] | None) -> NextPass | None:
-        """From verdict.json."""
-        if entry is None:
-            return None
-        low, high = entry["smaller_ci95"]
-        return NextPass(entry["km"], entry["rms"], entry["left"], (low, high))
 
 
 def next_pass(windows: Windows, here: Indices, there: Indices, reverse: NDArray[np.bool_]) -> NextPass | None:

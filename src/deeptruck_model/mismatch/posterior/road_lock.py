@@ -31,10 +31,6 @@ class RoadLock:
     by_chance: float
     ahead: NextPass | None = None  # what the other pass predicts of the road beyond
 
-    def to_json(self) -> dict[str, float]:
-        """`road` of a finding in verdict.json; what lies ahead stands in `fit`."""
-        return {n: round(v, 3) for n, v in vars(self).items() if n != "ahead"}
-
 
 def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     """Where a slow specific force (n,) came again; None where no road was seen twice."""

@@ -92,11 +92,11 @@ def _next_step(v: Verdict) -> str:
 
 def what(v: Verdict) -> Iterator[str]:
     """What was compared, and the error."""
-    if v.compared:
+    if v.data.compared:
         left_out = [f"{r.rule}, {percent(x)}" for r, x in shares_rejected(v) if x >= WORTH_SAYING]
         because = f" Left out: {'; '.join(left_out)}." if left_out else ""
         yield (
-            f"{percent(v.compared)} of the recorded time is compared: not the first {SETTLE_S:g} s of a "
+            f"{percent(v.data.compared)} of the recorded time is compared: not the first {SETTLE_S:g} s of a "
             f"drive, nor below {LEAST_SPEED:g} m/s.{because}"
         )
     b = v.budget
@@ -124,7 +124,7 @@ def event(x: Event) -> str:
 
 def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
     """What was left out by each rule, with its share of the recorded samples."""
-    return [(r, r.samples / v.recorded) for r in v.rejected] if v.recorded else []
+    return [(r, r.samples / v.data.recorded) for r in v.data.rejected] if v.data.recorded else []
 
 
 def refitted(v: Verdict) -> Iterator[str]:

@@ -64,7 +64,7 @@ def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
             for key, name in ROWS.items()
             if _error(found, key)
         ],
-        "left_out": next((r.samples for r in v.rejected if r.rule == LEFT_OUT), 0),
+        "left_out": next((r.samples for r in v.data.rejected if r.rule == LEFT_OUT), 0),
     }
 
 
@@ -118,7 +118,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
 
 
 def _part(p: Part) -> dict[str, Any]:
-    most = sorted(p.drives, key=lambda d: -d[1])[:2]
+    most = sorted(p.drives, key=lambda d: -d.share)[:2]
     return {
         "name": spoken(p.part),
         "rest": p.part == LEFT_OVER,
@@ -127,7 +127,7 @@ def _part(p: Part) -> dict[str, Any]:
         "interval": f"{100.0 * p.low:.0f} to {100.0 * p.high:.0f} %",
         "time": percent(p.time_share) if p.part != LEFT_OVER else "",
         "drives": ", ".join(
-            f"{name} ({percent(share)} of its error)" for name, share in most if share > LEAST_SHARE
+            f"{d.recording} ({percent(d.share)} of its error)" for d in most if d.share > LEAST_SHARE
         ),
     }
 

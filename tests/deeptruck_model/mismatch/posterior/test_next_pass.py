@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_model.json_data import from_json, to_json
 from deeptruck_model.mismatch.posterior.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.roads.stretches import STEP_M, Windows
 
@@ -39,7 +40,7 @@ def test_a_road_that_goes_on_is_shown(way: int) -> None:
     found = next_pass(windows(there, noisy), *places(windows(there, noisy), way))
     assert found is not None and found.shown
     assert 10.0 < found.km < 34.0 and found.left < 0.4 * found.rms
-    read = NextPass.read(found.to_json())
+    read = from_json(NextPass, to_json(found))
     assert read is not None and read.shown and read.left == pytest.approx(found.left, abs=1e-4)
 
 

@@ -16,13 +16,13 @@ from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 
 PAYLOAD = Finding(
     Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},
-    0.93, 0.95, "accelerate before and after", ("recording", "time"),
+    "accelerate before and after", ("recording", "time"), 0.93, 0.95,
 )  # fmt: skip
 
 
 def driven(low: float, high: float) -> Verdict:
     change = Improvement((low, high), (low, high), 1)
-    fit = FitResult(("a",), 40.0, 3, ("headwind",), False, improvement=change)
+    fit = FitResult(("a",), 40.0, 3, ("headwind",), improvement=change)
     return Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)
 
 
