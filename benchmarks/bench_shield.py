@@ -32,7 +32,7 @@ def main() -> None:
     )
     truck = simulators.load(args.simulator)
     promise = truck_limits.measure(truck)
-    facts = ", ".join(f"{name} {value:.4g}" for name, value in promise.to_dict().items())
+    facts = ", ".join(f"{name} {value:.4g}" for name, value in vars(promise).items())
     lines = [*harness.heading("The shield"), f"Promise measured on {args.simulator}: `{facts}`", ""]
     lines += [*search(promise, args.rollouts), "", *bridged(promise), "", *cost(args.policy, truck, promise)]
     lines += ["", *SAYS.splitlines()]

@@ -10,7 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+
+from deeptruck_model.json_data import stored
 
 
 @dataclass
@@ -27,7 +28,7 @@ class Tally:
 
     read: int = 0
     used: int = 0
-    aside: dict[str, Aside] = field(default_factory=dict)
+    aside: dict[str, Aside] = field(default_factory=dict, metadata=stored(key="set_aside"))
 
     def set_aside(self, reason: str, first: str = "", count: int = 1) -> None:
         """Count items that are not used. `first` is kept of the first of a reason."""
@@ -44,14 +45,6 @@ class Tally:
     def balanced(self) -> bool:
         """Whether each item that was read is used or set aside."""
         return self.read == self.used + self.left_out
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {
-            "read": self.read,
-            "used": self.used,
-            "set_aside": {reason: vars(entry) for reason, entry in self.aside.items()},
-        }
 
     def lines(self, items: str) -> Iterator[str]:
         """For people: the sum, and a line for each reason."""
@@ -73,9 +66,9 @@ class Account:
 
     source: str
     items: str
-    total: Tally = field(default_factory=Tally)
+    total: Tally = field(default_factory=Tally, metadata=stored(flat=True))
     sources: dict[str, int] = field(default_factory=dict)
-    spans: list[tuple[float, float]] = field(default_factory=list)
+    spans: list[tuple[float, float]] = field(default_factory=list, metadata=stored(key="spans_s"))
     channels: dict[str, Tally] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
@@ -87,18 +80,6 @@ class Account:
     def balanced(self) -> bool:
         """Whether nothing was lost unsaid, in the source and in each channel."""
         return self.total.balanced and all(tally.balanced for tally in self.channels.values())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {
-            "source": self.source,
-            "items": self.items,
-            **self.total.to_dict(),
-            "sources": self.sources,
-            "spans_s": [list(span) for span in self.spans],
-            "channels": {name: tally.to_dict() for name, tally in self.channels.items()},
-            "remarks": self.remarks,
-        }
 
     def lines(self) -> Iterator[str]:
         """For people: what was read, used and set aside; channels only where samples were set aside."""

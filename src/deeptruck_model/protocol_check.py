@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -50,10 +50,6 @@ class Row:
     state: State
     says: str
     mend: str = ""
-
-    def to_dict(self) -> dict[str, str]:
-        """Plain data for JSON."""
-        return {name: str(value) for name, value in asdict(self).items()}
 
 
 class MissingError(Exception):

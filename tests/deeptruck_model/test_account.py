@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deeptruck_model.account import Account
+from deeptruck_model.json_data import to_json
 
 
 @given(st.lists(st.sampled_from(["used", "remote frames", "11-bit frames"]), max_size=50))
@@ -38,7 +39,7 @@ def test_lines_name_counts_reasons_and_the_first_place() -> None:
         "  speed: 1 of 10 samples below 0 m/s: reversing, first at 3.2 s",
     ]
     assert account.balanced
-    assert account.to_dict()["set_aside"] == {"remote frames": {"count": 2, "first": "in line 4"}}
+    assert to_json(account)["set_aside"] == {"remote frames": {"count": 2, "first": "in line 4"}}
 
 
 def test_remarks_that_differ_in_numbers_only_are_one_line() -> None:
@@ -46,4 +47,4 @@ def test_remarks_that_differ_in_numbers_only_are_one_line() -> None:
         "drive.log", "frames", remarks=["time jumps back by 3.0 s", "cut off", "time jumps back by 41 s"]
     )
     assert list(account.lines())[1:] == ["  time jumps back by 3.0 s (and 1 more like this)", "  cut off"]
-    assert len(account.to_dict()["remarks"]) == 3
+    assert len(to_json(account)["remarks"]) == 3

@@ -16,6 +16,7 @@ from pyarrow import parquet
 from deeptruck_model.csv_text import BLANK, RAGGED, UNCLOSED
 from deeptruck_model.curve_file import read_curve
 from deeptruck_model.errors import InputError
+from deeptruck_model.json_data import to_json
 from deeptruck_model.recordings import import_table
 from deeptruck_model.table_file import (
     ABOVE,
@@ -162,7 +163,7 @@ def test_types_of_parquet(tmp_path: Path) -> None:
     }
     for name, values in expected.items():
         np.testing.assert_array_equal(found[name], values, err_msg=name)
-    assert table.account.channels["coded"].to_dict() == {
+    assert to_json(table.account.channels["coded"]) == {
         "read": 2, "used": 1, "set_aside": {"no number": {"count": 1, "first": "'x' in row 2"}},
     }  # fmt: skip
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +36,6 @@ class Outcome:
     least_margin_m: float
     acted_share: float
     earliest_m: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return vars(self) | {}
 
 
 class Margins(NamedTuple):

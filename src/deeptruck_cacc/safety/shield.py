@@ -7,8 +7,8 @@ Pure: it imports numpy and the tables below, and knows neither policy nor simula
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,10 +71,6 @@ class Promise:
         sampling = 0.5 * peak * self.dt + 0.5 * braking * self.dt**2
         left = leader_speed**2 / (2 * self.leader_braking)
         return self.d_safety + np.maximum(travelled + sampling - left, 0.0)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return asdict(self)
 
 
 class Bounds(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +135,7 @@ def main() -> None:
     names = ("trucksim", "freightliner", "volvo")
     found = {name: measure(load(f"truck:{name}")) for name in names}
     table = {
-        name: replace(promise, bridged_time_gap=bridged_time_gap(promise)).to_dict()
+        name: asdict(replace(promise, bridged_time_gap=bridged_time_gap(promise)))
         for name, promise in found.items()
     }
     rounded = {name: {k: round(v, 4) for k, v in row.items()} for name, row in table.items()}

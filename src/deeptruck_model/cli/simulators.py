@@ -12,6 +12,7 @@ import typer
 from deeptruck_model import checks, files, results
 from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, MessageFiles, Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
+from deeptruck_model.json_data import to_json
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import is_outside, made, refer
 from deeptruck_model.outside.truck import lacks
@@ -47,7 +48,7 @@ def check_simulator(
     _tell(table)
     if json_file is not None:
         with files.new_file(json_file) as draft:
-            content = {"simulator": simulator, "rows": [row.to_dict() for row in table]}
+            content = {"simulator": simulator, "rows": to_json(table)}
             draft.write_text(json.dumps(content, indent=1))
     _judge(simulator, table)
     if place is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -95,7 +96,7 @@ def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
             for name in (*truck.interface.u, *truck.interface.w, *truck.interface.y)
         },
         "dt": truck.dt,
-        "shape": network.shape.to_dict(),
+        "shape": asdict(network.shape),
         "scales": {
             "mean": network.mean.tolist(),
             "scale": network.scale.tolist(),
@@ -188,7 +189,7 @@ def read(path: Path, manifest: dict[str, Any]) -> Stored:
 def _shape(stored: dict[str, Any]) -> Shape:
     """Raises ValueError for sizes that no network has: the weights are allocated by them."""
     shape = Shape(**stored)
-    for name, value in shape.to_dict().items():
+    for name, value in vars(shape).items():
         kind, most = (bool, 1) if name == "gains" else (int, MOST_UNITS)
         if type(value) is not kind or not 0 <= value <= most:
             raise ValueError(f"{name} is {value!r}")

@@ -10,8 +10,8 @@ truck; `kernels` computes the same numbers faster, and a test holds the two toge
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -72,10 +72,6 @@ class Shape:
     def outputs(self) -> int:
         """Columns of D: the named signals, then `factors` gains for acceleration[, and fuel rate]."""
         return self.named + (self.responses - 1) * self.factors
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; `Shape(**data)` is the inverse."""
-        return asdict(self)
 
 
 class State(NamedTuple):

@@ -25,6 +25,7 @@ from deeptruck_model.compatibility import Given, Taken
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.plan import Drive
 from deeptruck_model.fleet.storage import Place, StorageError, code, key
+from deeptruck_model.json_data import to_json
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.table_writer import as_table
 from deeptruck_model.signals import TruckInterface
@@ -248,7 +249,7 @@ def _kept(recordings: Sequence[Recording], target: Place, path: str) -> dict[str
         "parquet": path,
         "parquet_bytes": len(content),
         "hours": round(sum(len(r) * r.dt for r in recordings) / 3600.0, 6),
-        "accounts": [_anonymous(a.to_dict()) for a in accounts.values()],
+        "accounts": [_anonymous(to_json(a)) for a in accounts.values()],
     }
 
 

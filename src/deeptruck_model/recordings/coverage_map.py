@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.json_data import to_json
 from deeptruck_model.pages.document import Folded, Picture, Table, document
 from deeptruck_model.pages.style import MODELLED, WIDTH_IN, plain_log, png, styled
 from deeptruck_model.recordings.given import Drives, drives
@@ -332,7 +333,7 @@ def coverage(recordings: Drives) -> Coverage:
     seconds = np.zeros(shape)
     for recording in recordings:
         seconds += _occupancy(recording, shape)
-    accounts = {id(r.account): r.account.to_dict() for r in recordings if r.account is not None}
+    accounts = {id(r.account): to_json(r.account) for r in recordings if r.account is not None}
     return Coverage(
         seconds,
         [_summary(r, before) for before, r in zip((None, *recordings), recordings, strict=False)],

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
+from deeptruck_model.json_data import from_json, to_json
 from deeptruck_model.mismatch.correction.added import Added, State, TruckWithForces
 from deeptruck_model.mismatch.expression import Expression, Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved
@@ -187,7 +188,7 @@ class CorrectedTruck:
                 }
                 for t in self.terms
             ],
-            "shares": self.shares.to_dict() if self.shares else None,
+            "shares": to_json(self.shares),
             "validated": self.validated,
             "gears": list(self.gears),
             "carried": self._carried,
@@ -229,7 +230,7 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
             )
             for t in manifest["terms"]
         ]
-        shares = Shares.from_dict(manifest["shares"]) if manifest.get("shares") else None
+        shares = from_json(Shares, manifest["shares"]) if manifest.get("shares") else None
         base = load_simulator(path / "base")
         gears = tuple(float(gear) for gear in manifest.get("gears", ()))
         moved, carried = (

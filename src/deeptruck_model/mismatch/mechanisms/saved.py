@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
+from deeptruck_model import json_data
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, COURSES, Course
 from deeptruck_model.mismatch.mechanisms.record import Curve, Mechanism, Variant
 
@@ -14,7 +14,11 @@ CURVE = {"at": tuple, "scale": float}
 
 def to_json(v: Variant) -> dict[str, Any]:
     """A variant as plain values."""
-    course = {} if v.course == ALWAYS else {"course": {"kind": type(v.course).__name__, **asdict(v.course)}}
+    course = (
+        {}
+        if v.course == ALWAYS
+        else {"course": {"kind": type(v.course).__name__, **json_data.to_json(v.course)}}
+    )
     return {"form": v.form, "constants": dict(v.constants), **course}
 
 
@@ -37,12 +41,10 @@ def variant_of(mechanism: Mechanism, saved: Any) -> Variant:
 
 def _course(saved: dict[str, Any]) -> Course:
     kind = COURSES[saved["kind"]]
-    values = {name: _tuple(x) for name, x in saved.items() if name != "kind"}
-    hints = get_type_hints(kind)
-    for name, x in values.items():
-        if not _fits(x, hints[name]):
-            raise ValueError(f"{x!r} is no {name} of a {kind.__name__}")
-    return kind(**values)
+    course = json_data.from_json(kind, saved)
+    if saved.keys() != {"kind", *vars(course)} or any(x != x for x in vars(course).values()):
+        raise ValueError(f"{saved} is no {kind.__name__}")
+    return course
 
 
 def _tuple(x: Any) -> Any:
@@ -54,14 +56,3 @@ def _is_number(x: Any) -> bool:
     if isinstance(x, tuple):
         return all(map(_is_number, x))
     return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
-
-
-def _fits(x: Any, hint: Any) -> bool:
-    """Whether a value is of a type, as those of a course are; numbers are finite."""
-    if get_origin(hint) is tuple:
-        return isinstance(x, tuple) and all(_fits(item, get_args(hint)[0]) for item in x)
-    if choices := get_args(hint):
-        return x in choices or any(_fits(x, each) for each in choices if isinstance(each, type))
-    if hint is float:
-        return _is_number(x) and not isinstance(x, tuple)
-    return isinstance(x, hint) and (hint is bool or not isinstance(x, bool))

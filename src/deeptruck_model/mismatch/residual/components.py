@@ -8,8 +8,8 @@ change of the answer is the engine's share.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,13 +96,6 @@ class Shares:
         if self.ratio is not None:
             out["engine_speed"] = np.interp(speed, self.speed, self.ratio) * speed
         return out
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Shares:
-        return cls(**data)
 
 
 LOOK_BACK_S = 2.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_model.json_data import from_json, to_json
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -34,4 +35,4 @@ def test_a_truck_without_brake_command_has_no_brake_share(shares: Shares) -> Non
 
 
 def test_maps_are_plain_data(shares: Shares) -> None:
-    assert Shares.from_dict(shares.to_dict()) == shares
+    assert from_json(Shares, to_json(shares)) == shares
