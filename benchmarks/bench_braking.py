@@ -101,7 +101,7 @@ def seeds(policy: Path) -> list[Path]:
 
 
 def drive(truck: Simulator, policy: Path, late_s: float, seed: int) -> Trace:
-    """A policy behind the leaders that slow, its commands late."""
+    """Drive a policy behind decelerating leaders, with delayed commands."""
     scene = delayed(noisy(slowing(seed, truck.dt), *NOISE[1], seed), late_s, truck.dt)
     return roll_out(truck, guard(load_policy(policy), shield=False), scene)
 
@@ -177,7 +177,7 @@ def price(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[
 
 
 def string(truck: Simulator, policies: dict[str, list[Path]]) -> list[str]:
-    """What grows along a platoon of each training."""
+    """Amplification of speed changes along a platoon, for each training."""
     lines = []
     for trained, folders in policies.items():
         row = string_stability(truck, load_policy(folders[0]))

@@ -91,7 +91,7 @@ def scene(road: Road, speed: float, known: str, dt: float) -> Scene:
 
 
 class WholeRoad:
-    """A policy that is shown the road to its end: for the bound."""
+    """A policy that knows the road to its end, for the upper bound of the saving."""
 
     def __init__(self, policy: Policy, road: Road) -> None:
         self.policy, self.road = policy, road
@@ -170,7 +170,7 @@ class Bench:
         self.prices = Economy(self.truck).map.prices
 
     def drive(self, driver: str, road: str, *, known: str = KNOWN, speed: float = SPEED) -> dict[str, Array]:
-        """What the drives of all seeds gave, MEASURED, each (seeds,); NaN where they were not run."""
+        """The quantities MEASURED of the drives of all seeds, each (seeds,); NaN where they were not run."""
         key = f"{self.label}_{driver}_{road}_{known}_{speed:g}_{self.seed}_{self.seeds}".replace(" ", "-")
         path = self.folder / f"{key.replace('%', 'percent')}.json"
         if path.exists():

@@ -167,7 +167,7 @@ def judged(truth: Mapping[str, Any], verdict: Mapping[str, Any], says: str = "")
 
 
 def probabilities(verdict: Mapping[str, Any]) -> dict[str, float]:
-    """Of names and families: those of the findings, and of the tree of the first."""
+    """Probabilities by name and family: those of the findings, and those in the tree of the first one."""
     out = {n["node"]: float(n["probability"]) for n in verdict.get("tree") or ()}
     for f in verdict.get("findings") or ():
         out |= {f["family"]: float(f["family_probability"]), f["effect"]: float(f["probability"])}
@@ -244,7 +244,7 @@ def calibration_error(rows: Iterable[Row]) -> float:
 
 
 def by_level(rows: Sequence[Row]) -> list[str]:
-    """Lines of a table of what was said otherwise than it is, by level."""
+    """Lines of a table of wrong statements by level."""
     out = []
     for level in dict.fromkeys(r["level"] for r in rows):
         own = [r for r in rows if r["level"] == level]

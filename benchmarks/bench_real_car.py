@@ -100,7 +100,7 @@ def row(name: str, model: LeastSquares | Deep, pieces: list[Recording]) -> str:
 
 
 def choose(training: list[Recording], validation: list[Recording]) -> None:
-    """A row for each candidate."""
+    """Train every candidate setting and print its errors on validation drives, a row each."""
     print(row("least squares", LeastSquares(training), validation))
     for settings in CANDIDATES:
         print(row(f"deep truck, {settings}", trained(training, **settings), validation), flush=True)

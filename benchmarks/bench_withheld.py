@@ -157,7 +157,7 @@ def judged(w: Withheld) -> str:
 
 
 def _said(verdict: Mapping[str, Any]) -> dict[str, str]:
-    """By name, or by a missing input that is found to act, what the verdict says of it."""
+    """The verdict on the withheld input: its name, or the missing input that was found to act."""
     said = {f["effect"]: f"{f['effect']} {f['probability']:.2f}" for f in verdict["findings"]}
     for m in verdict["not_recorded"]:
         if share := m.get("share_of_time"):

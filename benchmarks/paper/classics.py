@@ -95,7 +95,7 @@ class Regression:
         return History(rows, y), y
 
     def force(self, state: History, y: Array) -> History:
-        """Feed the recorded response instead."""
+        """Replace the predicted response by the recorded one."""
         return state._replace(y=np.where(np.isnan(y), state.y, y))
 
     def inside(self, state: History) -> dict[str, Array]:

@@ -195,7 +195,8 @@ def page(out: Path) -> None:
 
 
 def _why_following(columns: Mapping[str, list[Figures]]) -> list[str]:
-    """What of the speed errors of long following a truck has that keeps its time gap exactly."""
+    """A paragraph: how large the speed errors of long following are for a truck that keeps its time gap
+    exactly."""
     measured = {name: seeds for name, seeds in columns.items() if any(map(EXACT.value, seeds))}
     if not measured:
         return []

@@ -106,7 +106,7 @@ def field_drives(name: str, *, as_driven: bool = False) -> tuple[Recording, Reco
 
 
 def passes(truck: DeepTruck, updates: int) -> float:
-    """How often `updates` gradient steps of its training saw every sample."""
+    """Passes over the training data in `updates` gradient steps."""
     config, training = truck.details["config"], truck.details["training"]
     seen = updates * training["steps"] * config["sequences"] * truck.dt
     return float(seen / 3600 / training["hours"])

@@ -269,7 +269,7 @@ def _observer(curves: Path, fuel: float) -> Any:
 
 
 def _read(curves: Path, truck: DeepTruck, member: int) -> list[dict[str, Any]]:
-    """A line for each number of updates, of one of the members; of a killed run the last word counts."""
+    """One row for each number of updates, of one member. A resumed run repeats rows; the last one counts."""
     lines = {line["updates"]: line for line in map(json.loads, curves.read_text().splitlines())}
     found = []
     for done in sorted(lines):

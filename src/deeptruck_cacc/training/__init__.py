@@ -72,7 +72,7 @@ def check(
     resume: bool = False,
     overwrite: bool = False,
 ) -> bool:
-    """Whether `resume` finds nothing left to do; called before anything is loaded. No torch.
+    """Whether a training to `resume` is already finished; called before torch and data are loaded.
 
     Raises InputError for an unknown trainer, a config of the other one, an older policy without `overwrite`,
     an unfinished training without `resume` or `overwrite`, and a damaged or another run's with `resume`.

@@ -18,8 +18,8 @@ REACH = 50.0  # features are clipped here, as in faces.py
 
 
 class Paths(NamedTuple):
-    """What was seen (seeds, environments, path + 1, features), done (seeds, environments, path, 2) and paid
-    (seeds, environments, path)."""
+    """Observed features `seen` (seeds, environments, path + 1, features), actions (seeds, environments, path,
+    2) and rewards (seeds, environments, path)."""
 
     seen: Tensor
     actions: Tensor

@@ -26,8 +26,8 @@ class Baseline(Protocol):
     """Values of the states of every seed."""
 
     def values(self, seen: Tensor, rewards: Tensor) -> Tensor:
-        """Expected returns (seeds, environments, T + 1) where that was seen (.., T + 1, features) and paid
-        (.., T)."""
+        """Expected returns (seeds, environments, T + 1) from observed features (.., T + 1, features) and
+        rewards (.., T)."""
 
     def learn(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
         """From the targets of TD(lambda), (seeds, environments, T), once the policy has changed."""

@@ -98,11 +98,11 @@ class Road:
         return after, self._judge(policy, *driven, ahead, wanted, time_gap)
 
     def _given(self, scene: Scene) -> tuple[Tensor, ...]:
-        """Leader's and ideal follower's speed (T + 1, rows), seen grade (T, rows), felt w (T, rows, n_w),
-        time gap, command gain.
+        """Speeds of the leader and of the ideal follower (T + 1, rows), the grade that the policy sees (T,
+        rows), the w that acts on the truck (T, rows, n_w), time gap, and command gain.
 
-        Behind a moving leader, holding the time gap takes a speed other than the leader's; the ideal
-        follower's is the target instead (see FeatureMap).
+        The target is the speed of the ideal follower (see FeatureMap): to hold a time gap behind a leader
+        that accelerates takes another speed than the leader's.
         """
         speeds, ideal = [scene.leader_speed], [scene.leader_speed]
         for pull in scene.leader_acceleration.T:

@@ -138,8 +138,8 @@ def accelerations(truck: PhysicsTruck, drives: Drives) -> Array:
 
 
 def information(extra: Array, sd: float) -> float:
-    """Nats by which a detector that knows the effect's shape beats 'no effect', at noise sd (m/s2) of 1 s
-    means."""
+    """Mean log-likelihood ratio (nats) of a detector that knows the effect's shape to 'no effect', at noise
+    sd (m/s2) of 1 s means."""
     return float(0.5 * np.sum((second_means(extra) / sd) ** 2))
 
 

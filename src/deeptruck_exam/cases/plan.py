@@ -122,7 +122,7 @@ def _simulator_values(level: str, values: dict[str, float], rng: np.random.Gener
 
 
 def _drives(chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) -> list[str]:
-    """Two thirds of the drives are such that an effect can act, held-out ones all; the rest are any."""
+    """Kinds of the drives: in two thirds of them, and in all held-out ones, an effect can act."""
     out = []
     for k in range(count):
         among: tuple[str, ...] = DRIVES

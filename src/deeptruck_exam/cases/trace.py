@@ -21,7 +21,7 @@ SUBSTEPS = 10  # of the truck between two views; a law is asked in each, as at 0
 
 
 class _Recorder:
-    """A force of nothing that keeps what forces see."""
+    """A force of zero that records the state which forces are evaluated at."""
 
     def __init__(self) -> None:
         self.seen: list[dict[str, Any]] = []
@@ -66,7 +66,8 @@ class Trace:
         return Trace(views, replace(self.setting, batch=self.setting.batch * times, **more))
 
     def acceleration(self, forces: Sequence[Force], openings: Sequence[Open] = ()) -> Array:
-        """What the forces do to the drives, (1 + openings, batch, n) m/s^2: always, then behind each."""
+        """Acceleration by the forces, (1 + openings, batch, n) m/s^2: all of it, then weighted by each
+        opening."""
         for force in forces:
             force.reset(self.setting.batch)
         out = np.zeros((1 + len(openings), len(self.views), self.setting.batch))

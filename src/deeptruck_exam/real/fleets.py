@@ -38,8 +38,8 @@ UPDATES = 1200
 class Fleet:
     """Drives of one vehicle: the logs its simulator is trained on and those that are judged.
 
-    Where `trainers` is empty the first half of the one log teaches. Shorter drives than `least_s` are left
-    out; `lacks` is what the log does not have at all.
+    Where `trainers` is empty the simulator is trained on the first half of the one log. Drives shorter than
+    `least_s` are left out; `lacks` names the channels that the log does not have.
     """
 
     name: str

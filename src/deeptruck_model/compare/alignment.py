@@ -143,7 +143,8 @@ NO_ROAD = "No shared road: {why}"
 
 
 def road(first: Side, other: Side) -> Road | str:
-    """By positions where both have them, else by the slopes; a sentence where no road is shared."""
+    """The shared road by positions where both have them, otherwise by slopes; a sentence where none is
+    shared."""
     if all("latitude" in s.columns and "longitude" in s.columns for s in (first, other)):
         return _by_position(first, other)
     if all({"grade", "elevation"} & s.columns.keys() for s in (first, other)):

@@ -52,7 +52,8 @@ NAMES = {  # how people read them
 
 @dataclass(frozen=True)
 class Difference:
-    """Of a side from the first one, over the time both have; gap None where not on both.
+    """Difference of a side from the first one over their common time; `gap` is None where one of them has
+    none.
 
     `speed_fit` is 100 (1 - rms of the difference / standard deviation of the first one's speed), in percent,
     as in system identification: 100 is equal, 0 no better than a constant speed.
@@ -119,7 +120,8 @@ def difference(first: Side, other: Side, offset_s: float) -> Difference | None:
 
 
 def _fit(off: Array, own: Array) -> float:
-    """Percent of the spread of `own` that a difference leaves; 0 where it has none."""
+    """100 (1 - rms of the difference `off` / standard deviation of `own`), percent; 0 where `own` is
+    constant."""
     spread = float(np.std(own[np.isfinite(off)]))
     return 100.0 * (1.0 - _rms(off) / spread) if spread > 0.0 else 0.0
 

@@ -37,7 +37,7 @@ RUNS = 600  # overlapping ones: fewer would throw data away
 
 @dataclass(frozen=True)
 class Trials:
-    """Free runs beside the recordings they start from: u (trials, T, n_u), w, measured and modelled y
+    """Free runs and the recordings that they start from: u (trials, T, n_u), w, measured and modelled y
     (trials, T, n_y).
 
     Measured samples are NaN where the recording is invalid. Column 0 of time is the common start.

@@ -187,7 +187,7 @@ def read(path: Path, manifest: dict[str, Any]) -> Stored:
 
 
 def _shape(stored: dict[str, Any]) -> Shape:
-    """Raises ValueError for sizes that no network has: the weights are allocated by them."""
+    """The stored sizes. Raises ValueError for impossible ones, before weights are allocated."""
     shape = Shape(**stored)
     for name, value in vars(shape).items():
         kind, most = (bool, 1) if name == "gains" else (int, MOST_UNITS)
@@ -273,7 +273,8 @@ def load_reference(folder: Path) -> tuple[Recording, ...]:
 
 
 def _read_reference(path: Path) -> tuple[Recording, ...]:
-    """Raises what Python does where the file holds something else, and ValueError for what cannot be."""
+    """The reference recordings of a safetensors file. Raises KeyError, IndexError, TypeError or ValueError
+    for a file of another content."""
     with safe_open(path, framework="numpy") as file:
         heads = json.loads((file.metadata() or {})["recordings"])
         channels: list[dict[str, Array]] = [{} for _ in heads]
@@ -324,9 +325,9 @@ def load_driven(folder: Path, columns: int) -> Driven | None:
 
 
 def tensors(path: Path, load: Callable[[Path], Any]) -> Any:
-    """What `load` of safetensors gives. Raises InputError where the file is missing, damaged or no file.
+    """Load a file of safetensors by `load`. Raises InputError where it is missing or damaged.
 
-    A bit that changed inside a weight is another weight, which `reading.check_saved` sees.
+    A weight that changed is not noticed here; `reading.check_saved` compares the file's hash.
     """
     try:
         reading.check_file(path, reading.SAVE_AGAIN)

@@ -118,7 +118,7 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
 def _judgeable(
     validation: Sequence[Recording], pieces: Sequence[Recording], interface: TruckInterface
 ) -> None:
-    """Raises InputError where nothing of what is held out can be run on: now, not after the training."""
+    """Raises InputError, before the training, where no held-out recording is long enough for a free run."""
     if any(cut(piece, interface) for piece in validation):
         return
     dt, longest = pieces[0].dt, max(len(p) * p.dt for p in pieces)

@@ -103,8 +103,8 @@ def speed_hash(recording: Recording) -> str:
 
 
 def refuse_twice(recordings: Sequence[Recording]) -> None:
-    """Raises InputError where one drive is there twice, under whatever name: what one copy holds out the
-    other would train, and one drive would count as two."""
+    """Raises InputError where a drive occurs twice, under any name: a copy in the training data would leak
+    the held-out one, and the drive would count twice."""
     seen: dict[str, str] = {}
     for r in recordings:
         if len(r) * r.dt < BY_CHANCE_S or not np.any(r.channels["speed"] > 0.0):
@@ -136,7 +136,7 @@ def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:
 
 
 def warning(truck: DeepTruck, recordings: Sequence[Recording], so: str = OPTIMISTIC) -> str:
-    """One line that says so, and what follows; empty where the truck has seen none of them."""
+    """A warning in one line; empty where the truck was trained on none of these recordings."""
     names = trained_on(truck, recordings)
     if not names:
         return ""

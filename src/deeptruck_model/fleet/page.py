@@ -34,7 +34,7 @@ NOTHING = ("nothing_missing", "undetermined")
 
 def show(target: Place) -> str:
     """Write fleet.html into a fleet's result, or into a folder of verdicts, and return its place. Raises
-    InputError where there is none, and where a file of that name is somebody else's."""
+    InputError where there is no result, and where a file of that name was not written by this command."""
     content = _fleet(target) if target.exists(POOLED) else _folder(target)
     if target.exists(PAGE) and MARK.encode() not in target.read(PAGE):
         raise InputError(f"{target.name}/{PAGE} was not written by 'fleet show'; rename it")

@@ -55,8 +55,8 @@ def merged(trucks: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[dict[str, 
 
 
 def roads(target: Place) -> dict[str, Any]:
-    """Everything of roads.json, which is written last; of the same receipts it is written once. Raises
-    InputError where no truck was compared."""
+    """Pool the slopes of all trucks and write roads.csv, then roads.json, whose content is returned. Nothing
+    is written again where the receipts have not changed. Raises InputError where no truck was compared."""
     compared = {r["truck"]: r for r in receipts(target) if "quarantined" not in r}
     own = key(code(), sorted((truck, r["key"]) for truck, r in compared.items()))
     if target.exists(ROADS) and target.exists(TABLE) and (known := target.read_json(ROADS))["key"] == own:

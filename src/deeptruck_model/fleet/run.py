@@ -28,7 +28,7 @@ ENGINES = {"local": "processes", "ray": "ray"}
 
 @dataclass(frozen=True)
 class Workers:
-    """Who works: `count` processes of this machine, or of a Ray cluster at `address`."""
+    """`count` worker processes on this machine, or of the Ray cluster at `address`."""
 
     engine: str = "local"
     count: int = 1

@@ -80,8 +80,8 @@ def discovered(p: Sequence[float], level: float) -> NDArray[np.bool_]:
 
 
 def level_of_batch(level: float, batch: int, tested: int, discoveries: int) -> float:
-    """Level of the procedure of Benjamini and Hochberg in the `batch`-th batch (from 1) of a series, of
-    `tested` hypotheses, after so many discoveries: these pay for later batches."""
+    """Level of the Benjamini-Hochberg procedure in batch number `batch` (from 1) of `tested` hypotheses; each
+    earlier discovery raises it."""
     return level * batch**-DECAY / float(zeta(DECAY)) * (tested + discoveries) / tested
 
 
@@ -95,9 +95,9 @@ def siblings(
 ) -> dict[str, Tested]:
     """Test the trucks of one class against each other; `family` is that of each name.
 
-    References are the trucks stated to be sound, if LEAST_SIBLINGS or more: then the others are tested.
-    Else they are those whose fitted evidence does not lie OUTLYING deviations above the median, which are
-    most, and what lies above is tested; trucks stated not to be sound are tested too.
+    References are the trucks stated to be sound, where LEAST_SIBLINGS or more are; all others are tested.
+    Otherwise trucks whose fitted evidence lies more than OUTLYING deviations above the median, and those
+    stated not to be sound, are tested, and the rest are references.
     """
     hours = float(np.median([t.hours for t in trucks.values()])) if trucks else 0.0
     out: dict[str, Tested] = {}

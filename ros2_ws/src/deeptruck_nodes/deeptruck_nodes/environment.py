@@ -55,7 +55,7 @@ class DomainLock:
         self._file.flush()
 
     def _holder(self) -> str:
-        """Who holds it: what the run says of itself, or those of its processes that outlived it."""
+        """Who holds the lock: the run's own description, or the processes that it left behind."""
         self._file.seek(0)
         says = self._file.read()
         alive = _who_has_open(self._path)
@@ -66,7 +66,7 @@ class DomainLock:
 
     @property
     def descriptor(self) -> int:
-        """To be inherited by every process of the run."""
+        """File descriptor of the lock, which every process of the run inherits."""
         return self._file.fileno()
 
     def release(self) -> None:

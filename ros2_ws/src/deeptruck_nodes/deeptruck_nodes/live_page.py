@@ -99,7 +99,7 @@ class LivePage(DeeptruckNode):
         return made
 
     def _nodes(self) -> tuple[str, ...]:
-        """The nodes of this run; started by hand, all that the topics know."""
+        """The nodes of this run; all nodes of the topic table where the page was started by hand."""
         return tuple(self.p["peers"]) or KNOWN
 
     def _links(self) -> tuple[Link, ...]:

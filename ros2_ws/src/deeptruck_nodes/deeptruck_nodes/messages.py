@@ -49,7 +49,7 @@ def accel(stamp: int, acceleration: float) -> AccelStamped:
 
 
 def accelerations(stamp: int, x: float, y: float, z: float) -> AccelStamped:
-    """Three accelerations that belong together, m/s^2; see the topic for what each is."""
+    """Three accelerations of one topic, m/s^2; docs/topics.md has the meaning of each."""
     message = accel(stamp, x)
     message.accel.linear.y, message.accel.linear.z = float(y), float(z)
     return message

@@ -210,7 +210,7 @@ class MismatchMonitor(DeeptruckNode):
         self._spoken = alarm
 
     def _quiet(self, again: bool = False) -> str:
-        """While nothing stands out."""
+        """The status while no mismatch is detected."""
         if not self._engaged:
             return "not engaged"
         return "as simulated again" if again else "as simulated"

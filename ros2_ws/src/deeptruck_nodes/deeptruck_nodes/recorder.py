@@ -43,7 +43,7 @@ class Recorder(DeeptruckNode):
         self._find_topics()
 
     def begin(self) -> None:
-        """Only now, when everyone is ready, does a bag come into being."""
+        """Create the bag, when all nodes are ready."""
         _ = self._writer
 
     @property

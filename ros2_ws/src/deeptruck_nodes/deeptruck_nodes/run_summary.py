@@ -37,7 +37,7 @@ def of(bag: Path, *, real_time: bool) -> list[str]:
 
 
 def sentences(run: Signals, *, real_time: bool) -> list[str]:
-    """The same of signals."""
+    """The lines of the summary, from the signals of a run."""
     said = []
     known = run.gap[1][np.isfinite(run.gap[1])]
     if len(known):

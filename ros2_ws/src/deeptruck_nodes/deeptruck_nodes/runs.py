@@ -220,7 +220,7 @@ def _driver(policy: str) -> str:
 
 
 def _named(simulator: str) -> str:
-    """A simulator as the nodes find it, which start where this program did."""
+    """The simulator's name for the nodes, which start in the working directory of this program."""
     return simulator if checks.by_scheme(simulator) else str(Path(simulator).absolute())
 
 
@@ -236,8 +236,8 @@ def _merged(sections: Sections, given: Sections, common: Common, misfits: Misfit
 
 
 def _own(common: Common, sections: Sections) -> Sections:
-    """What the user's parameter file says. Raises InputError for a node that this run does not have, and for
-    another bag than that of --record."""
+    """The parameters of the user's file, by node. Raises InputError for a node that this run does not have,
+    and for another bag than that of --record."""
     own = parameters.read_file(common.parameters) if common.parameters else {}
     for name in own:
         if name not in sections:

@@ -116,7 +116,7 @@ class Traffic:
         self._see()
 
     def _place_truck(self) -> None:
-        """Let the traffic run until our truck has departed, and take it over."""
+        """Simulate the traffic until our truck has departed, and take control of it."""
         self._look_for_truck()
         begin = self._sumo.simulation.getTime()
         while not self._is_on_its_road():

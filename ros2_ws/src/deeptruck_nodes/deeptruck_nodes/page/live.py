@@ -38,7 +38,7 @@ class Ages:
     longest: float = LONGEST_PAUSE
 
     def hear(self, count: int, at: float) -> None:
-        """`count` messages, the newest at `at`."""
+        """Count `count` new messages, the newest received at `at`, s."""
         if self.count:
             pause = min(at - self.at, self.longest)
             self.pause = max(pause, FORGETS * self.pause)

@@ -76,7 +76,7 @@ class Stream:
         self._lock = threading.Lock()
 
     def send(self, data: str) -> None:
-        """A batch to everyone; it is kept for those who come later, as long as there is room."""
+        """Send a batch to every viewer, and keep it for later viewers; the oldest batches go first."""
         batch = event("batch", data)
         with self._lock:
             self._kept.append(batch)
