@@ -140,7 +140,10 @@ def test_the_emulator_is_the_only_window_between_bridge_and_model() -> None:
 
 
 def test_the_floor_imports_no_room() -> None:
-    also = (f"deeptruck_model.{name}" for name in ("compiler", "lazy", "pages", "progress_bar", "signals"))
+    also = (
+        f"deeptruck_model.{name}"
+        for name in ("compiler", "json_data", "lazy", "pages", "progress_bar", "signals")
+    )
     floor = (*FLOOR, *also)
     above = {
         (name, other)

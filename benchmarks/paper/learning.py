@@ -182,9 +182,8 @@ def rounded(found: Any) -> Any:
 
 
 def own_equations(work: Path, truck: str) -> None:
-    """Measure the physics truck itself, started from the recorded response like a deep truck, unless it was.
-
-    What that response does not tell, such as the gear, it does not know either."""
+    """Measure the physics truck itself, unless that is done. Like a deep truck it starts from the recorded
+    response, without inner states such as the gear."""
     kept = work / f"{truck}-{OWN}-0.json"
     if not kept.exists():
         training, test = drives(truck, as_driven=True)

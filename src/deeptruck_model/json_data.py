@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from enum import StrEnum
-from typing import Any, TypeVar, get_args, get_type_hints
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-import cattrs
 import numpy as np
-from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
+
+if TYPE_CHECKING:
+    from cattrs import Converter
 
 T = TypeVar("T")
 Hook = Callable[..., Any]
@@ -42,7 +44,7 @@ class Stored:
         """A number, or the numbers of a list, rounded."""
         if isinstance(x, list):
             return [self.rounded(item) for item in x]
-        if not isinstance(x, float):
+        if not isinstance(x, float) or self.digits is self.figures is None:
             return x
         return float(f"{x:.{self.figures}g}") if self.figures is not None else round(x, self.digits)
 
@@ -64,29 +66,48 @@ def stored(
 
 def to_json(x: Any) -> Any:
     """A dataclass, or a container of such, as JSON data. NaN and infinities become null."""
-    return _CONVERTER.unstructure(x)
+    return _converter().unstructure(x)
 
 
 def from_json(kind: type[T], data: Any) -> T:
     """Inverse of `to_json`: null becomes NaN where a number is needed, and unknown keys are ignored. Raises
     KeyError, TypeError or ValueError for data of another form."""
-    return _CONVERTER.structure(data, kind)
+    return _converter().structure(data, kind)
 
 
-_CONVERTER = cattrs.Converter(detailed_validation=False, unstruct_collection_overrides={tuple: list})
+@cache
+def _converter() -> Converter:
+    from cattrs import Converter  # takes longer to import than the rest of a short command
+
+    c = Converter(detailed_validation=False, unstruct_collection_overrides={tuple: list})
+    c.register_unstructure_hook_factory(is_dataclass, _writer)
+    c.register_unstructure_hook(StrEnum, lambda x: x.value)
+    c.register_unstructure_hook(bool, bool)
+    c.register_unstructure_hook(int, int)
+    c.register_unstructure_hook(float, _finite)
+    c.register_unstructure_hook(np.bool_, bool)
+    c.register_unstructure_hook(np.integer, int)
+    c.register_unstructure_hook(np.floating, _finite)
+    c.register_unstructure_hook(np.ndarray, lambda x: c.unstructure(x.tolist()))
+    c.register_structure_hook_factory(is_dataclass, _reader)
+    for kind in (bool, int, str):
+        c.register_structure_hook(kind, _plain(kind))
+    c.register_structure_hook(float, _number)
+    c.register_structure_hook(StrEnum, lambda x, kind: kind(x))
+    c.register_structure_hook_func(_is_choice, _choice)
+    return c
 
 
-def _how(f: Field[Any]) -> Stored:
-    return f.metadata.get(KEY, Stored())
+def _how(kind: Any) -> dict[str, Stored]:
+    return {f.name: f.metadata.get(KEY, Stored()) for f in fields(kind)}
 
 
 def _writer(kind: Any) -> Hook:
-    each = {f.name: _how(f) for f in fields(kind)}
-    write = make_dict_unstructure_fn(
-        kind,
-        _CONVERTER,
-        **{n: override(omit=s.hidden, omit_if_default=s.sparse) for n, s in each.items()},  # type: ignore[arg-type]
-    )
+    from cattrs.gen import make_dict_unstructure_fn, override
+
+    each = _how(kind)
+    options = {name: override(omit=s.hidden, omit_if_default=s.sparse) for name, s in each.items()}
+    write = make_dict_unstructure_fn(kind, _converter(), **options)  # type: ignore[arg-type]
 
     def hook(x: Any) -> dict[str, Any]:
         out: dict[str, Any] = {}
@@ -94,11 +115,11 @@ def _writer(kind: Any) -> Hook:
         for name, s in each.items():
             if name not in written:
                 continue
-            value = written[name]
+            value = s.rounded(written[name])
             if s.flat:
                 out |= value or {}
                 continue
-            out[s.key or name] = s.rounded(value) if s.digits is not None or s.figures is not None else value
+            out[s.key or name] = value
             if s.earlier is not None:
                 out[s.earlier] = value
         return out
@@ -107,14 +128,12 @@ def _writer(kind: Any) -> Hook:
 
 
 def _reader(kind: Any) -> Hook:
-    each, hints = {f.name: _how(f) for f in fields(kind)}, get_type_hints(kind)
-    read = make_dict_structure_fn(
-        kind,
-        _CONVERTER,
-        **{n: override(omit=s.hidden) for n, s in each.items()},  # type: ignore[arg-type]
-    )
+    from cattrs.gen import make_dict_structure_fn, override
 
+    each, hints = _how(kind), get_type_hints(kind)
     flat = {name: _keys(hints[name]) for name, s in each.items() if s.flat}
+    options = {name: override(omit=s.hidden) for name, s in each.items()}
+    read = make_dict_structure_fn(kind, _converter(), **options)  # type: ignore[arg-type]
 
     def hook(data: Any, _: Any) -> Any:
         if not isinstance(data, Mapping):
@@ -124,13 +143,11 @@ def _reader(kind: Any) -> Hook:
             if name in flat:
                 values[name] = {key: x for key, x in data.items() if key in flat[name]} or None
                 continue
-            key = s.key or name
-            if key not in data and s.earlier in data:
-                key = s.earlier
-            if key in data:
-                values[name] = data[key]
+            found = [key for key in (s.key or name, s.earlier) if key in data]
+            if found:
+                values[name] = data[found[0]]
             elif not (s.sparse or s.hidden or s.later):
-                raise KeyError(key)
+                raise KeyError(s.key or name)
         return read(values, kind)
 
     return hook
@@ -138,7 +155,7 @@ def _reader(kind: Any) -> Hook:
 
 def _keys(hint: Any) -> set[str]:
     (kind,) = (t for t in (hint, *get_args(hint)) if is_dataclass(t))
-    return {_how(f).key or f.name for f in fields(kind)}
+    return {s.key or name for name, s in _how(kind).items()}
 
 
 def _plain(kind: type) -> Hook:
@@ -150,29 +167,24 @@ def _plain(kind: type) -> Hook:
     return hook
 
 
+def _is_choice(kind: Any) -> bool:
+    origin: Any = get_origin(kind)
+    return origin is Literal
+
+
+def _choice(x: Any, kind: Any) -> Any:
+    if x not in get_args(kind):
+        raise ValueError(f"{x!r} is none of {get_args(kind)}")
+    return x
+
+
 def _number(x: Any, _: Any) -> float:
     if x is None:
         return math.nan
-    if isinstance(x, bool) or not isinstance(x, (int, float)):
+    if isinstance(x, bool) or not isinstance(x, int | float):
         raise TypeError(f"{x!r} is no number")
     return float(x)
 
 
 def _finite(x: Any) -> float | None:
     return float(x) if math.isfinite(x) else None
-
-
-_CONVERTER.register_unstructure_hook_factory(is_dataclass, _writer)
-_CONVERTER.register_structure_hook_factory(is_dataclass, _reader)
-for _kind in (bool, int, str):
-    _CONVERTER.register_structure_hook(_kind, _plain(_kind))
-_CONVERTER.register_structure_hook(float, _number)
-_CONVERTER.register_structure_hook(StrEnum, lambda x, kind: kind(x))
-_CONVERTER.register_unstructure_hook(StrEnum, lambda x: x.value)
-for _kind in (bool, int):
-    _CONVERTER.register_unstructure_hook(_kind, _kind)
-for _kind in (float, np.floating):
-    _CONVERTER.register_unstructure_hook(_kind, _finite)
-_CONVERTER.register_unstructure_hook(np.bool_, bool)
-_CONVERTER.register_unstructure_hook(np.integer, int)
-_CONVERTER.register_unstructure_hook(np.ndarray, lambda x: _CONVERTER.unstructure(x.tolist()))

@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.findings import of_fault
 from deeptruck_model.mismatch.fit_result import Compared, FitResult, Improvement, Refitted, Rmse
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.report import lines, page
-from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.result import Conclusion, Data, Finding, Kind, Verdict
 
 PAYLOAD = Finding(
     Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},
@@ -75,11 +75,11 @@ def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
 
 def test_events_are_said_with_what_they_do_to_the_speed() -> None:
     lost, gained = Event("a", 12.0, 19.0, -0.42, 0.99, "headwind"), Event("b", 3.0, 8.0, 0.3, 0.99, None)
-    v = Verdict(Conclusion.NOTHING, compared=0.9, events=(lost, gained, gained, gained))
+    v = Verdict(Conclusion.NOTHING, data=Data(compared=0.9), events=(lost, gained, gained, gained))
     assert lines.headline(v).endswith(", but for 4 events of seconds")
     (said,) = [line for line in lines.what(v) if line.startswith("Events")]
     assert "a, 12 to 19 s: 0.42 m/s lost, headwind; b, 3 to 8 s: 0.3 m/s gained; " in said
     assert said.endswith("; 1 more.")
     assert not any(
-        line.startswith("Events") for line in lines.what(Verdict(Conclusion.NOTHING, compared=0.9))
+        line.startswith("Events") for line in lines.what(Verdict(Conclusion.NOTHING, data=Data(compared=0.9)))
     )
