@@ -96,7 +96,7 @@ def rows(truck: Simulator, folders: list[Path], seed: int) -> list[str]:
 
 
 def seeds(policy: Path) -> list[Path]:
-    """The folders of all seeds of a policy."""
+    """Folders of the seeds of a policy."""
     return sorted((policy / "seeds").iterdir())
 
 

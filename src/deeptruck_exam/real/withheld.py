@@ -142,8 +142,8 @@ def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: in
 
 
 def _right(source: Source, run: ToolRun, said: Sequence[str]) -> bool:
-    """A hilly road must be named first, a flat one must be silent, and one short recording be
-    undetermined."""
+    """Whether the verdict is right: slope named first on a hilly road, no finding on a flat one, and
+    undetermined for a single short recording."""
     if run.returncode:
         return False
     if source.share >= 1.0:

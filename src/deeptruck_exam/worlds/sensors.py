@@ -60,7 +60,7 @@ class Sensors:
 
     @staticmethod
     def draw(values: Mapping[str, Any], rng: np.random.Generator) -> Sensors:
-        """Of a class at random; `values` is `sensors` of worlds.yaml."""
+        """Draw sensors of a random quality class; `values` is `sensors` of worlds.yaml."""
         names = sorted(values["classes"])
         one = dict(values["classes"][names[rng.integers(len(names))]])
         faults = {name: rng.uniform(*span) for name, span in {**NO_FAULTS, **one.pop("clock", {})}.items()}

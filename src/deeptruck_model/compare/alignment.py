@@ -26,7 +26,7 @@ SAME_ROAD = 0.95  # correlation of two of them
 
 
 class By(StrEnum):
-    """What an offset rests on."""
+    """How an offset was determined."""
 
     LEADER = "leader's speed"
     SPEED = "speed"

@@ -71,7 +71,7 @@ def default_optimizers(network: TruckNetwork, lr: float, weight_decay: float) ->
 
 
 def optimizers(network: TruckNetwork, arguments: Arguments) -> list[torch.optim.Optimizer]:
-    """Those of the arguments' mode; they share out the parameters."""
+    """The optimizers of the mode in the arguments; each parameter belongs to one of them."""
     rate = learning_rate(arguments, 0, 1)
     if arguments.mode == "paper":
         return [torch.optim.Adagrad(network.parameters(), lr=rate)]

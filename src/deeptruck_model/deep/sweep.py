@@ -161,7 +161,7 @@ def _metrics(folder: Path) -> dict[str, Any]:
 
 
 def _rank(row: dict[str, Any]) -> tuple[int, float]:
-    """Settings with seeds that diverged come behind those without."""
+    """Sort key: settings without diverged seeds first, then by error."""
     errors = row["held_out_mean_abs"][RANKED_BY]
     mean = float(np.mean(errors)) if errors else math.inf
     return row["diverged"], mean if math.isfinite(mean) else math.inf

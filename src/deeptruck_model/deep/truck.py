@@ -140,7 +140,7 @@ class DeepTruck:
         return {}
 
     def parameters(self) -> dict[str, float]:
-        """Nothing to tune."""
+        """Empty: a deep truck has no physical parameters."""
         return {}
 
     def with_parameters(self, values: Mapping[str, float]) -> DeepTruck:

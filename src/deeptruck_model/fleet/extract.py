@@ -203,7 +203,7 @@ def _named(r: Recording, name: str) -> Recording:
 
 
 def _check(recordings: Sequence[Recording], taken: Taken, path: str) -> None:
-    """Raises InputError where a recording is not one that the class's simulator can be driven along."""
+    """Raises InputError for a recording that lacks an input of the class's simulator or has other units."""
     if not recordings:
         raise InputError(f"{path} holds no driving")
     for r in recordings:

@@ -36,7 +36,7 @@ def made(bag: Path | None, overwrite: bool) -> AbstractContextManager[Path | Non
 
 
 def is_whole(bag: Path) -> bool:
-    """Whether a recorder came to its end there."""
+    """Whether the recorder of this bag ended properly."""
     return (bag / METADATA).is_file()
 
 

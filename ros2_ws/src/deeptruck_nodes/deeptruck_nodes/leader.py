@@ -17,7 +17,8 @@ from deeptruck_nodes.traffic import Sumo, Traffic, TrafficEnded
 
 
 class LeaderNode(DeeptruckNode):
-    """Radar samples carry the stamp of the truck's speed they answer."""
+    """Simulates the leader and the radar. A sample has the stamp of the truck speed that it was computed
+    with."""
 
     def __init__(self) -> None:
         super().__init__("leader")

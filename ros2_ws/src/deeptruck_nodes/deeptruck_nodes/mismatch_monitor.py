@@ -95,7 +95,7 @@ class MismatchMonitor(DeeptruckNode):
         self._monitor.hear_road(self._seconds(message), messages.read_scalars(message))
 
     def _keep(self, topic: str, message: TwistStamped | AccelStamped | JointState | Range) -> None:
-        """For the questions of the last minutes, and of the first ones."""
+        """Keep the first and the last minutes of samples, by which questions are answered."""
         for window in (self._newest, self._begin):
             if window is not None:
                 window.hear(topic, nanoseconds(message.header.stamp), messages.numbers(message))
@@ -199,7 +199,7 @@ class MismatchMonitor(DeeptruckNode):
             self.diagnose(stamp, level, says, self._values(s))
 
     def _speak(self, time: float, alarm: Located | None) -> None:
-        """To whoever sits before the run: when a segment begins and ends, in s since the first message."""
+        """Print when a segment begins and ends, in s since the first message."""
         if alarm is not None and self._spoken is None:
             print(f"at {time:.0f} s: {self._sentence(alarm)}", flush=True)
         elif alarm is None and self._spoken is not None:

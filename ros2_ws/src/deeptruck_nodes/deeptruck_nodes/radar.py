@@ -33,7 +33,8 @@ class Gap:
         self.leader_speed = math.nan
 
     def update(self, t: float, speed: float) -> None:
-        """The follower reports `speed` (m/s), t seconds after the start; NaN keeps the last closing speed."""
+        """Advance to t seconds after the start with the follower's `speed` (m/s); NaN keeps the last closing
+        speed."""
         self.leader_speed = self._leader.speed_at(t)
         opening = self.leader_speed - speed
         if self._last is None:

@@ -71,8 +71,8 @@ class Link:
 
 @dataclass
 class Live:
-    """Feed it by `received`, `sample`, `names`, `budget` and `health`; `batch` takes what came since the last
-    one."""
+    """State of the live page. `received`, `sample`, `names`, `budget` and `health` add messages; `batch`
+    returns what has changed since the last batch."""
 
     nodes: tuple[str, ...]
     links: tuple[Link, ...]
@@ -123,7 +123,7 @@ class Live:
     def health(
         self, stamp: int, node: str, level: str, says: str, values: Mapping[str, str], at: float
     ) -> None:
-        """What a node says of itself."""
+        """Add the status that a node publishes."""
         self._health[node] = {"level": level, "says": says, "values": dict(values), "at": at}
         self._changed.add(node)
         acted = _number(values.get("shield_acted", "nan"))

@@ -53,7 +53,7 @@ class Viewer:
             self._changed.notify()
 
     def take(self, timeout: float = PATIENCE) -> bytes | None:
-        """All that waits, with a word on what was lost before it; None once it is over."""
+        """All waiting batches, after a note on batches that were dropped; None after the end of the run."""
         with self._changed:
             if not self._waiting and not self._over:
                 self._changed.wait(timeout)
