@@ -57,8 +57,8 @@ def test_one_set_of_parameters_is_said(offered: str) -> None:
     """Those refitted alone, or those that the offered correction changes."""
     errors = Compared(Rmse(0.8, 0.1), Rmse(0.6, 0.1), Rmse(0.4, 0.1))
     fit = FitResult(
-        ("d",), 40.0, 3, ("headwind", "mass"), offered != AS_GIVEN, errors, refitted={"mass": 0.32},
-        offered=offered, refit={"mass": Refitted(0.168, (0.08, 0.26))},
+        ("d",), 40.0, 3, ("headwind", "mass"), validated=offered != AS_GIVEN, errors=errors,
+        refitted={"mass": 0.32}, offered=offered, refit={"mass": Refitted(0.168, (0.08, 0.26))},
     )  # fmt: skip
     said = " ".join(lines.lines(Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)))
     assert ("mass +16.8 %" in said) is (offered != CORRECTION)
@@ -67,7 +67,7 @@ def test_one_set_of_parameters_is_said(offered: str) -> None:
 
 
 def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
-    fit = FitResult(("d",), 40.0, 3, (), True, offered=REFIT)
+    fit = FitResult(("d",), 40.0, 3, (), validated=True, offered=REFIT)
     v = Verdict(Conclusion.NOTHING, fit=fit)
     assert lines.headline(v) == "Nothing that matters is missing: apply the refitted parameters"
     assert list(lines.what_to_do(v)) == ["Apply the refitted parameters alone."]
