@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
+from deeptruck_model.mismatch.mechanisms.road import ROAD_GRADE
 from deeptruck_model.mismatch.model import Made
 from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.report import wording
@@ -45,7 +46,8 @@ def findings(
         f = _of_named(c, made, named, rules)
         if f is not None and named.accepted and _longer_than_sensors(f, e):
             out.append(replace(f, missing_input=c.behind.get(f.effect, "")))
-    if not of_road:
+    of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)
+    if not of_road and not of_slope:  # which would be what is slow too
         out += _of_drift(c, rules, good_enough=error <= tolerance)
     shown = _with_shares(e, out, c.budget)
     return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))

@@ -15,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from deeptruck_model.constants import GRAVITY
+from deeptruck_model.mismatch.mechanisms.courses import FINE_M
+from deeptruck_model.mismatch.mechanisms.road import HILLY, ROAD_GRADE
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import SIZES, Blocks, Draws, sample
@@ -25,6 +28,7 @@ from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 Array = NDArray[np.float64]
 
 SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where there would be more
+COARSE_M = 1000.0  # of the coarser knots of a slope that was not recorded
 PLACE_M, MOST_PLACES = 200.0, 160
 TWICE = 0.3  # of the way that is driven again, at least, for a block of its own
 DRIFT = 0.05  # m/s^2, prior sd of what is slow, of a place, and of a constant per drive
@@ -33,6 +37,7 @@ CHUNK = 4096  # rows that are whitened at once
 DRIFT_ODDS = 0.3  # prior odds of each of these: hardly two drives are alike
 FORM_ERROR = 0.1  # of the residual's standard deviation, which no form of a mechanism is exact to
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
+SLOPE = "slope"  # part of the kernel of a slope that was not recorded: hardly a road has none
 NO_NAME = (SLOW, PLACE, EACH_DRIVE)  # blocks that are no mechanism
 
 
@@ -133,7 +138,7 @@ def posterior(
     sizes = np.cumsum([always.shape[1], *(k.features.shape[1] for k in of)])
     at = tuple(np.arange(a, b) for a, b in itertools.pairwise(sizes))
     y = search.series.y - mean
-    odds = np.log([(DRIFT_ODDS if k.part in NO_NAME else rules.odds) * k.chance for k in of])
+    odds = np.log([(DRIFT_ODDS if k.part in (*NO_NAME, SLOPE) else rules.odds) * k.chance for k in of])
     signed = [None if k.sign is None else _signed(k, search) for k in of]
     columns = [always, *(k.features for k in of)]
     first = np.arange(always.shape[1])
@@ -198,12 +203,15 @@ def _signed(k: Kernel, search: Regression) -> Array:
 
 
 def _drift(search: Regression) -> list[Kernel]:
-    """What is no mechanism: slow in time, of a road position, constant in a drive."""
+    """What is no mechanism: slow in time, of a road position, constant in a drive; and a slope that was
+    not recorded."""
     e, rows = search.e, search.rows
     fitted = [i for i, s in enumerate(e.stretches) if not s.held_out]
     drive = np.stack([e.record == i for i in fitted], axis=1).astype(float)
     place = _places(search)
     out = [Kernel(SLOW, DRIFT * _knots(search), part=SLOW)]
+    if not e.has("grade") and ROAD_GRADE in search.library:
+        out.append(_slope(search))
     if place is not None:
         out.append(Kernel(PLACE, DRIFT * place, part=PLACE))
     if len(fitted) > 1:
@@ -211,18 +219,33 @@ def _drift(search: Regression) -> list[Kernel]:
     return out
 
 
+def _slope(search: Regression) -> Kernel:
+    """A slope that was not recorded: splines over distance within each drive, fine and coarse."""
+    e = search.e
+    along = np.nan_to_num(e["distance"])
+    hills = np.concatenate([_splines(search, along, knot) for knot in (FINE_M, COARSE_M)], axis=1)
+    gain = e.signals.get("effective_mass_gain", np.ones(len(e)))[:, None]
+    return Kernel(ROAD_GRADE.effect, GRAVITY * HILLY * gain * hills, part=SLOPE)
+
+
 def _knots(search: Regression) -> Array:
     """A linear spline over time within each drive, (n, k)."""
     e = search.e
+    return _splines(search, np.arange(len(e), dtype=np.float64) * e.dt, SLOW_S)
+
+
+def _splines(search: Regression, along: Array, least: float) -> Array:
+    """A linear spline over what grows `along` each drive (n,), with knots `least` apart, or as far as
+    MOST_KNOTS reach, (n, k)."""
+    e = search.e
     fitted = [s for s in e.stretches if not s.held_out]
-    seconds = sum(s.stop - s.start for s in fitted) * e.dt
-    spacing = max(SLOW_S, seconds / MOST_KNOTS)
+    spacing = max(least, sum(float(np.ptp(along[s.rows])) for s in fitted) / MOST_KNOTS)
     parts = []
     for s in fitted:
-        t = np.arange(s.stop - s.start) * e.dt
-        knots = np.arange(0.0, t[-1] + spacing, spacing)
+        x = along[s.rows] - along[s.start]
+        knots = np.arange(0.0, x[-1] + spacing, spacing)
         part = np.zeros((len(e), len(knots)))
-        part[s.rows] = np.maximum(1.0 - np.abs(t[:, None] - knots) / spacing, 0.0)
+        part[s.rows] = np.maximum(1.0 - np.abs(x[:, None] - knots) / spacing, 0.0)
         parts.append(part)
     return np.concatenate(parts, axis=1)
 

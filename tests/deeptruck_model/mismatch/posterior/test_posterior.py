@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from small_drives import N, evidence
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, gains, posterior
@@ -24,6 +26,7 @@ FORCES = {
     "by drive": np.repeat([0.08, -0.06, -0.02], N // 3),
     "swell": 0.06 * np.sin(2 * np.pi * np.arange(N) * 0.2 / 150.0),
 }
+HILLS = 0.01 * np.sin(2 * np.pi * evidence()["distance"] / 700.0)
 
 
 @cache
@@ -53,6 +56,24 @@ def test_what_follows_no_channel_is_a_drift_and_no_name(name: str, block: str) -
     assert p.probability(block) > 0.9
     force = p.force(block)
     assert np.corrcoef(force[p.search.rows], FORCES[name][p.search.rows])[0, 1] > 0.9
+
+
+def without_slope(**options: Sequence[str]) -> Posterior:
+    e = evidence(GRAVITY * HILLS)
+    e = replace(e, signals={n: x for n, x in e.signals.items() if n != "grade"})
+    return posterior(Regression(e, **options), RULES, sweeps=30)
+
+
+def test_hills_that_were_not_recorded_are_a_slope() -> None:
+    p = without_slope()
+    assert names(p, RULES).found[0].name == "road_grade"
+    force, rows = p.force("road_grade"), p.search.rows
+    assert np.corrcoef(force[rows], HILLS[rows])[0, 1] > 0.95
+
+
+def test_a_slope_that_is_left_out_of_the_library_has_no_block() -> None:
+    p = without_slope(exclude=["road_grade"])
+    assert "road_grade" not in {k.name for k in p.of}
 
 
 def test_the_mean_force_is_what_was_planted() -> None:
