@@ -31,7 +31,7 @@ from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import Mismatch, find_mismatch
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
-from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, ROOT
+from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, ROOT, UNKNOWN
 
 NULL = "nothing_missing"
 NO_NAME = ("input_not_recorded", "each_drive_differs")  # levels at which no name is right
@@ -138,7 +138,7 @@ def judged(truth: Mapping[str, Any], verdict: Mapping[str, Any], says: str = "")
     offered = fit.get("offered", AS_GIVEN)
     held = {n: fit[n]["speed_rmse"] for n in ("before", "parameters_only", "after") if n in fit}
     end = {AS_GIVEN: "before", CORRECTION: "after"}.get(offered, "parameters_only")
-    parts = [p["part"] for p in budget.get("parts") or () if p["part"] != LEFT_OVER]
+    parts = [p["part"] for p in budget.get("parts") or () if p["part"] not in (LEFT_OVER, UNKNOWN)]
     findings = verdict.get("findings") or ()
     nodes = probabilities(verdict)
     return {

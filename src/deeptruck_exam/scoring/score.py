@@ -117,7 +117,7 @@ def input_stated(truth: Mapping[str, Any], verdict: Verdict, says: str = "") -> 
         return withheld in says.lower()
     stated = any(entry.get("input") == withheld for entry in verdict.get("not_recorded") or ())
     named = {str(f.get("effect")) for f in verdict.get("findings") or ()}
-    return stated and named <= {*truth["may_be_named"]}
+    return stated and named <= {*truth["may_be_named"], "unknown"}
 
 
 def each_drive_found(truth: Mapping[str, Any], verdict: Verdict) -> bool | None:

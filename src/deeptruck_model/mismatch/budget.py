@@ -1,8 +1,8 @@
 """The budget of the mismatch: the squared free-run speed error, split into parts that add up to one.
 
-The parts are those of the posterior: the forces of a draw are added up over windows as a free run adds them
-up. A share is the mean over the draws, and its interval their 5 % and 95 % quantiles. It describes the drives
-that it was fitted to.
+The parts are those of the posterior: their mean forces, which a correction takes away, are added up over
+windows as a free run adds them up. A share's interval is between the 5 % and 95 % quantiles of the draws. It
+describes the drives that it was fitted to.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import TAIL
 from deeptruck_model.mismatch.strength import NOTABLE
 from deeptruck_model.mismatch.tree import FAMILY, HIDDEN, LEFT_OVER, SENSORS, UNKNOWN
 
@@ -54,12 +55,13 @@ class Part:
 class Budget:
     """The parts, largest first and what is unexplained last, of the squared speed error after up to
     `horizon_s`, whose root mean is `speed_rmse`, m/s; `windows` of them. No parts where too few windows are
-    unbroken."""
+    unbroken. `persistent` is the share that is unexplained beyond what white noise adds up to."""
 
     horizon_s: float
     windows: int
     speed_rmse: float
     parts: tuple[Part, ...]
+    persistent: float = 0.0
 
     def share(self, part: str) -> float:
         """The share of a part; zero where there is none."""
@@ -108,11 +110,12 @@ def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
     }
     products = np.sum(list(by_drive.values()), axis=0)
     rmse = float(np.sqrt(products[-1, -1] / (len(starts) * steps)))
-    spread = _shares(draws, groups, products)
-    share, (low, high) = spread.mean(axis=0), np.quantile(spread, [0.05, 0.95], axis=0)
+    middle = draws.mean(axis=0, keepdims=True)
+    (share,) = _shares(middle, groups, products)
+    low, high = np.quantile(_shares(draws, groups, products), [0.05, 0.95], axis=0)
     low, high = np.minimum(low, share), np.maximum(high, share)  # of what is in few draws
-    drives = {e.stretches[i].name: _shares(draws, groups, own).mean(axis=0) for i, own in by_drive.items()}
-    mean = np.concatenate([draws.mean(axis=0), np.ones(len(fixed))])
+    drives = {e.stretches[i].name: _shares(middle, groups, own)[0] for i, own in by_drive.items()}
+    mean = np.concatenate([middle[0], np.ones(len(fixed))])
     forces = [whole[:, a] @ mean[a] for a in groups]
     forces.append(residual - np.sum(forces, axis=0))
     names.append(LEFT_OVER)
@@ -130,21 +133,29 @@ def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
         if share[i] > 0.0 or name == LEFT_OVER
     ]
     parts.sort(key=lambda part: (part.part == LEFT_OVER, -part.share))
-    return Budget(horizon_s, len(starts), rmse, tuple(parts))
+    persistent = max(float(share[-1]) - _white(p, starts, steps) / max(float(products[-1, -1]), 1e-12), 0.0)
+    return Budget(horizon_s, len(starts), rmse, tuple(parts), persistent)
+
+
+def _white(p: Posterior, starts: Sequence[int], steps: int) -> float:
+    """Expected squares of speed, summed over windows, that white noise as large as the innovations adds up
+    to."""
+    variance = TAIL / (TAIL - 2.0) * (p.noise.sigma * p.search.series.relative * p.search.e.dt) ** 2
+    return float(sum(np.cumsum(variance[k : k + steps]).sum() for k in starts))
 
 
 def _columns(p: Posterior) -> tuple[Array, Array, list[str]]:
-    """Columns (n, k) that are not zero in all draws, their coefficients (m, k) and the part of each; those of
-    no name are unexplained."""
+    """Columns (n, k) that are not zero in all draws, their coefficients (m, k) and the part of each. What
+    follows recorded channels and is no mechanism, as what forms are off by, is of no known one."""
     b = p.draws.coefficients
-    known = p.always.shape[1] - p.form_error  # what forms are off by is unexplained
-    own: list[Array] = [p.always[:, :known]]
-    at = [np.arange(known)]
+    always = p.always.shape[1]
+    own: list[Array] = [p.always]
+    at = [np.arange(always)]
     parts = [FAMILY[name] for name in p.search.parameters]
-    parts += [SENSORS] * (known - len(parts))
+    parts += [SENSORS] * (always - p.form_error - len(parts)) + [UNKNOWN] * p.form_error
     for k, place in zip(p.of, p.at, strict=True):
         part = FAMILY.get(k.name, k.name)
-        if part != UNKNOWN and np.abs(b[:, place]).max(initial=0.0) > 0.0:
+        if np.abs(b[:, place]).max(initial=0.0) > 0.0:
             own.append(k.features)
             at.append(place)
             parts += [part] * len(place)

@@ -24,7 +24,7 @@ from deeptruck_model.mismatch.road import Road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.sizes import sizes_of
 from deeptruck_model.mismatch.strength import Strength, acts, visible
-from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, PLACE, ROOT, SLOW, UNKNOWN, Tree
+from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,8 @@ def findings(
             out.append(replace(f, missing_input=c.behind.get(f.effect, "")))
     of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)
     if not of_road and not of_slope:  # which would be what is slow too
-        out += _of_drift(c, rules, good_enough=error <= tolerance)
+        alone = all(f.kind is Kind.SENSOR for f in out)
+        out += _of_drift(c, rules, good_enough=error <= tolerance, alone=alone)
     shown = _with_shares(e, out, c.budget)
     return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
 
@@ -84,22 +85,26 @@ def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
     return [replace(f, equation=m.equation, depends_on=m.depends_on, separating_manoeuvre=m.manoeuvre)]
 
 
-def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
+def _of_drift(c: Compared, rules: Rules, *, good_enough: bool, alone: bool) -> list[Finding]:
     """A force that is slow, of a place, or of one drive, and follows no recorded channel. Where the simulator
-    is good enough, only what single drives have of their own."""
-    out = []
+    is good enough, only what single drives have of their own. Where it is not and nothing else was found
+    (`alone`), what is unexplained beyond white noise is slow too, if that is most of it."""
+    out: list[Finding] = []
     for part in (EACH_DRIVE,) if good_enough else (EACH_DRIVE, PLACE, SLOW):
         p, share = c.posterior.probability(part), c.budget.share(part)
-        size = c.budget.speed_rmse * float(np.sqrt(share))
-        if p >= rules.named and size >= rules.drift:
-            force = c.posterior.force(part)
-            sizes: dict[str, Size] = {}
-            if part == EACH_DRIVE:
-                force, sizes = _constants(c)
+        force = c.posterior.force(part)
+        sizes: dict[str, Size] = {}
+        if part == EACH_DRIVE and p >= rules.named:
+            force, sizes = _constants(c)
+        rest = c.budget.persistent
+        if part == SLOW and alone and not out and rest > share and share + rest >= rules.named:
+            p, share = 1.0 - c.posterior.probability(UNKNOWN), share + rest
+            force = force + c.budget.force(LEFT_OVER, force)
+        if p >= rules.named and c.budget.speed_rmse * float(np.sqrt(share)) >= rules.drift:
             named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
             f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
-            manoeuvre = wording.RECORD_ROAD
-            out.append(replace(f, separating_manoeuvre=manoeuvre, share_of_error=share, parameters=sizes))
+            record = wording.RECORD_WIND if c.search.e.has("grade") else wording.RECORD_ROAD
+            out.append(replace(f, separating_manoeuvre=record, share_of_error=share, parameters=sizes))
     return out
 
 

@@ -24,7 +24,7 @@ FAMILY[UNKNOWN] = UNKNOWN
 LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
 SENSORS = "sensors"
 HIDDEN = "unrecorded:brake"
-PARTS = (*NAMES, PLACE, EACH_DRIVE, SLOW, HIDDEN, LEFT_OVER)  # of the budget
+PARTS = (*NAMES, PLACE, EACH_DRIVE, SLOW, HIDDEN, UNKNOWN, LEFT_OVER)  # of the budget
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from small_drives import N, evidence
 
 from deeptruck_model.mismatch.budget import budget
@@ -100,3 +101,26 @@ def test_the_headline_says_the_drives_that_differ_and_by_how_much() -> None:
     sizes = found(EACH_DRIVE)[0].parameters
     a, b = (sizes[f"force[{name}]"].value for name in "ab")
     assert lines.headline(v).startswith(f"In a ({a:+.3g} N), b ({b:+.3g} N) alone, a constant force ")
+
+
+@cache
+def coloured() -> Compared:
+    """Nothing but noise that adds up: an autoregression, as a learned simulator may be off by."""
+    noise = lfilter([1.0], [1.0, -0.95], np.random.default_rng(3).normal(0.0, 0.03, N))
+    e = replace(evidence(), residual=noise, slow_noise=0.3)
+    p = posterior(Regression(e), RULES, sweeps=60)
+    drives = Drives((), (), (), (), (), None)
+    return Compared({}, drives, (), noise, p, names(p, RULES), budget(p, NOWHERE, e), {})
+
+
+def test_what_adds_up_in_no_recorded_channel_is_slow_and_never_undetermined_alone() -> None:
+    c = coloured()
+    (f,) = findings(c, None, None, c.budget.speed_rmse, RULES.visible, RULES)
+    assert (f.effect, f.says, f.separating_manoeuvre) == (
+        UNKNOWN,
+        wording.DRIFT[SLOW],
+        wording.RECORD_ROAD,
+    )
+    assert f.share_of_error == pytest.approx(c.budget.share(SLOW) + c.budget.persistent)
+    assert f.share_of_error > RULES.named
+    assert findings(c, None, None, 0.5 * RULES.visible, RULES.visible, RULES) == ()

@@ -12,7 +12,6 @@ from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
-    RECORD_ROAD,
     ROOT,
     opened,
     percent,
@@ -86,7 +85,7 @@ def _next_step(v: Verdict) -> str:
     if good is not None and good.answer == "yes":
         return "the simulator is good enough as it is"
     if v.findings[0].effect == UNKNOWN:
-        return RECORD_ROAD
+        return v.findings[0].separating_manoeuvre
     return "see what to do"
 
 

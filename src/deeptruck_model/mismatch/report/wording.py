@@ -10,6 +10,7 @@ SENSOR_MANOEUVRE = "drive a known distance and compare each sensor with it"
 UNKNOWN_FORCE = "a force that follows no mechanism of the library"
 RECORD_MORE = "record the channels on which the force may depend, and drive where it is largest"
 RECORD_ROAD = "record elevation or position"
+RECORD_WIND = "record wind and load, and check the recorded slope"
 DRIFT = {
     "slow": "a slow force that no recorded channel explains, as a slope or wind is",
     "place": "a force that depends on the road position and that no recorded channel explains, as a slope is",
