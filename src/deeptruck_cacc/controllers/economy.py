@@ -7,35 +7,35 @@ nothing else need be known. What a pedal does is looked up in an EnergyMap. docs
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.approach import approach
-from deeptruck_cacc.controllers.energy_map import PEDALS, EnergyMap, at, pedal_commands
-from deeptruck_cacc.controllers.law import Perception, Seen
+from deeptruck_cacc.controllers.energy_map import PEDALS, EnergyMap, at
+from deeptruck_cacc.controllers.law import Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.road_ahead import AHEAD, AHEAD_M
+from deeptruck_cacc.controllers.signed_pedal import SignedPedal
 from deeptruck_model.compiler import numba
-from deeptruck_model.signals import TruckInterface
-from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 compiled: Any = numba.njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")
 
-# Columns of a situation: m/s, s, s, s, s, cm^3/s, m/s^2, cm^3 for a m/s
-SPEED, LEADER, LAG, LOW, HIGH, WANTED, PRICE, LACK, MOMENTUM, COLUMNS = range(10)
+# Columns of a situation: m/s, m/s, s, s, s, s, cm^3/s, m/s^2, cm^3 for a m/s, 1 behind a leader and 0 without
+SPEED, LEADER, LAG, LOW, HIGH, WANTED, PRICE, LACK, MOMENTUM, LED, COLUMNS = range(11)
 
+# What has no source was chosen on validation roads (bench_economy.py --seed 50), none on those of the page.
 BAND_S = (1.2, 3.0)  # time gaps between which the truck may coast and close in, s
+CRUISE = 2.0  # m/s to either side of the set speed, the band where there is no leader
 STAGE_M = 2 * AHEAD_M
 REACH, SPEED_STEPS = 4.0, 25  # the grid of speeds: so far (m/s) to either side of the leader's
 LAG_MARGIN_S, LAG_STEPS = 0.4, 17  # the grid of lags: the band and so much to either side
 REPLAN_S = 1.0  # for so long a value function is used; the pedal is chosen anew at every step
 FINE = np.interp(np.linspace(0, 1, 97), np.linspace(0, 1, len(PEDALS)), PEDALS)  # tried at every step
-# Costs, in cm^3/s, of an acceleration (m/s^2) squared, of a second outside of the band squared and of a
-# second off the wanted time gap squared. Chosen on validation roads, over a deep truck and a physics truck.
+# Costs, in cm^3/s, of an acceleration (m/s^2) squared, of a second (without a leader a m/s) outside of the
+# band squared and of a second off the wanted time gap squared.
 ACCELERATION, OUTSIDE, HOME = 5.0, 100.0, 0.1
 CHANGE = 4.0  # cm^3, of a pedal changed by its whole reach from one step to the next, squared
 LACK_S, RATE_S = 4.0, 0.5  # time constants: of the acceleration beyond the map, and of measuring one
@@ -46,55 +46,49 @@ RATE, FOLLOW_S = 1.0, 1.0  # of the followers at both ends of the band: m/s^2 an
 COMFORT = (-3.5, 1.0)  # m/s^2; the shield, not the follower, brakes harder
 
 
-@dataclass
-class Economy:
-    """Plans one signed pedal (1 full engine, -1 full brake) in a band of time gaps. Same contract as Policy.
+class Economy(SignedPedal):
+    """Plans one signed pedal (1 full engine, -1 full brake) in a band of time gaps.
 
     The observation's `grade_ahead` (batch, n) is the road as far as it is known, every AHEAD_M metres from
     the truck on; beyond it, and where it is absent or NaN, the road counts as flat. `least_gap` (batch,), m,
-    bounds the band from below. Raises InputError for a simulator without fuel.
+    bounds the band from below. Where `set_speed` (batch,), m/s, is given and the gap is NaN, there is no
+    leader: the truck cruises in a band of speeds. Raises InputError for a simulator without fuel.
     """
 
-    simulator: Simulator
-    _past: _Past | None = field(default=None, repr=False)
+    _past: _Past | None
 
     def __post_init__(self) -> None:
-        self.dt = self.simulator.dt
+        super().__post_init__()
         self.map = EnergyMap.measure(self.simulator)
-        self._perceive = Perception(self.dt)
-
-    @property
-    def interface(self) -> TruckInterface:
-        """The simulator's."""
-        return self.simulator.interface
-
-    def reset(self) -> None:
-        """Forget the past."""
-        self._perceive.reset()
-        self._past = None
 
     def act(self, observation: Observation) -> tuple[Array, Array]:
         """(engine_command, brake_command) in the interface's units, each (batch,); NaN where an observation
-        is."""
-        seen, grade = self._perceive(observation)
-        known = np.isfinite(seen.speed + seen.gap + seen.leader_speed + seen.target_gap)
+        is that is needed."""
+        alone = np.isnan(observation["gap"]) & np.isfinite(observation.get("set_speed", np.nan))
+        if np.any(alone):  # as behind a leader of the set speed, whose gap does not matter
+            set_speed = np.asarray(observation["set_speed"])
+            gap = set_speed * observation["target_time_gap"]
+            seen = {"leader_speed": set_speed, "gap": gap}
+            seen = {name: np.where(alone, x, observation[name]) for name, x in seen.items()}
+            observation = {**observation, **seen}
+        return super().act({**observation, "led": ~np.atleast_1d(alone)})
+
+    def _pedal(self, observation: Observation, seen: Seen, grade: Array, known: NDArray[np.bool_]) -> Array:
         ahead = self._ahead(observation, grade)
         pull, fuel = self.map.rows(np.nan_to_num(seen.speed, nan=TYPICAL["speed"]), ahead[:, 0])
         past = self._felt(seen, pull)
-        now = self._situation(seen, observation.get("least_gap", 0.0), past)
+        now = self._situation(seen, observation, past)
         if past.age_s >= REPLAN_S - 1e-9:
             values = _values(self.map.acceleration, self.map.fuel, ahead[:, :: round(STAGE_M / AHEAD_M)], now)
             past = past._replace(values=values, age_s=0.0, way=np.zeros(len(grade)))
         pull = pull + past.lack[:, None]
         wished = _best(_fine(pull), _fine(fuel), past.way, past.pedal, past.values, now)
         least, most = (_inverse(_follow(seen, now, edge), pull) for edge in (HIGH, LOW))
-        pedal = np.minimum(np.maximum(wished, least), most)
-        low = 0.0 if self.interface.brake_unit is None else -1.0
-        pedal = np.where(known, np.clip(pedal, low, 1.0), 0.0)
+        pedal = np.clip(np.minimum(np.maximum(wished, least), most), self._least, 1.0)
+        pedal = np.where(known, pedal, 0.0)
         way = past.way + np.nan_to_num(seen.speed) * self.dt
         self._past = past._replace(pedal=pedal, way=way, age_s=past.age_s + self.dt)
-        engine, brake = np.where(known[:, None], pedal_commands(self.map.scale, pedal), np.nan).T
-        return engine, brake
+        return pedal
 
     def _ahead(self, observation: Observation, grade: Array) -> Array:
         """Grades (batch, n), the first one where the truck is: the profile and, where the truck measures its
@@ -123,13 +117,13 @@ class Economy:
         leader = past.leader + self.dt / LEADER_S * (leader - past.leader)
         return past._replace(speed=speed, leader=leader, beyond=slow, lack=lack)
 
-    def _situation(self, seen: Seen, least_gap: Any, past: _Past) -> Array:
+    def _situation(self, seen: Seen, observation: Observation, past: _Past) -> Array:
         """What both parts of the programme need to know, (batch, COLUMNS)."""
         leader, speed = past.leader, np.nan_to_num(seen.speed, nan=TYPICAL["speed"])
         wanted = np.clip(np.nan_to_num(seen.time_gap, nan=TYPICAL["target_time_gap"]), 0.5, 10.0)
         share = np.clip((np.minimum(leader, speed) - SLOW[0]) / (SLOW[1] - SLOW[0]), 0.0, 1.0)
         low = wanted + share * np.minimum(BAND_S[0] - wanted, 0.0)
-        low = np.maximum(low, np.asarray(least_gap) / np.maximum(leader, 1.0))
+        low = np.maximum(low, np.asarray(observation.get("least_gap", 0.0)) / np.maximum(leader, 1.0))
         high = np.maximum(wanted + share * np.maximum(BAND_S[1] - wanted, 0.0), low)
         cruise = np.maximum(leader, SLOW[0])
         now = np.empty((len(leader), COLUMNS))
@@ -138,6 +132,7 @@ class Economy:
         now[:, LOW], now[:, HIGH] = low, high
         now[:, WANTED] = np.clip(wanted, low, high)
         now[:, PRICE], now[:, MOMENTUM], now[:, LACK] = *self.map.prices(cruise), past.lack
+        now[:, LED] = observation["led"]
         return now
 
 
@@ -172,11 +167,14 @@ def _inverse(acceleration: Array, pull: Array) -> Array:
 
 
 def _follow(seen: Seen, now: Array, edge: int) -> Array:
-    """Acceleration (batch,) of the ideal follower at one edge of the band."""
+    """Acceleration (batch,) of the ideal follower at one edge of the band: LOW the fast one, HIGH the slow
+    one."""
     time_gap = now[:, edge]
     above, slope = approach(seen.gap - time_gap * seen.leader_speed, time_gap, RATE)
     behind = seen.leader_speed - seen.speed
     wanted = seen.leader_acceleration + slope * behind + (behind + above) / FOLLOW_S
+    edge_speed = now[:, LEADER] + (CRUISE if edge == LOW else -CRUISE)
+    wanted = np.where(now[:, LED] > 0, wanted, (edge_speed - seen.speed) / FOLLOW_S)
     return np.clip(np.nan_to_num(wanted), *COMFORT)
 
 
@@ -191,6 +189,8 @@ def _stage(
     time_gap = lag * now[LEADER] / later
     out = max(now[LOW] - time_gap, 0.0) + max(time_gap - now[HIGH], 0.0)
     off = time_gap - now[WANTED]
+    if now[LED] == 0.0:
+        out, off = max(abs(later - now[LEADER]) - CRUISE, 0.0), 0.0
     rate = fuel + now[PRICE] + ACCELERATION * pull * pull + OUTSIDE * out * out + HOME * off * off
     return later, lag, rate * seconds
 

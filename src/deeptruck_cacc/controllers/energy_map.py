@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.controllers.signed_pedal import pedal_commands
 from deeptruck_model.compiler import numba
 from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.errors import InputError
@@ -37,7 +38,6 @@ class EnergyMap:
 
     acceleration: Array
     fuel: Array
-    scale: ActionScale
 
     @classmethod
     def measure(cls, simulator: Simulator) -> EnergyMap:
@@ -78,7 +78,7 @@ class EnergyMap:
         # nor does less pedal take more fuel: a learned truck may say so of brakes that it was never held by.
         rising = np.maximum.accumulate(acceleration, axis=2) + 1e-6 * np.arange(len(PEDALS))
         least = np.minimum.accumulate(np.maximum(fuel, 0.0)[:, :, ::-1], axis=2)[:, :, ::-1]
-        return cls(rising, _convex(rising, least), scale)
+        return cls(rising, _convex(rising, least))
 
     def rows(self, speed: Array, grade: Array) -> tuple[Array, Array]:
         """Acceleration and fuel rate at every one of PEDALS, (batch, pedals), at speed and grade (batch,)."""
@@ -97,11 +97,6 @@ class EnergyMap:
         low, high = np.searchsorted(PEDALS, PRICE_PEDALS)
         momentum = (fuel[:, high] - fuel[:, low]) / (acceleration[:, high] - acceleration[:, low])
         return np.maximum(time, 0.0), momentum
-
-
-def pedal_commands(scale: ActionScale, pedal: Array) -> Array:
-    """Commands (n, 2) in the interface's units for signed pedals (n,)."""
-    return scale.commands(np.column_stack([2 * np.maximum(pedal, 0.0) - 1, -pedal]))
 
 
 def _convex(acceleration: Array, fuel: Array) -> Array:

@@ -10,7 +10,6 @@ lower gear leads through a second without torque: pedals held for the whole hori
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,11 +17,11 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from deeptruck_cacc.controllers.approach import approach
-from deeptruck_cacc.controllers.law import LEAST_GAP_M, Perception, Seen
+from deeptruck_cacc.controllers.law import LEAST_GAP_M, Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
-from deeptruck_cacc.controllers.scaling import SUITED, ActionScale
-from deeptruck_model.signals import SPEED, TruckInterface
-from deeptruck_model.simulators import Simulator
+from deeptruck_cacc.controllers.scaling import SUITED
+from deeptruck_cacc.controllers.signed_pedal import SignedPedal, pedal_commands
+from deeptruck_model.signals import SPEED
 
 Array = NDArray[np.float64]
 
@@ -42,40 +41,22 @@ DAMPING = 1e-3  # Levenberg's, of the pedals
 CORRECTION_S = 0.5  # time constant of the acceleration that the truck has beyond the simulator
 
 
-@dataclass
-class Planner:
+class Planner(SignedPedal):
     """Plans one signed pedal (1 full engine, -1 full brake) on `simulator` and drives its beginning.
 
     The simulator runs beside the truck: it is fed the measured speed and the commands given, and what
-    acceleration it then lacks is added to all of its plans. Same contract as Policy.
+    acceleration it then lacks is added to all of its plans.
     """
 
-    simulator: Simulator
-    _past: _Past | None = field(default=None, repr=False)
+    _past: _Past | None
 
     def __post_init__(self) -> None:
-        self.scale, self.dt = ActionScale.of(self.simulator), self.simulator.dt
-        self._perceive = Perception(self.dt)
+        super().__post_init__()
         self._time: Array = self.dt * np.arange(1.0, round(HORIZON_S / self.dt) + 1, dtype=float)
         self._basis = _straight(self._time - self.dt)  # (n, knots)
         self._later = _straight(np.minimum(KNOTS_S + self.dt, KNOTS_S[-1]))
-        self._least = -1.0 if self.interface.brake_unit else 0.0
 
-    @property
-    def interface(self) -> TruckInterface:
-        """The simulator's."""
-        return self.simulator.interface
-
-    def reset(self) -> None:
-        """Forget the past."""
-        self._perceive.reset()
-        self._past = None
-
-    def act(self, observation: Observation) -> tuple[Array, Array]:
-        """(engine_command, brake_command) in the interface's units, each (batch,); NaN where an observation
-        is."""
-        seen, grade = self._perceive(observation)
-        known = np.isfinite(seen.speed + seen.gap + seen.leader_speed + seen.target_gap)
+    def _pedal(self, observation: Observation, seen: Seen, grade: Array, known: NDArray[np.bool_]) -> Array:
         if self._past is None or len(self._past.lack) != len(grade):
             self._past = self._start(seen.speed)
         past = self._past
@@ -87,8 +68,7 @@ class Planner:
         plan = np.where(known[:, None], plan, 0.0)
         state, speed = self._step(state, np.repeat(plan[:, :1], ROWS, axis=1), grade)
         self._past = _Past(plan, state, speed[:, 0], lack)
-        engine, brake = np.where(known[:, None], self._commands(plan[:, 0]), np.nan).T
-        return engine, brake
+        return plan[:, 0]
 
     def _start(self, speed: Array) -> _Past:
         still = np.nan_to_num(speed, nan=TYPICAL["speed"])
@@ -137,14 +117,10 @@ class Planner:
 
     def _step(self, state: Any, pedals: Array, grade: Array) -> tuple[Any, Array]:
         """One step of the simulator under pedals (batch, ROWS): its state and speed (batch, ROWS)."""
-        u = self._commands(pedals.ravel())[:, : len(self.interface.u)]
+        u = pedal_commands(self.scale, pedals.ravel())[:, : len(self.interface.u)]
         w = np.repeat(grade[:, None], ROWS, axis=0)[:, : len(self.interface.w)]
         state, y = self.simulator.step(state, u, w)
         return state, y[:, SPEED].reshape(pedals.shape)
-
-    def _commands(self, pedals: Array) -> Array:
-        """Commands (n, 2) in the interface's units."""
-        return self.scale.commands(np.column_stack([2 * np.maximum(pedals, 0.0) - 1, -pedals]))
 
 
 class _Past(NamedTuple):

@@ -7,10 +7,12 @@ import pytest
 
 from deeptruck_cacc import baseline, load_policy
 from deeptruck_cacc.controllers import economy
-from deeptruck_cacc.controllers.economy import BAND_S, STAGE_M, Economy
+from deeptruck_cacc.controllers.baselines import Baseline
+from deeptruck_cacc.controllers.economy import BAND_S, CRUISE, STAGE_M, Economy
 from deeptruck_cacc.controllers.energy_map import GRADES, PEDALS, SPEEDS, EnergyMap
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.road_ahead import AHEAD, Road
+from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.safety.guard import guard
@@ -55,7 +57,8 @@ def fuel_at_equal_time(trace, thrifty: Economy) -> np.ndarray:
 def test_the_map_is_what_the_truck_does_at_a_steady_speed(toy):
     """a = engine / 1000 - 0.06 brake - 0.05 - 9.81 grade, fuel = engine / 100."""
     found = EnergyMap.measure(toy)
-    engine, brake = found.scale.engine_high * np.maximum(PEDALS, 0.0), 100.0 * np.maximum(-PEDALS, 0.0)
+    engine = ActionScale.of(toy).engine_high * np.maximum(PEDALS, 0.0)
+    brake = 100.0 * np.maximum(-PEDALS, 0.0)
     flat = engine / 1000 - 0.06 * brake - 0.05
     expected = flat - 9.81 * GRADES[:, None, None] + 0.0 * SPEEDS[:, None]
     moving = SPEEDS[:, None] + 0.1 * expected > 0.5  # what stops it in a step is no steady speed
@@ -108,7 +111,7 @@ def test_two_stages_are_as_good_as_the_best_of_all_pairs_of_pedals(thrifty):
     """Against trying every pair on the grid of stages, from where the programme has a node."""
     now = np.zeros((1, economy.COLUMNS))
     now[0, [economy.SPEED, economy.LEADER, economy.LAG, economy.LOW, economy.HIGH]] = 20, 20, 2.1, 1.2, 3.0
-    now[0, economy.WANTED], now[0, economy.PRICE], now[0, economy.MOMENTUM] = 2.0, 5.0, 25.0
+    now[0, [economy.WANTED, economy.PRICE, economy.MOMENTUM, economy.LED]] = 2.0, 5.0, 25.0, 1.0
     grades = np.array([[0.02, -0.03]])
     values = economy._values(thrifty.map.acceleration, thrifty.map.fuel, grades, now)
 
@@ -143,6 +146,51 @@ def test_over_hills_that_it_knows_it_saves_fuel_within_its_band(truck, thrifty):
     time_gap = trace["gap"] / trace["speed"]
     assert BAND_S[0] - 0.1 < time_gap.min() and time_gap.max() < BAND_S[1] + 0.1
     assert (trace["brake_command"] > 0).mean() < 0.5 * (acc["brake_command"] > 0).mean()
+
+
+class Alone:
+    """A policy that sees no leader until `seen_from` steps."""
+
+    def __init__(self, policy, seen_from: int = 100_000) -> None:
+        self.policy, self.interface, self.dt, self.seen_from = policy, policy.interface, policy.dt, seen_from
+
+    def reset(self) -> None:
+        self.policy.reset()
+        self.steps = 0
+
+    def act(self, seen):
+        self.steps += 1
+        nothing = np.full(len(seen["gap"]), np.nan)
+        hidden = {"gap": nothing, "leader_speed": nothing} if self.steps <= self.seen_from else {}
+        return self.policy.act({**seen, **hidden, "set_speed": np.full(len(nothing), LEADER)})
+
+
+def test_without_a_leader_it_saves_fuel_within_its_band_of_speeds(truck, thrifty):
+    road = hills(3)
+    trace = roll_out(truck, Alone(thrifty), behind_a_leader(road, road))
+    constant = Baseline(lambda seen: 0.5 * (LEADER - seen.speed), PedalMap.calibrate(truck), truck.interface)
+    steady = roll_out(truck, constant, trace.scene)
+    saved = 1 - fuel_at_equal_time(trace, thrifty) / fuel_at_equal_time(steady, thrifty)
+    assert saved.min() > 0.01
+    assert np.abs(trace["speed"] - LEADER).max() < CRUISE + 0.2
+    assert np.abs(trace["speed"] - LEADER).max() > 0.5 * CRUISE  # it uses the band
+    assert trace["speed"].mean() == pytest.approx(LEADER, rel=0.02)
+
+
+def test_without_a_leader_it_holds_the_set_speed_on_the_flat(truck, thrifty):
+    flat = Road(np.zeros((1, 2)))
+    trace = roll_out(truck, Alone(thrifty), behind_a_leader(flat, flat, 100.0))
+    assert np.abs(trace["speed"] - LEADER).max() < 0.3
+
+
+def test_it_follows_a_leader_that_it_meets(truck, thrifty):
+    """20 m/s to begin with; the radar sees one of 15 m/s, 60 m ahead, after 10 s."""
+    flat, pull, jump = Road(np.zeros((1, 2))), np.zeros((1, 600)), np.zeros((1, 600))
+    pull[:, 90:100], jump[:, 100] = -5.0, 24.0
+    scene = behind_a_leader(flat, flat, 60.0, leader_acceleration=pull, gap_jump=jump)
+    trace = roll_out(truck, Alone(thrifty, 100), scene)
+    assert trace["gap"].min() > BAND_S[0] * 15.0 - 2.0
+    assert abs(trace["speed"][-1, 0] - 15.0) < 0.5
 
 
 def test_it_does_not_come_closer_than_the_least_gap(truck, thrifty):

@@ -18,7 +18,7 @@ class RoadMap(DeeptruckNode):
 
     def __init__(self) -> None:
         super().__init__("road_map")
-        self._road = roads.parse(self.p["road"])
+        self._road = roads.parse_known(self.p["road"])
         self._position = self.p["start_m"]
         self._last: tuple[int, float] | None = None  # stamp and speed
         self._due = 0

@@ -84,6 +84,13 @@ def road_is_known(text: str) -> None:
     roads.parse(text)
 
 
+def map_is_known(text: str) -> None:
+    """Raises InputError where nothing is known of a road so."""
+    from deeptruck_nodes import roads
+
+    roads.parse_known(text)
+
+
 def rate_fits(rate: float, dt: float) -> None:
     """Raises InputError where a publishing rate, Hz, is no multiple of the simulator's, 1 / `dt`."""
     from deeptruck_nodes.plant import ticks_a_step

@@ -60,7 +60,7 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
     sections = _merged(sections, given, common, misfits)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of_node(sections, "truck_sim", lambda p: run_checks.road_is_known(p["road"]))
-    misfits.of_node(sections, "road_map", lambda p: run_checks.road_is_known(p["road"]))
+    misfits.of_node(sections, "road_map", lambda p: run_checks.map_is_known(p["road"]))
     if truck is not None and not lockstep:
         misfits.of_node(sections, "truck_sim", lambda p: run_checks.rate_fits(p["rate_hz"], truck.dt))
     domain = _checked(misfits, common, sections, lockstep)
@@ -98,7 +98,7 @@ def drive_vehicle(
         sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of(lambda: road(grade))
-    misfits.of_node(sections, "road_map", lambda p: run_checks.road_is_known(p["road"]))
+    misfits.of_node(sections, "road_map", lambda p: run_checks.map_is_known(p["road"]))
     misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))
     domain = _checked(misfits, common, sections)
     others: tuple[Program, ...] = ()

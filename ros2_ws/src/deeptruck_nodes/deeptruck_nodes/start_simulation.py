@@ -53,7 +53,11 @@ def main(
     ] = "noisy",
     road: Annotated[str, typer.Option(help="The grade ahead, see below.")] = "flat",
     known_road: Annotated[
-        str, typer.Option(help="What the controller knows of the road, as --road; published as /road/ahead.")
+        str,
+        typer.Option(
+            help="What the controller knows of the road, as --road or shared:path=ROADS.CSV,drive=BAG of the "
+            "fleet; published as /road/ahead."
+        ),
     ] = "",
     initial_speed: Annotated[float, typer.Option(help="Of the truck, m/s.")] = 20.0,
     initial_gap: Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")] = 0.0,

@@ -46,8 +46,8 @@ Policy = Annotated[
 KnownRoad = Annotated[
     str,
     typer.Option(
-        help="Known of the road from where the run begins: table:path=CSV (distance,grade) or as "
-        "deeptruck-simulation --road; published as /road/ahead."
+        help="Known of the road from where the run begins: shared:path=ROADS.CSV,drive=BAG of the fleet, "
+        "table:path=CSV (distance,grade) or as deeptruck-simulation --road; published as /road/ahead."
     ),
 ]
 TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
