@@ -1,17 +1,19 @@
-"""Shift speeds and the curve of the pedal, as recordings with gear and engine speed show them.
+"""What no data sheet has and recordings show: shift speeds, the curve of the pedal, brakes, engine friction.
 
-A data sheet has neither. Shift speeds are the straight lines of engine speed over demand along which the
-recorded changes of gear lie (Theil and Sen). The curve of the pedal is the median share of the torque there
-is at each position of a pedal that is held, by the force that moves the truck of the data sheet.
+Shift speeds are the straight lines of engine speed over demand along which the recorded changes of gear lie
+(Theil and Sen). The curve of the pedal is the median share of the torque there is at each position of a pedal
+that is held, by the force that moves the truck of the data sheet. Single parameters are those of the least
+error of free runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.signal import savgol_filter
 from scipy.stats import theilslopes
 
@@ -31,6 +33,27 @@ BIN, LEAST_BIN_S, LEAST_BINS = 10.0, 5.0, 4  # % of pedal, s in a bin, bins
 STEADY, STEADY_S = 8.0, 1.0  # % that a held pedal moves at most, in so many s before
 SMOOTH_S = 1.0  # of the acceleration
 RUN_S = 40.0  # of free runs
+GAIN = 0.05  # of their error, that a single parameter must save
+TRIALS = 12  # of values of a single parameter
+
+
+@dataclass(frozen=True)
+class Single:
+    """A parameter that no data sheet has, what it is, and the values it is sought in."""
+
+    name: str
+    says: str
+    low: float
+    high: float
+
+
+SINGLES = (
+    Single("brake_pushout", "the share of the brake command at which the brakes begin", 0.0, 0.3),
+    Single("engine_friction", "engine friction over that of the reference truck", 0.2, 3.0),
+    Single("shift_time", "s without torque in a change of gear", 0.0, 3.0),
+    Single("boost_lag", "s until the turbocharger's boost is there", 0.0, 3.0),
+)
+OF_BRAKES_ALONE = Single("brake_controller_gain", "a request is what the brakes add", 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -42,25 +65,17 @@ class Learned:
 
 
 def learned(truck: Specification, recordings: Sequence[Recording]) -> Learned:
-    """The truck with the shift speeds and the pedal of the recordings, each where free runs along these then
-    have a smaller speed error."""
+    """The truck with the shift speeds, the pedal and the single parameters of the recordings, each where free
+    runs along these then have a smaller speed error."""
     usable = [r for r in recordings if {"gear", "engine_speed", "engine_command"} <= r.channels.keys()]
     before = _error(PhysicsTruck(truck), usable)
     if before is None:
         return Learned(truck, ())
-    said, says = before, []
-    for what, find in (("pedal", _with_pedal), ("shift speeds", _with_shift_speeds)):
-        found = find(truck, usable)
-        after = None if found is None else _error(PhysicsTruck(found), usable)
-        if found is None or after is None:
-            continue
-        better = after < said
-        says.append(
-            f"{what}: {'learned' if better else 'not taken over'}; free runs of {RUN_S:.0f} s are off by "
-            f"{after:.2f} m/s (rms) with what the recordings show, by {said:.2f} without"
-        )
-        if better:
-            truck, said = found, after
+    says: list[str] = []
+    truck, said = _taken("pedal", _with_pedal, truck, usable, before, says)
+    truck = _with_singles(truck, usable, says)
+    said = _error(PhysicsTruck(truck), usable) or said
+    truck, said = _taken("shift speeds", _with_shift_speeds, truck, usable, said, says)
     following = _error(PhysicsTruck(truck).with_recorded_gear(), usable)
     late_s = truck.values["shift_time"]
     sooner = _error(PhysicsTruck(truck).with_recorded_gear(), [_sooner(r, late_s) for r in usable])
@@ -73,6 +88,56 @@ def learned(truck: Specification, recordings: Sequence[Recording]) -> Learned:
             )
         says.append(line)
     return Learned(truck, tuple(says))
+
+
+def _taken(
+    what: str,
+    find: Callable[[Specification, Sequence[Recording]], Specification | None],
+    truck: Specification,
+    recordings: Sequence[Recording],
+    before: float,
+    says: list[str],
+) -> tuple[Specification, float]:
+    """The truck with what is found where its free runs are then less off, and their error; adds a line."""
+    found = find(truck, recordings)
+    after = None if found is None else _error(PhysicsTruck(found), recordings)
+    if found is None or after is None:
+        return truck, before
+    better = after < before
+    says.append(
+        f"{what}: {'learned' if better else 'not taken over'}; free runs of {RUN_S:.0f} s are off by "
+        f"{after:.2f} m/s (rms) with what the recordings show, by {before:.2f} without"
+    )
+    return (found, after) if better else (truck, before)
+
+
+def _with_singles(truck: Specification, recordings: Sequence[Recording], says: list[str]) -> Specification:
+    """The truck with single parameters by which its free runs in the recorded gear are less off by GAIN or
+    more; adds a line for each."""
+    by_deceleration = truck.interface.brake_unit == "m/s^2"
+    for one in (OF_BRAKES_ALONE, *SINGLES[1:]) if by_deceleration else SINGLES:
+
+        def off(value: float, name: str = one.name, own: Specification = truck) -> float:
+            run = PhysicsTruck(own.with_values({name: float(value)})).with_recorded_gear()
+            return _error(run, recordings) or np.inf
+
+        before, best = off(truck.values[one.name]), one.low
+        if one.high > one.low:
+            bounds, close = (one.low, one.high), 0.01 * (one.high - one.low)
+            found = minimize_scalar(
+                off, bounds=bounds, method="bounded", options={"maxiter": TRIALS, "xatol": close}
+            )
+            best = min((one.low, float(found.x)), key=off)
+        after = off(best)
+        if after > (1.0 - GAIN) * before:
+            continue
+        value = f"{best:.3g}, not {truck.values[one.name]:.3g} ({one.says})"
+        says.append(
+            f"{one.name}: {value if one.high > one.low else one.says}; free runs of {RUN_S:.0f} s in the "
+            f"recorded gear are off by {after:.2f} m/s (rms) with it, by {before:.2f} without"
+        )
+        truck = truck.with_values({one.name: round(best, 4)})
+    return truck
 
 
 def _sooner(r: Recording, late_s: float) -> Recording:

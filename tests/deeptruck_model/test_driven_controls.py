@@ -20,12 +20,13 @@ PEDAL = ((0.0, 20.0, 50.0, 100.0), (0.0, 0.08, 0.35, 1.0))
 SHIFTS = {"upshift_low": 110.0, "upshift_high": 150.0, "downshift_low": 85.0, "downshift_high": 105.0}
 
 
-def drives(truck: PhysicsTruck, seconds: float = 500.0) -> list[Recording]:
-    """Two drives in which the pedal is held for 4 to 15 s, and braked from 24 m/s on and now and then."""
-    return [drive(truck, round(seconds / truck.dt), seed) for seed in (1, 2)]
+def drives(truck: PhysicsTruck, seconds: float = 500.0, brakes: float = 1.0) -> list[Recording]:
+    """Two drives in which the pedal is held for 4 to 15 s, and sometimes braked, above 24 m/s always."""
+    return [drive(truck, round(seconds / truck.dt), seed, brakes) for seed in (1, 2)]
 
 
-def drive(truck: PhysicsTruck, n: int, seed: int) -> Recording:
+def drive(truck: PhysicsTruck, n: int, seed: int, brakes: float) -> Recording:
+    most = 100.0 if truck.interface.engine_unit == "percent" else 1700.0
     rng = np.random.default_rng(seed)
     state, y = truck.reset(np.array([[0.0, 10.0, 5.0]])), np.array([[0.0, 10.0, 5.0]])
     seen: dict[str, list[float]] = {}
@@ -33,7 +34,7 @@ def drive(truck: PhysicsTruck, n: int, seed: int) -> Recording:
     for k in range(n):
         if k >= until or (y[0, 1] > 24.0 and brake == 0.0):
             braked = y[0, 1] > 24.0 or (y[0, 1] > 8.0 and rng.random() < 0.15)
-            pedal, brake = (0.0, 1.0) if braked else (float(rng.uniform(0.0, 100.0)), 0.0)
+            pedal, brake = (0.0, brakes) if braked else (float(rng.uniform(0.0, most)), 0.0)
             until = k + int(rng.uniform(4.0, 15.0) / truck.dt)
         now = {"engine_command": pedal, "brake_command": brake, "grade": 0.0, "acceleration": y[0, 0]}
         inside = truck.inside(state)
@@ -58,6 +59,25 @@ def test_the_pedal_and_the_shift_speeds_are_those_that_were_driven(driven: list[
     assert [line.partition(" ")[0] for line in found.says] == ["pedal:", "shift", "recorded"]
     for name in ("upshift_low", "downshift_low"):
         assert abs(found.truck.values[name] - SHIFTS[name]) < abs(SHEET.values[name] - SHIFTS[name])
+
+
+def test_brakes_and_engine_friction_of_the_driven_truck_are_learned() -> None:
+    sheet = trucks.load("trucksim").specification
+    driven = sheet.with_values({"brake_pushout": 0.0, "engine_friction": 1.8})
+    found = learned(sheet, drives(PhysicsTruck(driven), brakes=20.0)).truck.values
+    assert found["brake_pushout"] < 0.005
+    assert found["engine_friction"] == pytest.approx(1.8, rel=0.05)
+    kept = ("shift_time", "boost_lag", "mass", "drag_area", "torque_gain")
+    assert {n: found[n] for n in kept} == {n: sheet.values[n] for n in kept}
+
+
+def test_a_deceleration_by_the_brakes_alone_is_learned() -> None:
+    driven = SHEET.with_values({"brake_controller_gain": 0.0})
+    found = learned(SHEET, drives(PhysicsTruck(driven)))
+    assert found.truck.values["brake_controller_gain"] == 0.0
+    assert any(
+        line.startswith("brake_controller_gain: a request is what the brakes add") for line in found.says
+    )
 
 
 def test_nothing_is_learned_of_a_truck_that_is_as_its_sheet_or_without_a_gear(

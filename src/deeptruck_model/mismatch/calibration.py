@@ -109,7 +109,7 @@ def calibrate(
         free = identified - {"mass"}
         held = _driven(truck, drives, *refitted(truck, drives, e, seed, free, say), free)
         nearer = all(_off(moved, gain) <= _off(held, gain) + GAIN_FARTHER for gain in GAINS)
-        if nearer and _saves(drives, held.truck, moved.truck) > MASS_EARNS:
+        if nearer and all(_saves(drives, other, moved.truck) > MASS_EARNS for other in (held.truck, truck)):
             return moved
         return replace(held, mass_held=True)
 

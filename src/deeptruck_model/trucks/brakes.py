@@ -19,9 +19,13 @@ def brake_capacity(p: Any) -> float:
 
 @part
 def _pressure_for_deceleration(s: Any, p: Any, request: float, h: float) -> float:
-    """Electronic brake system: feed-forward by a reckoned mass, and the integral of what is lacking."""
+    """Electronic brake system: feed-forward by a reckoned mass, and the integral of what is lacking.
+
+    Without an integral the request is what the brakes add, whatever the slope and the air do.
+    """
     if request <= p.brake_gate:
-        s.brake_controller = min(s.acceleration, 0.0)  # what the truck does without brakes
+        without_brakes = min(s.acceleration, 0.0)
+        s.brake_controller = without_brakes if p.brake_controller_gain > 0.0 else 0.0
         return 0.0
     if s.speed > 0.0:
         s.brake_controller += p.brake_controller_gain * (request + s.acceleration) * h

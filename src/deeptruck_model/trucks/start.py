@@ -51,7 +51,7 @@ def settle(s: Any, p: Any, acceleration: float, speed: float) -> None:
     if short < 0.0 and speed > 0.0:
         share = min(-short / max(brake_capacity(p), 1.0), 1.0)
         s.front_pressure = s.rear_pressure = p.brake_pushout + (1.0 - p.brake_pushout) * share
-        s.brake_controller = min(0.0, -s.load / p.mass)
+        s.brake_controller = min(0.0, -s.load / p.mass) if p.brake_controller_gain > 0.0 else 0.0
 
 
 @part
