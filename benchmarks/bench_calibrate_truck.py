@@ -16,7 +16,7 @@ import numpy as np
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.calibration import Calibration, calibrate
-from deeptruck_model.mismatch.correction.improvement import HORIZONS_S
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 
 OFF = {  # relative sd of what a truck differs by
@@ -43,7 +43,7 @@ and held-out drives show it.
 """
 HEADS = (
     "truck | 95 % intervals that hold | parameters not identifiable | median error of mass, drag area, "
-    f"rolling | speed error of {HORIZONS_S[0]:.0f} s free runs, median, m/s"
+    f"rolling | speed error of {Limits.horizons_s[0]:.0f} s free runs, median, m/s"
 )
 
 

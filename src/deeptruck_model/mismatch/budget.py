@@ -18,15 +18,11 @@ from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import TAIL
-from deeptruck_model.mismatch.strength import NOTABLE
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import FAMILY, HIDDEN, LEFT_OVER, SENSORS, UNKNOWN
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-HORIZONS_S = (40.0, 20.0, 10.0)
-LEAST_WINDOWS = 3
-KNOWN = 0.9  # of a window that must be compared
 
 
 @dataclass(frozen=True)
@@ -87,12 +83,12 @@ def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
     braked = np.where(hidden, e.residual, 0.0)
     fixed = {part: np.where(used, force, 0.0) for part, force in fixed.items()} | {HIDDEN: braked}
     residual = np.where(used, given.residual, braked)
-    for horizon_s in HORIZONS_S:
+    for horizon_s in Limits.horizons_s:
         starts = _starts(search, counted, round(horizon_s / e.dt))
-        if len(starts) >= LEAST_WINDOWS:
+        if len(starts) >= Limits.least_windows:
             break
     else:
-        return Budget(HORIZONS_S[-1], len(starts), float("nan"), ())
+        return Budget(Limits.horizons_s[-1], len(starts), float("nan"), ())
     steps = round(horizon_s / e.dt)
     names = list(dict.fromkeys([*part_of, *fixed]))
     groups = [
@@ -125,7 +121,7 @@ def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
             float(share[i]),
             float(low[i]),
             float(high[i]),
-            float(np.mean(np.abs(forces[i][counted]) > NOTABLE)) if name != LEFT_OVER else 1.0,
+            float(np.mean(np.abs(forces[i][counted]) > Limits.notable)) if name != LEFT_OVER else 1.0,
             forces[i],
             tuple(DriveShare(drive, float(s[i])) for drive, s in drives.items()),
         )
@@ -216,5 +212,5 @@ def _starts(search: Regression, counted: Mask, steps: int) -> list[int]:
         for s in search.e.stretches
         if not s.held_out
         for k in range(s.start, s.stop - steps, max(steps // 2, 1))
-        if counted[k : k + steps].mean() >= KNOWN
+        if counted[k : k + steps].mean() >= Limits.least_compared
     ]

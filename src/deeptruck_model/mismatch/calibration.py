@@ -28,15 +28,12 @@ from deeptruck_model.mismatch.prepare import Drives, prepared
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.residual.sensitivity import accepted
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
 
 PARTS = 10  # of the driving, to see how far they disagree
-ONLY_AS_A_PAIR = 0.9  # correlation above which drives identify two parameters only as a pair
 GAINS = ("torque_gain", "brake_gain")
-MASS_EARNS = 0.1  # of the held-out speed error that a mass moved together with a gain must save, at 95 %
-GAIN_FARTHER = 0.05  # that a gain may be farther from the given one with the mass moved than with it held
 NO_GRADE = (
     "the truck takes no grade: slopes go into its parameters, so that it is fitted on a level road alone"
 )
@@ -108,8 +105,9 @@ def calibrate(
         say("fitting with the mass as given")
         free = identified - {"mass"}
         held = _driven(truck, drives, *refitted(truck, drives, e, seed, free, say), free)
-        nearer = all(_off(moved, gain) <= _off(held, gain) + GAIN_FARTHER for gain in GAINS)
-        if nearer and all(_saves(drives, other, moved.truck) > MASS_EARNS for other in (held.truck, truck)):
+        nearer = all(_off(moved, gain) <= _off(held, gain) + Limits.gain_farther for gain in GAINS)
+        saved = (_saves(drives, other, moved.truck) for other in (held.truck, truck))
+        if nearer and all(x > Limits.mass_saves for x in saved):
             return moved
         return replace(held, mass_held=True)
 
@@ -197,5 +195,5 @@ def _alike(model: Model, names: Sequence[str]) -> tuple[tuple[str, str], ...]:
     return tuple(
         (p, q)
         for p, q in combinations(names, 2)
-        if abs(model.fit.covariance[at[p], at[q]]) > ONLY_AS_A_PAIR * sd[at[p]] * sd[at[q]]
+        if abs(model.fit.covariance[at[p], at[q]]) > Limits.pair_correlation * sd[at[p]] * sd[at[q]]
     )

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared, learned, prepare
+from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
 from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
-USUAL = 0.08  # m/s^2, rms, that learned simulators are off by where this one's own error is not known
 JOLTS = 0.02  # of the time, that count for nothing
 
 
@@ -28,7 +28,7 @@ def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
         ]
     except InputError:
         return []
-    return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= LEAST_DRIVING_S else []
+    return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= Limits.least_driving_s else []
 
 
 def allowed_for(simulator: Simulator, e: Evidence, measured_acceleration: bool, seed: int) -> Evidence:
@@ -47,7 +47,7 @@ def allowed_for(simulator: Simulator, e: Evidence, measured_acceleration: bool, 
         own = None
     if own is None:
         smooth = _second_means(e)
-        off = min(USUAL, 1.4826 * float(np.median(np.abs(smooth))))
+        off = min(Limits.usual_discrepancy, 1.4826 * float(np.median(np.abs(smooth))))
         return replace(e, model_discrepancy=off, slow_noise=max(off, e.rules.slow_noise))
     quiet = np.sort(np.abs(_second_means(own)))[: int((1.0 - JOLTS) * own.valid.sum())]
     own = replace(own, model_discrepancy=float(np.sqrt(np.mean(quiet**2))), slow_noise=_slow_noise(own))

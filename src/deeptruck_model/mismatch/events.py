@@ -24,6 +24,7 @@ from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.sampler import SIZES
 from deeptruck_model.mismatch.residual.evidence import Stretch
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Series, whiten
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import FAMILY
 from deeptruck_model.trucks.compiled import entry
 
@@ -38,7 +39,6 @@ STEADY = 0.05  # m/s^2: prior sd of a constant force, which is sought too
 LARGEST = float(SIZES[-1])  # of a force, beside its kernel's prior sd
 CLIP = 2.5  # of the innovations, in their own scale
 POWER = float(np.mean(np.clip(student_t(TAIL).ppf((np.arange(10_000) + 0.5) / 10_000), -CLIP, CLIP) ** 2))
-COMPARED = 0.7  # of a window, at least
 INFORMS = 1.0  # information of a window beside the prior's, at least, to count for a filter's spread
 QUANTILES = (0.5, 0.95)  # of the windows, by which a filter's spread is judged; events are in fewer
 NULLS = 40  # simulated residuals
@@ -182,7 +182,7 @@ class _Filters:
         for i, seconds in enumerate(LENGTHS_S):
             count = max(1, round(seconds / dt / self._step))
             a = np.arange(max(len(self.edges) - count, 0) if count * self._step >= ORDER else 0)
-            compared = used[a + count] - used[a] >= COMPARED * count * self._step
+            compared = used[a + count] - used[a] >= Limits.event_compared * count * self._step
             a = a[(drive[a] == drive[a + count]) & compared]
             first.append(a)
             last.append(a + count)

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 
 from threadpoolctl import threadpool_limits
 
-from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared
+from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.discrepancy import allowed_for
 from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import prepared
 from deeptruck_model.mismatch.residual.gather import gather
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 
@@ -44,10 +44,10 @@ def evidence_by_name(
 
 
 def _nats(simulator: Simulator, drives: Sequence[Prepared], seed: int, rules: Rules) -> Nats:
-    if sum(float(p.valid.sum()) * p.dt for p in drives) < LEAST_DRIVING_S:
+    if sum(float(p.valid.sum()) * p.dt for p in drives) < Limits.least_driving_s:
         return {}
     e = gather(simulator, drives, [False] * len(drives), seed=seed, rules=rules)
-    if float(e.valid.sum()) * e.dt < LEAST_DRIVING_S:
+    if float(e.valid.sum()) * e.dt < Limits.least_driving_s:
         return {}
     search = Regression(allowed_for(simulator, e, drives[0].measured_acceleration, seed))
     return gains(search, search.rules)

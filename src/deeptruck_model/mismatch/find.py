@@ -33,7 +33,7 @@ from deeptruck_model.mismatch.residual.forced import forgotten
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.mismatch.road import road
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.validate import validate
 from deeptruck_model.mismatch.witnesses import witnesses
 from deeptruck_model.progress_steps import steps
@@ -42,12 +42,10 @@ from deeptruck_model.recordings.given import Drives
 from deeptruck_model.simulators import MinimalSimulator, Simulator
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
-NO_VEHICLE = 0.01  # of the samples: more is no jolt
 IMPOSSIBLE = (
     "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
     "see 'deeptruck-model check-simulator'"
 )
-FORGOTTEN = 0.1  # of the acceleration: more is not what the simulator is
 FORGETS = (
     "the simulator has no force() and starts anew at each recorded response, which changes its own "
     "acceleration by {share:.0%}: what it forgets would be named as what it lacks. Add force(state, y), "
@@ -134,7 +132,7 @@ def compared(
     missing = unrecorded.inputs([*recordings, *held_out], mass_known=stated)
     if drives.useless:
         return Uncompared(drives, missing)
-    if (lost := forgotten(simulator, drives.part(held_out=False))) > FORGOTTEN:
+    if (lost := forgotten(simulator, drives.part(held_out=False))) > Limits.forgotten:
         return Uncompared(replace(drives, useless=FORGETS.format(share=lost)), missing)
 
     say("driving the simulator along the recordings")
@@ -192,5 +190,5 @@ def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
 def _check_possible(e: Evidence) -> None:
     """Raises InputError where the simulator answers what no vehicle does."""
     beyond = float(np.mean(np.abs(e.simulated[e.valid]) > IMPOSSIBLE_ACCELERATION)) if e.valid.any() else 0.0
-    if beyond > NO_VEHICLE:
+    if beyond > Limits.no_vehicle:
         raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))

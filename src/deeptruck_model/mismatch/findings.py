@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Finding, Kind, Size
 from deeptruck_model.mismatch.road import Road
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.sizes import sizes_of
 from deeptruck_model.mismatch.strength import Strength, acts, visible
 from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
@@ -29,7 +29,6 @@ from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, 
 Array = NDArray[np.float64]
 
 LATE = ("command_delay", "clock_offset")
-IN_DRIVE = 0.15  # of a force's largest rms in a drive: with less it does not act in another
 FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its deviation is an estimate
 
 
@@ -186,7 +185,7 @@ def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
         if not s.held_out and seen[s.rows].any()
     }
     most = max(own.values(), default=0.0)
-    there = tuple(name for name, rms in own.items() if rms > IN_DRIVE * most)
+    there = tuple(name for name, rms in own.items() if rms > Limits.in_drive * most)
     return there if len(there) < len(own) else ()
 
 

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.folders import AS_GIVEN
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
+from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 SPARSE = stored(sparse=True)
-
-LEAST = 1e-3  # m/s; errors this small are as good as none, and none can be no improvement
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Errors:
 
     def of_runs(self) -> Array:
         """Speed error of each run, rms in m/s, (windows,)."""
-        return np.asarray(np.sqrt(np.mean(self.speed**2, axis=1) + LEAST**2))
+        return np.asarray(np.sqrt(np.mean(self.speed**2, axis=1) + Limits.least_error**2))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, accepted
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.protocol_check import (
     BRAKE,
     DRIVE_S,
@@ -31,7 +32,7 @@ FORCES = (  # all of them, where there is a traction_force: each is read whereve
 )
 AGAINST = ("brake_force", "drag_force", "rolling_force")
 APART, APART_M_S2 = 0.5, 0.05  # that forces may be off: rotating masses in low gears, and a step's delay
-STEP, SHOWS = 0.2, 1e-6  # share of a parameter, and m/s of change that it makes
+STEP = 0.2  # relative change of a parameter
 
 
 def rows(simulator: Simulator) -> list[Row]:
@@ -68,7 +69,7 @@ def _moves(s: Simulator, name: str, value: float) -> bool:
     pedals = [{"engine": ENGINE[i.engine_unit]}]
     pedals += [] if i.brake_unit is None else [{"brake": BRAKE[i.brake_unit]}]
     apart = [(drive(s, [15.0], **p) - drive(other, [15.0], **p))[:, 0, SPEED] for p in pedals]
-    return max(float(np.abs(x).max()) for x in apart) > SHOWS
+    return max(float(np.abs(x).max()) for x in apart) > Limits.least_effect
 
 
 def _components(s: Simulator, seen: set[str]) -> Row:

@@ -24,18 +24,13 @@ from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95, ridge
 from deeptruck_model.mismatch.residual.sensitivity import accepted
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FOLDS = 3
-HORIZON_S = 40.0  # of the free runs that sizes are fitted to
-LEAST_IN = 0.1  # probability of a mechanism that is corrected at all
-FORMS = 3  # of a mechanism, at most, that stand for its mean force
-NEARLY = 0.03  # of the squares of a mean force, that its forms may leave
-SIMPLER = 0.1  # of these squares, that a form with fewer coefficients may leave more
 ROUNDS = 4  # of weighing the prior against what is left
 LOWEST = -0.99  # relative change of a parameter: none has no size
 FREE_RUN_NUMBERS = 2.0  # independent numbers in a free run's error: its offset and its curvature
@@ -95,7 +90,7 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
     what it does in other drives too, and are all that a correction holds."""
     out = []
     for m in p.search.library:
-        if p.inside(m.effect).mean() >= LEAST_IN:
+        if p.inside(m.effect).mean() >= Limits.least_in:
             force = p.force(m.effect, p.inside(m.effect))
             options = [t for t in p.search.candidate_terms(m) if not general or t.general]
             pick = _forms if general else _simplest
@@ -113,7 +108,7 @@ def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array
     the best one: its sizes are what a finding states."""
     gram, pull, squares, own = _products(search, options, force)
     left = np.array([squares - _explained(gram, pull, a) for a in own])
-    good = np.flatnonzero(left <= left.min() + SIMPLER * squares)
+    good = np.flatnonzero(left <= left.min() + Limits.simpler * squares)
     return [options[min(good, key=lambda k: (len(own[k]), left[k]))]]
 
 
@@ -134,13 +129,13 @@ def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -
     gram, pull, squares, own = _products(search, options, force)
     taken: list[int] = []
     left = squares
-    while len(taken) < FORMS and left > NEARLY * squares:
+    while len(taken) < Limits.most_forms and left > Limits.form_left * squares:
         errors = [
             squares - _explained(gram, pull, np.concatenate([own[i] for i in (*taken, k)]))
             for k in range(len(own))
         ]
         best = int(np.argmin(errors))
-        if errors[best] > (1.0 - NEARLY) * left:
+        if errors[best] > (1.0 - Limits.form_left) * left:
             break
         taken.append(best)
         left = errors[best]
@@ -226,7 +221,7 @@ def _by_output_error(search: Regression, model: Model) -> Model:
     columns, prior, _ = search.design(model)
     X = _added_up(search, columns, counted)[counted]
     y = _added_up(search, search.series.y[:, None], counted)[counted, 0]
-    length = max(1, round(HORIZON_S / search.e.dt))
+    length = max(1, round(Limits.horizons_s[0] / search.e.dt))
     b = model.fit.b
     for _ in range(ROUNDS):
         left = max(float(np.mean((y - X @ b) ** 2)), search.rules.noise_floor**2)
@@ -235,8 +230,8 @@ def _by_output_error(search: Regression, model: Model) -> Model:
 
 
 def _added_up(search: Regression, x: Array, counted: Mask) -> Array:
-    """Sums of x (n, k) over time, m/s, restarted every HORIZON_S; rows that do not count add nothing."""
-    length = max(1, round(HORIZON_S / search.e.dt))
+    """Sums of x (n, k) over time, m/s, restarted every `horizons_s[0]` s; other rows add nothing."""
+    length = max(1, round(Limits.horizons_s[0] / search.e.dt))
     x, out = np.where(counted[:, None], np.nan_to_num(x), 0.0), np.empty_like(x)
     for s in search.e.stretches:
         for begin in range(s.start, s.stop, length):

@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 
 from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import FAMILY, SLOW, Tree
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-RARE = 0.02  # probability below which a name is left out
 MOST_EXPLANATIONS = 6
-ALIKE = 0.3  # cosine of two whitened forces above which one name may stand in another's place
-LEAST_RATIO = 0.5  # of driving: in less than half as much, a discrepancy counts as in half
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ def names(p: Posterior, rules: Rules) -> Names:
     slow = float(there[SLOW].mean()) if SLOW in there else 0.0
     own = {n: x for n, x in there.items() if n not in NO_NAME}
     some = float(np.any(list(own.values()), axis=0).mean()) if own else 0.0
-    left = {n: x.copy() for n, x in own.items() if x.mean() >= RARE}
+    left = {n: x.copy() for n, x in own.items() if x.mean() >= Limits.rare}
     mean = {n: p.mean_coefficients(n) for n in left}
     least = _own_gain(p, rules)
     found: list[Named] = []
@@ -72,12 +69,12 @@ def names(p: Posterior, rules: Rules) -> Names:
         if probability < rules.named and (found or some < rules.named):
             break
         first = max((n for n in left if FAMILY[n] == family), key=lambda n: left[n].mean())
-        tree = _places_of(first, left, {n: p.alike(mean[first], mean[n]) for n in left}, ALIKE)
+        tree = _places_of(first, left, {n: p.alike(mean[first], mean[n]) for n in left}, Limits.alike)
         sure = sum(tree.names.values()) >= rules.stated  # a learned simulator is off in many ways
         accepted = (sure or p.search.e.known_physics) and p.gain(first) > least
         found.append(Named(first, tree, p.gain(first), p.force(first, own[first]), accepted))
-        left = {n: x for n, x in left.items() if x.mean() >= RARE}
-    each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= RARE}
+        left = {n: x for n, x in left.items() if x.mean() >= Limits.rare}
+    each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= Limits.rare}
     return Names(tuple(found), some, slow, _explanations(own), each)
 
 
@@ -87,7 +84,7 @@ def _own_gain(p: Posterior, rules: Rules) -> float:
     own = p.search.own
     if own is None:
         return 0.0
-    ratio = max(float(p.search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), LEAST_RATIO)
+    ratio = max(float(p.search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), Limits.least_ratio)
     return rules.discrepancy * ratio * max(gains(own, rules).values())
 
 

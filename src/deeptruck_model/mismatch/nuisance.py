@@ -17,11 +17,11 @@ from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.sensitivity import STEP, accepted
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator
 
 FAR, SETTLED, STEPS = 0.05, 0.02, 4  # relative changes of parameters that are worth another linearisation
 CLOSE, CLOSER_STEPS = 0.005, 10  # the same where parameters are all that is fitted
-LEAST = 0.005  # of a parameter that is set at all
 
 
 def about_fitting_parameters(
@@ -94,7 +94,9 @@ class _About:
         self.say("linearising about refitted parameters")
         total = {p: search.e.total_change(p, c) for p, c in change.items()}
         possible = {
-            p: float(np.clip(c, *search.e.vehicle.possible(p))) for p, c in total.items() if abs(c) > LEAST
+            p: float(np.clip(c, *search.e.vehicle.possible(p)))
+            for p, c in total.items()
+            if abs(c) > Limits.least_shift
         }
         moved = accepted(self.simulator, possible, near=STEP)
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})

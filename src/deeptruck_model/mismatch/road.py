@@ -18,10 +18,11 @@ from scipy.special import gammainc
 
 from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
-from deeptruck_model.mismatch.posterior.road_lock import BY_CHANCE, RoadLock, road_lock
+from deeptruck_model.mismatch.posterior.road_lock import RoadLock, road_lock
 from deeptruck_model.mismatch.posterior.slow_force import plain_truck, slow_force
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.roads.stretches import LENGTH_M
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import UNKNOWN, Tree
 from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 
@@ -80,7 +81,7 @@ def _tree(e: Evidence, lock: RoadLock) -> Tree:
     either direction may do so by chance, and a road is as probable beforehand as none."""
     beside = sum(float(np.ptp(e["distance"][s.rows])) // LENGTH_M for s in e.stretches)
     again = max(lock.same_way_km, lock.other_way_km) * 1000.0 / LENGTH_M
-    by_chance = min(2.0 * float(gammainc(again, (1.0 - BY_CHANCE) * max(beside, 1.0))), 1.0)  # Poisson
+    by_chance = min(2.0 * float(gammainc(again, (1.0 - Limits.by_chance) * max(beside, 1.0))), 1.0)  # Poisson
     p = 1.0 / (1.0 + by_chance)
     slope = 1.0 if lock.other_way_km else ONE_WAY  # a surface slows either way
     return Tree({SLOPE: p * slope, SURFACE: p * (1.0 - slope), UNKNOWN: 1.0 - p})

@@ -1,8 +1,8 @@
 """Every number by which the verdict is decided, with its unit and where it comes from.
 
 What vehicles can do stands in vehicle_kinds.py. Numbers that steer a computation (grids, iterations,
-smoothing) stand beside their code. `python -m deeptruck_model.mismatch.rules` renews the table of
-docs/mismatch_rules.md.
+smoothing) stand next to their code, and the tests list them. `python -m deeptruck_model.mismatch.rules`
+renews the tables of docs/mismatch_rules.md.
 """
 
 from __future__ import annotations
@@ -133,23 +133,195 @@ class Rules:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What is compared, reported and corrected: numbers that are the same in every run."""
+
+    # recordings
+    least_moving: int = _rule(
+        100, "samples", "while moving, below which two sensors are not compared", CHOSEN
+    )
+    least_driving_s: float = _rule(60.0, "s", "usable driving, below which nothing can be said", CHOSEN)
+    least_speed_sd: float = _rule(
+        0.3, "m/s", "standard deviation of speed, below which a drive shows nothing", CHOSEN
+    )
+    held_out_share: float = _rule(
+        0.3, "1", "of the driving, held out where no drive was given for it", STATISTICS
+    )
+    settle_s: float = _rule(
+        6.0,
+        "s",
+        "at the start of a drive or free run, in which the simulator's unknown inner state decays",
+        TRUCKS,
+    )
+    braking_speed: float = _rule(1.0, "m/s", "below which no unrecorded braking is sought", SENSORS)
+    standing_m_s: float = _rule(
+        0.1, "m/s", "below which a truck may stand, and a force has no visible effect", SENSORS
+    )
+    no_vehicle: float = _rule(
+        0.01,
+        "1",
+        "of the samples beyond what a vehicle can do: with more the recording is none of a truck",
+        CHOSEN,
+    )
+    forgotten: float = _rule(
+        0.1, "1", "of the acceleration, that a simulator may lose when it is set to a recorded state", CHOSEN
+    )
+
+    speed_noise: float = _rule(0.003, "m/s", "least standard deviation of a speed signal", SENSORS)
+
+    # free runs
+    horizons_s: tuple[float, ...] = _rule(
+        (40.0, 20.0, 10.0),
+        "s",
+        "lengths of free runs, the longest first: what helps for 20 s may harm after 40",
+        CHOSEN,
+    )
+    least_runs: int = _rule(4, "runs", "needed to choose a length of free runs", CHOSEN)
+    least_compared: float = _rule(
+        0.9, "1", "of the samples of a free run, above which its error counts", CHOSEN
+    )
+    least_windows: int = _rule(3, "windows", "needed to split the error into parts", CHOSEN)
+
+    # detection
+    usual_discrepancy: float = _rule(
+        0.08,
+        "m/s^2",
+        "rms, by which learned simulators are wrong where the error of this one is not known",
+        CHOSEN,
+    )
+    least_drives: int = _rule(
+        4, "drives", "below which their disagreement on a size is not estimated", CHOSEN
+    )
+    event_compared: float = _rule(
+        0.7, "1", "of the samples of a window, above which an event may be in it", CHOSEN
+    )
+    notable: float = _rule(
+        0.02, "m/s^2", "of a 1 s mean, above which a force acts: noise of ordinary sensors", SENSORS
+    )
+    witness_known: float = _rule(
+        0.5, "1", "of a drive in which a channel must be recorded to be a witness", CHOSEN
+    )
+    witness_drives: int = _rule(
+        5,
+        "drives",
+        "left out in turn, below which no channel is a witness of a constant of each drive",
+        CHOSEN,
+    )
+    witness_drives_slow: int = _rule(
+        2, "drives", "left out in turn, below which no channel is a witness of a slow drift", CHOSEN
+    )
+    least_effective_mass_gain: float = _rule(
+        0.5, "1", "below which the brakes compensate a force, so that its size is not identifiable", CHOSEN
+    )
+    least_sensitivity: float = _rule(
+        1e-4, "m/s^2", "by 100 % of a parameter, below which the drives say nothing of it", CHOSEN
+    )
+    least_effect: float = _rule(
+        1e-6, "m/s", "by 20 % of a parameter, below which a simulator does not have it", CHOSEN
+    )
+
+    # names
+    rare: float = _rule(0.02, "1", "probability below which a name is left out", CHOSEN)
+    alike: float = _rule(
+        0.3, "1", "cosine of two whitened forces, above which one name may stand in another's place", CHOSEN
+    )
+    least_ratio: float = _rule(
+        0.5,
+        "1",
+        "of the driving on a learned simulator's own recordings: its discrepancy is scaled by no less",
+        CHOSEN,
+    )
+    in_drive: float = _rule(
+        0.15, "1", "of a force's largest rms in a drive, above which it acts in another", CHOSEN
+    )
+
+    # the correction
+    least_in: float = _rule(0.1, "1", "probability of a mechanism, above which it is corrected", CHOSEN)
+    form_left: float = _rule(0.03, "1", "of the squares of a mean force, that its forms may leave", CHOSEN)
+    simpler: float = _rule(
+        0.1, "1", "of these squares, that a form with fewer coefficients may leave more", CHOSEN
+    )
+    most_forms: int = _rule(3, "forms", "of a mechanism that stand for its mean force, at most", CHOSEN)
+    least_shift: float = _rule(
+        0.005, "1", "relative change of a parameter, below which it is not set", CHOSEN
+    )
+    least_error: float = _rule(1e-3, "m/s", "error of a free run that counts as none", CHOSEN)
+    pair_correlation: float = _rule(
+        0.9, "1", "correlation, above which drives identify two parameters only as a pair", CHOSEN
+    )
+    mass_saves: float = _rule(
+        0.1,
+        "1",
+        "of the held-out speed error that a mass moved together with a gain must save, at 95 %",
+        CHOSEN,
+    )
+    gain_farther: float = _rule(
+        0.05,
+        "1",
+        "by which a gain may be farther from the given one with the mass moved than with it held",
+        CHOSEN,
+    )
+
+    # roads
+    line_s: float = _rule(300.0, "s", "of driving, from which on a slow force is identifiable", CHOSEN)
+    line_r2: float = _rule(
+        0.4, "1", "of the fast changes that a line through the recordings must explain", CHOSEN
+    )
+    by_chance: float = _rule(
+        0.99, "1", "quantile of the agreement by chance, which the windows of a road must exceed", STATISTICS
+    )
+    road_share: float = _rule(0.05, "1", "of the windows that must be found again on a road", CHOSEN)
+    road_windows: int = _rule(
+        3, "windows", "apart from each other, that must be found again on a road", CHOSEN
+    )
+    least_stretches: int = _rule(
+        3, "stretches", "of road ahead, below which another pass predicts nothing", CHOSEN
+    )
+    road_shared: int = _rule(
+        20, "windows", "of 6 km, 100 m apart, that must agree in a row with the road of another drive", CHOSEN
+    )
+    position_agrees: float = _rule(
+        0.5, "1", "of the distance driven, or its inverse, that recorded positions must give", CHOSEN
+    )
+    least_road_km: float = _rule(0.5, "km", "of a recording on a known road, below which it has none", CHOSEN)
+    least_road_s: int = _rule(10, "s", "of a recording with a slope, below which it has no road", CHOSEN)
+    driven_again: float = _rule(
+        0.3, "1", "of the way that must be driven again, for what is there to be position-dependent", CHOSEN
+    )
+    times_driven: float = _rule(
+        1.5,
+        "1",
+        "times that a road was driven, below which nothing position-dependent is identifiable",
+        CHOSEN,
+    )
+
+
 BEGIN, END = "<!-- rules: begin -->", "<!-- rules: end -->"
+SAYS = "These decide what is compared, reported and corrected, and no argument changes them (`Limits`):"
 
 
-def table() -> str:
+def table(rules: type[Rules] | type[Limits] = Rules) -> str:
     """One row for each rule: name, value, unit, what it means and where it comes from."""
     rows = [
-        f"| `{f.name}` | {f.default:g} | {f.metadata['unit']} | {f.metadata['means']} "
+        f"| `{f.name}` | {_number(f.default)} | {f.metadata['unit']} | {f.metadata['means']} "
         f"| {f.metadata['source']} |"
-        for f in fields(Rules)
+        for f in fields(rules)
     ]
     return "\n".join(["| rule | value | unit | means | source |", "| --- | --- | --- | --- | --- |", *rows])
+
+
+def _number(x: float | tuple[float, ...]) -> str:
+    return ", ".join(f"{value:g}" for value in (x if isinstance(x, tuple) else (x,)))
 
 
 def put_into(page: Path) -> None:
     """Replace the table between the marks of a page."""
     before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    page.write_text(f"{before}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    page.write_text(
+        f"{before}{BEGIN}\n{table()}\n\n{SAYS}\n\n{table(Limits)}\n{END}{rest.partition(END)[2]}",
+        encoding="utf-8",
+    )
 
 
 if __name__ == "__main__":

@@ -10,15 +10,14 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Limits
 
 SMOOTH_S = 1.0
-NOTABLE = 0.02  # m/s^2: the noise of ordinary sensors over a second
-STANDING_M_S = 0.1  # slower, a truck may stand: a force has no visible effect there
 
 
 def visible(e: Evidence) -> NDArray[np.bool_]:
     """Rows (n,) that are compared and in which the truck moves."""
-    out: NDArray[np.bool_] = e.valid & (np.abs(e["speed"]) > STANDING_M_S)
+    out: NDArray[np.bool_] = e.valid & (np.abs(e["speed"]) > Limits.standing_m_s)
     return out
 
 
@@ -29,7 +28,9 @@ def acts(force: NDArray[np.float64], seen: NDArray[np.bool_], dt: float) -> NDAr
     if not seen.any() or smooth[seen].max() < 1e-6:
         return np.zeros(len(force), dtype=bool)
     level = 0.35 * float(np.quantile(smooth[seen], 0.99))
-    out: NDArray[np.bool_] = seen & (smooth > max(level, min(NOTABLE, 0.5 * float(smooth[seen].max()))))
+    out: NDArray[np.bool_] = seen & (
+        smooth > max(level, min(Limits.notable, 0.5 * float(smooth[seen].max())))
+    )
     return out
 
 

@@ -14,7 +14,7 @@ from scipy.stats import t as student_t
 from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.fit_result import Interval
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import NAMES
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.not_recorded import not_recorded as lacking
@@ -37,7 +37,7 @@ TAIL = 4.0  # degrees of freedom of the residual without braking
 OFF_S, ON_S = 90.0, 6.0  # mean time between applications, and of one
 BEGIN = np.exp(-4.0)  # odds of braking at the begin of a drive
 NEVER = -60.0  # log density of braking while the engine is asked to pull
-BLOCK_S, LEAST_S, LEAST_SPEED = 1.0, 30.0, 1.0
+BLOCK_S, LEAST_S = 1.0, 30.0
 IDLE = 0.05  # of the command's range above zero, or above its lowest below it: the pedal is released
 
 
@@ -99,7 +99,7 @@ def braking(e: Evidence, rules: Rules) -> tuple[Mask, float]:
         if len(blocks) * per * e.dt < LEAST_S:
             continue
         r = e.residual[blocks].mean(axis=1)
-        may = (idle[blocks].mean(axis=1) > 0.5) & (e["speed"][blocks].mean(axis=1) > LEAST_SPEED)
+        may = (idle[blocks].mean(axis=1) > 0.5) & (e["speed"][blocks].mean(axis=1) > Limits.braking_speed)
         p, nats = _two_states(r, may, per * e.dt)
         gain += nats
         on[blocks[p > 0.5].ravel()] = True

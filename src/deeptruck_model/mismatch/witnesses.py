@@ -18,13 +18,12 @@ from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.posterior.posterior import SLOW_S
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.grid import Grid
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 
 Array = NDArray[np.float64]
 
-LEAST_DRIVES = {EACH_DRIVE: 5, SLOW: 2}  # of which one after the other is left out
-KNOWN = 0.5  # of a drive, or of a span of it, in which a channel must be recorded
+LEAST_DRIVES = {EACH_DRIVE: Limits.witness_drives, SLOW: Limits.witness_drives_slow}
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def _predicted(search: Regression, force: Array, x: Array, part: str) -> float:
         for begin in range(s.start, s.stop - length + 1, max(length, 1)):
             rows = np.arange(begin, begin + length)
             rows = rows[used[rows] & np.isfinite(x[rows])]
-            if len(rows) >= KNOWN * length:
+            if len(rows) >= Limits.witness_known * length:
                 means.append((float(x[rows].mean()), float(force[rows].mean())))
                 owner.append(i)
     drives = np.unique(owner)

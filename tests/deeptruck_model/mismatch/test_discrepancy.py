@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.discrepancy import USUAL, _slow_noise, allowed_for, kept
+from deeptruck_model.mismatch.discrepancy import _slow_noise, allowed_for, kept
 from deeptruck_model.mismatch.names import Names, names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 
 BARE: Any = SimpleNamespace(reference=())
 
@@ -53,7 +53,7 @@ def test_slow_noise_is_as_strong_as_the_trucks_own_drifts(nothing_missing: Evide
     assert _slow_noise(nothing_missing) == Rules().slow_noise < 0.04 < _slow_noise(drifting) < 0.12
 
 
-@pytest.mark.parametrize(("off", "expected"), [(0.0, 0.02), (0.5, USUAL)])
+@pytest.mark.parametrize(("off", "expected"), [(0.0, 0.02), (0.5, Limits.usual_discrepancy)])
 def test_without_own_recordings_the_discrepancy_is_what_learned_simulators_usually_have(
     nothing_missing: Evidence, off: float, expected: float
 ) -> None:

@@ -6,10 +6,10 @@ import numpy as np
 from small_drives import evidence
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.model import FORMS, _forms, _terms
+from deeptruck_model.mismatch.model import _forms, _terms
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 
 
 def test_few_forms_stand_for_a_force_that_is_a_sum_of_many() -> None:
@@ -17,7 +17,7 @@ def test_few_forms_stand_for_a_force_that_is_a_sum_of_many() -> None:
     options = search.candidate_terms(LIBRARY["dragging_brake"])
     force = sum(np.nan_to_num(t.columns).sum(axis=1) for t in options)
     taken = _forms(search, options, force)
-    assert 1 <= len(taken) <= FORMS
+    assert 1 <= len(taken) <= Limits.most_forms
     X = np.concatenate([np.nan_to_num(t.columns) for t in taken], axis=1)[search.rows]
     left = force[search.rows] - X @ np.linalg.lstsq(X, force[search.rows], rcond=None)[0]
     assert np.sum(left**2) < 0.1 * np.sum(force[search.rows] ** 2)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 
 from deeptruck_model.mismatch import rules
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 
 ROOT = Path(__file__).parents[3]
 TOOL = ROOT / "src" / "deeptruck_model" / "mismatch"
@@ -36,10 +37,127 @@ def compared_numbers(path: Path) -> Iterator[float]:
                     yield value
 
 
-def test_there_are_at_most_25_rules_and_each_is_used() -> None:
+# Constants that are compared with, or bound a value, and decide nothing: by what they steer.
+STEERING: dict[str, dict[str, str]] = {
+    "grids, windows and counts of a computation": {
+        "events.py": "LENGTHS_S MOST STEP_S",
+        "live/monitor.py": "PATIENCE",
+        "mechanisms/courses.py": "BIN_M MOST_KNOTS SLOW_KNOT_S",
+        "mechanisms/terms.py": "ACTING LEAST_ROWS NEAREST",
+        "model.py": "FOLDS LOWEST",
+        "posterior/kernels.py": "IN_TIME TINY",
+        "posterior/next_pass.py": "AHEAD",
+        "posterior/posterior.py": "MOST_KNOTS MOST_PLACES PLACE_M SLOW_S",
+        "posterior/sampler.py": "BURN_IN LEAST_POWER MOST_KNOWN",
+        "residual/components.py": "ALIKE ASK_EVERY_S KNOTS LOOK_BACK_S",
+        "residual/evidence.py": "BLOCK_LEARNED_S BLOCK_S SLOW_NOISE_S",
+        "residual/forced.py": "ALIKE",
+        "residual/sensor_filter.py": "SMOOTH_S",
+        "roads/one_road.py": "LAP_M STEP_M",
+        "roads/shared_roads.py": "GAP_M",
+        "roads/stretches.py": "LENGTH_M",
+        "strength.py": "SMOOTH_S",
+        "unrecorded.py": "BLOCK_S",
+    },
+    "priors and the tails of noise": {
+        "adaptation.py": "LEAST_SD PRIOR",
+        "events.py": "CLIP INFORMS",
+        "posterior/regression.py": "FREE LARGEST_SLOPE",
+        "posterior/slow_force.py": "DRAGS",
+        "residual/noise.py": "ORDER ORDINARY TAIL Z95",
+    },
+    "what a recorded signal means": {
+        "data/speed_unit.py": "FEWEST GEARS_AT_MOST MOSTLY NEAR SAME",
+        "data/units.py": "NEAR",
+        "identifiable.py": "APART APART_M_S2",
+        "posterior/slow_force.py": "BRAKE_S BRAKING SLOWEST",
+        "residual/effective_mass.py": "BRAKED RELEASED_S",
+        "residual/evidence.py": "MOST_TURNS SELDOM WIDTH",
+        "residual/shift_moment.py": "FEWEST LEAST_CHANGE",
+        "unrecorded.py": "IDLE LEAST_S",
+    },
+    "constants of a mechanism": {
+        "mechanisms/air_and_tyres.py": "FAR_M LEAST_GRIP",
+        "mechanisms/driveline.py": "LOCKED_M_S",
+        "mechanisms/engine_drag.py": "LINGERS LITTLE RELEASED",
+        "mechanisms/symbols.py": "OMEGA",
+    },
+    "what a page shows": {
+        "report/lines.py": "LARGE WORTH_SAYING",
+        "report/page.py": "AROUND_S LEAST LEAST_SHARE MOST_BLOCKS",
+        "where.py": "SMALL",
+    },
+    "marks": {
+        "correction/corrected_truck.py": "SCHEMA",
+        "posterior/sampler.py": "OUT",
+        "roads/one_road.py": "NOWHERE",
+    },
+}
+BOUNDING = {"max", "min", "maximum", "minimum", "clip"}
+
+
+def is_numeric(node: ast.expr | None) -> bool:
+    """Whether an expression is a number, or a tuple or dictionary of such."""
+    if isinstance(node, ast.UnaryOp):
+        return is_numeric(node.operand)
+    if isinstance(node, ast.Tuple | ast.Dict):
+        values = node.elts if isinstance(node, ast.Tuple) else node.values
+        return bool(values) and all(map(is_numeric, values))
+    return isinstance(node, ast.Constant) and type(node.value) in (int, float)
+
+
+def constants(tree: ast.Module) -> set[str]:
+    """Names that a file gives to numbers."""
+    found = set()
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            pairs = [(target, node.value)]
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = list(zip(target.elts, node.value.elts, strict=True))
+            found |= {t.id for t, value in pairs if isinstance(t, ast.Name) and is_numeric(value)}
+    return found
+
+
+def weighed(tree: ast.Module) -> set[str]:
+    """Names in a comparison or in the arguments of a bound, in products and subscripts too."""
+    sides: list[ast.expr] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            sides += [node.left, *node.comparators]
+        elif isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            sides += node.args if name in BOUNDING else []
+    return {n.id for side in sides for n in ast.walk(side) if isinstance(n, ast.Name)}
+
+
+def test_each_rule_is_used() -> None:
     source = "".join(p.read_text() for p in TOOL.rglob("*.py") if p.name != "rules.py")
-    assert len(fields(Rules)) <= 25
-    assert not [f.name for f in fields(Rules) if f"rules.{f.name}" not in source]
+    assert not [f.name for f in fields(Rules) if not re.search(rf"[Rr]ules\.{f.name}\b", source)]
+    assert not [f.name for f in fields(Limits) if not re.search(rf"\bLimits\.{f.name}\b", source)]
+
+
+def test_what_is_compared_with_is_a_rule_or_steers_a_computation() -> None:
+    """In every file of the tool; a constant that is imported belongs to the file that has it."""
+    trees = {p.relative_to(TOOL).as_posix(): ast.parse(p.read_text()) for p in TOOL.rglob("*.py")}
+    given = {file: constants(tree) for file, tree in trees.items() if file != "rules.py"}
+    found = set()
+    for file, tree in trees.items():
+        names = weighed(tree)
+        found |= {(file, name) for name in names & given.get(file, set())}
+        for node in tree.body:
+            if isinstance(node, ast.ImportFrom) and node.module:
+                place = node.module.removeprefix("deeptruck_model.mismatch.").replace(".", "/") + ".py"
+                found |= {(place, a.name) for a in node.names if a.name in names & given.get(place, set())}
+    listed = {
+        (file, name) for of in STEERING.values() for file, names in of.items() for name in names.split()
+    }
+    assert found == listed
+
+
+def test_a_constant_is_seen_in_products_bounds_and_dictionaries() -> None:
+    tree = ast.parse("A, B = 1.0, {'x': -2}\nif y < A * z: pass\nmax(B['x'], 0)")
+    assert constants(tree) & weighed(tree) == {"A", "B"}
 
 
 def test_deciding_files_compare_with_rules_alone() -> None:
@@ -61,7 +179,7 @@ def test_only_one_file_names_a_verdict() -> None:
 
 def test_the_page_has_the_rules() -> None:
     page = (ROOT / "docs" / "mismatch_rules.md").read_text(encoding="utf-8")
-    assert rules.table() in page
+    assert rules.table() in page and rules.table(Limits) in page
 
 
 def compared_names(source: str, names: set[str]) -> set[str]:

@@ -15,15 +15,12 @@ from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.fit_result import Compared, Errors, Improvement, Interval
 from deeptruck_model.mismatch.residual.evidence import turns
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
-HORIZONS_S = (40.0, 20.0, 10.0)  # of free runs: what is slow adds up, and what helps 20 s may harm 40
-ENOUGH = 4  # free runs needed to choose a horizon
-SETTLE_S = 6.0  # forced along the recording before each free window, so that gear and lags are the drive's
-LEAST_VALID = 0.9  # share of a window's samples, above which its error is that of a whole free run
 BOOTSTRAPS = 1000
 
 
@@ -70,7 +67,7 @@ def _rows(prepared: Sequence[Prepared], steps: int) -> list[_Row]:
     out = []
     for half in (0, 1):
         for place, p in enumerate(prepared):
-            settle = round(SETTLE_S / p.dt)
+            settle = round(Limits.settle_s / p.dt)
             starts = _starts(p, settle, steps, half * (steps + settle) // 2)
             out += [_Row(p, place, starts)] if starts else []
     return out
@@ -92,11 +89,11 @@ def _errors(rows: Sequence[_Row], predicted: Array, steps: int) -> Errors:
 
 def horizon(prepared: Sequence[Prepared]) -> float:
     """Length of free runs, s: the longest of which enough fit between the gaps of these recordings."""
-    for long in HORIZONS_S:
-        runs = sum(len(_starts(p, round(SETTLE_S / p.dt), round(long / p.dt), 0)) for p in prepared)
-        if runs >= ENOUGH:
+    for long in Limits.horizons_s:
+        runs = sum(len(_starts(p, round(Limits.settle_s / p.dt), round(long / p.dt), 0)) for p in prepared)
+        if runs >= Limits.least_runs:
             return long
-    return HORIZONS_S[-1] if prepared else HORIZONS_S[0]
+    return Limits.horizons_s[-1] if prepared else Limits.horizons_s[0]
 
 
 def _run(simulator: Simulator | TruckWithForces, rows: Sequence[_Row], steps: int, exogenous: bool) -> Array:
@@ -142,7 +139,7 @@ def _starts(p: Prepared, settle: int, steps: int, more: int) -> list[int]:
     """Samples at which free runs begin; the first after each gap is `more` samples later than possible."""
     out, k, after_gap = [], settle, True
     while k + steps + 1 < len(p.recording):
-        if p.valid[k : k + steps].mean() <= LEAST_VALID:
+        if p.valid[k : k + steps].mean() <= Limits.least_compared:
             k, after_gap = k + max(1, settle), True
         elif after_gap and more:
             k, after_gap = k + more, False

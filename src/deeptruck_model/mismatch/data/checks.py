@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.data import units
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording, plausibility
 from deeptruck_model.recordings.not_recorded import unrecorded_braking
 from deeptruck_model.signals import channel_of
@@ -20,7 +20,6 @@ from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 
-LEAST_MOVING = 100  # samples while moving, by which two sensors are compared
 SHIFTS = 4  # times that the accelerometer is shifted by the lag so far, as a fit is linear in the lag
 
 
@@ -86,7 +85,7 @@ def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
     d = gaussian_filter1d(np.where(ok, derivative(np.where(ok, speed, 0.0), dt), 0.0), width)
     moving = gaussian_filter1d(ok.astype(float), width) > 0.999
     moving &= np.abs(speed) > 0.5
-    if moving.sum() < LEAST_MOVING or np.std(d[moving]) < 0.02:
+    if moving.sum() < Limits.least_moving or np.std(d[moving]) < 0.02:
         return Kinematics(speed_noise, nan, nan, nan, nan, nan, nan)
     jerk = np.gradient(d, dt)
     slope, offset, lag, se = _errors_in_both(a, d, jerk, moving, width)
@@ -94,7 +93,7 @@ def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
     for _ in range(SHIFTS):
         shifted = _sooner(a, lag / dt)
         both = moving & np.isfinite(shifted)
-        if both.sum() < LEAST_MOVING:
+        if both.sum() < Limits.least_moving:
             break
         again = _errors_in_both(shifted, d, jerk, both, width)
         if abs(again[2]) >= abs(step):  # the two are not the same signal

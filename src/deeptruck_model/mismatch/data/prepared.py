@@ -13,15 +13,13 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.vehicle_kinds import LEAST_SPEED, NO_COASTING
 
 BRAKE = "brake_command"
-LEAST_DRIVING_S = 60.0  # s of usable driving: less is too little
-LEAST_SPEED_SD = 0.3  # m/s: a speed that varies less is too little
-HELD_OUT_SHARE = 0.3  # of the driving, which is held out where no drive was given for it
 SAME_DRIVES = (
     "few recordings and no other held out: the last 30 % of each was set aside, "
     "so what is claimed holds for the same drives only"
@@ -137,7 +135,7 @@ def with_held_out(
     if held:
         return fit + held, [False] * len(fit) + [True] * len(held), []
     if len(fit) >= 4:
-        count = max(1, round(HELD_OUT_SHARE * len(fit)))
+        count = max(1, round(Limits.held_out_share * len(fit)))
         return (
             fit,
             [False] * (len(fit) - count) + [True] * count,
@@ -145,8 +143,8 @@ def with_held_out(
         )
     pieces, flags = [], []
     for r in fit:
-        cut = int(len(r) * (1 - HELD_OUT_SHARE))
-        if (len(r) - cut) * dt < LEAST_DRIVING_S:
+        cut = int(len(r) * (1 - Limits.held_out_share))
+        if (len(r) - cut) * dt < Limits.least_driving_s:
             pieces.append(r)
             flags.append(False)
             continue
@@ -158,14 +156,14 @@ def with_held_out(
 def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection]) -> str | None:
     """Why nothing can be said from the recordings that are not held out, or None."""
     seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
-    if seconds < LEAST_DRIVING_S:
+    if seconds < Limits.least_driving_s:
         if rejected:
             most = rejected[0]
             why = f"{most.rule} ({most.samples} samples)"
             return f"only {seconds:.0f} s of usable driving; most was set aside because: {why}"
         return f"only {seconds:.0f} s of usable driving: record at least several minutes above walking pace"
     speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
-    if np.std(speed) < LEAST_SPEED_SD:
+    if np.std(speed) < Limits.least_speed_sd:
         return (
             "the speed is constant throughout, so no force is distinguishable from another: "
             "accelerate, brake and coast between 5 and 25 m/s"
@@ -176,7 +174,7 @@ def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection])
 def too_little(e: Evidence) -> str | None:
     """Why nothing can be said where the simulator drives most of what is fitted in another gear, or None."""
     seconds = float((e.valid & ~e.held_out).sum()) * e.dt
-    if seconds >= LEAST_DRIVING_S or not e.other_gear:
+    if seconds >= Limits.least_driving_s or not e.other_gear:
         return None
     return (
         f"only {seconds:.0f} s of driving in the gear that was recorded: look whether gear and engine_speed "
@@ -187,7 +185,6 @@ def too_little(e: Evidence) -> str | None:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
 RECOVERY_S = 1.0  # in which a learned simulator recovers from driving outside its training domain
 
 
@@ -247,7 +244,7 @@ def prepare(
     if recording.interface.brake_unit is None:
         slowing = gaussian_filter1d(observed, max(1.0, 1.0 / dt)) < NO_COASTING
         dead |= widen(slowing, round(2.0 / dt), round(3.0 / dt))
-    dead[: round(SETTLE_S / dt)] = True
+    dead[: round(Limits.settle_s / dt)] = True
     dead[len(dead) - round(1.0 / dt) :] = True
     whole = replace(recording, channels=filled)
     unknown = np.full(len(recording), np.nan)

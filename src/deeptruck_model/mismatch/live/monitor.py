@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import noise_of
-from deeptruck_model.mismatch.data.prepared import SETTLE_S, fed_back, quantum
+from deeptruck_model.mismatch.data.prepared import fed_back, quantum
 from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 SMOOTH_S = 5.0
 NOISE_S = 20.0  # of the newest inputs, from which their noise is measured
 PATIENCE = 5  # steps that may wait for a command stamped at their begin
-LEAST_NOISE = 0.003  # m/s
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ class Monitor:
         self._standing_out: list[tuple[float, float]] = []
 
     def goes_on_with(self, simulator: Simulator) -> None:
-        """Use another simulator of the same truck from now on; its state is unknown for SETTLE_S."""
+        """Use another simulator of the same truck from now on; its state is unknown for `settle_s`."""
         self._simulator = simulator
         self._forget()
 
@@ -135,7 +134,7 @@ class Monitor:
         self._forget()
 
     def _forget(self) -> None:
-        """Restart after a gap in the data: the inner state is unknown for SETTLE_S."""
+        """Restart after a gap in the data: the inner state is unknown for `settle_s`."""
         if len(self._standing_out) > 1 and self.alarm is not None:
             self.located.append(self._stretch())
         self._state, self._settled = None, math.inf
@@ -169,7 +168,7 @@ class Monitor:
             return self._judge(end, math.nan, math.nan)
         if self._state is None:
             self._state = self._simulator.reset(np.tile(self._response(0.0, before), (JITTER_RUNS + 1, 1)))
-            self._settled = end + SETTLE_S
+            self._settled = end + Limits.settle_s
         self._inputs.append(np.array([after, *u]))
         predicted = self._predict(u, w, (after - before) / self._dt, after)
         if end < self._settled or after < LEAST_SPEED:
@@ -184,7 +183,7 @@ class Monitor:
         moved[1:] += noise[1:] * self._rng.uniform(-0.5, 0.5, (JITTER_RUNS, len(u)))
         self._state, y = self._simulator.step(self._state, moved, np.tile(w, (JITTER_RUNS + 1, 1)))
         response = np.tile(self._response(acceleration, speed), (JITTER_RUNS + 1, 1))
-        response[1:, SPEED] += self._rng.normal(0.0, max(noise[0], LEAST_NOISE), JITTER_RUNS)
+        response[1:, SPEED] += self._rng.normal(0.0, max(noise[0], Limits.speed_noise), JITTER_RUNS)
         response[:, SPEED] = np.maximum(response[:, SPEED], 0.0)
         self._state = self._simulator.force(self._state, fed_back(self._simulator, response))
         return np.asarray(y[:, ACCELERATION])

@@ -15,6 +15,7 @@ import numpy as np
 from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal, lift
 from deeptruck_model.mismatch.mechanisms.symbols import PLACE
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Limits
 
 Along = Literal["elapsed", "distance"]
 
@@ -25,7 +26,6 @@ SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that is time-varying
 FINE_M = 100.0  # knots of a hilly road
 MOST_KNOTS = 80
 BIN_M = 10.0  # in which a road is counted
-TWICE = 1.5  # times that a road was driven, below which nothing position-dependent is visible
 
 
 @dataclass(frozen=True)
@@ -267,7 +267,7 @@ def of_all(e: Evidence, spline: Spline) -> Iterator[Spline]:
     None where hardly any of it is driven twice."""
     known = e.valid & (e["place"] >= 0.0)
     driven = float(np.sum(e["speed"][known])) * e.dt
-    if driven < TWICE * BIN_M * len(np.unique((e["place"][known] / BIN_M).astype(int))):
+    if driven < Limits.times_driven * BIN_M * len(np.unique((e["place"][known] / BIN_M).astype(int))):
         return
     last = float(np.max(e["place"][known], initial=0.0))
     spacing = max(spline.spacing, last / (MOST_KNOTS - 2))

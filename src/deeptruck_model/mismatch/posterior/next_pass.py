@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.roads.stretches import STEP_M, WIDTH, Windows, turned
+from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 SEAM, AHEAD = 5, 20  # steps: a slow force is smoothed over 8 s on either side; and what is predicted
-LEAST = 3  # stretches ahead, of which fewer show nothing
 RESAMPLED = 1000
 
 
@@ -49,7 +49,7 @@ def next_pass(windows: Windows, here: Indices, there: Indices, reverse: NDArray[
         if pair is not None:
             both.append((int(windows.profile[i]), *pair))
             last = i
-    if len(both) < LEAST:
+    if len(both) < Limits.least_stretches:
         return None
     owner = np.array([k for k, _, _ in both])
     before, after = (np.array([np.mean(x**2) for x in column]) for column in _columns(both))

@@ -22,7 +22,7 @@ from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import SIZES, Blocks, Draws, sample
 from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, fit, whiten
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 
 Array = NDArray[np.float64]
@@ -30,7 +30,6 @@ Array = NDArray[np.float64]
 SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where there would be more
 COARSE_M = 1000.0  # of the coarser knots of a slope that was not recorded
 PLACE_M, MOST_PLACES = 200.0, 160
-TWICE = 0.3  # of the way that is driven again, at least, for a block of its own
 DRIFT = 0.05  # m/s^2, prior sd of what is slow, of a place, and of a constant per drive
 FEW = 12  # draws, beside whose mean the noise is fitted
 CHUNK = 4096  # rows that are whitened at once
@@ -260,7 +259,7 @@ def _places(search: Regression) -> Array | None:
     bins = (e["place"][known] / PLACE_M).astype(int)
     passes = {b: len(np.unique(e.record[known][bins == b])) for b in np.unique(bins)}
     again = np.array([passes[b] > 1 for b in bins])
-    if again.mean() < TWICE:
+    if again.mean() < Limits.driven_again:
         return None
     last = float(e["place"][known].max())
     spacing = max(PLACE_M, last / MOST_PLACES)

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.posterior.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.roads.stretches import LENGTH_M, STEP_M, Windows, similarity, turned
+from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 EVERY = 8  # steps between the windows that are sought again
-BY_CHANCE = 0.99  # quantile of the agreement by chance, which the windows of a road must exceed
-ROAD_SHARE = 0.05  # of the windows: so many must be found again
-ROAD_WINDOWS = 3  # windows that do not overlap: so many must be found again
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     """Where a slow specific force (n,) came again; None where no road was seen twice."""
     windows = _windows(e, force)
     picked = np.arange(0, len(windows.at), EVERY)
-    if len(picked) < ROAD_WINDOWS / ROAD_SHARE:
+    if len(picked) < Limits.road_windows / Limits.road_share:
         return None
     all_of_them = windows.centred()
     a = all_of_them[picked]
@@ -48,7 +46,7 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
 
     (same, there), (other, back) = found(a), found(turned(a))
     chance = np.concatenate([found(-a)[0], found(-turned(a))[0]])
-    limit = float(np.quantile(chance, BY_CHANCE))
+    limit = float(np.quantile(chance, Limits.by_chance))
     same_km, other_km = _beyond_chance(same > limit), _beyond_chance(other > limit)
     if not same_km and not other_km:
         return None
@@ -63,7 +61,7 @@ def _beyond_chance(found: NDArray[np.bool_]) -> float:
     """Kilometres of the windows that were found again, 0 where they are so few that chance alone finds
     them."""
     km = round(EVERY * STEP_M / 1000.0 * int(found.sum()), 1)
-    enough = found.mean() >= ROAD_SHARE and km >= ROAD_WINDOWS * LENGTH_M / 1000.0
+    enough = found.mean() >= Limits.road_share and km >= Limits.road_windows * LENGTH_M / 1000.0
     return km if enough else 0.0
 
 

@@ -23,11 +23,10 @@ from deeptruck_model.mismatch.residual.components import (
     EFFICIENCY,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
 
-LINE_S = 300.0  # s of driving, from which a slow force, or a line through the recordings, is identifiable
-LINE_R2 = 0.4  # share of the fast changes: a line through the recordings that explains less is no truck
 LINE_GAIN_DOUBT = 0.1  # relative error that such a line's factor of the engine's force may have
 BRAKE_S, BRAKING = 2.0, 0.02  # braking is left out until it has let go, s and share of the hardest
 FAST_S = 8.0  # changes within so long are no road's
@@ -56,7 +55,7 @@ def plain_truck(e: Evidence) -> PlainTruck | None:
     """The best line by its r2; None where none explains the fast changes, or no engine was recorded."""
     tried = [_fitted(e, traction, factor) for traction, factor in _tractions(e)]
     best = max((t for t in tried if t is not None), key=lambda t: t.r2, default=None)
-    return best if best is not None and best.r2 > LINE_R2 else None
+    return best if best is not None and best.r2 > Limits.line_r2 else None
 
 
 def _tractions(e: Evidence) -> Iterator[tuple[Array, float]]:
@@ -88,7 +87,7 @@ def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
     if e.has("brake_command"):
         command = np.nan_to_num(e["brake_command"])
         use &= e.lag(command, BRAKE_S) < BRAKING * max(float(command.max(initial=0.0)), 1e-9)
-    if use.sum() * e.dt < LINE_S:
+    if use.sum() * e.dt < Limits.line_s:
         return None
     y, X = _fast(e, changed), np.stack([_fast(e, traction), -_fast(e, friction)], axis=1)
     y, X = y[use], X[use]
@@ -142,7 +141,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
     `weight` (n,) is the weight of each sample, `sigma` the sd of one sample's noise, `doubt` the rms of what
     `left` may hold for another reason.
     """
-    if e.valid.sum() * e.dt < LINE_S:
+    if e.valid.sum() * e.dt < Limits.line_s:
         return None
     centred, known = _slow_part(e, left, weight)
     rms = float(np.sqrt(np.mean(centred[known] ** 2)))

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from deeptruck_model.mismatch.data.checks import Rejection
-from deeptruck_model.mismatch.data.prepared import SETTLE_S
 from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
@@ -18,6 +17,7 @@ from deeptruck_model.mismatch.report.wording import (
     spoken,
 )
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import UNKNOWN, Node
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
@@ -95,8 +95,8 @@ def what(v: Verdict) -> Iterator[str]:
         left_out = [f"{r.rule}, {percent(x)}" for r, x in shares_rejected(v) if x >= WORTH_SAYING]
         because = f" Left out: {'; '.join(left_out)}." if left_out else ""
         yield (
-            f"{percent(v.data.compared)} of the recorded time is compared: not the first {SETTLE_S:g} s of a "
-            f"drive, nor below {LEAST_SPEED:g} m/s.{because}"
+            f"{percent(v.data.compared)} of the recorded time is compared: not the first "
+            f"{Limits.settle_s:g} s of a drive, nor below {LEAST_SPEED:g} m/s.{because}"
         )
     b = v.budget
     if b is not None and b.parts:

@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.result import Finding, Mismatch, Segment, Verdict
-from deeptruck_model.mismatch.strength import NOTABLE
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "budget": [_part(p) for p in v.budget.parts if p.share >= LEAST_SHARE or p.part == LEFT_OVER]
         if v.budget is not None
         else [],
-        "notable": NOTABLE,
+        "notable": Limits.notable,
         "drives": len(v.budget.parts[0].drives) if v.budget is not None and v.budget.parts else 0,
         "findings": [_finding(f) for f in v.findings],
         "errors": [

@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
 from deeptruck_model.mismatch.residual.noise import Series
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.signals import printed
 from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED, UNSTATED, VehicleKind
 
@@ -124,7 +124,6 @@ PER_KILOGRAM = ForceUnit("m/s^2", 1.0)
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-LEAST_EFFECTIVE_MASS_GAIN = 0.5  # below this the brakes compensate the force, so its size is not identifiable
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
 BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
@@ -217,7 +216,7 @@ class Evidence:
     def newtons(self, acceleration: Array) -> Array:
         """The forces that give these accelerations, (n,); too small where the brakes compensate them."""
         gain = self.signals.get("effective_mass_gain", np.ones(len(self)))
-        out: Array = acceleration * self.mass / np.maximum(gain, LEAST_EFFECTIVE_MASS_GAIN)
+        out: Array = acceleration * self.mass / np.maximum(gain, Limits.least_effective_mass_gain)
         return out
 
     @property

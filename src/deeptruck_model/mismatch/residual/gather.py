@@ -23,7 +23,7 @@ from deeptruck_model.mismatch.residual.shift_moment import (
     of_a_sample_sooner,
     samples_apart,
 )
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
@@ -168,7 +168,7 @@ def _disagreement(
         steps = np.array([quantum(column) for column in p.u.T])
         u = p.u + steps * rng.uniform(-0.5, 0.5, (k, n, p.u.shape[1]))
         y = np.repeat(p.y[None], k, axis=0)
-        noise = rng.normal(0.0, max(p.speed_noise, 0.003), (k, n))
+        noise = rng.normal(0.0, max(p.speed_noise, Limits.speed_noise), (k, n))
         drift = rng.normal(0.0, 0.002, (k, 1)) * p.y[None, :, SPEED]
         noise = gaussian_filter1d(noise, 2.0, axis=1) + drift
         y = at_another_moment(y, apart_by * rng.uniform(-1.0, 1.0, (k, 1)) * p.dt, p.observed)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, log_ndtr
 from scipy.stats import t as student_t
 
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.trucks.compiled import entry
 
 Array = NDArray[np.float64]
@@ -25,7 +25,6 @@ ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
 Z95 = 1.96  # sds to either side of a 95 % interval
 ORDINARY = 3.0  # robust sds of the residual beyond which it counts less for the autoregression
-LEAST_DRIVES = 4  # with fewer, nothing is said of how much drives disagree on a size
 
 
 @dataclass(frozen=True)
@@ -203,7 +202,7 @@ def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> A
     """
     drive = np.cumsum(series.starts)[use]
     count = len(np.unique(drive))
-    if count < LEAST_DRIVES:
+    if count < Limits.least_drives:
         return np.zeros(len(covariance))
     score = np.stack([gradient[drive == k].sum(axis=0) for k in np.unique(drive)]) @ covariance
     wider = count / (count - 1) * (student_t.ppf(0.975, count - 1) / Z95) ** 2

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fill, widen
 from deeptruck_model.mismatch.residual import components
-from deeptruck_model.mismatch.residual.evidence import LEAST_EFFECTIVE_MASS_GAIN, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.forced import forced
 from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Run, Simulator
 
@@ -22,7 +23,6 @@ Mask = NDArray[np.bool_]
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
 STEP = 0.04  # relative step of a parameter for its sensitivity
 HALVINGS = 12  # of a change that a simulator refuses
-LEAST_CHANGE = 1e-4  # m/s^2 by 100 % of a parameter, below which the drives say nothing of it
 SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
 
 
@@ -58,7 +58,9 @@ def sensitivities(
             out[name] = _rerun_slope(simulator, prepared, grid, evidence, name, below, above)
         else:
             out[name] = components.sensitivity(evidence, name)
-    return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > LEAST_CHANGE}
+    return {
+        k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > Limits.least_sensitivity
+    }
 
 
 def _steps(simulator: Simulator, name: str) -> tuple[float, float]:
@@ -91,7 +93,9 @@ def _rerun_slope(
         return slope
     dt = prepared[0].dt
     apart = grid.any([_shifts(a, dt) | _shifts(b, dt) for a, b in zip(low, high, strict=True)])
-    apart &= e["effective_mass_gain"] > LEAST_EFFECTIVE_MASS_GAIN  # below it the brakes hold, not the engine
+    apart &= (
+        e["effective_mass_gain"] > Limits.least_effective_mass_gain
+    )  # below it the brakes hold, not the engine
     known = np.nan_to_num(components.sensitivity(e, name))
     return known + fill(np.where(apart, np.nan, slope - known))
 

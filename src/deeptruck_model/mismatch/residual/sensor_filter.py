@@ -13,10 +13,10 @@ from scipy.ndimage import uniform_filter1d
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
+from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 
-LATE_S = 0.15  # of all commands together
 # Filters of ordinary speed sensors and message periods make every response a little late (s).
 SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
 SLOPE_LATE_S = 0.4  # prior sd: sensors of slope are filtered, and by elevation and distance late or early
@@ -29,7 +29,7 @@ SAMPLES = 1.0  # prior sd: by so many a truck decides sooner or later than its s
 
 def known(e: Evidence) -> tuple[Array, Prior]:
     """Columns (n, k), m/s^2, and the prior of their shares."""
-    late = [-e.difference(e.simulated), e.rerun("delay_all", LATE_S) / LATE_S]
+    late = [-e.difference(e.simulated), e.rerun("delay_all", Rules.least_delay_s) / Rules.least_delay_s]
     slope = _late_slope(e)
     filtered = _shifted(e, rows(e))
     sooner = [] if e.sooner is None else [e.sooner]

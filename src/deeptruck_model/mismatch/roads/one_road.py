@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from deeptruck_model.compare.alignment import NEAR_M
 from deeptruck_model.earth import metres_per_degree
 from deeptruck_model.mismatch.data.prepared import Prepared, fill
+from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,6 @@ STEP_M = 10.0
 SMOOTH = 2.0  # steps over which a receiver's error is smoothed
 APART_M = 500.0  # between two roads: knots of one do not reach the other
 NOWHERE = -1.0  # the place of a drive without positions
-BELIEVED = 0.5  # of the way that was driven, or its inverse, that positions give at least
 CHORD_M, PIECE_M = 30.0, 600.0  # a receiver's error lengthens short chords, bends shorten long ones
 LAP_M = 200.0  # a road that is met again sooner was not left
 
@@ -149,7 +149,10 @@ def driven_by_positions(p: Prepared) -> Array:
 def _as_driven(way: Array) -> bool:
     """Whether the positions of a way (k, 4) cover about the driven distance: a receiver may have frozen."""
     gone = float(np.hypot(*np.diff(way[:, :2], axis=0).T).sum())
-    return gone > BELIEVED * STEP_M * (len(way) - 1) and gone < STEP_M * (len(way) - 1) / BELIEVED
+    return (
+        gone > Limits.position_agrees * STEP_M * (len(way) - 1)
+        and gone < STEP_M * (len(way) - 1) / Limits.position_agrees
+    )
 
 
 def _placed(way: Array, known: Array, places: Array, end: float) -> Array:

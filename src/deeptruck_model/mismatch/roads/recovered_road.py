@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import FIND_FIRST, PROFILE, check_road
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 
 Array = NDArray[np.float64]
-
-LEAST = 10  # seconds of a recording with a slope, of which less is no road
 
 
 class Slopes(Protocol):
@@ -80,7 +79,7 @@ class Roads:
         time, slope = self.slopes[recording.name].time, self.slopes[recording.name].slope
         elapsed = recording.dt * np.arange(len(recording))
         inside = (time >= recording.start_s) & (time <= recording.start_s + elapsed[-1])
-        if inside.sum() < LEAST:
+        if inside.sum() < Limits.least_road_s:
             return None
         distance = np.cumsum(np.nan_to_num(recording.channels["speed"])) * recording.dt
         there = np.interp(time[inside] - recording.start_s, elapsed, distance)

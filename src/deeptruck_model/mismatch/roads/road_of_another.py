@@ -23,12 +23,12 @@ from deeptruck_model.mismatch.roads.stretches import (
     steps,
     turned,
 )
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-ROAD_SHARED = 20  # windows, 100 m apart, that must agree in a row with another's road: 8 km in all
 NEAR = 5  # steps by which places may differ that are one: wheels and curves measure a road a little otherwise
 
 
@@ -66,7 +66,7 @@ def shared(own: Windows, other: Windows) -> Shared:
 
     Each window votes for the place that it agrees with best, if it does so better than any does in the two
     comparisons that no road can make alike. On a road that both drove, one window after the other votes for
-    the same distance between the two; ROAD_SHARED says how many are more than chance gives.
+    the same distance between the two; Limits.road_shared says how many are more than chance gives.
     """
     a, b = own.centred(), other.centred()
     if not len(a) or not len(b):
@@ -74,7 +74,7 @@ def shared(own: Windows, other: Windows) -> Shared:
     pairs = Votes(own, other, similarity(a, b), -1.0), Votes(own, other, similarity(turned(a), b), 1.0)
     none = Votes(own, other, similarity(-a, b), -1.0), Votes(own, other, similarity(-turned(a), b), 1.0)
     limit = max(float(v.best.max()) for v in none)
-    same, back = (np.where(v.votes(limit) >= ROAD_SHARED, v.best, -1.0) for v in pairs)
+    same, back = (np.where(v.votes(limit) >= Limits.road_shared, v.best, -1.0) for v in pairs)
     reverse = back > same
     found = np.flatnonzero(np.maximum(same, back) > limit)
     slope = other.values[np.where(reverse, pairs[1].place, pairs[0].place)[found]]

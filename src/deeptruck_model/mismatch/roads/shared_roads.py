@@ -16,6 +16,7 @@ from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.roads.one_road import STEP_M, headed
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import channel_of
 
@@ -26,7 +27,6 @@ CELL_M = 100.0
 CELL_DEG = 0.0009  # of latitude: 99.5 m at the equator, 100.5 m at the poles
 WAYS = "NESW"  # a passage has that of its mean heading: the other way along a road is another cell
 GAP_M = 300.0  # between known cells, over which a slope is interpolated
-LEAST_KM = 0.5  # known of a recording, of which less is no road
 FLEET_FIRST = "give roads.csv as 'deeptruck-model fleet roads' wrote it"
 
 
@@ -71,14 +71,14 @@ class SharedRoads:
 
     def along(self, recording: Recording) -> Array | None:
         """Slope (n,) of a recording, interpolated over gaps and NaN off the shared roads; None where less
-        than LEAST_KM of it is known, or it has no positions."""
+        than Limits.least_road_km of it is known, or it has no positions."""
         p = prepare(recording, False)
         places = headed(p)
         if places is None:
             return None
         slope = np.array([self.slopes.get(cell, np.nan) for cell in cells(places)])
         known = np.flatnonzero(np.isfinite(slope))
-        if len(known) * STEP_M < 1000.0 * LEAST_KM:
+        if len(known) * STEP_M < 1000.0 * Limits.least_road_km:
             return None
         driven = p.distance() - p.distance()[0]
         ahead = np.clip(np.searchsorted(known * STEP_M, driven), 1, len(known) - 1)
