@@ -18,7 +18,7 @@ HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a director
 # Of all that pip tells, what takes long: packages of a megabyte and more, and the end.
 SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.]+ [MG]B)\).*/  \3, \4/p
 UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
-.PHONY: demo test test-long test-hours lint bench dist docs schemas clean setup
+.PHONY: demo test test-long test-hours coverage lint bench dist docs schemas clean setup
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
@@ -49,6 +49,11 @@ test-long: setup
 # What neither has the time for: a thousand damaged files for every reader.
 test-hours: setup
 	$(BIN)/python -m pytest -m hours
+
+# Lines of the packages that `make test` runs, and build/coverage/index.html. Compiled loops and processes that tests
+# start are not counted.
+coverage: setup
+	$(BIN)/python -m pytest --cov=src --cov=benchmarks --cov-report=term --cov-report=html:build/coverage
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done
