@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 SENSORS = "ordinary sensors"
 TRUCKS = "what trucks do"
@@ -311,7 +311,7 @@ def table(rules: type[Rules] | type[Limits] = Rules) -> str:
     return "\n".join(["| rule | value | unit | means | source |", "| --- | --- | --- | --- | --- |", *rows])
 
 
-def _number(x: float | tuple[float, ...]) -> str:
+def _number(x: Any) -> str:
     return ", ".join(f"{value:g}" for value in (x if isinstance(x, tuple) else (x,)))
 
 
