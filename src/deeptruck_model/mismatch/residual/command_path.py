@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+SOFT_S = 0.4  # a shaped command comes to its target with this time constant
+FASTER_DOWN = 2.0  # and takes torque away so much faster than it adds it
+LIMITED = ("rate", "soft", "shaped", "climb", "drop")
+
+
 def changed(p: Prepared, name: str, amount: float) -> Array:
     """The commands as another path had delivered them; `name` is WHAT_WHICH, e.g. delay_all, rate_brake."""
     what, which = name.split("_")
@@ -25,23 +30,32 @@ def changed(p: Prepared, name: str, amount: float) -> Array:
     for i, channel in enumerate(p.recording.interface.u):
         if which != "all" and not channel.startswith(which):
             continue
+        x = p.u[:, i]
         if what == "delay":
             t = np.arange(len(out))
-            out[:, i] = np.interp(t - amount / p.dt, t, p.u[:, i])
-        elif what == "rate":
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, amount * p.dt, 1.0)
-        elif what in ("soft", "shaped"):
-            down = amount * (FASTER_DOWN if what == "shaped" else 1.0)
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, down * p.dt, eased(p.dt))
-        elif what == "climb":
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, np.inf, 1.0)
-        elif what == "drop":
-            out[:, i] = _limit_rate(p.u[:, i], np.inf, amount * p.dt, 1.0)
+            out[:, i] = np.interp(t - amount / p.dt, t, x)
+        elif what in LIMITED:
+            out[:, i] = _limit_rate(x, *limits(what, amount, p.dt))
         elif what == "lag":
-            out[:, i] = _lag(p.u[:, i], *lagged(p.dt, amount))
-        elif what in ("rise", "fall"):
-            out[:, i] = _one_sided_lag(p.u[:, i], *lagged(p.dt, amount), what == "rise")
+            out[:, i] = _lag(x, *lagged(p.dt, amount))
+        else:
+            out[:, i] = _one_sided_lag(x, *lagged(p.dt, amount), what == "rise")
     return out
+
+
+def limits(what: str, rate: float, dt: float) -> tuple[float, float, float]:
+    """The largest steps up and down of a rate limit, and the share of the distance to its target that a
+    command moves in a step if no rate limits it."""
+    step, eased = rate * dt, float(1.0 - np.exp(-dt / SOFT_S))
+    up = np.inf if what == "drop" else step
+    down = {"climb": np.inf, "shaped": FASTER_DOWN * step}.get(what, step)
+    return up, down, eased if what in ("soft", "shaped") else 1.0
+
+
+def lagged(dt: float, tau_s: float) -> tuple[float, float]:
+    """Shares of a distance to the command that are left at the end of a step, and in its mean."""
+    end = float(np.exp(-dt / tau_s))
+    return end, tau_s / dt * (1.0 - end)
 
 
 @entry
@@ -72,21 +86,6 @@ def _limit_rate(x: Array, up: float, down: float, share: float) -> Array:
     return out
 
 
-SOFT_S = 0.4  # a shaped command comes to its target with this time constant
-FASTER_DOWN = 2.0  # and takes torque away so much faster than it adds it
-
-
-def eased(dt: float) -> float:
-    """Share of the distance to its target that a shaped command moves in a step, if no rate limits it."""
-    return float(1.0 - np.exp(-dt / SOFT_S))
-
-
-def lagged(dt: float, tau_s: float) -> tuple[float, float]:
-    """Shares of a distance to the command that are left at the end of a step, and in its mean."""
-    end = float(np.exp(-dt / tau_s))
-    return end, tau_s / dt * (1.0 - end)
-
-
 class CommandPath:
     """A chain of (path name, amount, share): each moves the command by `share` of what the full path does; a
     share is that of all rows of a batch, or of each (batch,)."""
@@ -106,51 +105,31 @@ class CommandPath:
         after = []
         for (name, amount, share), m in zip(self._paths, memory, strict=True):
             what, which = name.split("_")
-            moved, m = getattr(self, f"_{what}")(u, amount, m)
+            moved, m = self._moved(what, u, amount, m)
             on = np.array([which == "all" or c.startswith(which) for c in self._channels])
             u = np.where(on, u + share * (moved - u), u)
             after.append(m)
         return u, after
 
-    def _delay(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+    def _moved(self, what: str, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        """One path of all commands, and its new memory: a queue, or where each command stands."""
+        if what == "delay":
+            return self._delayed(u, amount, memory)
+        held = u if memory is None else memory
+        if what in LIMITED:
+            up, down, share = limits(what, amount, self._dt)
+            out = held + np.clip(share * (u - held), -down, up)
+            return out, out
+        end, mean = lagged(self._dt, amount)
+        both = u + mean * (held - u), u + end * (held - u)
+        if what == "lag":
+            return both
+        one_way = np.minimum if what == "rise" else np.maximum
+        return one_way(u, both[0]), one_way(u, both[1])
+
+    def _delayed(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
         steps = max(amount, 0.0) / self._dt
         whole = int(np.ceil(steps))
         queue = [u] * (whole + 1) if memory is None else [u, *memory[:whole]]
         part = whole - steps
         return (1 - part) * queue[whole] + part * queue[max(whole - 1, 0)], queue
-
-    def _lag(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        """The mean over the step of what follows a command held over the step, and where it ends."""
-        held = u if memory is None else memory
-        end, mean = lagged(self._dt, amount)
-        return u + mean * (held - u), u + end * (held - u)
-
-    def _rise(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        mean, end = self._lag(u, amount, memory)
-        return np.minimum(u, mean), np.minimum(u, end)
-
-    def _fall(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        mean, end = self._lag(u, amount, memory)
-        return np.maximum(u, mean), np.maximum(u, end)
-
-    def _rate(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        step = amount * self._dt
-        out = u if memory is None else memory + np.clip(u - memory, -step, step)
-        return out, out
-
-    def _soft(self, u: Array, amount: float, memory: Any, faster: float = 1.0) -> tuple[Array, Any]:
-        step = amount * self._dt
-        near = (u - (u if memory is None else memory)) * eased(self._dt)
-        out = (u if memory is None else memory) + np.clip(near, -faster * step, step)
-        return out, out
-
-    def _shaped(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        return self._soft(u, amount, memory, FASTER_DOWN)
-
-    def _drop(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        out = u if memory is None else np.maximum(u, memory - amount * self._dt)
-        return out, out
-
-    def _climb(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        out = u if memory is None else np.minimum(u, memory + amount * self._dt)
-        return out, out
