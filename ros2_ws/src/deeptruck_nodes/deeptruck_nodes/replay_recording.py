@@ -10,9 +10,7 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_model import console
-from deeptruck_model.files import OVERWRITE_HELP
-from deeptruck_nodes import runs
+from deeptruck_nodes import options, runs
 
 EXAMPLES = """
 Examples:\n
@@ -31,17 +29,13 @@ def main(
         list[str] | None, typer.Option(help="Only this topic; may be given more than once.")
     ] = None,
     record: Annotated[Path | None, typer.Option(help="Record what is played; a new folder.")] = None,
-    overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,
+    overwrite: options.Overwrite = False,
     monitor: Annotated[
         str, typer.Option(help="Simulator to compare the played truck with: /mismatch/residual.")
     ] = "",
-    page: Annotated[
-        bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
-    ] = False,
-    parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
-    run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
-        "runs"
-    ),
+    page: options.Page = False,
+    parameters: options.Parameters = None,
+    run_folders: options.RunFolders = options.RUNS,
 ) -> None:
     """Play a bag back onto its topics, with /clock, in recorded time or faster."""
     given = {"replay": {"bag": str(bag.absolute()), "speed": speed, "start_s": start, "topics": topic or []}}
@@ -51,6 +45,4 @@ def main(
 
 def start(program: str = "deeptruck-replay") -> None:
     """The console script; a script of the workspace calls itself otherwise."""
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command(epilog=EXAMPLES)(main)
-    console.run(app, program)
+    options.start(main, EXAMPLES, program)

@@ -5,14 +5,11 @@ from __future__ import annotations
 import deeptruck_model.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
-from deeptruck_model import console
-from deeptruck_model.files import OVERWRITE_HELP
-from deeptruck_nodes import runs
+from deeptruck_nodes import options, runs
 from deeptruck_nodes.run_checks import Sections
 
 EXAMPLES = """
@@ -36,16 +33,14 @@ def main(
             "python:MODULE:FACTORY or fmu:MODEL.fmu."
         ),
     ],
-    policy: Annotated[
-        str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM[?economy].")
-    ],
-    record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,
-    overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,
+    policy: options.Policy,
+    record: options.Record = None,
+    overwrite: options.Overwrite = False,
     leader: Annotated[
         str, typer.Option(help="What the vehicle ahead does, see below.")
     ] = "constant:speed=20",
     radar: Annotated[
-        Literal["clean", "noisy", "field"],
+        options.Errors,
         typer.Option(
             help="clean: no errors; noisy: noise of 0.1 m and 0.05 m/s (1 sd), 0.05 dropouts a second; "
             "field: these, and the lane-change jump of the paper's field run at 63 s."
@@ -60,22 +55,16 @@ def main(
         ),
     ] = "",
     initial_speed: Annotated[float, typer.Option(help="Of the truck, m/s.")] = 20.0,
-    initial_gap: Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")] = 0.0,
-    time_gap: Annotated[float, typer.Option(help="To hold, s.")] = 2.0,
+    initial_gap: options.InitialGap = 0.0,
+    time_gap: options.TimeGap = 2.0,
     duration: Annotated[float, typer.Option(help="Simulated time, s; 0: until Ctrl-C.")] = 0.0,
     lockstep: Annotated[bool, typer.Option("--lockstep", help="As fast as it goes, repeatable.")] = False,
     rate: Annotated[float, typer.Option(help="Publishing rate in real time, Hz.")] = 10.0,
     seed: Annotated[int, typer.Option(help="Seed of the radar's noise.")] = 0,
-    monitor: Annotated[
-        str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
-    ] = "",
-    page: Annotated[
-        bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
-    ] = False,
-    parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
-    run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
-        "runs"
-    ),
+    monitor: options.Monitor = "",
+    page: options.Page = False,
+    parameters: options.Parameters = None,
+    run_folders: options.RunFolders = options.RUNS,
 ) -> None:
     """Drive a simulated truck behind a leader, in real time or lock-step. Ctrl-C ends everything in order."""
     given: Sections = {
@@ -91,6 +80,4 @@ def main(
 
 def start(program: str = "deeptruck-simulation") -> None:
     """The console script; that of the ROS 2 workspace gives its own name as `program`."""
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command(epilog=EXAMPLES)(main)
-    console.run(app, program)
+    options.start(main, EXAMPLES, program)

@@ -5,14 +5,11 @@ from __future__ import annotations
 import deeptruck_model.script_start  # noqa: F401 - Ctrl-C during the imports that follow
 
 # isort: split
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
-from deeptruck_model import console
-from deeptruck_model.files import OVERWRITE_HELP
-from deeptruck_nodes import runs
+from deeptruck_nodes import options, runs
 
 EXAMPLES = """
 Examples:\n
@@ -40,9 +37,6 @@ Emulator = Annotated[
 InitialSpeed = Annotated[float, typer.Option(help="Of the emulated truck, m/s.", min=0.0, max=50.0)]
 Grade = Annotated[str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")]
 # Who drives, and behind whom
-Policy = Annotated[
-    str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM[?economy].")
-]
 KnownRoad = Annotated[
     str,
     typer.Option(
@@ -50,51 +44,39 @@ KnownRoad = Annotated[
         "table:path=CSV (distance,grade) or as deeptruck-simulation --road; published as /road/ahead."
     ),
 ]
-TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
 Leader = Annotated[
     str | None,
     typer.Option(help="Simulated vehicle ahead, as in deeptruck-simulation; else the truck's radar."),
 ]
-Radar = Annotated[Literal["clean", "noisy", "field"], typer.Option(help="Errors of the simulated radar.")]
-InitialGap = Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")]
+Radar = Annotated[options.Errors, typer.Option(help="Errors of the simulated radar.")]
 Seed = Annotated[int, typer.Option(help="Of the radar's errors.")]
 # The run
-Record = Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")]
-Overwrite = Annotated[bool, typer.Option(help=OVERWRITE_HELP)]
 Duration = Annotated[float, typer.Option(help="s; 0: until Ctrl-C.", min=0.0)]
-Monitor = Annotated[
-    str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
-]
-Page = Annotated[
-    bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
-]
-Parameters = Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")]
-RunFolders = Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")]
 
 
 def main(
     vehicle: Vehicle,
-    policy: Policy,
+    policy: options.Policy,
     interface: Interface = "loopback",
     channel: Channel = "deeptruck",
-    record: Record = None,
-    overwrite: Overwrite = False,
+    record: options.Record = None,
+    overwrite: options.Overwrite = False,
     emulator: Emulator = False,
     leader: Leader = None,
     radar: Radar = "noisy",
     initial_speed: InitialSpeed = 20.0,
-    initial_gap: InitialGap = 0.0,
+    initial_gap: options.InitialGap = 0.0,
     grade: Grade = "0",
     known_road: KnownRoad = "",
-    time_gap: TimeGap = 2.0,
+    time_gap: options.TimeGap = 2.0,
     engage: Engage = False,
     no_load: NoLoad = False,
     duration: Duration = 0.0,
     seed: Seed = 0,
-    monitor: Monitor = "",
-    page: Page = False,
-    parameters: Parameters = None,
-    run_folders: RunFolders = Path("runs"),
+    monitor: options.Monitor = "",
+    page: options.Page = False,
+    parameters: options.Parameters = None,
+    run_folders: options.RunFolders = options.RUNS,
 ) -> None:
     """Drive a truck over CAN with the simulation's nodes. Ctrl-C hands control back and ends in order."""
     bridge = {
@@ -126,6 +108,4 @@ def main(
 
 def start(program: str = "deeptruck-vehicle") -> None:
     """The console script; a script of the workspace calls itself otherwise."""
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command(epilog=EXAMPLES)(main)
-    console.run(app, program)
+    options.start(main, EXAMPLES, program)

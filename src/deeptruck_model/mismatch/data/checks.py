@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording, plausibility
 from deeptruck_model.recordings.not_recorded import unrecorded_braking
+from deeptruck_model.recordings.plausibility import SPEEDS
 from deeptruck_model.signals import channel_of
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
@@ -268,7 +269,7 @@ def _late(channel: str, lag_s: float) -> str:
 def _scaled(channel: str, factor: float) -> str:
     """That a channel is the wrong one, where speed changes `factor` times as much."""
     fits = f"{'speed' if channel == 'acceleration' else 'acceleration'} fits the commands better"
-    taken = units.likely(factor, units.SPEEDS | units.ACCELEROMETERS)
+    taken = units.likely(factor, SPEEDS | units.ACCELEROMETERS)
     return f"speed changes {factor:.3f} times as much as the accelerometer says: {taken or fits}"
 
 

@@ -5,14 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 NEAR = 0.015  # relative: as tyres differ from those of the simulator
-SPEEDS = {  # what speed is multiplied by where it is read so
-    3.6: "km/h read as m/s",
-    1 / 3.6: "m/s read as km/h",
-    2.2369: "mph read as m/s",
-    1 / 2.2369: "m/s read as mph",
-    1.6093: "km/h read as mph",
-    1 / 1.6093: "mph read as km/h",
-}
 ACCELEROMETERS = {  # what speed is too large by beside one that is read so
     1 / 9.80665: "an accelerometer in m/s^2 read as g",
     9.80665: "an accelerometer in g read as m/s^2",

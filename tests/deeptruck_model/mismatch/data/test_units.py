@@ -14,6 +14,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks, speed_unit, units
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.recordings.plausibility import SPEEDS
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
 
@@ -106,5 +107,5 @@ def test_what_does_not_tell_is_not_asked() -> None:
     ("scale", "cause"), [(3.598, "km/h read as m/s"), (9.79, "accelerometer in g"), (1.04, ""), (3.4, "")]
 )
 def test_a_factor_is_named_by_its_cause(scale: float, cause: str) -> None:
-    said = units.likely(scale, units.SPEEDS | units.ACCELEROMETERS)
+    said = units.likely(scale, SPEEDS | units.ACCELEROMETERS)
     assert cause in said and bool(said) == bool(cause)

@@ -1,0 +1,38 @@
+"""Options that the three commands which start a run share, and how they become console scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from deeptruck_model import console
+from deeptruck_model.files import OVERWRITE_HELP
+
+RUNS = Path("runs")
+
+Policy = Annotated[
+    str, typer.Option(help="Policy directory, ONNX policy, baseline:NAME, or planner:SIM[?economy].")
+]
+TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
+Errors = Literal["clean", "noisy", "field"]
+InitialGap = Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")]
+Record = Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")]
+Overwrite = Annotated[bool, typer.Option(help=OVERWRITE_HELP)]
+Monitor = Annotated[
+    str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
+]
+Page = Annotated[
+    bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
+]
+Parameters = Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")]
+RunFolders = Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")]
+
+
+def start(main: Callable[..., None], examples: str, program: str) -> None:
+    """Run `main` as the console script of that name."""
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(epilog=examples)(main)
+    console.run(app, program)
