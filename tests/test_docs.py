@@ -71,6 +71,8 @@ WORDS = {  # what control engineers do not say: and what they do
     "(is|are|was|were) asked for": "requested, demanded",
     "beside it": "next to it, in addition",
     "by the mean": "time average",
+    "strays?|allowances?": "leaves, tolerance",
+    "levers?|tempers?|tempered": "overall gear ratio, evidence temperature",
 }
 
 

@@ -132,7 +132,7 @@ def test_jerk_gives_way_at_both_edges(value, why):
 
 
 @pytest.mark.parametrize(
-    ("start", "value", "strays"),
+    ("start", "value", "leaves_fade"),
     [
         (10.0, 10.01, False),
         (10.0, 10.02, True),
@@ -145,8 +145,8 @@ def test_jerk_gives_way_at_both_edges(value, why):
         (0.2, -0.22, True),
     ],
 )
-def test_straying_in_a_fade(start, value, strays):
-    assert started(start).strays(value, 0.1) == strays
+def test_leaving_in_a_fade(start, value, leaves_fade):
+    assert started(start).leaves_fade(value, 0.1) == leaves_fade
 
 
 @pytest.mark.parametrize(("value", "rest"), [(0.01, True), (-0.01, True), (0.02, False), (-0.02, False)])
@@ -207,12 +207,13 @@ def test_at_rest_means_at_its_own_rest(value, rest):
 
 
 @pytest.mark.parametrize(
-    ("start", "value", "strays"), [(8.0, 7.6, False), (8.0, 8.1, True), (2.0, 2.4, False), (2.0, 1.9, True)]
+    ("start", "value", "leaves_fade"),
+    [(8.0, 7.6, False), (8.0, 8.1, True), (2.0, 2.4, False), (2.0, 1.9, True)],
 )
-def test_straying_is_measured_from_its_own_rest(start, value, strays):
+def test_leaving_is_measured_from_its_own_rest(start, value, leaves_fade):
     motion = Motion(OFFSET)
     motion.start(start, 15.0, 0.1)
-    assert motion.strays(value, 0.1) == strays
+    assert motion.leaves_fade(value, 0.1) == leaves_fade
 
 
 def test_slowing_down_leaves_room_to_stop_in_whole_cycles():

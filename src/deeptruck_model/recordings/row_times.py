@@ -84,20 +84,20 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
             f"{table.path}: rows are {usual:g} s apart; a unit of time other than "
             f"'{clock.format or clock.unit}' is likely (between {SHORTEST_S:g} and {LONGEST_S:g} s is usual)"
         )
-    table, time = _without_strays(table, time)
+    table, time = _without_outliers(table, time)
     return _in_pieces(table, time, usual)
 
 
-def _without_strays(table: TextTable, time: Array) -> tuple[TextTable, Array]:
+def _without_outliers(table: TextTable, time: Array) -> tuple[TextTable, Array]:
     """Without the few rows that are stamped far off their neighbours, where time is back in its place."""
-    stray = np.zeros(len(time), dtype=bool)
+    outlier = np.zeros(len(time), dtype=bool)
     steps = np.diff(time)
     jumps = np.flatnonzero((steps < -BACK_S) | (steps > RETURN_S))
     for a, b in pairwise(jumps):
         opposite = (steps[a] > 0.0) is not (steps[b] > 0.0)
-        if opposite and not stray[a] and b - a <= TRUSTED and -BACK_S <= time[b + 1] - time[a] <= RETURN_S:
-            stray[a + 1 : b + 1] = True
-    return table.without(stray, "stamped far off their neighbours"), time[~stray]
+        if opposite and not outlier[a] and b - a <= TRUSTED and -BACK_S <= time[b + 1] - time[a] <= RETURN_S:
+            outlier[a + 1 : b + 1] = True
+    return table.without(outlier, "stamped far off their neighbours"), time[~outlier]
 
 
 def _in_pieces(table: TextTable, time: Array, usual: float) -> tuple[TextTable, Array, list[float]]:

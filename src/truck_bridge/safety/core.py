@@ -311,7 +311,7 @@ class Safety:
         if motion.outside(value, self._speed, now):
             return "value"
         if self.state is State.FADING:
-            return "rate" if motion.strays(value, now) else ""
+            return "rate" if motion.leaves_fade(value, now) else ""
         return motion.hasty(value, self._rate(axis, now), self._speed, now)
 
     def _rate(self, axis: Axis, now: float) -> float:

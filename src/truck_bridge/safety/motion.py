@@ -88,7 +88,7 @@ class Motion:
         bend = abs(move - self.slew * elapsed)
         return "jerk" if inside and bend > self.axis.limits.jerk * elapsed**2 + quantum else ""
 
-    def strays(self, value: float, now: float) -> bool:
+    def leaves_fade(self, value: float, now: float) -> bool:
         """True when a demand of a graded release moves away from rest, or too fast towards it."""
         quantum, rest = 1.01 * self.axis.demand.scale, self.axis.rest
         away = abs(value - rest) > abs(self.value - rest) + quantum
