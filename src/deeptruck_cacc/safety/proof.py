@@ -83,7 +83,7 @@ def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool
     leader = _Leader(first, first, nothing, nothing, nothing, first)
     shield = Shield(p, 0.0, 1.0)
     # the promise includes knowing how hot the brakes are
-    shield._seen = Bounds(gap, first, speed, heat.copy(), first, nothing, nothing)
+    shield._seen = Bounds(gap, first, speed, heat.copy(), first, nothing, nothing, nothing)
     pull, wish, blind, noise = np.split(genes[:, 5:], 4, axis=1)
     least, acted, earliest = np.full(batch, np.inf), np.zeros(batch), np.full(batch, -np.inf)
     for k in range(steps):

@@ -46,6 +46,7 @@ class Promise:
     ease_m: float = (
         10.0  # m before the limit where, behind a leader that is not seen, `mild_braking` comes in
     )
+    ease_s: float = 0.5  # s, in which the engine is then taken back, and given back whatever took it
     mild_braking: float = 0.6  # m/s^2, as which the truck then slows down on the level
     mild_brake: float = 0.08  # share of the brake command by which it does
     bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,
@@ -83,12 +84,14 @@ class Bounds(NamedTuple):
     slow_leader: Array  # m/s, the leader's speed when seen, through a filter of `track_s`
     leader_braking: Array  # m/s^2, the hardest that the leader brakes while it is not seen
     unseen_s: Array  # s, since it was
+    eased: Array  # share of the engine command that was taken back
 
     @classmethod
     def unknown(cls, batch: int) -> Bounds:
         """Before the first measurement: whatever is possible."""
         nothing = np.zeros(batch)
-        return cls(nothing, nothing, np.full(batch, 40.0), nothing, nothing, nothing, np.full(batch, np.inf))
+        never = np.full(batch, np.inf)
+        return cls(nothing, nothing, np.full(batch, 40.0), nothing, nothing, nothing, never, nothing)
 
 
 @dataclass
@@ -136,15 +139,17 @@ class Shield:
         limit = np.maximum(limit, np.where(easing, np.minimum(2.0 - 2.0 * slack / p.ease_m, 1.0) * mild, 0.0))
         sent_brake = np.clip(np.maximum(asked, limit), 0.0, self.brake_high)
         # not a cut: a policy that follows at the limit would get its engine on and off
-        left = np.clip(slack / p.soft_m, 0.0, 1.0)
+        near = 1.0 - np.clip(slack / p.soft_m, 0.0, 1.0)
+        eased = np.maximum(near, np.clip(seen.eased + np.where(easing, p.dt, -p.dt) / p.ease_s, 0.0, 1.0))
+        left = 1.0 - eased
         throttled = self.engine_low + left * (np.maximum(engine, self.engine_low) - self.engine_low)
         sent_engine = np.where(left < 1.0, throttled, engine)
-        sent_engine = np.where(missing | easing, self.engine_low, sent_engine)
+        sent_engine = np.where(missing, self.engine_low, sent_engine)
         self.braking = slack < 0
         self.acted = missing | (sent_brake > asked) | (sent_engine != engine)
         heating = np.minimum(sent_brake / self.brake_high, 1.0) * p.strongest_braking * seen.speed
         self._cooled = seen.heat * (1.0 - p.dt / p.cooling_s)
-        self._seen = seen._replace(heat=self._cooled + p.dt * heating)
+        self._seen = seen._replace(heat=self._cooled + p.dt * heating, eased=eased)
         return sent_engine, sent_brake
 
     def steady_gap(self, speed: Array) -> Array:
@@ -182,4 +187,5 @@ class Shield:
             np.where(received, old.slow_leader + share * (known - old.slow_leader), old.slow_leader),
             braking,
             np.where(received, 0.0, old.unseen_s + p.dt),
+            old.eased,
         )

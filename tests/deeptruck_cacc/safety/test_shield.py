@@ -251,6 +251,19 @@ def test_a_leader_that_is_lost_near_is_braked_for_mildly_first():
     assert np.flatnonzero(brake > mild)[0] > np.flatnonzero(brake == mild)[0] > 3
 
 
+def test_a_leader_that_is_missed_once_does_not_cut_the_engine():
+    """By dt / ease_s at each missing reading less engine, and as slowly back; 9 m before the limit."""
+    shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
+    seen, sent = (column(45.0), column(20.0)), []
+    for missing in (0, 0, 1, 0, 0, *[1] * 6, *[0] * 6):
+        gap, speed = (nan, nan) if missing else seen
+        sent.append(float(shield.filter(gap, speed, column(20.0), column(500.0), column(0.0))[0][0]))
+    step = 500.0 * PROMISE.dt / PROMISE.ease_s
+    assert sent[:5] == pytest.approx([500.0, 500.0, 500.0 - step, 500.0, 500.0])
+    assert sent[9] == sent[10] == pytest.approx(0.0, abs=1e-9)
+    assert sent[11:] == pytest.approx([step, 2 * step, 3 * step, 4 * step, 500.0, 500.0])
+
+
 def test_a_leader_that_was_braking_or_standing_when_it_was_lost_is_braked_for_at_once():
     far = 70.0
     assert (lost(leader=20.0, gap=far, steps=10) == 0.0).all()
