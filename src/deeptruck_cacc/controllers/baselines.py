@@ -19,7 +19,10 @@ Array = NDArray[np.float64]
 
 
 def acc(seen: Seen) -> Array:
-    """PATH-type ACC: Milanes and Shladover (2014), Transp. Res. C 48, gains 0.23 1/s^2 and 0.07 1/s."""
+    """PATH-type ACC: Milanes and Shladover (2014), Transp. Res. C 48, gains 0.23 1/s^2 and 0.07 1/s.
+
+    Far behind, `Baseline` bounds what this asks for: 40 m beyond the gap it is 9 m/s^2.
+    """
     return 0.23 * seen.gap_error + 0.07 * (seen.leader_speed - seen.speed)
 
 
@@ -27,6 +30,7 @@ def cacc(seen: Seen) -> Array:
     """PATH-type CACC: gap error and its rate (0.45, 0.25), the leader's acceleration fed forward.
 
     Gains as Milanes and Shladover (2014) print them for the speed-step form, read as an acceleration law.
+    Bounded far behind, as `acc` is.
     """
     return 0.45 * seen.gap_error + 0.25 * (seen.leader_speed - seen.speed) + seen.leader_acceleration
 
@@ -48,9 +52,12 @@ def pi(seen: Seen) -> Array:
     return 0.12 * error + 0.5 * speed_error + 0.02 * seen.integral + 0.7 * seen.leader_acceleration
 
 
-CREEP = 1.0  # m/s, by which any law may close in
-CLOSING_S = 1.0  # s, time constant towards the speed allowed
-LEAST_TIME_GAP_S = 0.5  # at standstill no time gap is one
+# How a law may close in. At its gap and the leader's speed it may still ask for CREEP / CLOSING_S = 1 m/s^2,
+# so that cacc follows a leader that speeds up. How hard acc and idm brake after drop-outs of 6 s hardly
+# depends on them: by 0.6 m/s^2 at most with CREEP from 0 to 1 m/s and CLOSING_S from 0.5 to 2 s.
+CREEP = 1.0  # m/s above the leader's speed
+CLOSING_S = 1.0  # s, time constant towards the speed that is allowed
+LEAST_TIME_GAP_S = 0.5  # as which less counts: `approach` divides by it, and at standstill it is 0
 
 LAWS: dict[str, Law] = {"acc": acc, "cacc": cacc, "idm": idm, "pi": pi, "mpc": mpc}
 

@@ -19,7 +19,6 @@ from scipy.optimize import lsq_linear
 from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.law import LEAST_GAP_M, Seen
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
-from deeptruck_cacc.controllers.scaling import SUITED
 from deeptruck_cacc.controllers.signed_pedal import SignedPedal, pedal_commands
 from deeptruck_model.signals import SPEED
 
@@ -37,6 +36,8 @@ ROWS = STEPS + len(HELD)  # runs of a truck side by side; the plan and its six n
 # Costs, beside 1 of (m/s)^2 off the ideal follower, of a pedal change squared per second and of a metre below
 # the least gap squared; chosen on validation scenes of a deep truck.
 CHANGE_COST, TOO_NEAR = 0.02, 10.0
+# m/s^2, by which a closed gap is planned to end; a plan is exceeded by a fifth, and 1 m/s^2 is not to be.
+APPROACH = 0.8
 DAMPING = 1e-3  # Levenberg's, of the pedals
 CORRECTION_S = 0.5  # time constant of the acceleration that the truck has beyond the simulator
 
@@ -108,7 +109,7 @@ class Planner(SignedPedal):
         driven = self.dt * np.concatenate([begun, speed[:, :, :-1]], axis=2).cumsum(axis=2)
         gap = seen.gap[:, None, None] + way - driven
         time_gap = np.clip(seen.time_gap, 1.0, 6.0)[:, None, None]
-        off = leader + approach(gap - time_gap * leader, time_gap, SUITED["approach"])[0] - speed
+        off = leader + approach(gap - time_gap * leader, time_gap, APPROACH)[0] - speed
         near = np.maximum(LEAST_GAP_M - gap, 0.0)
         before = np.broadcast_to(now.pedal[:, None, None], (*plans.shape[:2], 1))
         changes = np.diff(plans, axis=2, prepend=before) / np.sqrt(np.diff(KNOTS_S, prepend=-self.dt))

@@ -12,6 +12,7 @@ from deeptruck_cacc.controllers.law import Seen
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.planner import HELD, KNOTS_S, ROWS, Planner
 from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.hard_scenes import settled
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_model import driving_cycles, simulators, trucks
 from deeptruck_model.deep import Arguments, train
@@ -55,6 +56,15 @@ def test_the_plan_is_the_best_that_a_general_optimiser_finds(toy, gap, leader_sp
         key=lambda found: found.fun,
     )
     assert cost(plan[0]) <= best.fun * 1.01 + 1e-6 < 0.9 * cost(np.zeros(len(KNOTS_S)))
+
+
+def test_a_gap_that_has_opened_is_closed_without_braking_hard():
+    """20 m behind its gap; a planned approach is exceeded by a fifth at most."""
+    truck = simulators.load("truck:trucksim")
+    scene = replace(settled(1, 250, 20.0, 2.0), gap=np.array([60.0]))
+    trace = roll_out(truck, Planner(truck), scene)
+    assert -1.0 < np.diff(trace["speed"][:, 0]).min() / truck.dt < -0.6
+    assert trace["gap"][-1, 0] < 44.0 and trace["gap"].min() > 39.5
 
 
 def test_one_step_is_enough_where_the_truck_is_linear(toy):
