@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from deeptruck_cacc.safety.guard import Guard
 from deeptruck_nodes.observation import SECOND, Observation
 
 EVENTS = ("drop_outs", "shield_interventions", "full_brakings")
+HOLE_S = 0.5  # between two observations, beyond which the past is forgotten; at least three steps
 CONTRADICTED_S = 1.0  # for which a radar may contradict itself, or the truck's speed
 FULL = 0.95  # of the highest brake command: full braking
 
@@ -32,6 +33,9 @@ class Event:
 class Following:
     """A guarded policy that acts every `dt` of stamps; in between its command is held.
 
+    Tracker, shield and policy reckon in steps of `dt`. Where a radar is slower, they get the steps between
+    two of its readings too, on a straight line.
+
     The command is NaN, which nobody obeys, where there is nothing to follow: the radar has lost the leader
     for `lose_lead_after_s` or contradicts the speeds for a second, or the truck's own speed is silent.
     """
@@ -39,7 +43,7 @@ class Following:
     def __init__(self, guard: Guard, target_time_gap: float, lose_lead_after_s: float) -> None:
         self._guard, self._time_gap, self._lose_after_s = guard, target_time_gap, lose_lead_after_s
         self._period = round(guard.dt * SECOND)
-        self._acts_from = 0
+        self._acted: Observation | None = None  # the newest, its stamp on the grid of `dt`
         self._brake_high = ActionScale.of(guard).brake_high
         self._steps = {"shield_acted": 0, "baseline_drove": 0}
         self._events = {name: Event() for name in EVENTS}
@@ -63,12 +67,25 @@ class Following:
 
     def take(self, seen: Observation, *, obeyed: bool = True) -> tuple[float, float]:
         """Engine and brake command after an observation; `obeyed`: they will drive the truck."""
-        if seen.stamp >= self._acts_from:
-            self._acts_from = seen.stamp + self._period * 9 // 10  # stamps may jitter
-            self.held = self._act(seen)
+        steps = self._steps_to(seen)
+        before = self._acted
+        for step in range(1, steps + 1):
+            self.held = self._act(_between(before or seen, seen, step / steps))
             if not obeyed:
                 self._guard.spare()
+        if steps:
+            stamp = seen.stamp if before is None else before.stamp + steps * self._period
+            self._acted = replace(seen, stamp=stamp)
         return self.held
+
+    def _steps_to(self, seen: Observation) -> int:
+        """How many steps of `dt` have passed since the last one; stamps may jitter by a tenth of one."""
+        passed = math.inf if self._acted is None else seen.stamp - self._acted.stamp
+        if abs(passed) > max(HOLE_S * SECOND, 3 * self._period):
+            self._guard.forget()
+            self._acted = None
+            return 1
+        return max(int(passed + self._period // 10) // self._period, 0)
 
     def _act(self, seen: Observation) -> tuple[float, float]:
         numbers = {
@@ -96,3 +113,12 @@ class Following:
         self._events["shield_interventions"].now(acted)
         self._events["full_brakings"].now(bool(braking))
         return float(engine[0]), float(brake[0])
+
+
+def _between(before: Observation, after: Observation, share: float) -> Observation:
+    """What was seen at a share of the way; NaN where either end is, but at the end."""
+    if share == 1.0:
+        return after
+    names = ("speed", "gap", "leader_speed", "grade")
+    line = {n: getattr(before, n) + share * (getattr(after, n) - getattr(before, n)) for n in names}
+    return replace(after, **line)
