@@ -1,16 +1,19 @@
 """Fuel on roads that are known: planner:SIM?economy beside other controllers, on the truck itself.
 
-python benchmarks/bench_economy.py [--truck trucksim] [--work runs/following] [--seeds 10] [--seed 1000]
+python benchmarks/bench_economy.py [--truck trucksim ...] [--work runs/following] [--seeds 10] [--seed 1000]
 
-The simulator in --work/TRUCK is the deep truck of bench_following.py. Behind a leader of constant speed all
-drive the same time; what differs at the end is charged by the price of a second and of a m/s, at which the
-leader's speed is the best on the flat. What is driven is kept in --work/TRUCK/economy; with --stored the page
-is made of that alone, and says of the rest that it was not run.
+The simulator in --work/TRUCK is the deep truck of bench_following.py, the policy one seed trained on it.
+Behind a leader of constant speed all drive the same time; what differs at the end is charged by the price of
+a second and of a m/s, at which the leader's speed is the best on the flat. Recorded roads are those of two
+heavy trucks (docs/recordings.md), which are no part of this project: put them under ../shared/data or the
+folder in DEEPTRUCK_REAL_DATA; without them they are left out. What is driven is kept in --work/TRUCK/economy;
+with --stored the page is made of that alone, and says of the rest that it was not run.
 """
 
 from __future__ import annotations
 
 import json
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +27,8 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers import policy as policies
 from deeptruck_cacc.controllers.baselines import LAWS, Baseline
-from deeptruck_cacc.controllers.economy import Economy
+from deeptruck_cacc.controllers.economy import CRUISE, Economy
+from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.planner import Planner
 from deeptruck_cacc.controllers.policy import Policy
@@ -34,6 +38,7 @@ from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.safety import truck_limits
 from deeptruck_cacc.safety.guard import guard
 from deeptruck_model import simulators, trucks
+from deeptruck_model.recordings import import_table
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
@@ -58,11 +63,20 @@ MAPS: dict[str, Callable[[Array], Array | None]] = {
 }
 LOADED_KG = 36e3
 KNOWN = "as it is"
+RECORDED = {"roads of veh002": "veh002_all.csv", "roads of veh003": "veh003_all.csv"}
+LOGS = harness.DATA / "vt_heavy_truck"
+MOTORWAY, STEEPEST = (
+    20.0,
+    0.04,
+)  # m/s, mean of a drive whose road is taken; above it the truck loses the leader
+SMOOTH_M = 200.0  # of the recorded heights
 
 
 def roads(kind: str, seeds: int, seed: int) -> Road:
     """One road a seed: two sine hills of drawn wavelength and phase, or a descent of drawn length, and level
-    ends."""
+    ends. Of RECORDED the first ones of the log."""
+    if kind in RECORDED:
+        return recorded(LOGS / RECORDED[kind], seeds)
     limit, short, long = ROADS[kind]
     x = np.arange(0.0, LENGTH_M + 3000.0, AHEAD_M)
     grades = []
@@ -77,6 +91,28 @@ def roads(kind: str, seeds: int, seed: int) -> Road:
         ends = np.clip(np.minimum(x - LEVEL_M, LENGTH_M - 2 * LEVEL_M - x) / RAMP_M, 0.0, 1.0)
         grades.append(limit * grade * ends)
     return Road(np.array(grades))
+
+
+def recorded(log: Path, most: int) -> Road:
+    """The first sections of a log's motorways, as many as fill LENGTH_M between level ends, by the recorded
+    heights."""
+    with tempfile.TemporaryDirectory() as folder:
+        columns = harness.ROOT / "layouts" / "columns" / "veh002.yaml"
+        drives = import_table(log, columns, Path(folder) / "bag").recordings
+    x = np.arange(0.0, LENGTH_M + 3000.0, AHEAD_M)
+    inside = (x >= LEVEL_M) & (x < LENGTH_M - 2 * LEVEL_M)
+    ends = np.clip(np.minimum(x - LEVEL_M, LENGTH_M - 2 * LEVEL_M - x) / RAMP_M, 0.0, 1.0)
+    width, grades = round(SMOOTH_M / AHEAD_M), list[Array]()
+    for drive in (d for d in drives if d.channels["speed"].mean() > MOTORWAY):
+        way = np.concatenate(([0.0], np.cumsum(drive.channels["speed"][1:]) * drive.dt))
+        every = np.interp(np.arange(0.0, way[-1], AHEAD_M), way, np.nan_to_num(drive.channels["grade"]))
+        smooth = np.convolve(every, np.full(width, 1.0 / width), mode="same")
+        for k in range(0, len(smooth) - inside.sum() + 1, inside.sum()):
+            grade = np.zeros(len(x))
+            grade[inside] = smooth[k : k + inside.sum()]
+            if np.abs(grade).max() <= STEEPEST:
+                grades.append(grade * ends)
+    return Road(np.array(grades[:most]))
 
 
 def scene(road: Road, speed: float, known: str, dt: float) -> Scene:
@@ -109,11 +145,25 @@ class WholeRoad:
         return self.policy.act({**seen, "grade_ahead": ahead})
 
 
+class Alone:
+    """A policy without a leader, at set speeds (batch,)."""
+
+    def __init__(self, policy: Policy, set_speed: Array) -> None:
+        self.policy, self.set_speed, self.reset = policy, set_speed, policy.reset
+        self.interface, self.dt = policy.interface, policy.dt
+
+    def act(self, seen: Any) -> tuple[Array, Array]:
+        """The policy's commands."""
+        nothing = np.full(len(self.set_speed), np.nan)
+        return self.policy.act({**seen, "gap": nothing, "leader_speed": nothing, "set_speed": self.set_speed})
+
+
 class Drivers:
     """The controllers of one truck by name, each made when it is first asked for."""
 
-    def __init__(self, truck: Simulator, simulator: Simulator) -> None:
+    def __init__(self, truck: Simulator, simulator: Simulator, work: Path) -> None:
         self.truck, self.simulator, self._made = truck, simulator, dict[str, Policy]()
+        self.work = work
 
     def __call__(self, name: str, road: Road) -> Policy:
         """The controller as it drives on a road."""
@@ -129,6 +179,9 @@ class Drivers:
             return Economy(self.truck)
         if name == "planner":
             return Planner(self.simulator)
+        if name == "policy":
+            bench_following.learn(self.work.name, 1, self.work)
+            return load_policy(self.work / "policy")
         law = LAWS.get(name, lambda seen: 0.5 * (seen.leader_speed - seen.speed))
         driver: Policy = Baseline(law, PedalMap.calibrate(self.truck), self.truck.interface)
         return driver if self.simulator.interface.grade else Blind(driver)
@@ -143,7 +196,8 @@ class Blind(bench_following.Blind):
 
 
 EVERYWHERE = ("constant speed", "cacc", "economy")
-ON_HILLS = ("acc", "constant speed", "cacc", "mpc", "planner", "economy", "bound")
+ON_HILLS = ("acc", "constant speed", "cacc", "mpc", "policy", "planner", "economy", "bound")
+OF_TRUCKS = ("steep hills", "long hills", "flat")
 
 
 MEASURED = (  # litres at equal time, share of the way, s, s, m/s^3, share of the time, share
@@ -165,7 +219,7 @@ class Bench:
         self.folder = work / name / "economy"
         self.folder.mkdir(parents=True, exist_ok=True)
         self.simulator = simulators.load(str(work / name / "simulator"))
-        self.drive_with = Drivers(self.truck, self.simulator)
+        self.drive_with = Drivers(self.truck, self.simulator, work / name)
         self.seeds, self.seed, self.stored = seeds, seed, stored
         self.prices = Economy(self.truck).map.prices
 
@@ -178,13 +232,25 @@ class Bench:
         if self.stored:
             return dict.fromkeys(MEASURED, np.full(self.seeds, np.nan))
         made = roads(road, self.seeds, self.seed)
-        policy = guard(self.drive_with(driver, made), self.promise)
-        trace = roll_out(self.truck, policy, scene(made, speed, known, self.truck.dt))
+        driven = scene(made, speed, known, self.truck.dt)
+        if driver == "cruise":
+            trace = self._alone(made, driven)
+        else:
+            trace = roll_out(self.truck, guard(self.drive_with(driver, made), self.promise), driven)
         found = self._measured(trace, speed)
         path.write_text(json.dumps({name: x.tolist() for name, x in found.items()}))
         if driver in ("acc", "economy") and road == STEEP and known == KNOWN and speed == SPEED:
             np.savez(self.folder / f"{key}.npz", speed=trace["speed"][:, 0], fuel=trace["fuel"][:, 0])
         return found
+
+    def _alone(self, road: Road, driven: Scene) -> Any:
+        """Without leader and shield. What a second is worth holds the time on the flat alone, so that the
+        set speed is corrected by the mean speed that the run before had, twice."""
+        economy, set_speed = self.drive_with("economy", road), driven.speed
+        for _ in range(3):
+            trace = roll_out(self.truck, Alone(economy, set_speed), driven)
+            set_speed = set_speed + driven.speed - trace["speed"].mean(axis=0)
+        return trace
 
     def _measured(self, trace: Any, speed: float) -> dict[str, Array]:
         dt = trace.dt
@@ -204,10 +270,10 @@ class Bench:
         )
         return dict(zip(MEASURED, found, strict=True))
 
-    def saved(self, driver: str, road: str, **how: Any) -> Array:
-        """Fuel saved against ACC at equal time, percent, (seeds,)."""
+    def saved(self, driver: str, road: str, against: str = "acc", **how: Any) -> Array:
+        """Fuel saved against ACC or another at equal time, percent, (seeds,)."""
         speed = {name: x for name, x in how.items() if name == "speed"}
-        acc = self.drive("acc", road, **speed)["litres"]
+        acc = self.drive(against, road, **speed)["litres"]
         return 100.0 * (1.0 - self.drive(driver, road, **how)["litres"] / acc)
 
 
@@ -223,7 +289,7 @@ def interval(values: Array) -> str:
 def on_every_road(bench: Bench) -> list[str]:
     """Controllers on every road."""
     rows = []
-    for road in ROADS:
+    for road in (*ROADS, *(name for name, log in RECORDED.items() if (LOGS / log).exists())):
         litres = f"{1e5 / LENGTH_M * bench.drive('acc', road)['litres'].mean():.1f}"
         rows.append(" | ".join([road, litres, *(interval(bench.saved(n, road)) for n in EVERYWHERE)]))
     return [*harness.table(f"road | ACC, litres per 100 km | {' | '.join(EVERYWHERE)}", rows), ""]
@@ -257,8 +323,28 @@ def wrong_maps(bench: Bench) -> list[str]:
 
 def trucks_and_loads(benches: list[Bench]) -> list[str]:
     """Other trucks, and a load that the simulator does not know."""
-    rows = (f"{bench.label} | {interval(bench.saved('economy', STEEP))}" for bench in benches)
-    return [*harness.table("truck | steep hills, economy (%)", rows), ""]
+    rows = (
+        " | ".join([bench.label, *(interval(bench.saved("economy", road)) for road in OF_TRUCKS)])
+        for bench in benches
+    )
+    return [*harness.table(f"truck, economy (%) | {' | '.join(OF_TRUCKS)}", rows), ""]
+
+
+def without_a_leader(bench: Bench) -> list[str]:
+    """The economy at a set speed, next to a constant speed."""
+    rows = []
+    for road in OF_TRUCKS:
+        found = bench.drive("cruise", road)
+        saved = interval(bench.saved("cruise", road, "constant speed"))
+        rows.append(
+            f"{road} | {saved} | {100 * np.abs(found['pace']).max():.2f} | {found['jerk'].mean():.2f}"
+        )
+    says = (
+        f"Without a leader, {CRUISE:g} m/s to either side of the set speed, which is corrected until all "
+        "are as fast as the constant speed; no shield."
+    )
+    heads = "road | saved against a constant speed (%) | mean speed off, most (%) | jerk, rms (m/s³)"
+    return [says, "", *harness.table(heads, rows), ""]
 
 
 def frontier(bench: Bench, out: Path) -> list[str]:
@@ -325,7 +411,7 @@ def main() -> None:
     args = harness.options(
         __doc__,
         {
-            "--truck": ["trucksim"],
+            "--truck": ["trucksim", "volvo", "freightliner"],
             "--work": bench_following.WORK,
             "--seeds": 10,
             "--seed": (1000, "of the roads"),
@@ -349,6 +435,7 @@ def main() -> None:
         *on_hills(first),
         *wrong_maps(first),
         *trucks_and_loads([*benches, loaded]),
+        *without_a_leader(first),
         *frontier(first, out),
         step_ms(first),
     ]
