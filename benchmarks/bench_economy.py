@@ -244,8 +244,8 @@ class Bench:
         return found
 
     def _alone(self, road: Road, driven: Scene) -> Any:
-        """Without leader and shield. What a second is worth holds the time on the flat alone, so that the
-        set speed is corrected by the mean speed that the run before had, twice."""
+        """Without leader and shield. What a second is worth holds the time on the flat only, so that the
+        set speed is corrected twice, by what the mean speed was off."""
         economy, set_speed = self.drive_with("economy", road), driven.speed
         for _ in range(3):
             trace = roll_out(self.truck, Alone(economy, set_speed), driven)
