@@ -126,10 +126,8 @@ def string(truck: str, policy: Path) -> list[str]:
 
 
 def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
-    """Where a seed leaves 0.1 s behind the moving leader, could the truck have held it, gear changes and all?
-
-    Asked of a controller that tries its next 3 s on the truck itself (foresight.py).
-    """
+    """Time-gap errors above 0.1 s behind the moving leader, next to those of a controller that optimises its
+    next 3 s on the truck itself (foresight.py): whether the truck, gear changes included, allows less."""
     simulator = trucks.load(truck)
     scene = scenes.moving(np.random.default_rng(seed), 100, 800, simulator.dt)
     reach = metrics.within_reach(scene, PedalMap.calibrate(simulator), simulator.dt)

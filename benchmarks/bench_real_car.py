@@ -1,4 +1,4 @@
-"""A real car, `bmw_i3`: free runs on the last part of every trip, beside least squares.
+"""A real car, `bmw_i3`: free runs on the last part of every trip, compared with a least-squares model.
 
 The trips (TUM, docs/recordings.md) are no part of this project: put them under ../shared/data or the folder
 in DEEPTRUCK_REAL_DATA. The last parts were read for the default settings first, then for those chosen.

@@ -201,7 +201,8 @@ inputs and random weights: what it shows needs no learning.
 
 
 def cause(found: Found) -> list[str]:
-    """What is fed back in the deployment form, and what that costs, early and late; and the variants."""
+    """The section on the deployment form: its error by which responses are fed back, early and late in the
+    training, and the variants of the recipe."""
     curves = [f["curves"] for f in found.get(("trucksim", "paper"), [])]
     looks = [[line for line in curve if "by_feedback" in line] for curve in curves]
     if not looks:

@@ -73,20 +73,16 @@ def check(out: Path) -> None:
 
 
 def check_plant(plant: str, out: Path) -> None:
-    """Whether there is such a plant, and a proof on it can be worked on in `out`.
-
-    Raises InputError for an unknown plant, and as `check`.
-    """
+    """Raises InputError for an unknown plant, or where a proof on it cannot be done in `out` (see
+    `check`)."""
     if plant != "fastsim":
         raise InputError(f"--plant: there is no '{plant}'; choose fastsim")
     PLANT.check(out, overwrite=True)  # what is scored there is kept
 
 
 def check_real(data: Path, out: Path) -> None:
-    """Whether there is a folder of real logs, and an examination of them can be worked on in `out`.
-
-    Raises InputError, as `check` too.
-    """
+    """Raises InputError where there is no folder of real logs, or an examination of them cannot be done in
+    `out` (see `check`)."""
     if not data.is_dir():
         raise InputError(f"--real: there is no folder {data}; docs/recordings.md says where logs are from")
     apart(out, data)

@@ -118,7 +118,7 @@ class Network:
 
 
 def _terms(seen: Tensor) -> Tensor:
-    """What the linear baseline weighs, (seeds, environments, steps, 2 features + 4)."""
+    """Regressors of the linear baseline, (seeds, environments, steps, 2 features + 4)."""
     x = seen.double().clamp(-FEATURE_REACH, FEATURE_REACH)
     time = (torch.arange(x.shape[2], dtype=torch.float64) / TIME_STEPS)[:, None].expand(*x.shape[:3], 1)
     return torch.cat([x, x**2, time, time**2, time**3, torch.ones_like(time)], dim=3)

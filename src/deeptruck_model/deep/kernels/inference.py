@@ -117,7 +117,8 @@ def step(packed: Any, dt: Any, h: Any, c: Any, y: Any, u: Any, w: Any) -> Any:
 
 @compiled
 def force(y: Any, recorded: Any) -> Any:
-    """What every member is fed of its y (members, batch, n_y) beside a recorded (batch, n_y)."""
+    """The response that every member feeds back, (members, batch, n_y): `recorded` (batch, n_y) where it is
+    finite, its own y elsewhere."""
     fed = np.empty_like(y)
     for m in range(y.shape[0]):
         for b in range(y.shape[1]):

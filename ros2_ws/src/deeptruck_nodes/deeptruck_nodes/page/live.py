@@ -173,7 +173,7 @@ class Live:
 
 
 def _shown(values: Mapping[str, float], names: Iterable[str]) -> list[list[object]]:
-    """Those of the names with a share that is worth a row, largest first."""
+    """The names with a share large enough to be shown, largest first."""
     own = [(name, values[name]) for name in names if values.get(name, 0.0) >= LEAST_SHARE]
     return [[spoken(name), round(x, 4)] for name, x in sorted(own, key=lambda item: -item[1])]
 

@@ -26,7 +26,8 @@ def event(kind: str, data: str) -> bytes:
 
 
 class Viewer:
-    """What waits for one browser. Who offers never waits; the oldest gives way and is counted."""
+    """Queue of events for one browser. `offer` never blocks: a full queue drops and counts its oldest
+    event."""
 
     def __init__(self, room: int = ROOM) -> None:
         self._waiting: deque[bytes] = deque(maxlen=room)
@@ -47,7 +48,7 @@ class Viewer:
         return len(self._waiting)
 
     def end(self) -> None:
-        """Nothing more comes."""
+        """Mark the end of the run: no further events follow."""
         with self._changed:
             self._over = True
             self._changed.notify()
