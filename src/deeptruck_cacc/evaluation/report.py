@@ -189,7 +189,7 @@ def _draw_learning(policy: Path, out: Path) -> None:
 
 
 def _whole_lines(path: Path) -> list[dict[str, Any]]:
-    """What a learning curve holds, up to a line that a killed run or a full disk left unfinished."""
+    """The complete lines of a learning curve; a last one that a kill or a full disk cut off is left out."""
     rows: list[dict[str, Any]] = []
     with suppress(json.JSONDecodeError):
         for line in path.read_text().splitlines():

@@ -84,7 +84,7 @@ def print_of(path: Path) -> Print:
 
 
 def prints_of(folder: Path, names: Iterable[str]) -> dict[str, Print | None]:
-    """The prints of these files in a folder."""
+    """Size and SHA-256 of these files in a folder, by name."""
     return {name: print_of(folder / name) for name in sorted(names)}
 
 

@@ -275,9 +275,9 @@ class Result:
                 _note(f"{draft} looks like the draft of a killed run; see what is in it, and remove it")
 
     def _written(self, folder: Path) -> set[str]:
-        """What this command wrote in a folder in which it was at work; where its names are not known before,
-        all that is there. A file that came meanwhile is nobody's part, so that it is never removed: neither
-        one of another name, nor one that the command did not say as it began."""
+        """Files that this command wrote into a folder: those that it announced in the ledger and whose names
+        are the command's; all files where its names are not known in advance. Other files are never
+        removed."""
         found = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()} - {LEDGER}
         known = ledger.read(folder)
         if known is not None and known.files:
@@ -355,7 +355,7 @@ class Result:
 
 
 def _holds(folder: Path, patterns: Iterable[str] = ("**/*",)) -> bool:
-    """Whether there is a file in `folder` that a pattern says."""
+    """Whether a file in `folder` matches one of the patterns."""
     return any(found.is_file() for name in patterns for found in folder.glob(name))
 
 

@@ -79,18 +79,19 @@ class Instances:
         weakref.finalize(self, _close, self._running)
 
     def room_for(self, batch: int) -> None:
-        """Expect drives of so many rows side by side."""
+        """Keep instances for batches of so many rows."""
         self._wanted = max(self._wanted, 2 * batch)
 
     def begin(self, drive: Drive) -> list[float]:
-        """What the FMU has at the start of a drive."""
+        """Start a drive in a free instance and return the outputs of the FMU."""
         running = self._free()
         self._clock += 1
         running.used = self._clock
         return running.begin(drive)
 
     def step(self, drive: Drive, length: int, inputs: Sequence[float]) -> tuple[Drive, list[float]]:
-        """One step from a place on a drive; the drive that it lies on then."""
+        """One step after the first `length` steps of a drive: the drive with that step, and the outputs. A
+        drive that has gone on otherwise is branched."""
         running = self._at(drive, length)
         if length < len(drive.steps):
             drive = Drive(drive.start, drive.steps[:length])

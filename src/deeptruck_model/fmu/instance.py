@@ -70,7 +70,7 @@ class Block:
             self._call(put, references, values)
 
     def read(self) -> list[float]:
-        """What the FMU has now."""
+        """The present values of the variables."""
         out = [0.0] * self._size
         for _, get, references, values, at, _ in self._parts:
             self._call(get, references, values)
@@ -143,7 +143,7 @@ class Instance:
             self._words.append(text.decode("utf-8", "replace"))
 
     def start(self, values: Sequence[tuple[Variable, float]]) -> list[float]:
-        """Begin anew with these values of variables; what it has then."""
+        """Initialise the FMU with these start values and return its outputs."""
         if not self._fresh:
             self._begin_again()
         self._fresh, self._steps = False, 0

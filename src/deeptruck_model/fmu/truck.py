@@ -107,7 +107,7 @@ class FmuTruck:
         return other
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
-        """A free run, or one forced along `recorded`: row by row, so that one instance does for all."""
+        """A free run, or one forced along `recorded`, row by row in a single instance."""
         inputs = self._inputs(np.asarray(u, np.float64), np.asarray(w, np.float64))
         y = np.empty((*u.shape[:2], len(self.interface.y)))
         y[:, 0] = y0

@@ -1,7 +1,7 @@
 """A folder that stands for an outside simulator: where it came from, and the hashes of its files.
 
-The base of a corrected simulator is such a folder. A correction is worth nothing on another simulator, so
-that what has changed since is not loaded until somebody says that it is the same.
+The base of a corrected simulator is such a folder. A correction holds for one simulator only, so a
+simulator whose files have changed is refused until a user accepts it.
 """
 
 from __future__ import annotations
@@ -72,7 +72,8 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> OutsideTruck:
 
 
 def stands_for(path: Path) -> Path | None:
-    """The folder of kind 'outside' that is `path` or what it corrects; None where there is none."""
+    """The folder of kind 'outside': `path` itself, or the base of a corrected simulator; None if neither
+    is."""
     while (path / MANIFEST).is_file():
         kind = reading.json_object(path / MANIFEST, MAKE_AGAIN).get("kind")
         if kind == KIND:

@@ -75,7 +75,7 @@ def _brake_command(p: Any, deceleration: float, force: float) -> float:
 
 @part
 def _press(d: Any, p: Any, engine: float, brake: float, dt: float) -> None:
-    """Feet are slower than thoughts, and end on the stop."""
+    """Move the pedals towards the wanted commands with a first-order lag; small remainders become zero."""
     most = p.reference_torque / p.command_scale
     d.engine = lag(d.engine, clip(engine, -most, most), PEDAL_LAG, dt)
     d.brake = lag(d.brake, brake, PEDAL_LAG, dt)
