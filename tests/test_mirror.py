@@ -142,7 +142,8 @@ def test_every_source_file_has_a_test_or_is_run_by_one_that_is_listed() -> None:
         for names in through.values()
         for name in names.split()
     }
-    assert not alone - listed, "write a test of its name, or list the test that runs it"
+    missing = sorted(alone - listed)
+    assert not missing, f"write a test of their name, or list the test that runs them: {missing}"
     assert not [m for m in listed if not (SOURCE / m.replace(".", "/")).with_suffix(".py").exists()]
     tests = {test for through in THROUGH.values() for test in through}
     assert not [test for test in tests if not (TESTS / test).exists()]

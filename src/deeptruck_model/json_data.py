@@ -64,6 +64,9 @@ def stored(
     return {KEY: Stored(key, digits, figures, earlier, sparse, hidden, flat, later)}
 
 
+SPARSE, HIDDEN = stored(sparse=True), stored(hidden=True)
+
+
 def to_json(x: Any) -> Any:
     """A dataclass, or a container of such, as JSON data. NaN and infinities become null."""
     return _converter().unstructure(x)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS, SENSOR_ERRORS
+from deeptruck_model.pages.marked import put_between_marks
 
-BEGIN, END = "<!-- effects: begin -->", "<!-- effects: end -->"
 HEAD = (
     "| effect | family | equation | varies with | needs | source | would be separated by |",
     "| --- | --- | --- | --- | --- | --- | --- |",
@@ -60,11 +60,7 @@ def _line(*cells: str) -> str:
 
 def put_into(page: Path) -> bool:
     """Replace the table between the marks of a page; returns whether it was another one."""
-    text = page.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    new = f"{before}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}"
-    page.write_text(new, encoding="utf-8")
-    return new != text
+    return put_between_marks(page, "effects", table())
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from deeptruck_model.json_data import stored
+from deeptruck_model.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, Kernel, kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.sampler import SIZES
@@ -58,8 +58,8 @@ class Event:
     speed_change: float = field(metadata=stored(digits=3))
     probability: float = field(metadata=stored(digits=4))
     name: str | None
-    start: int = field(default=0, metadata=stored(hidden=True))
-    stop: int = field(default=0, metadata=stored(hidden=True))
+    start: int = field(default=0, metadata=HIDDEN)
+    stop: int = field(default=0, metadata=HIDDEN)
 
 
 def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
+from deeptruck_model.pages.marked import put_between_marks
+
 SENSORS = "ordinary sensors"
 TRUCKS = "what trucks do"
 STATISTICS = "convention"
@@ -297,7 +299,6 @@ class Limits:
     )
 
 
-BEGIN, END = "<!-- rules: begin -->", "<!-- rules: end -->"
 SAYS = "These decide what is compared, reported and corrected, and no argument changes them (`Limits`):"
 
 
@@ -315,13 +316,9 @@ def _number(x: Any) -> str:
     return ", ".join(f"{value:g}" for value in (x if isinstance(x, tuple) else (x,)))
 
 
-def put_into(page: Path) -> None:
-    """Replace the table between the marks of a page."""
-    before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    page.write_text(
-        f"{before}{BEGIN}\n{table()}\n\n{SAYS}\n\n{table(Limits)}\n{END}{rest.partition(END)[2]}",
-        encoding="utf-8",
-    )
+def put_into(page: Path) -> bool:
+    """Replace the tables between the marks of a page; returns whether they were others."""
+    return put_between_marks(page, "rules", f"{table()}\n\n{SAYS}\n\n{table(Limits)}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from deeptruck_model.json_data import stored
+from deeptruck_model.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.fit_result import Interval
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -50,7 +50,7 @@ class NotRecorded:
     hides: str
     signal: str
     share_of_time: float | None = field(default=None, metadata=stored(digits=4, sparse=True))
-    gain: float = field(default=0.0, metadata=stored(hidden=True))
+    gain: float = field(default=0.0, metadata=HIDDEN)
 
 
 def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tuple[NotRecorded, ...]:
