@@ -10,8 +10,6 @@ from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-import numpy as np
-
 if TYPE_CHECKING:
     from cattrs import Converter
 
@@ -80,7 +78,8 @@ def from_json(kind: type[T], data: Any) -> T:
 
 @cache
 def _converter() -> Converter:
-    from cattrs import Converter  # takes longer to import than the rest of a short command
+    import numpy as np  # both take longer to import than a short command runs
+    from cattrs import Converter
 
     c = Converter(detailed_validation=False, unstruct_collection_overrides={tuple: list})
     c.register_unstructure_hook_factory(is_dataclass, _writer)
