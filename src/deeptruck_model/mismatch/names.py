@@ -54,28 +54,35 @@ class Names:
 
 
 def names(p: Posterior, rules: Rules) -> Names:
-    """The names of a posterior. A finding is the most probable name of the most probable family of what no
-    finding before it stands for. In draws without it a name whose force is alike stands in its place."""
+    """The names of a posterior. A finding is sought for the most probable name of the most probable family of
+    what no finding before it stands for; its names are those that may act in this one's place."""
     there = {n: p.inside(n) for n in dict.fromkeys(k.name for k in p.of)}
     slow = float(there[SLOW].mean()) if SLOW in there else 0.0
     own = {n: x for n, x in there.items() if n not in NO_NAME}
     some = float(np.any(list(own.values()), axis=0).mean()) if own else 0.0
-    left = {n: x.copy() for n, x in own.items() if x.mean() >= Limits.rare}
-    mean = {n: p.mean_coefficients(n) for n in left}
-    least = _own_gain(p, rules)
+    left = {n: x for n, x in own.items() if x.mean() >= Limits.rare}
     found: list[Named] = []
-    while left and len(found) < rules.most_findings:
+    for _ in range(rules.most_findings):
         family, probability = _most_probable(left)
         if probability < rules.named and (found or some < rules.named):
             break
-        first = max((n for n in left if FAMILY[n] == family), key=lambda n: left[n].mean())
-        tree = _places_of(first, left, {n: p.alike(mean[first], mean[n]) for n in left}, Limits.alike)
-        sure = sum(tree.names.values()) >= rules.stated  # a learned simulator is off in many ways
-        accepted = (sure or p.search.e.known_physics) and p.gain(first) > least
-        found.append(Named(first, tree, p.gain(first), p.force(first, own[first]), accepted))
-        left = {n: x for n, x in left.items() if x.mean() >= Limits.rare}
+        name = max((n for n in left if FAMILY[n] == family), key=lambda n: left[n].mean())
+        chosen, probable = p.in_place_of(name, [x.name for x in found])
+        left = _without(left, name, chosen)
+        tree = Tree({n: q * probable for n, q in chosen.items() if q * probable >= Limits.rare})
+        if sum(tree.names.values()) >= rules.named:
+            found.append(_named(p, name, tree, rules))
+            left.pop(found[-1].name, None)
     each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= Limits.rare}
     return Names(tuple(found), some, slow, _explanations(own), each)
+
+
+def _named(p: Posterior, sought: str, tree: Tree, rules: Rules) -> Named:
+    first = tree.first
+    drawn = first if p.inside(first).any() else sought
+    sure = sum(tree.names.values()) >= rules.stated  # a learned simulator is off in many ways
+    accepted = (sure or p.search.e.known_physics) and p.gain(first) > _own_gain(p, rules)
+    return Named(first, tree, p.gain(first), p.force(drawn, p.inside(drawn)), accepted)
 
 
 def _own_gain(p: Posterior, rules: Rules) -> float:
@@ -92,21 +99,18 @@ def _most_probable(left: Mapping[str, Mask]) -> tuple[str, float]:
     families: dict[str, Mask] = {}
     for n, x in left.items():
         families[FAMILY[n]] = families.get(FAMILY[n], np.zeros_like(x)) | x
-    best = max(families, key=lambda f: families[f].mean())
-    return best, float(families[best].mean())
+    best = max(families, key=lambda f: families[f].mean(), default="")
+    return best, float(families[best].mean()) if families else 0.0
 
 
-def _places_of(first: str, left: dict[str, Mask], alike: Mapping[str, float], least: float) -> Tree:
-    """In which share of the draws each name stands for the first, taken out of what is `left`."""
-    shares = {first: float(left[first].mean())}
-    open_ = ~left.pop(first)
-    for n in sorted((n for n in left if alike[n] > least), key=lambda n: -alike[n]):
-        here = open_ & left[n]
-        if here.any():
-            shares[n] = float(here.mean())
-            open_ = open_ & ~here
-            left[n] = left[n] & ~here
-    return Tree(shares)
+def _without(left: Mapping[str, Mask], name: str, chosen: Mapping[str, float]) -> dict[str, Mask]:
+    """The draws (m,) in which names are in, without one name, and in draws without that one also without the
+    one most probably `chosen` in its place."""
+    out = dict(left)
+    open_ = ~out.pop(name)
+    for n in sorted((n for n in out if chosen.get(n, 0.0) >= Limits.rare), key=lambda n: -chosen[n]):
+        out[n], open_ = out[n] & ~open_, open_ & ~out[n]
+    return {n: x for n, x in out.items() if x.mean() >= Limits.rare}
 
 
 def _explanations(own: Mapping[str, Mask]) -> tuple[Explanation, ...]:

@@ -225,8 +225,14 @@ class Limits:
 
     # names
     rare: float = _rule(0.02, "1", "probability below which a name is left out", CHOSEN)
-    alike: float = _rule(
-        0.3, "1", "cosine of two whitened forces, above which one name may stand in another's place", CHOSEN
+    form_choice: float = _rule(
+        0.05,
+        "1",
+        "of the best name's gain, by which that of others in its place is divided: no form is exact",
+        CHOSEN,
+    )
+    form_there: float = _rule(
+        0.02, "1", "of the gain of all that is in, by which that of one place is divided", CHOSEN
     )
     least_ratio: float = _rule(
         0.5,

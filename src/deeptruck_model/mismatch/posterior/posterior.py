@@ -8,19 +8,19 @@ sensors do, and beside noise that is fitted again beside what is in.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp, softmax
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.mechanisms.courses import FINE_M
 from deeptruck_model.mismatch.mechanisms.road import HILLY, ROAD_GRADE
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
-from deeptruck_model.mismatch.posterior.sampler import SIZES, Blocks, Draws, sample
+from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, Blocks, Draws, sample
 from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, fit, whiten
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
@@ -37,6 +37,7 @@ DRIFT_ODDS = 0.3  # prior odds of each of these: hardly two drives are alike
 FORM_ERROR = 0.1  # of the residual's standard deviation, which no form of a mechanism is exact to
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 SLOPE = "slope"  # part of the kernel of a slope that was not recorded: hardly a road has none
+OFTEN = 8  # states
 NO_NAME = (SLOW, PLACE, EACH_DRIVE)  # blocks that are no mechanism
 
 
@@ -90,17 +91,38 @@ class Posterior:
         further = s.e.moved.get(parameter, 0.0)
         return s.e.total_change(parameter, mean), (1.0 + further) * sd
 
-    def mean_coefficients(self, name: str) -> Array:
-        """Of a name (k,), in the draws in which it is in; zero elsewhere."""
-        own = np.concatenate([a for k, a in zip(self.of, self.at, strict=True) if k.name == name])
-        out = np.zeros(len(self.gram))
-        out[own] = self.draws.coefficients[self.inside(name)][:, own].mean(axis=0)
-        return out
+    def in_place_of(self, name: str, beside: Collection[str]) -> tuple[dict[str, float], float]:
+        """Of every name the probability that it and no other acts where `name` is in, given that something
+        does; and the probability that something does, `beside` other names. Averaged over the states with
+        `name` that were drawn most often.
 
-    def alike(self, a: Array, b: Array) -> float:
-        """Cosine between the whitened forces of coefficients (k,)."""
-        both = float(a @ self.gram @ b)
-        return both / max(float(np.sqrt((a @ self.gram @ a) * (b @ self.gram @ b))), 1e-12)
+        No form of a mechanism is exact, so that evidence is divided by a share of what it is compared with:
+        names by `form_choice` of the best one's gain, whether any is there by `form_there` of all that is in.
+        """
+        names = np.array([k.name for k in self.of])
+        space = self.draws.space
+        may = ~np.isin(names, [*NO_NAME, *beside])
+        drawn = self.draws.states[self.inside(name)]
+        states, count = np.unique(drawn, axis=0, return_counts=True)
+        often = np.argsort(-count, kind="stable")[:OFTEN]
+        chosen, there = np.zeros(len(names)), 0.0
+        for state, weight in zip(states[often], count[often] / count[often].sum(), strict=True):
+            everything = space.evidence(tuple(state.tolist()))
+            left = np.where(names == name, OUT, state)
+            open_ = may & (left == OUT)
+            gains, odds = space.table(tuple(left.tolist()))[0][open_], space.log_odds[open_]
+            chosen[open_] += weight * softmax(
+                self._logs(gains, odds, Limits.form_choice * float(gains.max()))
+            )
+            there += weight * float(expit(logsumexp(self._logs(gains, odds, Limits.form_there * everything))))
+        return {n: p for n in dict.fromkeys(names) if (p := float(chosen[names == n].sum())) > 0.0}, there
+
+    def _logs(self, gains: Array, log_odds: Array, unit: float) -> Array:
+        """Log posterior odds (blocks,) of blocks of these gains (blocks, sizes), in a unit of at least the
+        evidence temperature."""
+        unit = max(unit, self.search.rules.evidence_temperature)
+        out: Array = logsumexp(gains / unit, axis=1) - np.log(len(SIZES)) + log_odds
+        return out
 
     def gain(self, name: str) -> float:
         """Log evidence of a name's best block by itself, all sizes alike, nats."""

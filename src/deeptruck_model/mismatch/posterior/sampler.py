@@ -43,13 +43,15 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Draws:
-    """States (m, blocks) and coefficients (m, k) of the same draws, the gain of the best state, and what each
-    block gains by itself at each size, (blocks, sizes), in nats."""
+    """States (m, blocks) and coefficients (m, k) of the same draws, the gain of the best state, and what
+    each block gains by itself at each size, (blocks, sizes), in nats; `space`
+    has the gains beside any state."""
 
     states: NDArray[np.int_]
     coefficients: Array
     gain: float
     alone: Array
+    space: Reduced
 
     @property
     def inside(self) -> NDArray[np.bool_]:
@@ -72,7 +74,7 @@ class _Given:
     gains: Array
 
 
-class _Reduced:
+class Reduced:
     """Blocks in directions that the data can show, beside columns that are always in."""
 
     def __init__(self, blocks: Blocks, always: Places) -> None:
@@ -199,7 +201,7 @@ def sample(
     """Draws of states and coefficients. Log evidence is divided by `unit`, as noise and forms are only nearly
     right. Columns that are `always` in have unit prior variance."""
     rng = np.random.default_rng(seed)
-    r = _Reduced(blocks, always)
+    r = Reduced(blocks, always)
     state, best = _greedy(r, unit)
     states, coefficients = [], []
     for sweep in range(sweeps + BURN_IN):
@@ -211,10 +213,10 @@ def sample(
             states.append(state)
             coefficients.append(r.drawn(state, unit, rng))
     alone = r.table((OUT,) * len(r.at))[0]
-    return Draws(np.array(states), np.array(coefficients), best, alone)
+    return Draws(np.array(states), np.array(coefficients), best, alone, r)
 
 
-def _greedy(r: _Reduced, unit: float) -> tuple[State, float]:
+def _greedy(r: Reduced, unit: float) -> tuple[State, float]:
     """Blocks put in one after the other while that is more probable than not."""
     state: State = tuple([OUT] * len(r.at))
     while True:
@@ -230,7 +232,7 @@ def _with(state: State, j: int, s: int) -> State:
     return (*state[:j], s, *state[j + 1 :])
 
 
-def _toggled(r: _Reduced, state: State, j: int, unit: float, rng: np.random.Generator) -> State:
+def _toggled(r: Reduced, state: State, j: int, unit: float, rng: np.random.Generator) -> State:
     """A block out, or in at one of its sizes, given the others."""
     without = _with(state, j, OUT)
     gains = r.gains(without, j)
@@ -238,7 +240,7 @@ def _toggled(r: _Reduced, state: State, j: int, unit: float, rng: np.random.Gene
     return _with(without, j, _pick(logs, rng) - 1)
 
 
-def _exchanged(r: _Reduced, state: State, unit: float, rng: np.random.Generator) -> State:
+def _exchanged(r: Reduced, state: State, unit: float, rng: np.random.Generator) -> State:
     """One block of those that are in, or any other in its place, given the others."""
     on = [j for j, s in enumerate(state) if s != OUT]
     if not on:

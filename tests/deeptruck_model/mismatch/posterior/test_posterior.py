@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, gains, posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 
 RULES = Rules()
@@ -56,6 +56,28 @@ def test_what_follows_no_channel_is_a_drift_and_no_name(name: str, block: str) -
     assert p.probability(block) > 0.9
     force = p.force(block)
     assert np.corrcoef(force[p.search.rows], FORCES[name][p.search.rows])[0, 1] > 0.9
+
+
+def test_names_whose_gains_hardly_differ_share_the_probability(monkeypatch: pytest.MonkeyPatch) -> None:
+    p = of("brakes")
+    chosen, there = p.in_place_of("brake_gain", [])
+    assert there > 0.99
+    assert sum(chosen.values()) == pytest.approx(1.0)
+    monkeypatch.setattr(Limits, "form_choice", 0.5)
+    assert p.in_place_of("brake_gain", [])[0]["brake_gain"] < chosen["brake_gain"]
+
+
+def test_what_stands_beside_takes_no_place() -> None:
+    p = of("brakes")
+    chosen, _ = p.in_place_of("brake_gain", ["dragging_brake"])
+    assert "dragging_brake" not in chosen
+
+
+def test_a_small_force_beside_a_large_one_may_be_its_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    p = of("brakes")
+    assert p.in_place_of("brake_gain", [])[1] > 0.9
+    monkeypatch.setattr(Limits, "form_there", 1.0)
+    assert p.in_place_of("brake_gain", [])[1] < 0.5
 
 
 def without_slope(**options: Sequence[str]) -> Posterior:

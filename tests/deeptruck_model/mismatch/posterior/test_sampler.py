@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.posterior.sampler import OUT, Blocks, Draws, _Reduced, sample
+from deeptruck_model.mismatch.posterior.sampler import OUT, Blocks, Draws, Reduced, sample
 
 N = 400
 RNG = np.random.default_rng(0)
@@ -61,7 +61,7 @@ def test_a_force_of_the_other_sign_is_less_probable() -> None:
 
 def test_the_gain_of_a_block_is_its_log_evidence() -> None:
     y = X[:, 3:6] @ np.ones(3) + noise(4)
-    r = _Reduced(problem(y), NONE)
+    r = Reduced(problem(y), NONE)
     gains, none = r.table((OUT,) * 4)
     assert none == 0.0
     state = (OUT, 2, OUT, OUT)
