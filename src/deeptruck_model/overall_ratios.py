@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.plausibility import (
+    LEAST_STEADY_S,
+    TURNING_M_S,
+    TURNING_RAD_S,
+    steady_ratios,
+)
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks import PhysicsTruck
 
 Array = NDArray[np.float64]
 
-STEADY_S = 1.0  # in which the ratio changes by less than STEADY: gear engaged, clutch closed
-STEADY = 0.01
 NEAR = 0.04  # of a ratio: worn tyres turn up to 3 % faster
-LEAST_SPEED, LEAST_ENGINE = 3.0, 80.0  # m/s, rad/s: above creeping and idling
-LEAST_S = 60.0  # of steady driving, to judge by
 TIED = 0.02  # of the share, by which two factors do not differ
 FITS = 0.7  # share of it near one of the stated ratios
 SCALED = 0.15  # relative: tyres of one axle, and a speed sensor that is off, differ by less
@@ -41,24 +43,6 @@ class Misfit:
                 f"{says}, {self.factor:.3f} times these {100 * self.best:.0f} %: check axle ratio and tyres"
             )
         return f"{says}: check gears, axle ratio and tyres, or whether this is the recorded truck"
-
-
-def observed(recordings: Sequence[Recording]) -> Array:
-    """The ratio at every steady sample, rad/m; empty where no engine speed was recorded."""
-    return np.concatenate([np.zeros(0), *(_steady(r) for r in recordings if "engine_speed" in r.channels)])
-
-
-def _steady(r: Recording) -> Array:
-    speed, engine = r.channels["speed"], r.channels["engine_speed"]
-    turning = (speed > LEAST_SPEED) & (engine > LEAST_ENGINE)
-    ratio = np.where(turning, engine, np.nan) / np.where(turning, speed, 1.0)
-    length = max(2, round(STEADY_S / r.dt))
-    if len(ratio) < length:
-        return np.zeros(0)
-    windows = np.lib.stride_tricks.sliding_window_view(ratio, length)
-    low, high = windows.min(axis=1), windows.max(axis=1)  # NaN where one is
-    middle: Array = windows[:, length // 2]
-    return middle[(high - low) < STEADY * low]
 
 
 def check(simulator: Simulator, recordings: Sequence[Recording]) -> None:
@@ -90,9 +74,9 @@ def _misfit_of(simulator: Simulator, recordings: Sequence[Recording]) -> Misfit 
 
 def misfit(stated: Sequence[float], recordings: Sequence[Recording]) -> Misfit | None:
     """Why stated overall ratios (rad/m) are not those of the recordings; None where they are, or where less
-    than LEAST_S of steady driving has an engine speed."""
-    seen = observed(recordings)
-    if not len(seen) or len(seen) * recordings[0].dt < LEAST_S:
+    than LEAST_STEADY_S of steady driving has an engine speed."""
+    seen = steady_ratios(recordings)
+    if not len(seen) or len(seen) * recordings[0].dt < LEAST_STEADY_S:
         return None
     shares = np.array([_share(np.log(seen), np.log(np.asarray(stated) * f)) for f in (1.0, *FACTORS)])
     if shares[0] >= FITS:
@@ -126,7 +110,7 @@ def from_gears(recordings: Sequence[Recording]) -> tuple[float, ...]:
     if not pairs:
         return ()
     gear, engine, speed = (np.concatenate(x) for x in zip(*pairs, strict=True))
-    turning = (speed > LEAST_SPEED) & (engine > LEAST_ENGINE)
+    turning = (speed > TURNING_M_S) & (engine > TURNING_RAD_S)
     gears = np.arange(1, int(np.nanmax(gear)) + 1)
     own = [turning & (gear == k) for k in gears]
     seen = [float(np.log(np.median(engine[m] / speed[m]))) if m.any() else np.nan for m in own]

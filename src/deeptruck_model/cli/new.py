@@ -83,6 +83,7 @@ def new(
     from deeptruck_model import overall_ratios
     from deeptruck_model.driven_controls import learned
     from deeptruck_model.recordings import read_all
+    from deeptruck_model.recordings.plausibility import steady_ratios
     from deeptruck_model.trucks import own_truck
 
     drives = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ()) if bags else []
@@ -99,7 +100,7 @@ def new(
         draft.write_text(own_truck.text(sheet, driven.truck, truck.name, driven.says), encoding="utf-8")
     rpm = own_truck.CRUISE * sheet.overall_ratios[-1] / own_truck.RPM
     typer.echo(f"{truck}: {sheet.mass_kg:g} kg, {len(sheet.gear_ratios)} gears, {rpm:.0f} rpm at 80 km/h")
-    if bags and not len(overall_ratios.observed(drives)):
+    if bags and not len(steady_ratios(drives)):
         typer.echo("note: no engine speed was recorded, so the gears were not checked", err=True)
     elif bags:
         typer.echo("the gears are those of the recordings")

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.earth import metres_per_degree
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.channel_words import LEADER
+from deeptruck_model.recordings.header_words import header
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.signals import CHANNELS
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
@@ -36,6 +38,7 @@ LIMITS = {  # of commands, by unit; the codes of J1939 for 'error' and 'not avai
     ("engine_command", "percent"): (-125.0, 125.0),
     ("brake_command", "percent"): (-0.5, 100.5),
 }
+NONE_SHARE, FULL_STEP = -1.0, 5.0  # percent: written for no value by some loggers; reached by such a step
 _PEDAL, _CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its codes for error and no value
 DROPPED = "that jump to a number for no value and back"
 UNAVAILABLE = "of a code for 'not available'"
@@ -47,6 +50,17 @@ CORRELATED, SCALE = 0.7, (0.67, 1.5)
 HAS_GRAVITY = 0.5  # of g times the slope of the road
 OFFSET = 0.15  # m/s^2; 1 degree of tilt is 0.17
 MOVING_M_S, DRIVING_M_S = 1.0, 3.0
+STEADY_S, STEADY = 1.0, 0.01  # in which engine speed over speed changes by less: gear engaged, clutch closed
+TURNING_M_S, TURNING_RAD_S = 3.0, 80.0  # above creeping and idling
+LEAST_STEADY_S = 60.0  # of steady driving, to judge by
+ALIKE, MOST_GEARS, OF_TIME = (
+    0.04,
+    20,
+    0.7,
+)  # relative width of a ratio; gears that hold this share of the time
+RATIOS = (2.0, 110.0)  # rad/m, engine speed over speed: below a car's top gear, above a truck's first
+LENGTHS = {"m": 1.0, "km": 1000.0, "mi": 1609.344, "ft": 0.3048}
+TRAVELLED = frozenset(("distance", "odometer", "trip", "total", "mileage"))
 LEAST_ENGINE_RPM = 400.0  # diesel engines idle at 500 to 800 rpm, those of trucks/pool at 600
 FASTEST_TRUCK = 36.0  # m/s, 130 km/h: no truck is driven faster
 AIR_BRAKE_BAR = 15.0  # compressors of trucks are set to 8 to 13 bar
@@ -80,6 +94,15 @@ def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[t
         coded = np.isclose(v, _CODES[0], atol=1e-6) | np.isclose(v, _CODES[1], atol=1e-6)
         if coded.any() and not coded.all() and v[~coded].max() <= _PEDAL:
             found[valid[coded]] = True
+            yield UNAVAILABLE, found
+        below = v < 0.0
+        if (
+            below.any()
+            and (v[below] == NONE_SHARE).all()
+            and (np.abs(np.diff(v))[below[1:]] > FULL_STEP).any()
+        ):
+            found = np.zeros(len(values), dtype=bool)
+            found[valid[below]] = True
             yield UNAVAILABLE, found
     if channel in _IMPOSSIBLE and bool((v <= 0.0).any()):
         found = np.zeros(len(values), dtype=bool)
@@ -127,7 +150,16 @@ def refuse(recordings: Sequence[Recording]) -> None:
 
 def doubts(recordings: Sequence[Recording]) -> list[Doubt]:
     """What is doubtful in the pieces of one source, each channel held against the others."""
-    checks = (_acceleration, _speed_by_places, _grade_by_height, _engine_speed, _commands, _fastest)
+    checks = (
+        _acceleration,
+        _speed_by_places,
+        _speed_by_distance,
+        _grade_by_height,
+        _engine_speed,
+        _ratios,
+        _commands,
+        _fastest,
+    )
     return [doubt for check in checks for doubt in check(recordings)]
 
 
@@ -259,12 +291,34 @@ def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     if moving.sum() < LEAST:
         return
     factor = float(np.median(speed[moving] / pace[moving]))
+    yield from _speed_factor(factor, "latitude and longitude give", "leave the places out")
+
+
+def _speed_factor(factor: float, by: str, otherwise: str) -> Iterator[Doubt]:
+    """What a speed is that is so many times what others give."""
     if SCALE[0] ** 0.25 < factor < SCALE[1] ** 0.25:
         return
     what = factor_of(factor, SPEEDS)
-    says = f"speed is {factor:.3f} times what latitude and longitude give"
     why = f" ({what}): give it its unit" if what else f": correct it by 'scale: {1 / factor:.4g}'"
-    yield Doubt("speed", f"{says}{why}, or leave the places out", bool(what), factor)
+    yield Doubt("speed", f"speed is {factor:.3f} times what {by}{why}, or {otherwise}", bool(what), factor)
+
+
+def _speed_by_distance(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """Against channels under names of their own that state a length, such as trip_km."""
+    for name in dict.fromkeys(c for r in recordings for c in r.channels if c not in CHANNELS):
+        if not (metres := metres_of(name)):
+            continue
+        rise, speed = _windows(recordings, SLOW_S, name, "speed")
+        moving = (speed > DRIVING_M_S) & (metres * rise > MOVING_M_S)
+        if moving.sum() >= LEAST:
+            factor = float(np.sum(speed[moving]) / np.sum(metres * rise[moving]))
+            yield from _speed_factor(factor, f"'{name}' gives", f"leave '{name}' out")
+
+
+def metres_of(name: str) -> float:
+    """How long the unit of a column of distance travelled is, m, by its name; 0 for any other column."""
+    named = header(name)
+    return LENGTHS.get(named.unit, 0.0) if named.words & TRAVELLED and not named.words & LEADER else 0.0
 
 
 def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Doubt]:
@@ -299,6 +353,48 @@ def _engine_speed(recordings: Sequence[Recording]) -> Iterator[Doubt]:
             "engine_speed",
             f"engine_speed: at most {fastest:.0f} rpm while moving, and a diesel engine idles at 500 to 800 "
             "rpm; is it in rad/s?",
+        )
+
+
+def steady_ratios(recordings: Sequence[Recording]) -> Array:
+    """Engine speed over speed, rad/m, at every sample of steady driving; empty without an engine speed."""
+    return np.concatenate([np.zeros(0), *(_steady(r) for r in recordings if "engine_speed" in r.channels)])
+
+
+def _steady(r: Recording) -> Array:
+    speed, engine = r.channels["speed"], r.channels["engine_speed"]
+    turning = (speed > TURNING_M_S) & (engine > TURNING_RAD_S)
+    ratio = np.where(turning, engine, np.nan) / np.where(turning, speed, 1.0)
+    length = max(2, round(STEADY_S / r.dt))
+    if len(ratio) < length:
+        return np.zeros(0)
+    windows = np.lib.stride_tricks.sliding_window_view(ratio, length)
+    low, high = windows.min(axis=1), windows.max(axis=1)  # NaN where one is
+    middle: Array = windows[:, length // 2]
+    return middle[(high - low) < STEADY * low]
+
+
+def _ratios(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """In gear, engine speed over speed has one value a gear, and each is one that vehicles have."""
+    seen = steady_ratios(recordings)
+    if not len(seen) or len(seen) * recordings[0].dt < LEAST_STEADY_S:
+        return
+    usual = float(np.median(seen))
+    if not RATIOS[0] < usual < RATIOS[1]:
+        side = "few" if usual < RATIOS[0] else "many"
+        yield Doubt(
+            "engine_speed",
+            f"engine_speed: {usual / (2 * np.pi):.2g} turns a metre are too {side} for any gear: give speed "
+            "and engine_speed their units",
+        )
+        return
+    counts = np.bincount(np.floor((np.log(seen) - np.log(seen.min())) / ALIKE).astype(int))
+    needed = 1 + int(np.searchsorted(np.cumsum(np.sort(counts)[::-1]), OF_TIME * len(seen)))
+    if needed > MOST_GEARS:
+        yield Doubt(
+            "engine_speed",
+            f"engine_speed over speed has no steady ratios, as gears have ({needed}, {100 * ALIKE:.0f} % "
+            f"wide, for {OF_TIME:.0%} of steady driving): another clock (late_s), another vehicle?",
         )
 
 

@@ -21,11 +21,12 @@ from deeptruck_model.recordings.channel_words import COMMANDED, named_channels, 
 from deeptruck_model.recordings.evidence import settled
 from deeptruck_model.recordings.header_words import IMPERIAL, METRIC, TIME, Header, fits, header, spelled
 from deeptruck_model.recordings.message_types import Role
+from deeptruck_model.recordings.plausibility import metres_of
 from deeptruck_model.recordings.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.table_form import Form, find_form
 from deeptruck_model.recordings.topic_map import EXTRA
-from deeptruck_model.recordings.unit_evidence import fitting
+from deeptruck_model.recordings.unit_evidence import TRAVELLED, fitting
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.row_keys import Key, key_of, only, widened
 from deeptruck_model.signals import CHANNELS
@@ -206,7 +207,7 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     meanings = [meaning for column in columns if (meaning := _meaning(column, system)) is not None]
     speeds = [one.column.values[:LOOKED_AT] for one in meanings if one.channel == "speed"]
     clock = find_clock(head, headers, speeds)
-    meanings = _compared([one for one in meanings if one.column.name not in clock.columns], clock)
+    meanings = _compared([one for one in meanings if one.column.name not in clock.columns], clock, columns)
     candidates: dict[str, list[Candidate]] = {}
     commanded: dict[str, list[Candidate]] = {}
     for one in sorted(meanings, key=lambda one: -round(one.column.filled, 1)):
@@ -343,12 +344,15 @@ def _grows(values: Array) -> bool:
     return bool((steps >= 0.0).all() and (steps > 0.0).any())
 
 
-def _compared(meanings: list[_Meaning], clock: RowClock) -> list[_Meaning]:
+def _compared(meanings: list[_Meaning], clock: RowClock, columns: list[TableColumn]) -> list[_Meaning]:
     """Meanings whose unit was open, with the one that agrees with columns whose units are known."""
+    travelled = [
+        (plain(c.name), metres * c.values[:LOOKED_AT]) for c in columns if (metres := metres_of(c.name))
+    ]
     if clock.seconds is None:
         return meanings
     for channel in ("speed", "acceleration", "speed", "grade"):  # each by those before
-        known: dict[str, list[tuple[str, Array]]] = {}
+        known: dict[str, list[tuple[str, Array]]] = {TRAVELLED: travelled}
         for one in meanings:
             if one.unit and one.role is Role.MEASURED:
                 values = conversion(one.channel, one.unit)(one.column.values[:LOOKED_AT])

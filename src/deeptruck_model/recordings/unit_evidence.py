@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 WINDOW_S = 1.0  # over which rates of change are taken
 CLIMB_S = 10.0  # the same for heights, whose steps are coarse
+TRAVELLED = "travelled"  # key of columns of distance, in m
 LEAST = 30  # windows that a comparison needs
 CORRELATION = 0.7
 SLOPE = (0.85, 1.18)  # of the reference over the column, in SI; units differ by 1.15 (mph, knot) and more
@@ -50,6 +51,9 @@ def _pairs(channel: str, values: Array, time: Array, known: Known) -> Iterator[t
             yield f"'{name}'", values, other
         for name, other in known.get("acceleration", []):
             yield f"the acceleration in '{name}'", *_over(WINDOW_S, time, change=values, mean=other)
+        for name, travelled in known.get(TRAVELLED, []):
+            pace, mean = _over(CLIMB_S, time, change=travelled, mean=values)
+            yield f"the distance in '{name}'", mean, pace
         for (lat_name, lat), (_, lon) in zip(
             known.get("latitude", []), known.get("longitude", []), strict=False
         ):

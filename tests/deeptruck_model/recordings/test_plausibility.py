@@ -75,6 +75,35 @@ def test_speed_is_held_against_places() -> None:
     assert "km/h read as mph" in lines[0]
 
 
+def test_speed_is_held_against_a_distance_of_a_user() -> None:
+    t = 0.1 * np.arange(3000)
+    km = 52_000.0 + np.cumsum(speed(t)) * 1e-4
+    assert said(odometer_km=km, distance_to_leader_m=1000.0 * km) == []
+    lines = said(speed=1.609344 * speed(t), acceleration=1.609344 * np.gradient(speed(t), t), odometer_km=km)
+    assert "km/h read as mph" in lines[0] and "leave 'odometer_km' out" in lines[0]
+
+
+def test_engine_speed_turns_in_ratios_of_gears() -> None:
+    t = 0.1 * np.arange(3000)
+    v = speed(t)
+    ratios = np.where(v < 12.0, 14.0, np.where(v < 18.0, 9.0, 6.0))
+    assert said(engine_speed=ratios * v) == []
+    lines = said(speed=3.6 * v, acceleration=3.6 * np.gradient(v, t), engine_speed=6.0 * v)
+    assert "too few for any gear: give speed and" in lines[0]
+    drifting = 6.0 * v * np.exp(np.linspace(0.0, 2.0, 3000))
+    assert "another clock (late_s)" in said(engine_speed=drifting)[0]
+
+
+def test_minus_one_percent_is_no_value_where_it_is_jumped_to() -> None:
+    t = 0.1 * np.arange(100)
+    command = np.where(t < 5.0, 40.0, 0.0)
+    command[30:33] = -1.0
+    ((reason, found),) = plausibility.no_values("engine_command", "percent", t, command)
+    assert "not available" in reason and list(np.flatnonzero(found)) == [30, 31, 32]
+    retarding = np.where(t > 8.0, -10.0 * (t - 8.0) - 1.0, command)
+    assert not list(plausibility.no_values("engine_command", "percent", t, retarding))
+
+
 def test_grade_is_held_against_height() -> None:
     t = 0.1 * np.arange(3000)
     grade = 0.04 * np.sin(t / 23)
