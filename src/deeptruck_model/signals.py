@@ -7,6 +7,7 @@ torque cannot be turned into N m.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -89,6 +90,19 @@ def speed_unit(unit: str) -> float:
     if unit not in SPEED_UNITS:
         raise InputError(f"speeds are shown in {', '.join(SPEED_UNITS)}, not in '{unit}'")
     return SPEED_UNITS[unit]
+
+
+def speeds_in(unit: str, text: str) -> str:
+    """A text whose speeds, written as '0.8 m/s' or '4 to 16 m/s', are shown in another unit."""
+    per = speed_unit(unit)
+    if unit == "m/s":
+        return text
+
+    def shown(found: re.Match[str]) -> str:
+        low, high = (x and f"{per * float(x):.3g}" for x in found.groups())
+        return f"{f'{low} to ' if low else ''}{high} {unit}"
+
+    return re.sub(r"(?:(\d+(?:\.\d+)?) to )?(\d+(?:\.\d+)?) m/s(?![²^/\w])", shown, text)
 
 
 ENGINE_UNITS = ("N m", "percent", "g/s", "cm^3/s")

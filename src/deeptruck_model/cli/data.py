@@ -14,9 +14,18 @@ import typer
 
 from deeptruck_model import checks, files, reading, results
 from deeptruck_model.checks import Clock
-from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, mapped, show_accounts
+from deeptruck_model.cli.inputs import (
+    ClockOption,
+    MessageFiles,
+    Overwrite,
+    TopicMap,
+    Units,
+    mapped,
+    show_accounts,
+)
 from deeptruck_model.errors import InputError
 from deeptruck_model.progress_steps import progress
+from deeptruck_model.signals import speed_unit, speeds_in
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Suggestion, TableSuggestion
@@ -225,12 +234,14 @@ def show_coverage(
     topic_map: TopicMap = None,
     clock: ClockOption = None,
     msg: MessageFiles = None,
+    units: Units = "m/s",
     overwrite: Overwrite = False,
 ) -> None:
     """Draw what the bags hold."""
     checks.every(
         lambda: results.apart(out, *bags),
         lambda: results.COVERAGE.check(out, overwrite=overwrite),
+        lambda: speed_unit(units),
         lambda: checks.inputs(None, bags, mapped=mapped(topic_map)),
     )
     from deeptruck_model.recordings import coverage, read_all
@@ -248,7 +259,7 @@ def show_coverage(
         )
         say("counting and drawing")
         found = coverage(recordings)
-        found.save(out, overwrite=overwrite)
+        found.save(out, overwrite=overwrite, units=units)
     for missing in found.not_recorded:
         print(f"not recorded: {sentence(missing)}")
     show_accounts(recordings)
@@ -256,7 +267,7 @@ def show_coverage(
         lengths = [len(piece) * dt for piece in pieces]
         several = f" in {len(lengths)} pieces" if len(lengths) > 1 else ""
         print(f"{bag}: {sum(lengths):.1f} s at {1 / dt:g} Hz{several}")
-    print(found.judgement)
+    print(speeds_in(units, found.judgement))
     print(f"see {out / 'coverage.html'}")
     for line in found.warnings:
         print(f"warning: {line}", file=sys.stderr)

@@ -17,6 +17,7 @@ from deeptruck_model.cli.inputs import (
     MessageFiles,
     Overwrite,
     TopicMap,
+    Units,
     mapped,
     show_accounts,
 )
@@ -24,6 +25,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
 from deeptruck_model.progress_steps import progress
 from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
+from deeptruck_model.signals import speed_unit, speeds_in
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
@@ -66,6 +68,7 @@ def mismatch(
             help="Leave rows of a recording out, seconds from the start of its bag; repeat for more.",
         ),
     ] = None,
+    units: Units = "m/s",
     overwrite: Overwrite = False,
     serve: Annotated[
         bool,
@@ -87,6 +90,7 @@ def mismatch(
         lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
         lambda: checks.held_out(recordings, held_out),
         lambda: checks.mass(mass_kg),
+        lambda: speed_unit(units),
         lambda: _check_excluded(exclude or []),
     )
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
@@ -110,28 +114,29 @@ def mismatch(
         compare = partial(find_mismatch, truck, fit, held, seed=seed, exclude=exclude or (), mass_kg=mass_kg)
         found = compare(say=say, without=spans)
         say("writing the report")
-        fill(draft, found, folders.apply_command(out))
-    _show(found, out)
+        fill(draft, found, folders.apply_command(out), units)
+    _show(found, out, units)
     if serve:
-        _serve(found, out, lambda more, say: compare(without=[*spans, *more], say=say))
+        _serve(found, out, units, lambda more, say: compare(without=[*spans, *more], say=say))
 
 
-def _show(found: Mismatch, out: Path) -> None:
-    """Print the verdict's first sentences."""
+def _show(found: Mismatch, out: Path, units: str) -> None:
+    """Print the verdict's first sentences, speeds in `units`."""
     from deeptruck_model.mismatch import summary
 
-    print(f"{found.result.kind}: see {out / 'report.html'}", *summary(found), sep="\n")
+    print(f"{found.result.kind}: see {out / 'report.html'}")
+    print(*(speeds_in(units, line) for line in summary(found)), sep="\n")
     if found.result.validated:
         print(f"    {folders.apply_command(out)}")
     for caveat in found.result.caveats:
         print(f"note: {caveat}")
 
 
-def _serve(found: Mismatch, out: Path, again: Again) -> None:
+def _serve(found: Mismatch, out: Path, units: str, again: Again) -> None:
     """Serve the page until the program is ended."""
     from deeptruck_model.mismatch.serving import served
 
-    with served(found, out, again) as address:
+    with served(found, out, again, units) as address:
         print(f"page: {address}", flush=True)
         Event().wait()
 

@@ -54,15 +54,15 @@ def write(mismatch: Mismatch, out: str | Path, *, overwrite: bool = False) -> No
         fill(draft, mismatch, apply_command(out))
 
 
-def fill(draft: Path, mismatch: Mismatch, command: str) -> None:
-    """Write the files of a result into the folder `draft`; `command` applies the correction. Raises
-    OSError."""
+def fill(draft: Path, mismatch: Mismatch, command: str, units: str = "m/s") -> None:
+    """Write the files of a result into the folder `draft`; `command` applies the correction, `units` are
+    those of speeds on the page. Raises OSError."""
     (draft / "verdict.json").write_text(json.dumps(mismatch.verdict, indent=1))
     _write_profiles(mismatch, draft / "profiles.csv")
     for name, truck in ((CORRECTED, mismatch.corrected), (REFITTED, mismatch.refitted)):
         if truck is not None:
             truck.save(draft / name)
-    page.write(mismatch, draft / "report.html", command)
+    page.write(mismatch, draft / "report.html", command, units)
 
 
 def _write_profiles(mismatch: Mismatch, path: Path) -> None:

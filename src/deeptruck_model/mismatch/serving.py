@@ -128,12 +128,12 @@ class _Handler(local.Handler):
 
 
 @contextmanager
-def served(found: Mismatch, out: Path, again: Again) -> Iterator[str]:
-    """Serve the page of a result, which is in `out`, while the block runs; yields its address. `again`
-    compares without some rows."""
+def served(found: Mismatch, out: Path, again: Again, units: str = "m/s") -> Iterator[str]:
+    """Serve the page of a result, which is in `out`, while the block runs, its speeds in `units`; yields its
+    address. `again` compares without some rows."""
     folder = Path(tempfile.mkdtemp(prefix="deeptruck-again-"))
     with files.removing(lambda: shutil.rmtree(folder, ignore_errors=True)):
-        text = page.html(found, apply_command(out), served=True).encode()
+        text = page.html(found, apply_command(out), served=True, units=units).encode()
         server = _Server(local.made(), text, Comparisons(found, again, folder, Path(f"{out}_without_rows")))
         server.start()
         try:

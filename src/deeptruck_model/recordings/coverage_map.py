@@ -23,7 +23,7 @@ from deeptruck_model.recordings.given import Drives, drives
 from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.results import COVERAGE
-from deeptruck_model.signals import printed, sensible
+from deeptruck_model.signals import printed, sensible, speed_unit, speeds_in
 
 Array = NDArray[np.float64]
 
@@ -93,19 +93,22 @@ def _long(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200.0 else f"{seconds / 3600:.1f} h"
 
 
-def rows(seconds: NDArray[np.float64]) -> tuple[tuple[str, ...], ...]:
-    """Condition, time driven, and whether that is enough, as text."""
-    return tuple((c.name, _long(c.driven_s), "yes" if c.enough else "no") for c in conditions(seconds))
+def rows(seconds: NDArray[np.float64], units: str = "m/s") -> tuple[tuple[str, ...], ...]:
+    """Condition, with speeds in `units`, time driven, and whether that is enough, as text."""
+    return tuple(
+        (speeds_in(units, c.name), _long(c.driven_s), "yes" if c.enough else "no")
+        for c in conditions(seconds)
+    )
 
 
 @styled()
-def draw(found: Coverage) -> bytes:
-    """Three maps of time spent over speed, acceleration and grade, as PNG."""
+def draw(found: Coverage, units: str = "m/s") -> bytes:
+    """Three maps of time spent over speed (in `units`), acceleration and grade, as PNG."""
     figure = Figure(figsize=(WIDTH_IN, 6.2))
     FigureCanvasAgg(figure)
     axes = figure.subplot_mosaic("AA;BC")
     with_grade, every = found.seconds[:, :, :-1], found.seconds
-    speed, acceleration, grade = _axes(every.sum(axis=(0, 2)))
+    speed, acceleration, grade = _axes(every.sum(axis=(0, 2)), units)
     _map(axes["A"], every.sum(axis=2), speed, acceleration)
     _map(axes["B"], with_grade.sum(axis=1), speed, grade)
     _map(axes["C"], with_grade.sum(axis=0), acceleration, grade)
@@ -120,11 +123,11 @@ class _Axis(NamedTuple):
     shown_from: float
 
 
-def _axes(by_acceleration: Array) -> tuple[_Axis, _Axis, _Axis]:
+def _axes(by_acceleration: Array, units: str) -> tuple[_Axis, _Axis, _Axis]:
     """Speed, acceleration and grade; hard braking is drawn as far down as there was any."""
     hardest = ACCELERATION_EDGES[np.flatnonzero(by_acceleration)[0]] if by_acceleration.any() else 0.0
     return (
-        _Axis("speed [m/s]", SPEED_EDGES, SPEED_EDGES[0]),
+        _Axis(f"speed [{units}]", speed_unit(units) * SPEED_EDGES, 0.0),
         _Axis("acceleration [m/s²]", ACCELERATION_EDGES, min(SHOWN_FROM, hardest)),
         _Axis("grade [%]", 100 * GRADE_EDGES, 100 * GRADE_EDGES[0]),
     )
@@ -145,8 +148,9 @@ def _map(ax: Axes, seconds: Array, x: _Axis, y: _Axis) -> None:
 
 
 @styled()
-def draw_channels(recordings: Sequence[Recording]) -> bytes:
-    """Every channel over the recorded time, one small panel each, as PNG; a gap where it is invalid."""
+def draw_channels(recordings: Sequence[Recording], units: str = "m/s") -> bytes:
+    """Every channel over the recorded time, one small panel each, as PNG, speeds in `units`; a gap where it
+    is invalid."""
     names = list(dict.fromkeys(name for r in recordings for name in r.channels))
     figure = Figure(figsize=(WIDTH_IN, 0.6 + 0.75 * len(names)))
     FigureCanvasAgg(figure)
@@ -157,11 +161,13 @@ def draw_channels(recordings: Sequence[Recording]) -> bytes:
         begin += recording.dt * len(recording) / 60
         for axis, name in zip(axes, names, strict=True):
             if name in recording.channels:
-                _envelope(axis, minutes, recording.channels[name])
+                per = speed_unit(units) if recording.interface.unit(name) == "m/s" else 1.0
+                _envelope(axis, minutes, per * recording.channels[name])
             if len(recordings) > 1:
                 axis.axvline(begin, color="0.8", lw=0.6)
     for axis, name in zip(axes, names, strict=True):
         unit = next(r.interface.unit(name) for r in recordings if name in r.channels)
+        unit = units if unit == "m/s" else unit
         said = "" if unit in ("", "1") else f"\n[{printed(unit)}]"
         axis.set_ylabel(f"{name.replace('_', ' ')}{said}", rotation=0, ha="right", va="center", fontsize=9)
         axis.tick_params(labelsize=9)
@@ -185,26 +191,26 @@ def _envelope(axis: Axes, minutes: Array, values: Array) -> None:
     axis.plot(times, (low + high) / 2, color=MODELLED, lw=0.8)
 
 
-def page(found: Mapping[str, Any], maps: bytes, channels: bytes) -> str:
-    """The page as HTML, of coverage.json and its two pictures (PNG)."""
+def page(found: Mapping[str, Any], maps: bytes, channels: bytes, units: str = "m/s") -> str:
+    """The page as HTML, of coverage.json and its two pictures (PNG), with speeds in `units`."""
     seconds = np.array(found["occupancy"]["seconds"])
-    conditions = Table(CONDITIONS, ("condition", "driven", "enough to learn it"), rows(seconds))
+    conditions = Table(CONDITIONS, ("condition", "driven", "enough to learn it"), rows(seconds, units))
     return document(
-        found["judgement"],
+        speeds_in(units, found["judgement"]),
         [*(f"Not recorded: {sentence(missing)}" for missing in found["not_recorded"]), *found["warnings"]],
         [
             Picture(channels, SHOWS_CHANNELS),
             conditions,
             Picture(maps, SHOWS),
             *(Folded(table.says, (table,)) for table in map(_account, found["accounts"])),
-            *_channels(found["recordings"]),
+            *_channels(found["recordings"], units),
         ],
     )
 
 
-def _channels(recordings: Sequence[dict[str, Any]]) -> list[Folded]:
+def _channels(recordings: Sequence[dict[str, Any]], units: str) -> list[Folded]:
     """The channels of each recording, folded together where there are several."""
-    each = [Folded(table.says, (table,)) for table in map(_table, recordings)]
+    each = [Folded(table.says, (table,)) for table in (_table(r, units) for r in recordings)]
     return [Folded(f"Channels of {len(each)} recordings", each)] if len(each) > 1 else each
 
 
@@ -224,10 +230,11 @@ def _account(account: dict[str, Any]) -> Table:
     return Table(says, ("", "read", "used", "set aside", "first"), (*rows, *asides, *remarks))
 
 
-def _table(recording: dict[str, Any]) -> Table:
+def _table(recording: dict[str, Any], units: str) -> Table:
+    shown, per = {**SHOWN_IN, "m/s": units}, {"ratio": 100.0, "m/s": speed_unit(units)}
     rows = [
-        (name, SHOWN_IN.get(facts["unit"], printed(facts["unit"])),
-         *(_text(facts[key], facts["unit"]) for key in ("min", "mean", "max")),
+        (name, shown.get(facts["unit"], printed(facts["unit"])),
+         *(_text(facts[key], per.get(facts["unit"], 1.0)) for key in ("min", "mean", "max")),
          f"{100 * facts['nan_share']:.1f}")
         for name, facts in recording["channels"].items()
     ]  # fmt: skip
@@ -237,10 +244,8 @@ def _table(recording: dict[str, Any]) -> Table:
     return Table(says, ("channel", "unit", "least", "mean", "most", "invalid, %"), tuple(rows))
 
 
-def _text(value: float | None, unit: str) -> str:
-    if value is None:
-        return ""
-    return sensible(100.0 * value if unit in SHOWN_IN else value)
+def _text(value: float | None, per: float) -> str:
+    return "" if value is None else sensible(per * value)
 
 
 @dataclass(frozen=True)
@@ -308,8 +313,9 @@ class Coverage:
         """By which a notebook shows it: the figure that `save` writes."""
         return draw(self)
 
-    def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
-        """Write the folder with coverage.json, coverage.png and coverage.html: all or none.
+    def save(self, folder: str | Path, *, overwrite: bool = False, units: str = "m/s") -> None:
+        """Write the folder with coverage.json, coverage.png and coverage.html, these with speeds in `units`:
+        all or none.
 
         Raises InputError where something else is there, or an older coverage without `overwrite`.
         """
@@ -317,10 +323,10 @@ class Coverage:
         content = json.dumps(facts, indent=1, allow_nan=False)
         with COVERAGE.replacing(Path(folder), overwrite=overwrite) as draft:
             (draft / "coverage.json").write_text(content)
-            picture = draw(self)
+            picture = draw(self, units)
             (draft / "coverage.png").write_bytes(picture)
             (draft / "coverage.html").write_text(
-                page(facts, picture, draw_channels(self.drives)), encoding="utf-8"
+                page(facts, picture, draw_channels(self.drives, units), units), encoding="utf-8"
             )
 
 

@@ -2,6 +2,7 @@
 "use strict";
 
 const data = JSON.parse(document.getElementById("data").textContent);
+const shown = document.getElementById("data").dataset;
 const drives = document.getElementById("drive"), channels = document.getElementById("channel");
 const canvas = document.getElementById("strip"), plot = new Plot(canvas, 460);
 const names = Object.keys(data.drives[0].channels);
@@ -32,7 +33,7 @@ function strip(d, a, b, from, to, columns, colours, label, last) {
 function draw() {
   const d = data.drives[drives.value], [a, b] = within(d);
   plot.clear({bottom: 42});
-  strip(d, a, b, 0.0, 0.28, [d.speed], ["#222222"], "speed, m/s");
+  strip(d, a, b, 0.0, 0.28, [d.speed.map(v => v === null ? null : Number(shown.per) * v)], ["#222222"], `speed, ${shown.units}`);
   strip(d, a, b, 0.36, 0.64, data.found ? [d.residual, d.explained] : [d.residual], ["#999999", "#c2185b"], "missing, m/s²");
   strip(d, a, b, 0.72, 1.0, [d.channels[channels.value]], ["#0072b2"], data.labels[channels.value] || channels.value, true);
 }

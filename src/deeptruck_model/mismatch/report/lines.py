@@ -132,10 +132,10 @@ def refitted(v: Verdict) -> Iterator[str]:
     if v.fit is None or v.fit.errors is None:
         return
     e = v.fit.errors
-    corrected = f", corrected {e.after.speed:.2g}" if v.fit.corrected else ""
+    corrected = f", corrected {e.after.speed:.2g} m/s" if v.fit.corrected else ""
     yield (
         f"Held-out drives, free runs of {v.fit.horizon_s:.0f} s: as given off by {e.before.speed:.2g} m/s, "
-        f"with parameters refitted alone {e.parameters_only.speed:.2g}{corrected}."
+        f"with parameters refitted alone {e.parameters_only.speed:.2g} m/s{corrected}."
     )
     if v.fit.offered == CORRECTION:
         return  # its own changes of parameters are said where it is offered

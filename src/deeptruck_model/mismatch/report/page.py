@@ -21,6 +21,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.result import Finding, Mismatch, Segment, Verdict
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN
+from deeptruck_model.signals import speed_unit, speeds_in
 
 Array = NDArray[np.float64]
 
@@ -31,19 +32,34 @@ LEAST = 0.02  # of the budget before or after: the same beside another
 ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}
 
 
-def write(found: Mismatch, path: Path, command: str = "") -> None:
-    """Write the page; `command` applies the correction. Raises OSError where that is not possible."""
-    path.write_text(html(found, command), encoding="utf-8")
+def write(found: Mismatch, path: Path, command: str = "", units: str = "m/s") -> None:
+    """Write the page with speeds in `units`; `command` applies the correction. Raises OSError where that is
+    not possible."""
+    path.write_text(html(found, command, units=units), encoding="utf-8")
 
 
-def html(found: Mismatch, command: str = "", *, served: bool = False) -> str:
+def html(found: Mismatch, command: str = "", *, served: bool = False, units: str = "m/s") -> str:
     """The page; one that is `served` can leave rows out and compare again."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    content = {**_content(found, command), "served": served}
+    content = {**_shown(_content(found, command), units), "served": served}
     content["script"] += _file("again.js") if served else ""
     return environment.from_string(_file("report.html.jinja")).render(content)
+
+
+def _shown(content: dict[str, Any], units: str) -> dict[str, Any]:
+    """The content with speeds in other units: sentences, errors, and the picture's speed."""
+    per = speed_unit(units)
+    sentences = ("headline", "errors_say", "what", "how_probable", "what_to_do", "caveats", "not_recorded")
+    said = {name: _said(content[name], units) for name in sentences}
+    answers = [one._replace(reason=speeds_in(units, one.reason)) for one in content["lights"]]
+    errors = [(name, *(f"{per * float(x):.3f}" for x in cells)) for name, *cells in content["errors"]]
+    return {**content, **said, "lights": answers, "errors": errors, "units": units, "per": per}
+
+
+def _said(text: Any, units: str) -> Any:
+    return speeds_in(units, text) if isinstance(text, str) else [speeds_in(units, line) for line in text]
 
 
 def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
