@@ -95,14 +95,11 @@ def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[t
         if coded.any() and not coded.all() and v[~coded].max() <= _PEDAL:
             found[valid[coded]] = True
             yield UNAVAILABLE, found
-        below = v < 0.0
-        if (
-            below.any()
-            and (v[below] == NONE_SHARE).all()
-            and (np.abs(np.diff(v))[below[1:]] > FULL_STEP).any()
-        ):
+        negative = v < 0.0
+        jumped = np.abs(np.diff(v))[negative[1:]] > FULL_STEP
+        if (v[negative] == NONE_SHARE).all() and jumped.any():
             found = np.zeros(len(values), dtype=bool)
-            found[valid[below]] = True
+            found[valid[negative]] = True
             yield UNAVAILABLE, found
     if channel in _IMPOSSIBLE and bool((v <= 0.0).any()):
         found = np.zeros(len(values), dtype=bool)

@@ -43,12 +43,12 @@ def html(found: Mismatch, command: str = "", *, served: bool = False, units: str
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    content = {**_shown(_content(found, command), units), "served": served}
+    content = {**_in_units(_content(found, command), units), "served": served}
     content["script"] += _file("again.js") if served else ""
     return environment.from_string(_file("report.html.jinja")).render(content)
 
 
-def _shown(content: dict[str, Any], units: str) -> dict[str, Any]:
+def _in_units(content: dict[str, Any], units: str) -> dict[str, Any]:
     """The content with speeds in other units: sentences, errors, and the picture's speed."""
     per = speed_unit(units)
     sentences = ("headline", "errors_say", "what", "how_probable", "what_to_do", "caveats", "not_recorded")
