@@ -1,7 +1,9 @@
 """The regression that all names are compared on: linearised about parameters that fit.
 
 A truck is not linear in its parameters: brakes that are too strong in the simulator get too hot and fade. So
-where parameters are far off they are set in the simulator, and all is linearised anew about them.
+where parameters are far off they are set in the simulator, and all is linearised anew about them. Where each
+drive has a load of its own, parameters that fit all drives alike would fit none, so that it is fitted beside
+them.
 """
 
 from __future__ import annotations
@@ -12,6 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.mechanisms import CandidateTerm
+from deeptruck_model.mismatch.mechanisms.courses import EachDrive
+from deeptruck_model.mismatch.mechanisms.load import PAYLOAD_CHANGE
 from deeptruck_model.mismatch.posterior.regression import Model, Regression
 from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -38,16 +43,27 @@ def about_fitting_parameters(
     about = _About(simulator, drives, e, hidden, seed, tuple(exclude), say)
     first = search = Regression(e.to_fit(), exclude=exclude)
     here = search.background(())
+    loaded = search.background(_own_loads(search))
+    differs = loaded.score > here.score + e.rules.parameter_gain
+    here = loaded if differs else here
     for step in range(STEPS):
         anew = about.parameters_of(search, here, SETTLED if step else FAR)
         if anew is None:
             break
         further = Regression(anew.to_fit(), exclude=exclude)
-        there = further.background(())
+        there = further.background(_own_loads(further) if differs else ())
         if not step and not _better(search, here, further, there):
             return first
         search, here = further, there
     return search
+
+
+def _own_loads(search: Regression) -> tuple[CandidateTerm, ...]:
+    """A load of its own for every drive; none where that is left out, or there are too few drives."""
+    if PAYLOAD_CHANGE not in search.library:
+        return ()
+    terms = search.candidate_terms(PAYLOAD_CHANGE)
+    return tuple(t for t in terms if all(isinstance(v.course, EachDrive) for v in t.variants))
 
 
 def refitted(
@@ -120,7 +136,7 @@ def _better(given: Regression, here: Model, moved: Regression, there: Model) -> 
     doubt = np.maximum(given.e.disagreement, moved.e.disagreement)  # rows weigh alike in both
     sigma = max(given.sigma, moved.sigma)
     scores = [
-        Regression(replace(s.e, disagreement=doubt), only=both, sigma=sigma).model((), m.free).score
+        Regression(replace(s.e, disagreement=doubt), only=both, sigma=sigma).model(m.named, m.free).score
         for s, m in ((given, here), (moved, there))
     ]
     return bool(scores[1] > scores[0] + given.rules.parameter_gain)

@@ -73,12 +73,15 @@ def bounded(
 ) -> Size:
     """A size with its 95 % interval within what a truck can have: its distribution is cut off there. A mass
     is not linear in what it changes (`changed_by`); `turning` is the share of it that does not turn. That
-    `of_drive` as a whole is beside the mass of the simulator as given, not as refitted."""
+    `of_drive` as a whole is beside the mass of the simulator as given, not as refitted, which itself may be
+    off by `nearly_right`."""
     ends = np.array([-Z95, 0.0, Z95]) * sd + value
     shift = 0.0
     if unit in ("kg", "1") and part.unit == "kg":
         whole = e.mass if e.unit.scale > 1.0 else 1.0
-        ends = np.array([whole * changed_by("mass", x / whole, turning) for x in ends])
+        least, middle, most = (whole * changed_by("mass", x / whole, turning) for x in ends)
+        own = e.rules.nearly_right * whole if of_drive else 0.0
+        ends = middle + np.array([-np.hypot(middle - least, own), 0.0, np.hypot(most - middle, own)])
         low, high = (whole * x for x in e.vehicle.possible("mass"))
         shift = whole - whole / (1.0 + e.moved.get("mass", 0.0)) if of_drive else 0.0
     else:
