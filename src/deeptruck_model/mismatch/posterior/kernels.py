@@ -118,7 +118,7 @@ def _thin(features: Array, search: Regression, most: int) -> Array:
     power, directions = np.linalg.eigh(part.T @ part)
     kept = np.argsort(power)[::-1][:most]
     kept = kept[power[kept] > TINY * power.max(initial=0.0)]
-    out: Array = features @ directions[:, kept]
+    out: Array = (features @ directions[:, kept]).astype(np.float32)  # of hours the most memory by far
     return out
 
 

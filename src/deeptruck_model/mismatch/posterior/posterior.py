@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.mechanisms.road import HILLY, ROAD_GRADE
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, Blocks, Draws, sample
-from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, fit, whiten
+from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, fit, whiten
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 
@@ -210,9 +210,11 @@ def _products(search: Regression, columns: Sequence[Array], y: Array, noise: Fit
     for begin in range(0, len(rows), CHUNK):
         part = slice(begin, begin + CHUNK)
         some, w = rows[part], weight[part]
-        F = np.concatenate([whiten(np.nan_to_num(c), noise.ar, some, w) for c in columns], axis=1)
+        near = slice(some[0] - ORDER, some[-1] + 1)  # all that their whitening reads
+        at = some - near.start
+        F = np.concatenate([whiten(np.nan_to_num(c[near]), noise.ar, at, w) for c in columns], axis=1)
         gram += F.T @ F
-        pull += F.T @ whiten(y, noise.ar, some, w)
+        pull += F.T @ whiten(y[near], noise.ar, at, w)
     return gram, pull
 
 
@@ -265,7 +267,7 @@ def _splines(search: Regression, along: Array, least: float) -> Array:
     for s in fitted:
         x = along[s.rows] - along[s.start]
         knots = np.arange(0.0, x[-1] + spacing, spacing)
-        part = np.zeros((len(e), len(knots)))
+        part = np.zeros((len(e), len(knots)), dtype=np.float32)
         part[s.rows] = np.maximum(1.0 - np.abs(x[:, None] - knots) / spacing, 0.0)
         parts.append(part)
     return np.concatenate(parts, axis=1)
