@@ -57,7 +57,7 @@ class Budget:
     windows: int
     speed_rmse: float
     parts: tuple[Part, ...]
-    persistent: float = 0.0
+    persistent: float = field(default=0.0, metadata=stored(digits=4, later=True))
 
     def share(self, part: str) -> float:
         """The share of a part; zero where there is none."""

@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Advice, Answer, Data, Finding, Verdict
 from deeptruck_model.mismatch.road import Road
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import ROOT, Node
+from deeptruck_model.mismatch.tree import ROOT, Node, Tree
 from deeptruck_model.mismatch.unrecorded import NotRecorded, contradicted_mass
 from deeptruck_model.mismatch.validate import Validated
 from deeptruck_model.mismatch.witnesses import Witness
@@ -81,15 +81,15 @@ def conclude(
 
 
 def tree(c: Compared, found: Sequence[Finding], road: Road | None, rules: Rules) -> tuple[Node, ...]:
-    """The tree of the first of the findings that has one, or of the road; else of what is most probable, or
-    `nothing` with its probability."""
+    """The tree of the first of the findings that has one, or of the road; else of what is most probable; else
+    `nothing`, beside every name with its own probability."""
     if road is not None and road.tree.stated(rules.stated) != ROOT:
         return road.tree.nodes()
     by_name = {named.name: named.tree for named in c.names.found}
     trees = [by_name[f.effect] for f in found if f.effect in by_name] or list(by_name.values())
     if trees:
         return trees[0].nodes()
-    return (Node("nothing", ROOT, round(1.0 - c.names.any, 4)),)
+    return (Node("nothing", ROOT, round(1.0 - c.names.any, 4)), *Tree(c.names.each).nodes())
 
 
 def _numbers(c: Compared, driven: Validated) -> decide.Numbers:

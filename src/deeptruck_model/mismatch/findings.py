@@ -47,8 +47,9 @@ def findings(
             out.append(replace(f, missing_input=c.behind.get(f.effect, "")))
     of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)
     if not of_road and not of_slope:  # which would be what is slow too
-        alone = all(f.kind is Kind.SENSOR for f in out)
-        out += _of_drift(c, rules, good_enough=error <= tolerance, alone=alone)
+        out += _of_drift(c, rules, good_enough=error <= tolerance)
+    if error > tolerance and all(f.kind is Kind.SENSOR for f in out):
+        out += _of_rest(c, rules)
     shown = _with_shares(e, out, c.budget)
     return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
 
@@ -84,27 +85,42 @@ def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
     return [replace(f, equation=m.equation, depends_on=m.depends_on, separating_manoeuvre=m.manoeuvre)]
 
 
-def _of_drift(c: Compared, rules: Rules, *, good_enough: bool, alone: bool) -> list[Finding]:
+def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
     """A force that is slow, of a place, or of one drive, and follows no recorded channel. Where the simulator
-    is good enough, only what single drives have of their own. Where it is not and nothing else was found
-    (`alone`), what is unexplained beyond white noise is slow too, if that is most of it."""
-    out: list[Finding] = []
+    is good enough, only what single drives have of their own."""
+    out = []
     for part in (EACH_DRIVE,) if good_enough else (EACH_DRIVE, PLACE, SLOW):
         p, share = c.posterior.probability(part), c.budget.share(part)
-        force = c.posterior.force(part)
-        sizes: dict[str, Size] = {}
-        if part == EACH_DRIVE and p >= rules.named:
-            force, sizes = _constants(c)
-        rest = c.budget.persistent
-        if part == SLOW and alone and not out and rest > share and share + rest >= rules.named:
-            p, share = 1.0 - c.posterior.probability(UNKNOWN), share + rest
-            force = force + c.budget.force(LEFT_OVER, force)
         if p >= rules.named and c.budget.speed_rmse * float(np.sqrt(share)) >= rules.drift:
-            named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
-            f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
-            record = wording.RECORD_WIND if c.search.e.has("grade") else wording.RECORD_ROAD
-            out.append(replace(f, separating_manoeuvre=record, share_of_error=share, parameters=sizes))
+            force, sizes = c.posterior.force(part), dict[str, Size]()
+            if part == EACH_DRIVE:
+                force, sizes = _constants(c)
+            out.append(replace(_nameless(c, part, p, share, force, rules), parameters=sizes))
     return out
+
+
+def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
+    """The largest of what no name stands for, where the simulator is off by more than it may be and nothing
+    else was found: what is slow or adds up, what changes within seconds, or what follows recorded channels as
+    no mechanism does."""
+    b = c.budget
+    unexplained = b.force(LEFT_OVER, c.residual)
+    each = {
+        SLOW: (b.share(SLOW) + b.persistent, b.force(SLOW, c.residual) + unexplained),
+        LEFT_OVER: (b.share(LEFT_OVER) - b.persistent, unexplained),
+        UNKNOWN: (b.share(UNKNOWN), b.force(UNKNOWN, c.residual)),
+    }
+    part = max(each, key=lambda part: each[part][0])
+    share, force = each[part]
+    return [_nameless(c, part, 1.0 - c.names.any, share, force, rules)] if b.parts else []
+
+
+def _nameless(c: Compared, part: str, p: float, share: float, force: Array, rules: Rules) -> Finding:
+    """A part of the budget as a finding without a name, and what to record to find its cause."""
+    named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
+    f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
+    record = wording.to_record(part, grade=c.search.e.has("grade"))
+    return replace(f, separating_manoeuvre=record, share_of_error=share)
 
 
 def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
@@ -200,13 +216,23 @@ def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
 
 
 def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[Finding]:
-    """The findings, each with its share of the squares of all their forces."""
-    squares = [float(np.sum(f.force[e.valid] ** 2)) if f.force is not None else 0.0 for f in found]
+    """The findings, each with its share of the squared speeds that all their forces add up to."""
+    squares = [_adds_up(e, f.force, budget.horizon_s) if f.force is not None else 0.0 for f in found]
     total = sum(squares) or 1.0
     return [
         replace(f, share_of_explainable_error=round(x / total, 3), share_of_error=_share(f, budget))
         for f, x in zip(found, squares, strict=True)
     ]
+
+
+def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
+    """Sum of the squared speeds, m/s, to which a force (n,), m/s^2, adds up over windows of these seconds."""
+    steps, counted = max(1, round(horizon_s / e.dt)), np.where(e.valid, force, 0.0)
+    starts = [k for s in e.stretches for k in range(s.start, s.stop, steps)]
+    ends = [min(k + steps, s.stop) for s in e.stretches for k in range(s.start, s.stop, steps)]
+    return sum(
+        float(np.sum((np.cumsum(counted[a:b]) * e.dt) ** 2)) for a, b in zip(starts, ends, strict=True)
+    )
 
 
 def _share(f: Finding, budget: Budget) -> float | None:

@@ -104,9 +104,9 @@ def test_the_headline_says_the_drives_that_differ_and_by_how_much() -> None:
 
 
 @cache
-def coloured() -> Compared:
-    """Nothing but noise that adds up: an autoregression, as a learned simulator may be off by."""
-    noise = lfilter([1.0], [1.0, -0.95], np.random.default_rng(3).normal(0.0, 0.03, N))
+def of_noise(persists: float, sd: float) -> Compared:
+    """Nothing but noise, an autoregression, as a learned simulator may be off by."""
+    noise = lfilter([1.0], [1.0, -persists], np.random.default_rng(3).normal(0.0, sd, N))
     e = replace(evidence(), residual=noise, slow_noise=0.3)
     p = posterior(Regression(e), RULES, sweeps=60)
     drives = Drives((), (), (), (), (), None)
@@ -114,7 +114,7 @@ def coloured() -> Compared:
 
 
 def test_what_adds_up_in_no_recorded_channel_is_slow_and_never_undetermined_alone() -> None:
-    c = coloured()
+    c = of_noise(0.95, 0.03)
     (f,) = findings(c, None, None, c.budget.speed_rmse, RULES.visible, RULES)
     assert (f.effect, f.says, f.separating_manoeuvre) == (
         UNKNOWN,
@@ -122,5 +122,12 @@ def test_what_adds_up_in_no_recorded_channel_is_slow_and_never_undetermined_alon
         wording.RECORD_ROAD,
     )
     assert f.share_of_error == pytest.approx(c.budget.share(SLOW) + c.budget.persistent)
-    assert f.share_of_error > RULES.named
+    assert f.share_of_error > 0.5
     assert findings(c, None, None, 0.5 * RULES.visible, RULES.visible, RULES) == ()
+
+
+def test_what_changes_within_seconds_is_said_as_such() -> None:
+    c = of_noise(0.0, 0.2)
+    (f,) = findings(c, None, None, 1.0, RULES.visible, RULES)
+    assert (f.says, f.separating_manoeuvre) == (wording.DRIFT["left_over"], wording.RECORD_FAST)
+    assert f.share_of_error == pytest.approx(c.budget.share("left_over") - c.budget.persistent)

@@ -18,15 +18,18 @@ from deeptruck_model.mismatch.report.wording import (
 )
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.tree import UNKNOWN, Node
+from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN, Node
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 HEADLINES = {
     Conclusion.NOTHING: "Nothing that matters is missing",
     Conclusion.UNDETERMINED: "Undetermined: no cause is sure",
 }
+GOOD_ENOUGH = "the simulator is good enough as it is"
+MUCH_LARGER = 2.0  # times the share of what is said first
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
+MOST_DRIVES = 6  # whose sizes are in the headline
 MOST_EVENTS = 3  # that are listed
 MOST_SETS = 3  # of names that are in together, which are listed
 QUESTIONS = {"data": "Data enough?", "simulator": "Simulator good enough?", "apply": "Apply the correction?"}
@@ -48,15 +51,36 @@ def headline(v: Verdict) -> str:
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides + step
     f = v.findings[0]
     drives = ", ".join(_drive(f, name) for name in f.in_drives)
-    what = f"in {drives} alone, {_what(f)}" if drives else _what(f)
+    what = f"in {drives} alone, {_what(f)}" if drives else _what(f) + _by_drive(f)
     share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
-    return f"{opened(what)}{share}: {_next_step(v)}"
+    step = _next_step(v)
+    if step == GOOD_ENOUGH:
+        return f"{opened(step)}: {what}{share}"
+    return f"{opened(what)}{share}{_larger(v)}: {step}"
+
+
+def _larger(v: Verdict) -> str:
+    """A part of the budget that is much larger than the first finding and that no finding stands for."""
+    share, parts = v.findings[0].share_of_error, v.budget.parts if v.budget is not None else ()
+    stated = {f.family for f in v.findings} | {LEFT_OVER, UNKNOWN}
+    other = max((p for p in parts if p.part not in stated), key=lambda p: p.share, default=None)
+    if other is None or share is None or other.share < MUCH_LARGER * share:
+        return ""
+    return f"; more is {spoken(other.part)}, {percent(other.share)}, of which no name is certain"
 
 
 def _drive(f: Finding, name: str) -> str:
     """A drive in which a finding acts, with its constant force where that is known."""
     size = f.parameters.get(f"force[{name}]")
     return f"{name} ({size.value:+.3g} {size.unit})" if size is not None else name
+
+
+def _by_drive(f: Finding) -> str:
+    """The size in every drive, where it differs between a few."""
+    sizes = {name.partition("[")[2][:-1]: x for name, x in f.parameters.items() if name.endswith("]")}
+    if not 1 < len(sizes) <= MOST_DRIVES or any(x.unit not in ("kg", "N") for x in sizes.values()):
+        return ""
+    return f" ({', '.join(f'{drive} {x.value:+,.0f} {x.unit}' for drive, x in sizes.items())})"
 
 
 def _count(count: int, noun: str) -> str:
@@ -83,9 +107,11 @@ def _next_step(v: Verdict) -> str:
         return "repair the sensor"
     good = v.advice.get("simulator")
     if good is not None and good.answer == "yes":
-        return "the simulator is good enough as it is"
+        return GOOD_ENOUGH
     if v.findings[0].effect == UNKNOWN:
         return v.findings[0].separating_manoeuvre
+    if "recording" in v.findings[0].depends_on:
+        return "adapt the simulator to each drive"
     return "see what to do"
 
 
@@ -165,7 +191,7 @@ def how_probable(v: Verdict) -> Iterator[str]:
 def candidates(tree: Sequence[Node]) -> str:
     """The most probable families where none is stated."""
     top = [n for n in tree if n.parent == ROOT][:3]
-    if len(top) == 1:
+    if top[0].node == "nothing":
         return "No mechanism is in, and these data do not identify what the simulator is off by."
     split = ", ".join(f"{spoken(n.node)} {percent(n.probability)}" for n in top)
     return f"No part of the truck is at 90 %: {split}."
@@ -210,7 +236,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         elif "recording" in f.depends_on and not v.validated:
             yield (
                 f"{opened(spoken(f.effect))} may differ from drive to drive: if so, set the simulator's "
-                "parameters for each, or estimate a constant force from a drive's first minutes by "
+                "parameters for each, or estimate what a drive has of its own from its first minutes by "
                 "'deeptruck-model adapt'."
             )
     if v.validated:

@@ -11,11 +11,25 @@ UNKNOWN_FORCE = "a force that follows no mechanism of the library"
 RECORD_MORE = "record the channels on which the force may depend, and drive where it is largest"
 RECORD_ROAD = "record elevation or position"
 RECORD_WIND = "record wind and load, and check the recorded slope"
+RECORD_FAST = "record gear, brake and engine torque, and all at ten samples a second or more"
 DRIFT = {
     "slow": "a slow force that no recorded channel explains, as a slope or wind is",
     "place": "a force that depends on the road position and that no recorded channel explains, as a slope is",
+    "left_over": "an error that changes within seconds and that no recorded channel explains",
+    "unknown": UNKNOWN_FORCE,
     "each_drive": "a constant force that differs between drives, as load, tyres, wind or a slope sensor do",
 }
+
+
+def to_record(part: str, *, grade: bool) -> str:
+    """What would show the cause of a part of the budget, where slopes were recorded or not."""
+    if part == "unknown":
+        return RECORD_MORE
+    if part == "left_over":
+        return RECORD_FAST
+    return RECORD_WIND if grade else RECORD_ROAD
+
+
 COUNTS_AS_LEARNED = (
     "the simulator has neither parameters() nor inside(): it is treated as a learned one, beside which fewer "
     "names are accepted (docs/simulators.md)"

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from deeptruck_model.mismatch.budget import Budget, Part
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.findings import of_fault
 from deeptruck_model.mismatch.fit_result import Compared, FitResult, Improvement, Refitted, Rmse
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.report import lines, page
-from deeptruck_model.mismatch.result import Conclusion, Data, Finding, Kind, Verdict
+from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Data, Finding, Kind, Size, Verdict
 
 PAYLOAD = Finding(
     Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},
@@ -71,6 +73,36 @@ def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
     v = Verdict(Conclusion.NOTHING, fit=fit)
     assert lines.headline(v) == "Nothing that matters is missing: apply the refitted parameters"
     assert list(lines.what_to_do(v)) == ["Apply the refitted parameters alone."]
+
+
+def test_a_good_simulator_is_said_to_be_first_and_a_larger_part_without_a_name() -> None:
+    f = replace(PAYLOAD, effect="shift_interruption", family="engine_driveline", share_of_error=0.21)
+    f = replace(f, stated="shift_interruption", depends_on=("gear",))
+    load, rest = (Part(n, x, x, x, 1.0, np.zeros(0)) for n, x in (("load", 0.59), ("left_over", 0.2)))
+    off = Verdict(Conclusion.PHYSICS, (f,), budget=Budget(40.0, 9, 0.5, (load, rest)))
+    assert lines.headline(off) == (
+        "Shift interruption is missing, 21 % of the squared error; more is load, 59 %, of which no name is "
+        "certain: see what to do"
+    )
+    smaller = replace(off, budget=Budget(40.0, 9, 0.5, (replace(load, share=0.4), rest)))
+    assert "more is load" not in lines.headline(smaller)
+    good = replace(off, advice={"simulator": Advice(Answer.YES, "off by 0.1 m/s")})
+    assert lines.headline(good) == (
+        "The simulator is good enough as it is: shift interruption is missing, 21 % of the squared error"
+    )
+
+
+def test_sizes_that_differ_between_a_few_drives_are_in_the_first_line() -> None:
+    sizes = {
+        f"change[{d}]": Size(x, "kg", (x - 300.0, x + 300.0)) for d, x in (("a", -10864.4), ("c", 9759.7))
+    }
+    v = Verdict(Conclusion.PHYSICS, (replace(PAYLOAD, parameters=sizes, share_of_error=0.99),))
+    assert lines.headline(v) == (
+        "Payload change is missing (a -10,864 kg, c +9,760 kg), 99 % of the squared error: "
+        "adapt the simulator to each drive"
+    )
+    ratios = {name: replace(size, unit="1") for name, size in sizes.items()}
+    assert "(a" not in lines.headline(replace(v, findings=(replace(PAYLOAD, parameters=ratios),)))
 
 
 def test_events_are_said_with_what_they_do_to_the_speed() -> None:
