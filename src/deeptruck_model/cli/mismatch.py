@@ -203,7 +203,7 @@ def adapt(
     msg: MessageFiles = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Adapt a simulator to one drive, its load and wind, by a constant acceleration fitted to its beginning.
+    """Adapt a simulator to one drive by its beginning: its load, its wind, and a constant force.
 
     Example: deeptruck-model adapt SIM today --out adapted
     """
@@ -224,10 +224,7 @@ def adapt(
         show_accounts(pieces)
         found = adapted_to(truck, pieces, first_s)
         found.truck.save(draft)
-    print(
-        f"a constant acceleration of {found.constant:+.3f} m/s^2 (+-{1.96 * found.sd:.3f}) from "
-        f"{found.windows} free runs in {found.seconds:.0f} s; simulator in {out}"
-    )
+    print(f"this drive's own, from {found.own.seconds:.0f} s of it: {found.own}; simulator in {out}")
 
 
 def road(

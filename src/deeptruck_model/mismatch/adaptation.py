@@ -1,85 +1,156 @@
-"""A constant force per mass for one drive, estimated from its first minutes.
+"""What one drive has of its own, from its first minutes: load, wind, and a constant force per mass.
 
-Load, wind and weather differ from day to day and cannot be learned from other drives. Each free run along the
-begin of the drive gives the constant of least squared speed error; their mean is shrunk to zero by their
-scatter.
+They differ from day to day and cannot be learned from other drives. Each is a block of the posterior by which
+mechanisms are named, beside what is slow, a slope that was not recorded, and what follows other signals.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from deeptruck_model import calls
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import unrecorded
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import free_runs, horizon
 from deeptruck_model.mismatch.data import checks
-from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
-from deeptruck_model.mismatch.mechanisms import variant
+from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared, learned, prepare, same_signals
+from deeptruck_model.mismatch.discrepancy import allowed_for
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
+from deeptruck_model.mismatch.own import Own, Quantity, State
+from deeptruck_model.mismatch.posterior.kernels import Kernel
+from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
+from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
+from deeptruck_model.mismatch.residual.components import Shares
+from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.given import Drives
 from deeptruck_model.recordings.given import drives as known
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
+from deeptruck_model.vehicle_kinds import STEEPEST
+
+Array = NDArray[np.float64]
 
 FIRST_S = 300.0
-CONSTANT = "grade_bias"  # the mechanism of a constant force per mass, as a slope
-PRIOR = 0.03  # m/s^2, sd of what differs between drives
-STEP = 0.02  # m/s^2, of the sensitivity
-APART = 2.0  # by how much the mean of free runs varies beyond independent ones: slopes and wind last longer
-LEAST_SD = 0.002  # m/s^2, of the constant that one free run asks for
+SLOPE = "road_grade"  # whose kernel the search has of itself where none was recorded
+LOAD, BIAS, WIND = "mass", "grade_bias", "headwind"
+STEADY: dict[str, Variant] = {BIAS: variant("offset"), WIND: variant("each drive", around_m_s=0.0)}
+SD = {LOAD: FREE["mass"], BIAS: 0.03 / GRAVITY, WIND: 4.0}  # relative, rise over run, m/s: between drives
+STRONGEST = {BIAS: STEEPEST, WIND: 15.0}  # what no drive has throughout
+ODDS = 0.3  # prior odds of each, as of any drift: hardly two drives are alike
 
 
 @dataclass(frozen=True)
 class Adapted:
-    """The simulator with a constant acceleration (m/s^2) added, its standard deviation, and the seconds
-    of the drive and the free runs that it was estimated from."""
+    """The simulator with what a drive has of its own."""
 
     truck: CorrectedTruck
-    constant: float
-    sd: float
-    seconds: float
-    windows: int
+    own: Own
+
+    @property
+    def constant(self) -> float:
+        """The constant acceleration that was added, m/s^2."""
+        return self.own.used("constant")
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of the constant, m/s^2, from its 95 % interval."""
+        low, high = self.own.constant.ci95
+        return (high - low) / (2.0 * Z95)
 
 
-def with_constant(simulator: Simulator, acceleration: float) -> CorrectedTruck:
-    """The simulator with a constant force per mass (m/s^2) added."""
-    return CorrectedTruck(
-        simulator, [Term(CONSTANT, (variant("offset"),), (-acceleration / GRAVITY,))], {}, None, True
-    )
+def with_own(simulator: Simulator, own: Own) -> CorrectedTruck:
+    """The simulator with what is estimated of a drive's own."""
+    sizes = {WIND: own.used("wind"), BIAS: -own.used("constant") / GRAVITY}
+    terms = [Term(name, (STEADY[name],), (size,)) for name, size in sizes.items() if size]
+    load = own.used("load")
+    return CorrectedTruck(simulator, terms, {LOAD: load} if load else {}, own.shares, True)
 
 
-def adapt(simulator: MinimalSimulator | str | Path, recordings: Drives, first_s: float = FIRST_S) -> Adapted:
+def adapt(
+    simulator: MinimalSimulator | str | Path,
+    recordings: Drives,
+    first_s: float = FIRST_S,
+    *,
+    rules: Rules = Rules(),
+) -> Adapted:
     """The simulator adapted to the drive that the recordings are the pieces of, by its first `first_s`.
 
     The simulator may be named as `load` does, the drive by the path of its bag. Raises InputError where they
-    do not belong to each other, or hold no free run.
+    do not belong to each other, or too little of the drive can be compared.
     """
     calls.number(first_s, "first_s", "s")
     simulator = completed(simulator)
     recordings = known(recordings, rate_hz=1.0 / simulator.dt)
-    drives = begin(simulator, recordings, first_s)
-    horizon_s = horizon(drives)
-    plain, moved = free_runs([(simulator, drives), (with_constant(simulator, STEP), drives)], horizon_s)
-    if not len(plain.speed):
+    with threadpool_limits(1):
+        own = own_of(simulator, begin(simulator, recordings, first_s), rules)
+    if own is None:
         raise InputError(
-            f"the first {first_s:g} s of '{recordings[0].name}' hold no unbroken {horizon_s:g} s; "
+            f"of the first {first_s:g} s of '{recordings[0].name}' too little can be compared; "
             "record longer, or take more of it by --first-s"
         )
-    slope = (moved.speed - plain.speed) / STEP
-    square = np.maximum(np.sum(slope**2, axis=1), 1e-12)
-    each = -np.sum(slope * plain.speed, axis=1) / square
-    mean = float(np.average(each, weights=square))
-    spread = max(float(np.std(each, ddof=1)) if len(each) > 1 else PRIOR, LEAST_SD)
-    precision = len(each) / (APART * spread**2)
-    constant = mean * precision / (precision + 1.0 / PRIOR**2)
-    sd = float(1.0 / np.sqrt(precision + 1.0 / PRIOR**2))
-    seconds = sum(len(p.recording) * p.dt for p in drives)
-    return Adapted(with_constant(simulator, constant), constant, sd, seconds, len(plain.speed))
+    return Adapted(with_own(simulator, own), own)
+
+
+def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Own | None:
+    """What prepared pieces of one drive have of their own; None where too little can be compared."""
+    e = gather(simulator, drives, [False] * len(drives), rules=rules)
+    e = replace(e, valid=e.valid & ~unrecorded.braking(e, rules)[0])
+    if e.valid.sum() * e.dt < LEAST_DRIVING_S:
+        return None
+    e = allowed_for(simulator, e, drives[0].measured_acceleration, 0)
+    columns = {name: candidate_term(LIBRARY[name], STEADY[name], e).columns for name in STEADY}
+    if LOAD in e.sensitivity:
+        columns[LOAD] = e.sensitivity[LOAD][:, None]
+    search = Regression(replace(e, sensitivity={}), exclude=set(LIBRARY) - {SLOPE})
+    blocks = [Kernel(n, SD[n] * np.nan_to_num(x), chance=ODDS / rules.odds) for n, x in columns.items()]
+    p = posterior(search, rules, blocks)
+    rise, wind = (_quantity(p.probability(n), _drawn(p, n), STRONGEST[n]) for n in STEADY)
+    load = _load(p) if LOAD in columns else Quantity()
+    return Own(load, wind, _constant(rise), float(e.valid.sum() * e.dt), Shares.if_unreported(e))
+
+
+def _constant(rise: Quantity) -> Quantity:
+    """A slope beside the recorded one as the acceleration that it is."""
+    low, high = rise.ci95
+    return replace(rise, value=-GRAVITY * rise.value, ci95=(-GRAVITY * high, -GRAVITY * low))
+
+
+def _drawn(p: Posterior, name: str) -> Array:
+    """The size of a block of one column in each draw (m,)."""
+    (j,) = (j for j, k in enumerate(p.of) if k.name == name)
+    return SD[name] * p.coefficients(j)[:, 0]
+
+
+def _load(p: Posterior) -> Quantity:
+    """The relative change of mass."""
+    low, high = p.search.e.vehicle.possible(LOAD)
+    moved = np.array([changed_by(LOAD, float(x), p.search.mass_gain) for x in _drawn(p, LOAD)])
+    q = _quantity(p.probability(LOAD), moved, np.inf)
+    bent = Z95 * 0.5 * q.value**2  # what a line through the simulator's answer may be off by so far away
+    beyond = q.state is State.ESTIMATED and not low < q.value < high
+    return replace(
+        q,
+        state=State.INVALID if beyond else q.state,
+        ci95=(q.ci95[0] - bent, q.ci95[1] + bent),
+    )
+
+
+def _quantity(probability: float, drawn: Array, most: float) -> Quantity:
+    """A quantity from its draws (m,): estimated where more probable than not, and valid up to `most`."""
+    value = float(drawn.mean())
+    low, high = (float(x) for x in np.quantile(drawn, [0.025, 0.975]))
+    state = State.UNESTIMATED if probability < Rules.named else State.ESTIMATED
+    state = State.INVALID if state is State.ESTIMATED and abs(value) > most else state
+    return Quantity(state, value, (low, high), probability)
 
 
 def begin(simulator: Simulator, recordings: Sequence[Recording], first_s: float) -> list[Prepared]:

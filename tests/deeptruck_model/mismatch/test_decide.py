@@ -86,6 +86,7 @@ def test_data_are_enough_where_every_input_is_known(numbers: Numbers, answer: An
         (PHYSICS, Answer.NO, wording.off(0.5, 40.0)),
         (replace(PHYSICS, given=0.1), Answer.NO, wording.off_fitted(0.5)),
         (replace(PHYSICS, given=0.1, fitted=0.1), Answer.YES, wording.good_enough(0.1, 40.0)),
+        (replace(PHYSICS, given=0.3, fitted=0.3), Answer.YES, wording.good_enough(0.3, 40.0)),
         (
             replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0]),
             Answer.YES,
@@ -117,6 +118,7 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
         (replace(PHYSICS, corrected=0.6, refitted=0.4), Answer.UNSURE, wording.NOT_SIGNIFICANT),
         (replace(PHYSICS, corrected=0.5, refitted=0.5), Answer.NO, wording.NOT_BETTER),
         (replace(PHYSICS, is_corrected=False), Answer.NO, wording.NOTHING_CORRECTED),
+        (Numbers([Kind.PHYSICS], [1.0], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
         (replace(RIGHT, offered=CORRECTION, is_corrected=True), Answer.NO, wording.NOTHING_CORRECTED),
         (replace(PHYSICS, given=NAN), Answer.NO, wording.NOT_DRIVEN),
     ],

@@ -11,8 +11,9 @@ from sensor_msgs.msg import JointState, Range
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.live.companion import Companion
 from deeptruck_model.mismatch.live.monitor import Located, Monitor, Sample
-from deeptruck_model.mismatch.live.questions import Answer, Names, Own, Question
+from deeptruck_model.mismatch.live.questions import Answer, Names, Question
 from deeptruck_model.mismatch.live.window import Window
+from deeptruck_model.mismatch.own import UNITS, Own
 from deeptruck_model.mismatch.report.wording import percent, spoken
 from deeptruck_model.mismatch.tree import ROOT
 from deeptruck_nodes import messages
@@ -62,7 +63,7 @@ class MismatchMonitor(DeeptruckNode):
             import deeptruck_model.mismatch.adaptation  # noqa: F401 - which takes long, and not while driving
         self._due = FIRST_S
         self._asked_at = 0  # stamp of the last question
-        self._constant = 0.0
+        self._own: Own | None = None
         self._stated = ROOT
         self._refused: set[str] = set()
         self._said: dict[str, object] = {}
@@ -122,9 +123,9 @@ class MismatchMonitor(DeeptruckNode):
             self._put(self._newest.copy(), stamp)
 
     def _put(self, window: Window, stamp: int, adapts: float = 0.0) -> None:
-        of, constant, no_load = self.p["simulator"], self._constant, self.p["no_load"]
+        of, own, no_load = self.p["simulator"], self._own, self.p["no_load"]
         self._asked_at = stamp
-        self._companion.ask(lambda: Question(of, window.heard(), constant, adapts, no_load))
+        self._companion.ask(lambda: Question(of, window.heard(), own, adapts, no_load))
         self._take(waits=self.lockstep)
 
     def _take(self, *, waits: bool) -> None:
@@ -151,16 +152,14 @@ class MismatchMonitor(DeeptruckNode):
         self._refused.add(why)
 
     def _adapt(self, own: Own) -> None:
-        from deeptruck_model.mismatch.adaptation import with_constant
+        from deeptruck_model.mismatch.adaptation import with_own
 
-        self._constant = own.constant
-        self._monitor.goes_on_with(with_constant(self._simulator, own.constant))
-        self._said["adapted_m_s2"] = own.constant
-        print(
-            f"the simulator is adapted to this drive: {own.constant:+.3f} m/s^2 (+-{1.96 * own.sd:.3f}) from "
-            f"{own.windows} free runs in {own.seconds:.0f} s",
-            flush=True,
-        )
+        self._own = own
+        if own.known:
+            self._monitor.goes_on_with(with_own(self._simulator, own))
+        for name, quantity in own.each.items():
+            self._said[f"own_{name}"] = f"{quantity.state} {own.used(name):+.4g} {UNITS[name]}"
+        print(f"this drive's own, from {own.seconds:.0f} s of it: {own}", flush=True)
 
     def _name(self, found: Names, answer: Answer) -> None:
         stamp = self._asked_at

@@ -15,11 +15,12 @@ from threadpoolctl import threadpool_limits
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import conclude
-from deeptruck_model.mismatch.adaptation import adapt, with_constant
+from deeptruck_model.mismatch.adaptation import adapt, with_own
 from deeptruck_model.mismatch.comparison import Uncompared
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.findings import findings
-from deeptruck_model.mismatch.live.questions import Answer, Names, Own, Question
+from deeptruck_model.mismatch.live.questions import Answer, Names, Question
+from deeptruck_model.mismatch.own import Own
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import ROOT, Node
@@ -42,7 +43,7 @@ def answer(question: Question) -> Answer:
 
 
 def _found(question: Question) -> Names | Own:
-    simulator = _loaded(question.simulator, question.constant)
+    simulator = _loaded(question.simulator, question.own)
     recordings = of_messages(
         "this drive",
         question.heard,
@@ -53,14 +54,13 @@ def _found(question: Question) -> Names | Own:
     with threadpool_limits(1):
         if not question.adapts:
             return name(simulator, recordings)
-        own = adapt(simulator, recordings, question.adapts)
-        return Own(own.constant, own.sd, own.windows, own.seconds)
+        return adapt(simulator, recordings, question.adapts).own
 
 
 @lru_cache(maxsize=2)
-def _loaded(path: str, constant: float) -> Simulator:
+def _loaded(path: str, own: Own | None) -> Simulator:
     simulator = completed(simulators.load(path))
-    return with_constant(simulator, constant) if constant else simulator
+    return with_own(simulator, own) if own is not None and own.known else simulator
 
 
 def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules()) -> Names:

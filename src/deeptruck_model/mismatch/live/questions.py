@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from deeptruck_model.mismatch.own import Own
 from deeptruck_model.mismatch.tree import ROOT, Node
 from deeptruck_model.recordings.resample import Received
 
@@ -13,13 +14,13 @@ from deeptruck_model.recordings.resample import Received
 class Question:
     """What is asked of the last minutes of a truck, or (`adapts`) of the first minutes of its drive.
 
-    `constant`, m/s^2, was added to the simulator before. With `no_load` no command drives the truck.
+    `own` is what the simulator has been adapted to before. With `no_load` no command drives the truck.
     """
 
     simulator: str
     heard: Mapping[str, Received]
-    constant: float = 0.0
-    adapts: float = 0.0  # s from the start over which the constant is estimated; 0: find names
+    own: Own | None = None
+    adapts: float = 0.0  # s from the start by which the simulator is adapted to the drive; 0: find names
     no_load: bool = False
 
 
@@ -35,17 +36,6 @@ class Names:
     shares: Mapping[str, float] | None = None
     speed_rmse: float = float("nan")
     horizon_s: float = float("nan")
-
-
-@dataclass(frozen=True)
-class Own:
-    """A constant acceleration of this drive, m/s^2, its standard deviation, and the free runs and seconds
-    that it was estimated from."""
-
-    constant: float
-    sd: float
-    windows: int
-    seconds: float
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from deeptruck_model import recordings
 from deeptruck_model.mismatch.adaptation import adapt
 from deeptruck_model.mismatch.live.answer import NOT_DETECTED, answer
 from deeptruck_model.mismatch.live.companion import Companion
-from deeptruck_model.mismatch.live.questions import Names, Own, Question
+from deeptruck_model.mismatch.live.questions import Names, Question
 from deeptruck_model.mismatch.live.window import Window
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.extract import of_messages
@@ -91,11 +91,11 @@ def test_beside_the_right_truck_nothing_is_named() -> None:
     assert isinstance(found, Names) and found.says == NOT_DETECTED and found.nodes[0].node == "nothing"
 
 
-def test_the_constant_of_a_drive_is_that_of_adapt() -> None:
+def test_what_a_drive_has_of_its_own_is_that_of_adapt() -> None:
     (drive,) = drives(TRUCK, 1, 180.0)
     found = answer(Question("truck:trucksim", heard(drive), adapts=120.0)).found
     offline = adapt(TRUCK, of_messages("a", heard(drive), drive.interface, rate_hz=10.0), 120.0)
-    assert found == Own(offline.constant, offline.sd, offline.windows, offline.seconds)
+    assert found == offline.own
 
 
 def test_what_cannot_be_answered_is_said(lazy_brake: Question) -> None:

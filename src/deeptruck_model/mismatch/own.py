@@ -1,0 +1,77 @@
+"""What one drive has of its own, load, wind and a constant force, each with its state; standard library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.residual.components import Shares
+
+LOAD, WIND, CONSTANT = "load", "wind", "constant"
+UNITS = {LOAD: "1", WIND: "m/s", CONSTANT: "m/s^2"}
+
+
+class State(StrEnum):
+    """Whether a quantity is known."""
+
+    UNESTIMATED = "unestimated"
+    """the drive does not show it"""
+    ESTIMATED = "estimated"
+    INVALID = "invalid"
+    """the estimate leaves what a vehicle can have, and is not used"""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity: its posterior mean with a 95 % interval, and the probability that it is not as simulated.
+
+    `load` is the relative change of mass, `wind` a headwind in m/s, `constant` an acceleration in m/s^2."""
+
+    state: State = State.UNESTIMATED
+    value: float = 0.0
+    ci95: tuple[float, float] = (0.0, 0.0)
+    probability: float = 0.0
+
+
+@dataclass(frozen=True)
+class Own:
+    """What a drive has of its own, by its first `seconds` that could be compared; and the `shares` by which
+    forces of a simulator that does not report them are known."""
+
+    load: Quantity
+    wind: Quantity
+    constant: Quantity
+    seconds: float = 0.0
+    shares: Shares | None = field(default=None, compare=False)
+
+    @property
+    def each(self) -> Mapping[str, Quantity]:
+        """The quantities by name."""
+        return {LOAD: self.load, WIND: self.wind, CONSTANT: self.constant}
+
+    @property
+    def known(self) -> bool:
+        """Whether anything is estimated."""
+        return any(q.state is State.ESTIMATED for q in self.each.values())
+
+    def used(self, name: str) -> float:
+        """The value that the adapted simulator has: where anything is estimated the posterior mean of each,
+        as two may stand for one force; else zero."""
+        q = self.each[name]
+        return q.value if self.known and q.state is not State.INVALID else 0.0
+
+    def __str__(self) -> str:
+        """What is estimated, or that nothing is."""
+        says = [_says(name, q) for name, q in self.each.items() if q.state is not State.UNESTIMATED]
+        return "; ".join(says) or "nothing of its own shows: the simulator is as given"
+
+
+def _says(name: str, q: Quantity) -> str:
+    if q.state is State.INVALID:
+        return f"{name} invalid: the estimate leaves what a vehicle can have"
+    scale, unit = (100.0, "% of mass") if name == LOAD else (1.0, UNITS[name])
+    value, low, high = (f"{scale * x:+.3g}" for x in (q.value, *q.ci95))
+    return f"{name} {value} {unit} ({low} to {high}, 95 %)"
