@@ -20,7 +20,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import unrecorded
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data import checks
-from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared, learned, prepare, same_signals
+from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
 from deeptruck_model.mismatch.discrepancy import allowed_for
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
 from deeptruck_model.mismatch.own import Own, Quantity, State
@@ -30,7 +30,7 @@ from deeptruck_model.mismatch.posterior.regression import FREE, Regression, chan
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.given import Drives
 from deeptruck_model.recordings.given import drives as known
@@ -44,7 +44,7 @@ SLOPE = "road_grade"  # whose kernel the search has of itself where none was rec
 LOAD, BIAS, WIND = "mass", "grade_bias", "headwind"
 STEADY: dict[str, Variant] = {BIAS: variant("offset"), WIND: variant("each drive", around_m_s=0.0)}
 SD = {LOAD: FREE["mass"], BIAS: 0.03 / GRAVITY, WIND: 4.0}  # relative, rise over run, m/s: between drives
-STRONGEST = {BIAS: STEEPEST, WIND: 15.0}  # what no drive has throughout
+STRONGEST = {BIAS: STEEPEST, WIND: Limits.mean_wind}  # what no drive has throughout
 ODDS = 0.3  # prior odds of each, as of any drift: hardly two drives are alike
 
 
@@ -104,7 +104,7 @@ def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Ow
     """What prepared pieces of one drive have of their own; None where too little can be compared."""
     e = gather(simulator, drives, [False] * len(drives), rules=rules)
     e = replace(e, valid=e.valid & ~unrecorded.braking(e, rules)[0])
-    if e.valid.sum() * e.dt < LEAST_DRIVING_S:
+    if e.valid.sum() * e.dt < Limits.least_driving_s:
         return None
     e = allowed_for(simulator, e, drives[0].measured_acceleration, 0)
     columns = {name: candidate_term(LIBRARY[name], STEADY[name], e).columns for name in STEADY}

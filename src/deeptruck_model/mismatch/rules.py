@@ -244,6 +244,10 @@ class Limits:
         0.15, "1", "of a force's largest rms in a drive, above which it acts in another", CHOSEN
     )
 
+    mean_wind: float = _rule(
+        15.0, "m/s", "headwind of a whole drive, above which its estimate is invalid", TRUCKS
+    )
+
     # the correction
     least_in: float = _rule(0.1, "1", "probability of a mechanism, above which it is corrected", CHOSEN)
     form_left: float = _rule(0.03, "1", "of the squares of a mean force, that its forms may leave", CHOSEN)

@@ -60,7 +60,6 @@ STEERING: dict[str, dict[str, str]] = {
         "unrecorded.py": "BLOCK_S",
     },
     "priors and the tails of noise": {
-        "adaptation.py": "LEAST_SD PRIOR",
         "events.py": "CLIP INFORMS",
         "posterior/regression.py": "FREE LARGEST_SLOPE",
         "posterior/slow_force.py": "DRAGS",
@@ -83,7 +82,7 @@ STEERING: dict[str, dict[str, str]] = {
         "mechanisms/symbols.py": "OMEGA",
     },
     "what a page shows": {
-        "report/lines.py": "LARGE WORTH_SAYING",
+        "report/lines.py": "LARGE MOST_DRIVES MUCH_LARGER WORTH_SAYING",
         "report/page.py": "AROUND_S LEAST LEAST_SHARE MOST_BLOCKS",
         "where.py": "SMALL",
     },
