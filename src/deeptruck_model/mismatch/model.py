@@ -48,7 +48,11 @@ class Recipe:
 @dataclass(frozen=True)
 class Made:
     """The corrected simulator and the one with parameters refitted alone; the recipe, and its most probable
-    sizes, which findings state whatever sizes drive best; and the parameters that were refitted alone."""
+    sizes, which findings state whatever sizes drive best; and the parameters that were refitted alone.
+
+    `left_out` are speed errors (drives,), rms in m/s to first order, of fitted drives that were left out in
+    turn, by simulator as in `Compared`; empty where they are too few.
+    """
 
     corrected: CorrectedTruck
     tuned: CorrectedTruck
@@ -56,6 +60,7 @@ class Made:
     fit: Model
     refit: Mapping[str, Refitted] = field(default_factory=dict)
     terms: tuple[CandidateTerm, ...] = ()  # forms of all that may be in, of single drives too
+    left_out: Mapping[str, Array] = field(default_factory=dict)
 
 
 def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
@@ -71,8 +76,10 @@ def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
         options += [Recipe(terms, free) for free in sorted(frees, key=len)]
     options += [replace(o, output_error=True) for o in options[1:]]
     folds = _folds(search.e)
-    errors = [_left_out(folds, recipe) for recipe in options]
-    best = options[int(np.argmin([e if k else rules.better**2 * e for k, e in enumerate(errors)]))]
+    errors = [_left_out(folds, recipe) for recipe in (*options, tuning)]
+    whole_error = [_rms(e) ** 2 for e in errors[:-1]]
+    chosen = int(np.argmin([x if k else rules.better**2 * x for k, x in enumerate(whole_error)]))
+    best = options[chosen]
     whole = Regression(search.e.everywhere(), only=~search.e.held_out & search.e.valid, held=PINNED)
     alone = whole.model((), parameters)
     return Made(
@@ -82,6 +89,11 @@ def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
         whole.model(stated, best.free if best.terms else likely),
         {n: _refitted(simulator, whole.e, alone, n) for n in sorted(alone.free)},
         stated,
+        {
+            name: np.array([_rms(drive[None]) for drive in errors[k]])
+            for name, k in (("before", 0), ("parameters_only", -1), ("after", chosen))
+            if len(folds) > 1
+        },
     )
 
 
@@ -182,16 +194,24 @@ def _folds(e: Evidence) -> list[_Fold]:
     return out
 
 
-def _left_out(folds: Sequence[_Fold], recipe: Recipe) -> float:
-    """Mean square of the speed error, to first order, along drives that the recipe was not fitted to."""
-    total, count = 0.0, 0
+def _left_out(folds: Sequence[_Fold], recipe: Recipe) -> Array:
+    """Squared speed errors ((m/s)^2, to first order), and how many, of every drive that the recipe was not
+    fitted to, (drives, 2)."""
+    out = []
     for fold in folds:
         s = fold.search
-        model = _fitted(s, recipe)
-        left = s.e.residual - _acts(s, model)
-        speed = _added_up(s, left[:, None], fold.left_out)[fold.left_out, 0]
-        total, count = total + float(speed @ speed), count + len(speed)
-    return total / max(count, 1)
+        left = s.e.residual - _acts(s, _fitted(s, recipe))
+        speed = np.where(fold.left_out, _added_up(s, left[:, None], fold.left_out)[:, 0], 0.0)
+        for drive in np.unique(s.e.record[fold.left_out]):
+            rows = s.e.record == drive
+            out.append((float(speed[rows] @ speed[rows]), int(fold.left_out[rows].sum())))
+    return np.array(out, dtype=float).reshape(-1, 2)
+
+
+def _rms(errors: Array) -> float:
+    """Root mean square of drives' errors (drives, 2), m/s."""
+    squares, count = errors.sum(axis=0)
+    return float(np.sqrt(squares / max(count, 1.0)))
 
 
 def _acts(search: Regression, model: Model) -> Array:

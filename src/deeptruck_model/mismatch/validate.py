@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student_t
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.improvement import (
@@ -21,7 +23,10 @@ from deeptruck_model.mismatch.discrepancy import kept
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, WithoutExogenous
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.model import Made
+from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted:
         scales_forces=not simulator.parameters(),
     )
     own = own_error(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
-    refit_better = bool(made.tuned.moved) and _better(errors["before"], errors["parameters_only"])
+    refit_better = bool(made.tuned.moved) and _better(errors, made, "parameters_only")
     return Validated(after, made.tuned, errors, fit, own, refit_better)
 
 
@@ -72,21 +77,41 @@ def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous
     before = errors["before"]
     better = {}
     for offer, name, truck in ((REFIT, "parameters_only", made.tuned), (CORRECTION, "after", made.corrected)):
-        if (truck.terms or truck.moved) and _better(before, errors[name]):
+        if (truck.terms or truck.moved) and _better(errors, made, name):
             better[offer] = errors[name].rmse().speed
     if without is not None and without.after > before.rmse().speed:
         better.pop(CORRECTION, None)
     return min(better, key=lambda offer: better[offer], default=AS_GIVEN)
 
 
-def _better(before: Errors, after: Errors) -> bool:
-    """Whether both the root-mean-square and the mean absolute error fall significantly."""
-    return (
-        len(before.speed) > 0
-        and interval(before, after)[0] > 0.0
-        and after.rmse().speed < before.rmse().speed
-        and bool(np.abs(after.speed).mean() < np.abs(before.speed).mean())
-    )
+def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
+    """Whether both the root-mean-square and the mean absolute error along held-out drives fall, and that
+    significantly: by themselves, or with the fitted drives that were left out in turn."""
+    before, after = errors["before"], errors[name]
+    if (
+        not len(before.speed)
+        or after.rmse().speed >= before.rmse().speed
+        or np.abs(after.speed).mean() >= np.abs(before.speed).mean()
+    ):
+        return False
+    pairs = [
+        (before.of_runs()[own].mean(), after.of_runs()[own].mean())
+        for own in (before.recording == drive for drive in np.unique(before.recording))
+    ]
+    if made.left_out:
+        pairs += list(zip(made.left_out["before"], made.left_out[name], strict=True))
+    return interval(before, after)[0] > 0.0 or _falls(np.array(pairs))
+
+
+def _falls(pairs: Array) -> bool:
+    """Whether the ratio of drives' errors (drives, 2), m/s, after over before, is significantly below
+    `better`; what is too small to be a finding counts as none."""
+    if len(pairs) < Limits.drives_that_agree:
+        return False
+    floored = np.hypot(pairs, Rules.drift)
+    ratio = np.log(floored[:, 1] / floored[:, 0])
+    wide = float(student_t.ppf(0.975, len(ratio) - 1)) * ratio.std(ddof=1) / np.sqrt(len(ratio))
+    return bool(ratio.mean() + wide < np.log(Rules.better))
 
 
 def _without_exogenous(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from small_drives import evidence
+import pytest
+from small_drives import N, evidence
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.model import _forms, _terms
+from deeptruck_model.mismatch.model import Recipe, _folds, _forms, _left_out, _rms, _terms
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -30,3 +33,19 @@ def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
     loud = posterior(Regression(lost), Rules(), sweeps=40)
     assert len(_terms(quiet)) <= 1
     assert _terms(loud)
+
+
+def test_every_fitted_drive_is_driven_by_what_was_fitted_to_others() -> None:
+    """A factor of the engine's force in all drives but the last is not what drives the last one best."""
+    e = evidence(noise=0.003)
+    last = np.arange(N) >= 2 * N // 3
+    e = replace(e, residual=e.residual + np.where(last, -0.1, 0.1) * e["engine"])
+    folds = _folds(e)
+    assert [np.unique(e.record[f.left_out]).tolist() for f in folds] == [[0], [1], [2]]
+    none, free = (_left_out(folds, Recipe((), frozenset(x))) for x in ((), ("torque_gain",)))
+    assert none.shape == free.shape == (3, 2)
+    given, fitted = (np.sqrt(x[:, 0] / x[:, 1]) for x in (none, free))
+    speed = np.cumsum(e.residual[: round(Limits.horizons_s[0] / e.dt)]) * e.dt
+    assert 0.3 * np.abs(speed[-1]) < given[0] < np.abs(speed[-1])
+    assert fitted[2] > 1.5 * given[2]
+    assert _rms(none) == pytest.approx(float(np.sqrt(np.mean(given**2))), rel=0.05)

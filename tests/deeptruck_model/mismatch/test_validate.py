@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
+from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.mismatch.model import Made, Recipe
 from deeptruck_model.mismatch.posterior.regression import Model
-from deeptruck_model.mismatch.validate import validate
+from deeptruck_model.mismatch.validate import _better, _falls, validate
 
 TRUCK = trucks.load("trucksim")
 GAP_M, LENGTH_M, SHARE = 8.0, 20.0, 0.4
@@ -43,3 +45,43 @@ def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> 
     assert fit.without_exogenous is not None and fit.without_exogenous.signals == ("gap",)
     assert fit.without_exogenous.after == fit.errors.before.speed
     assert fit.validated
+
+
+@pytest.mark.parametrize(
+    ("ratios", "size", "falls"),
+    [
+        ([0.3, 0.4, 0.3], 1.0, False),  # three drives are too few
+        ([0.3, 0.4, 0.3, 0.5], 1.0, True),
+        ([0.3, 0.4, 0.3, 0.5, 1.1, 0.4, 0.5, 0.6], 1.0, True),
+        ([0.3, 1.4, 0.3, 1.5], 1.0, False),
+        ([0.95, 1.0, 1.1, 0.9], 1.0, False),
+        ([1.3, 1.4, 1.3, 1.5], 1.0, False),
+        ([0.3, 0.4, 0.3, 0.5], 0.001, False),
+        ([0.3, 0.4, 0.3, 5.0], 0.01, False),
+    ],
+)
+def test_drives_together_show_whether_errors_fall(ratios: list[float], size: float, falls: bool) -> None:
+    assert _falls(size * np.array([[1.0, x] for x in ratios])) is falls
+
+
+def runs(speed: float, drives: int) -> Errors:
+    """One free run on every drive, off by `speed` throughout."""
+    each = np.full((drives, 5), speed)
+    return Errors(each, each, np.arange(drives), np.zeros(drives, dtype=int))
+
+
+@pytest.mark.parametrize(
+    ("after", "left_out", "better"), [(0.2, 0.2, True), (0.2, 0.6, False), (0.6, 0.2, False)]
+)
+def test_few_held_out_drives_are_judged_with_the_fitted_ones(
+    after: float, left_out: float, better: bool
+) -> None:
+    """Two held-out runs, of which one is worse, are significant by themselves in no case."""
+    before, fitted = runs(0.5, 2), {"before": np.full(6, 0.5), "after": np.full(6, left_out)}
+    mixed = Errors(
+        np.array([[after] * 5, [0.51] * 5]), np.zeros((2, 5)), np.arange(2), np.zeros(2, dtype=int)
+    )
+    plain = CorrectedTruck(TRUCK, [], {}, None, False)
+    made = Made(plain, plain, Recipe(), Model.__new__(Model), left_out=fitted)
+    assert _better({"before": before, "after": mixed}, made, "after") is better
+    assert not _better({"before": before, "after": mixed}, replace(made, left_out={}), "after")

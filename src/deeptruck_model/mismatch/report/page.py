@@ -188,7 +188,8 @@ def errors_say(v: Verdict) -> str:
         change = f"is between {high:.0f} % lower and {-low:.0f} % higher, which is no significant change"
     else:
         change = f"rises by {-high:.0f} to {-low:.0f} %"
-    passed = "validated" if v.fit.validated else "not validated"
+    together = " by all drives together, the fitted ones left out in turn" if low <= 0.0 else ""
+    passed = f"validated{together}" if v.fit.validated else "not validated"
     return (
         f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. The mean error {change} (95 % interval): "
         f"{passed}."
