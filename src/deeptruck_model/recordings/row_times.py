@@ -66,7 +66,9 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
     known = ~np.isnan(seconds)
     lost = int(np.argmax(~known))
     wrong = table.cells(clock.columns[0])[lost].as_py()
-    advice = f" with {shown(wrong)}{_advice(clock, _joined(table, clock)[lost])}" if wrong else ""
+    advice = (
+        f" with {shown(wrong)}{_advice(clock, _joined(table, clock)[lost], table.decimal)}" if wrong else ""
+    )
     table, seconds = table.with_key(known, "time", clock.columns, advice), seconds[known]
     if len(table) < 2:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
@@ -361,13 +363,20 @@ def _none(
     name = " and ".join(f"'{column}'" for column in clock.columns)
     return InputError(
         f"{table.path}: no cell of {name} is a time of {wanted}; the first is {shown(cell)} in "
-        f"{table.at(at)}{_advice(clock, cell)}"
+        f"{table.at(at)}{_advice(clock, cell, table.decimal)}"
     )
 
 
-def _advice(clock: Clock, scalar: pa.Scalar) -> str:
+def _advice(clock: Clock, scalar: pa.Scalar, decimal: str) -> str:
     """The keys that read such a cell."""
     cell = str(scalar.as_py())
+    if (
+        clock.unit in TIME_UNITS
+        and not clock.format
+        and re.fullmatch(r"[+-]?\d+,\d+", cell)
+        and decimal == "."
+    ):
+        return '; set decimal: ","'
     column = clock.columns[0] if len(clock.columns) == 1 else f"[{', '.join(clock.columns)}]"
     if OF_DAY.fullmatch(cell) or is_iso(cell):
         keys = ["unit: iso"] if clock.unit.lower() not in DATE_UNITS or clock.format else []
