@@ -209,6 +209,10 @@ class CsvText:
         left = self.account.total.left_out
         few = "none" if left == read else f"only {read - left}"
         first = next(iter(self.account.total.aside.values())).first
+        if count > 2 and odd.actual_columns == count + 1:  # with two columns it is a decimal comma
+            cure = (
+                f"a value with '{self.delimiter}' in it, such as 1,234 or 50.1,8.2, must be quoted, or {cure}"
+            )
         raise InputError(
             f"{self.path} is no table as it is read: its header has {count} cell{'s' if count != 1 else ''}, "
             f"and {few} of the {read} rows below has as many; {cure} "

@@ -91,6 +91,10 @@ def test_units_above_a_table_without_a_clock(tmp_path: Path) -> None:
     ("text", "says"),
     [
         ("t,v\n0,1,5\n1,1,6\n2,1,7\n", "its header has 2 cells, and none of the 3 rows below has as many"),
+        (
+            "t,v,km\n0,1,9.5\n1,1,1,000.5\n2,1,1,001.5\n3,1,1,002.5\n",
+            "a value with ',' in it, such as 1,234 or 50.1,8.2, must be quoted",
+        ),
         ("log\nt,v\n0,1\n1,2\n", "and none of the 3 rows below has as many; set 'delimiter', or 'skip_rows'"),
         ("my log,\nt,v\n0,1\n1,2\n", "'t' stands in line 2: skip the lines before it by 'skip_rows'"),
         ("t,v\n0,1\n?,2\n?,3\n3,4\n", "2 rows have no time in 't', first line 3 with '\\?'"),

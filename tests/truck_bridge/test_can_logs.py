@@ -48,6 +48,14 @@ def test_both_text_forms_of_candump(tmp_path, text):
     assert [(f.can_id, f.data) for f in frames] == [(0x0CF00400, FRAME)]
 
 
+def test_a_second_written_as_a_million_microseconds_is_a_second(tmp_path):
+    """As asc2log wrote it before 2021: can-utils, pull request 286."""
+    times = ("1614188634.980000", "1614188634.1000000", "1614188635.020000")
+    lines = [f"({time}) can0 0CF00400#219B9BDD2F000F9B R\n" for time in times]
+    frames = list(can_logs.read(written(tmp_path, "".join(lines))))
+    assert [f.time - 1614188635 for f in frames] == pytest.approx([-0.02, 0.0, 0.02], abs=1e-6)
+
+
 @pytest.mark.parametrize("suffix", ["asc", "blf", "trc", "log"])
 def test_what_python_can_writes_is_read_back(tmp_path, suffix):
     path = tmp_path / f"log.{suffix}"

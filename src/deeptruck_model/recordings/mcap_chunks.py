@@ -268,8 +268,11 @@ def _check_entries(data: bytes, channel: int, entries: NDArray[np.void], index: 
             and (heads["opcode"] == Opcode.MESSAGE).all()
             and (heads["channel"] == channel).all()
             and (heads["log_ns"] == entries["log_ns"]).all()
-            and int(heads["log_ns"].max()) < LATEST_NS
         )
+        if fine and int(heads["log_ns"].max()) >= LATEST_NS:
+            raise DamagedError(
+                f"a message has the log time {int(heads['log_ns'].max())} ns, later than the year 2116"
+            )
     if not fine:
         raise DamagedError(f"the message index of its chunk at byte {index.chunk_start_offset} does not fit")
 

@@ -38,6 +38,7 @@ _CONSOLE = re.compile(  # candump -t a [-x -a -e]: (1.0)  can0  RX - -  18FEF100
     r"\s+\[(?P<length>\d\d?)\](?P<rest>.*)$",
     re.DOTALL,
 )
+_OVERFLOWN = "1000000"  # microseconds, as asc2log wrote a full second before 2021
 _LIKE_A_FRAME = re.compile(r"^\s*\(|[0-9A-Fa-f]{3,8}\s*(?:#|\[)")
 _BYTES = re.compile(r"(?:\s*[0-9A-Fa-f]{2}(?![0-9A-Fa-f]))*")
 _BEHIND = re.compile(r"\s*(?:'[^\n]*'|remote request|ERRORFRAME)?\s*$")
@@ -208,7 +209,8 @@ def _identified(time: float, channel: str, digits: str, data: bytes) -> Frame | 
 def _seconds(text: str) -> float:
     """Of an instant in s, or a date as candump -t A has it (taken as UTC: only differences count)."""
     if text[4:5] != "-":
-        return float(text)
+        whole, _, fraction = text.partition(".")
+        return float(whole) + 1.0 if fraction == _OVERFLOWN else float(text)
     whole, _, fraction = text.partition(".")
     date = datetime.strptime(whole, "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC)
     return date.timestamp() + float(f"0.{fraction or 0}")

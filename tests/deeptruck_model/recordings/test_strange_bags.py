@@ -287,3 +287,12 @@ def test_a_msg_file_that_is_none(tmp_path: Path) -> None:
             read(bag, topic_map={"speed": {"topic": "/report", "field": "speed"}}, msg=[file])
     with pytest.raises(InputError, match=r"Nowhere\.msg cannot be read: it does not exist"):
         read(bag, topic_map={"speed": {"topic": "/report", "field": "speed"}}, msg=[tmp_path / "Nowhere.msg"])
+
+
+def test_a_log_time_that_no_clock_shows_is_said(tmp_path: Path) -> None:
+    """Near 2**63 ns, as a log time that was never set."""
+    messages = drive_messages()
+    topic, message, _ = messages[-1]
+    bag = bag_of(tmp_path / "bag", [*messages[:-1], (topic, message, 2**63 - 5)])
+    with pytest.raises(InputError, match="a message has the log time 9223372036854775803 ns, later than"):
+        read(bag)
