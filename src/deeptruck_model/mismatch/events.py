@@ -137,9 +137,14 @@ def _go_on(x: Event, rows: slice, series: Series) -> bool:
     return touches and same_drive and _speed_change(series, rows, 1.0) * x.speed_change > 0.0
 
 
+def _seconds(kind: int) -> int:
+    return LENGTHS_S[kind % len(LENGTHS_S)]
+
+
 class _Filters:
     """Directions (n, D) that are sought in windows between `edges`. Windows (W,) have a `first` and a `last`
-    edge and a `length`, as a place in LENGTHS_S."""
+    edge and a `kind`: the place of their length in LENGTHS_S, or as many places further in drives that are
+    held out, along which nothing was fitted."""
 
     def __init__(
         self, series: Series, noise: Fit, kernels: Sequence[Kernel], stretches: Sequence[Stretch], dt: float
@@ -158,7 +163,8 @@ class _Filters:
         parts = [np.arange(s.start, s.stop + 1, self._step) for s in stretches]
         self.edges: Rows = np.concatenate(parts)
         self._prepare_power()
-        self._make_windows(np.repeat(np.arange(len(parts)), [len(p) for p in parts]), dt)
+        held_out = np.array([s.held_out for s in stretches])
+        self._make_windows(np.repeat(np.arange(len(parts)), [len(p) for p in parts]), held_out, dt)
 
     def _prepare_power(self) -> None:
         """The power of a direction between two edges is the difference of one array at the last and another
@@ -176,9 +182,9 @@ class _Filters:
             self._to += sums[self.edges]
             self._from += sums[np.minimum(self.edges + lag, n)]
 
-    def _make_windows(self, drive: Rows, dt: float) -> None:
+    def _make_windows(self, drive: Rows, held_out: Mask, dt: float) -> None:
         used = np.concatenate([[0], np.cumsum(self.use)])[self.edges]
-        first, last, length = [], [], []
+        first, last, kind = [], [], []
         for i, seconds in enumerate(LENGTHS_S):
             count = max(1, round(seconds / dt / self._step))
             a = np.arange(max(len(self.edges) - count, 0) if count * self._step >= ORDER else 0)
@@ -186,8 +192,8 @@ class _Filters:
             a = a[(drive[a] == drive[a + count]) & compared]
             first.append(a)
             last.append(a + count)
-            length.append(np.full(len(a), i))
-        self.first, self.last, self.length = (np.concatenate(x) for x in (first, last, length))
+            kind.append(i + len(LENGTHS_S) * held_out[drive[a]])
+        self.first, self.last, self.kind = (np.concatenate(x) for x in (first, last, kind))
         self._half = self._half_variance(self.first, self.last).astype(np.float32)
 
     def _half_variance(self, first: Rows, last: Rows) -> Array:
@@ -205,18 +211,18 @@ class _Filters:
         return _sums(self.directions, back, self.edges)
 
     def scale(self, psi: Array) -> Array:
-        """By which gains are multiplied (lengths, D): the inverse square of a filter's spread over the
-        windows of a length that inform of its direction. The spread is at least one, and the widest of what
+        """By which gains are multiplied (kinds, D): the inverse square of a filter's spread over the
+        windows of a kind that inform of its direction. The spread is at least one, and the widest of what
         QUANTILES say, wider where windows are few."""
-        sums, spread = self.sums(psi), np.ones((len(LENGTHS_S), self.directions.shape[1]))
-        for i in np.unique(self.length):
-            own = self.length == i
+        sums, spread = self.sums(psi), np.ones((2 * len(LENGTHS_S), self.directions.shape[1]))
+        for i in np.unique(self.kind):
+            own = self.kind == i
             off = np.abs(sums[self.last[own]] - sums[self.first[own]]) * np.sqrt(2.0 * self._half[own])
             informs = 0.5 / (POWER * self._half[own]) > (1.0 + INFORMS) * LARGEST**-2
             count = informs.sum(axis=0)
             off = np.sort(np.where(informs, off, np.inf), axis=0)
             columns = np.arange(len(count))
-            few = 1.0 + 1.0 / np.sqrt(np.maximum(count * STEP_S / LENGTHS_S[i], 1.0))
+            few = 1.0 + 1.0 / np.sqrt(np.maximum(count * STEP_S / _seconds(i), 1.0))
             for q in QUANTILES:
                 at = off[np.maximum((q * count).astype(int) - 1, 0), columns]
                 widest = np.where(count > 0, at, 0.0) / norm.ppf(0.5 + q / 2.0) * few
@@ -225,7 +231,7 @@ class _Filters:
 
     def largest(self, sums: Array, scale: Array, free: Mask) -> tuple[float, int, int]:
         """The largest gain, nats, of the windows that are free, its window and its direction."""
-        gain, window, direction = _largest(sums, self.first, self.last, self.length, self._half, scale, free)
+        gain, window, direction = _largest(sums, self.first, self.last, self.kind, self._half, scale, free)
         return float(gain), int(window), int(direction)
 
     def apart(
@@ -233,15 +239,15 @@ class _Filters:
     ) -> list[tuple[int, int]]:
         """First and last edges of the events that a window joins: it is parted where both parts gain `least`
         or more, and together half of it more than the whole, as there are few ways to part one window."""
-        first, last, length = self.first[window], self.last[window], self.length[window]
-        seconds = LENGTHS_S[length] / (last - first)  # of an edge
+        first, last, kind = self.first[window], self.last[window], self.kind[window]
+        seconds = _seconds(kind) / (last - first)  # of an edge
         shortest = max(round(LENGTHS_S[0] / seconds), -(-ORDER // self._step))
         ends, starts = np.triu_indices(last - first + 1, k=1)
         inside = (ends >= shortest) & (last - first - starts >= shortest)
         ends, starts = first + ends[inside], first + starts[inside]
 
         def gains(a: Rows, b: Rows) -> Array:
-            half = self._half_variance(a, b)[:, direction] * scale[length, direction]
+            half = self._half_variance(a, b)[:, direction] * scale[kind, direction]
             out: Array = half * (sums[b, direction] - sums[a, direction]) ** 2
             return out
 
@@ -337,12 +343,12 @@ def _sums(directions: Array, psi: Array, edges: Rows) -> Array:
 
 @entry
 def _largest(
-    sums: Array, first: Rows, last: Rows, length: Rows, half: NDArray[np.float32], scale: Array, free: Mask
+    sums: Array, first: Rows, last: Rows, kind: Rows, half: NDArray[np.float32], scale: Array, free: Mask
 ) -> tuple[float, int, int]:
     best, window, direction = -1.0, 0, 0
     for w in range(len(first)):
         if free[w]:
-            a, b, i = first[w], last[w], length[w]
+            a, b, i = first[w], last[w], kind[w]
             for d in range(sums.shape[1]):
                 off = sums[b, d] - sums[a, d]
                 gain = off * off * half[w, d] * scale[i, d]
