@@ -167,8 +167,8 @@ def false_events(seeds: range) -> tuple[int, float]:
 
 
 def test_noise_has_hardly_an_event() -> None:
-    count, hours = false_events(range(10, 40))
-    assert hours == pytest.approx(10.0)
+    count, hours = false_events(range(10, 22))
+    assert hours == pytest.approx(4.0)
     assert count <= 2
 
 
