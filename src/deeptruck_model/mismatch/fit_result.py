@@ -46,7 +46,7 @@ class Rmse:
 
 
 @dataclass(frozen=True)
-class Compared:
+class FreeRunErrors:
     """Errors of the simulators in the same free runs: as given, with all parameters refitted and no name,
     and corrected."""
 
@@ -106,7 +106,7 @@ class FitResult:
     next_pass: NextPass | None = field(default=None, metadata=SPARSE)
     # None where it needs nothing beyond the protocol
     without_exogenous: WithoutExogenous | None = field(default=None, metadata=SPARSE)
-    errors: Compared | None = field(default=None, metadata=stored(flat=True))
+    errors: FreeRunErrors | None = field(default=None, metadata=stored(flat=True))
     improvement: Improvement | None = field(default=None, metadata=stored(flat=True))
     refit: Mapping[str, Refitted] = field(
         default_factory=dict, metadata=SPARSE

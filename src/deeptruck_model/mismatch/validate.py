@@ -11,7 +11,7 @@ from scipy.stats import t as student_t
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.improvement import (
-    compared,
+    free_run_errors,
     free_runs,
     free_windows,
     horizon,
@@ -60,7 +60,7 @@ def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted:
         corrected=tuple(sorted({t.effect for t in after.terms} | set(after.moved))),
         validated=offered != AS_GIVEN,
         offered=offered,
-        errors=compared(errors),
+        errors=free_run_errors(errors),
         improvement=improvement(errors) if len(errors["before"].speed) else None,
         refitted={p: round(change, 4) for p, change in after.moved.items()},
         refit=made.refit,

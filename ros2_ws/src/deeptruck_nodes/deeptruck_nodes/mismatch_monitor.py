@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState, Range
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.live.companion import Companion
 from deeptruck_model.mismatch.live.monitor import Located, Monitor, Sample
-from deeptruck_model.mismatch.live.questions import Answer, Names, Question
+from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
 from deeptruck_model.mismatch.live.window import Window
 from deeptruck_model.mismatch.own import UNITS, Own
 from deeptruck_model.mismatch.report.wording import percent, spoken
@@ -139,7 +139,7 @@ class MismatchMonitor(DeeptruckNode):
             return
         if isinstance(answer.found, Own):
             self._adapt(answer.found)
-        elif isinstance(answer.found, Names):
+        elif isinstance(answer.found, NamesReply):
             self._name(answer.found, answer)
         else:
             self._refuse(answer.refused)
@@ -161,7 +161,7 @@ class MismatchMonitor(DeeptruckNode):
             self._said[f"own_{name}"] = f"{quantity.state} {own.used(name):+.4g} {UNITS[name]}"
         print(f"this drive's own, from {own.seconds:.0f} s of it: {own}", flush=True)
 
-    def _name(self, found: Names, answer: Answer) -> None:
+    def _name(self, found: NamesReply, answer: Reply) -> None:
         stamp = self._asked_at
         probabilities = {n.node: n.probability for n in found.nodes}
         if found.nodes:  # of a name that is not among them nothing speaks

@@ -13,7 +13,7 @@ from deeptruck_model.mismatch.correction import side_by_side
 from deeptruck_model.mismatch.correction.added import TruckWithForces
 from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
-from deeptruck_model.mismatch.fit_result import Compared, Errors, Improvement, Interval
+from deeptruck_model.mismatch.fit_result import Errors, FreeRunErrors, Improvement, Interval
 from deeptruck_model.mismatch.residual.evidence import turns
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -149,11 +149,11 @@ def _starts(p: Prepared, settle: int, steps: int, more: int) -> list[int]:
     return out
 
 
-def compared(errors: Mapping[str, Errors]) -> Compared | None:
-    """RMSE of each simulator by its name in `Compared`; None without a free run."""
+def free_run_errors(errors: Mapping[str, Errors]) -> FreeRunErrors | None:
+    """RMSE of each simulator by its name in `FreeRunErrors`; None without a free run."""
     if not len(errors["before"].speed):
         return None
-    return Compared(**{name: e.rmse() for name, e in errors.items()})
+    return FreeRunErrors(**{name: e.rmse() for name, e in errors.items()})
 
 
 def improvement(judged: Mapping[str, Errors], seed: int = 0) -> Improvement:

@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.adaptation import adapt, with_own
 from deeptruck_model.mismatch.comparison import Uncompared
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.findings import findings
-from deeptruck_model.mismatch.live.questions import Answer, Names, Question
+from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
 from deeptruck_model.mismatch.own import Own
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
@@ -32,17 +32,17 @@ NOTHING = Node("nothing", ROOT, 1.0)
 NOT_DETECTED = "nothing that matters is detected"
 
 
-def answer(question: Question) -> Answer:
+def answer(question: Question) -> Reply:
     """Answer a question. Bad data become a refusal, not an exception."""
     begun = time.process_time()
     try:
         found, refused = _found(question), ""
     except InputError as error:
         found, refused = None, str(error)
-    return Answer(found, refused, time.process_time() - begun)
+    return Reply(found, refused, time.process_time() - begun)
 
 
-def _found(question: Question) -> Names | Own:
+def _found(question: Question) -> NamesReply | Own:
     simulator = _loaded(question.simulator, question.own)
     recordings = of_messages(
         "this drive",
@@ -63,11 +63,11 @@ def _loaded(path: str, own: Own | None) -> Simulator:
     return with_own(simulator, own) if own is not None and own.known else simulator
 
 
-def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules()) -> Names:
+def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules()) -> NamesReply:
     """Names and budget of recordings, all of which are fitted. Raises InputError as `find_mismatch`."""
     c = compared(simulator, recordings, sets_aside=False, rules=rules)
     if isinstance(c, Uncompared):
-        return Names(c.drives.useless or "")
+        return NamesReply(c.drives.useless or "")
     found = findings(c, None, None, c.budget.speed_rmse, rules.visible, rules)
     stated = [f for f in found if f.stated != ROOT]
     nodes = conclude.tree(c, (), None, rules)
@@ -77,7 +77,7 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
         says = lines.candidates(nodes)
     else:
         says, nodes = NOT_DETECTED, (NOTHING,)
-    return Names(
+    return NamesReply(
         says.removesuffix("."),
         stated[0].stated if stated else ROOT,
         nodes,

@@ -18,7 +18,7 @@ from threading import Thread
 from typing import IO, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.live.questions import Answer, Question
+    from deeptruck_model.mismatch.live.questions import Question, Reply
 
 NICE = 10  # whatever drives goes first
 
@@ -33,7 +33,7 @@ class Companion:
         self._share, self._rests_until = share, -math.inf
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: Thread | None = None
-        self._answer: Answer | None = None
+        self._answer: Reply | None = None
         self._failed = ""
 
     @property
@@ -62,7 +62,7 @@ class Companion:
         except (OSError, EOFError, pickle.UnpicklingError):
             self._failed = f"the process that names has ended with {process.wait()}"
 
-    def taken(self, *, waits: bool = False) -> Answer | None:
+    def taken(self, *, waits: bool = False) -> Reply | None:
         """The answer, once; None while there is none, unless it is waited for. Raises RuntimeError where the
         process has ended."""
         if self._thread is None or (self._thread.is_alive() and not waits):

@@ -25,7 +25,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Names:
+class NamesReply:
     """Answer about the last minutes: the `nodes` of the tree with their probabilities, the sentence
     `says`, the node that is `stated` (ROOT: none), and the budget's shares by part, with the speed error
     (m/s) over the horizon (s) that they split."""
@@ -39,9 +39,9 @@ class Names:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Reply:
     """The result, or why the question is `refused`, and the processor time used, s."""
 
-    found: Names | Own | None
+    found: NamesReply | Own | None
     refused: str = ""
     cpu_s: float = 0.0

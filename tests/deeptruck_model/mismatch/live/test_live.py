@@ -13,7 +13,7 @@ from deeptruck_model import recordings
 from deeptruck_model.mismatch.adaptation import adapt
 from deeptruck_model.mismatch.live.answer import NOT_DETECTED, answer
 from deeptruck_model.mismatch.live.companion import Companion
-from deeptruck_model.mismatch.live.questions import Names, Question
+from deeptruck_model.mismatch.live.questions import NamesReply, Question
 from deeptruck_model.mismatch.live.window import Window
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.extract import of_messages
@@ -78,7 +78,7 @@ def test_a_companion_names_what_the_function_names(lazy_brake: Question) -> None
     finally:
         companion.close()
     own = answer(lazy_brake)
-    assert isinstance(other.found, Names)
+    assert isinstance(other.found, NamesReply)
     assert other.found == own.found and other.cpu_s > 0.0
     probable = max((n for n in own.found.nodes if n.parent == "mismatch"), key=lambda n: n.probability)
     assert probable.node in ("brakes", "timing")
@@ -88,7 +88,7 @@ def test_a_companion_names_what_the_function_names(lazy_brake: Question) -> None
 def test_beside_the_right_truck_nothing_is_named() -> None:
     (drive,) = drives(TRUCK, 1, 240.0)
     found = answer(Question("truck:trucksim", heard(drive))).found
-    assert isinstance(found, Names) and found.says == NOT_DETECTED and found.nodes[0].node == "nothing"
+    assert isinstance(found, NamesReply) and found.says == NOT_DETECTED and found.nodes[0].node == "nothing"
 
 
 def test_what_a_drive_has_of_its_own_is_that_of_adapt() -> None:
@@ -102,7 +102,7 @@ def test_what_cannot_be_answered_is_said(lazy_brake: Question) -> None:
     few = {topic: Received(h.stamps[:100], {f: x[:100] for f, x in h.columns.items()})
            for topic, h in lazy_brake.heard.items()}  # fmt: skip
     short = answer(Question("truck:trucksim", few)).found
-    assert isinstance(short, Names) and "usable driving" in short.says and not short.nodes
+    assert isinstance(short, NamesReply) and "usable driving" in short.says and not short.nodes
     without = {t: h for t, h in lazy_brake.heard.items() if t != "/truck/command"}
     refused = answer(Question("truck:trucksim", without))
     assert refused.found is None and "no valid engine_command" in refused.refused

@@ -11,7 +11,7 @@ from deeptruck_model.mismatch.budget import Budget, Part
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.findings import of_fault
-from deeptruck_model.mismatch.fit_result import Compared, FitResult, Improvement, Refitted, Rmse
+from deeptruck_model.mismatch.fit_result import FitResult, FreeRunErrors, Improvement, Refitted, Rmse
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Data, Finding, Kind, Size, Verdict
@@ -57,7 +57,7 @@ def test_a_fault_is_said_as_what_is_wrong_and_is_to_be_repaired() -> None:
 @pytest.mark.parametrize("offered", [AS_GIVEN, REFIT, CORRECTION])
 def test_one_set_of_parameters_is_said(offered: str) -> None:
     """Those refitted alone, or those that the offered correction changes."""
-    errors = Compared(Rmse(0.8, 0.1), Rmse(0.6, 0.1), Rmse(0.4, 0.1))
+    errors = FreeRunErrors(Rmse(0.8, 0.1), Rmse(0.6, 0.1), Rmse(0.4, 0.1))
     fit = FitResult(
         ("d",), 40.0, 3, ("headwind", "mass"), validated=offered != AS_GIVEN, errors=errors,
         refitted={"mass": 0.32}, offered=offered, refit={"mass": Refitted(0.168, (0.08, 0.26))},
