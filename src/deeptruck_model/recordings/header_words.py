@@ -1,4 +1,4 @@
-"""What headers of tables mean: English and German words and abbreviations, and the spellings of units."""
+"""What headers of tables mean: words, abbreviations and the spellings of units of header_words.yaml."""
 
 from __future__ import annotations
 
@@ -8,120 +8,21 @@ from dataclasses import dataclass
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.channel_words import BY_WORDS, COMMANDED, STATISTIC, UNIT_WORDS, words
 from deeptruck_model.recordings.columns import TIME_UNITS
+from deeptruck_model.recordings.data_files import data_file
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import CHANNELS
 
-TIME = frozenset((
-    "time", "timestamp", "timestamps", "date", "datetime", "clock", "utc", "epoch", "elapsed", "seconds", "t",
-    "stamp", "ts", "tow", "itow",
-))  # fmt: skip
-NO_TIME = frozenset(
-    ("gap", "headway", "engine", "idle", "zone", "collision")
-)  # 'time gap', 'engine run time'
-
-# A word of a header, or a part of one: the English words that it stands for. Umlauts are written ae, oe, ue.
-_STEMS = {
-    "geschwindigkeit": "speed", "geschw": "speed", "tempomat": "cruise", "beschleunigung": "acceleration",
-    "verzoegerung": "deceleration", "laengs": "longitudinal", "quer": "lateral", "vertikal": "vertical",
-    "fahrpedal": "accelerator pedal", "gaspedal": "accelerator pedal", "drosselklappe": "throttle",
-    "brems": "brake", "druck": "pressure", "stellung": "position", "drehzahl": "rpm", "drehmoment": "torque",
-    "momentan": "instantaneous", "moment": "torque", "steigung": "slope", "neigung": "inclination",
-    "querneigung": "lateral", "gefaelle": "slope", "hoehe": "altitude", "breitengrad": "latitude",
-    "laengengrad": "longitude", "kraftstoff": "fuel", "verbrauch": "fuel", "durchfluss": "flow",
-    "fuellstand": "level", "temperatur": "temperature", "aussen": "outside", "umgebung": "ambient",
-    "kuehlmittel": "coolant", "kuehlwasser": "coolant", "ansaug": "intake", "ladeluft": "intake",
-    "abgas": "exhaust", "abstand": "gap", "strecke": "trip", "kilometerstand": "total",
-    "reichweite": "total", "soll": "target", "ziel": "target", "wunsch": "desired", "vorgabe": "target",
-    "anforderung": "request", "angefordert": "request", "grenz": "limit", "limit": "limit",
-    "hoechst": "maximum", "durchschnitt": "average", "mittelwert": "mean", "mittlere": "mean",
-    "vorderfahrzeug": "leader", "vorausfahrend": "leader", "fuehrungsfahrzeug": "leader", "zeit": "time",
-    "datum": "date", "motor": "engine", "getriebe": "transmission", "lenk": "steering", "reifen": "tyre",
-    "feststell": "parking", "handbremse": "parking brake", "retarder": "retarder", "leistung": "power",
-    "fahrer": "driver", "schalter": "switch", "licht": "light", "luft": "air", "winkel": "angle",
-    "raddrehzahl": "wheel rpm", "radgeschwindigkeit": "wheel speed", "radmoment": "wheel torque",
-    "relativgeschwindigkeit": "relative speed", "relativ": "relative", "turbine": "turbo",
-    "turbolader": "turbo",
-    "gelenkwelle": "shaft", "abweichung": "error", "fehler": "error", "differenz": "difference",
-    "gueltig": "valid", "fuehrungsgroesse": "reference", "stellgroesse": "command", "prognose": "predicted",
-    "simul": "simulated", "modell": "simulated", "luefter": "fan",
-    "abtrieb": "output", "ausgang": "output", "eingang": "input", "gier": "yaw", "wind": "wind",
-    "reib": "friction",
-    "empfohlen": "recommended", "stempel": "timestamp", "pedal": "pedal", "gasp": "accelerator",
-    "referenz": "reference", "verlust": "losses", "kupplung": "clutch", "drehz": "rpm",
-    # abbreviations, written without a mark between them
-    "spd": "speed", "trq": "torque", "brk": "brake", "accped": "accelerator pedal", "pdl": "pedal",
-    "throt": "throttle", "rqst": "request",
-    # English, written without a mark between the words
-    "speed": "speed", "velocity": "velocity", "engine": "engine", "vehicle": "vehicle", "wheel": "wheel",
-    "throttle": "throttle", "accelerator": "accelerator", "brake": "brake",
-    "torque": "torque", "fuel": "fuel", "altitude": "altitude", "elevation": "elevation",
-    "ambient": "ambient", "target": "target", "desired": "desired", "command": "command", "cruise": "cruise",
-    "setpoint": "setpoint", "setspeed": "set speed", "speedset": "set speed", "avgspeed": "average speed",
-    "maxspeed": "maximum speed", "refspeed": "reference speed", "gpsspeed": "gps speed",
-    "acceleration": "acceleration", "timestamp": "timestamp", "longtitude": "longitude",
-}  # fmt: skip
-_WHOLE = {  # only as a whole word
-    "vist": "speed",
-    "vfzg": "speed",
-    "vsoll": "target speed",
-    "vset": "set speed",
-    "vref": "reference speed",
-    "vziel": "target speed",
-    "vego": "speed",
-    "vveh": "speed",
-    "vss": "speed",
-    "ist": "actual",
-    "vehspd": "vehicle speed",
-    "nmot": "engine rpm",
-    "gang": "gear",
-    "gangstufe": "gear",
-    "istgang": "gear",
-    "sollgang": "target gear",
-    "zielgang": "target gear",
-    "selected": "target",
-    "tps": "throttle",
-    "app": "accelerator pedal",
-    "aps": "accelerator pedal",
-    "last": "load",
-    "rad": "wheel",
-    "oel": "oil",
-    "tempo": "speed",
-    "weg": "trip",
-    "posted": "limit",
-    "accel": "accel",
-    "braking": "brake",
-    "uhr": "time",
-    "odometer": "total",
-    "eng": "engine",
-    "mot": "engine",
-    "ped": "pedal",
-    "rqed": "request",
-    "reqed": "request",
-    "reqd": "request",
-    "rqd": "request",
-    "rq": "request",
-    "tsc": "request",
-    "gps": "gps",
-    "gpm": "gpm",
-    "fuelrate": "fuel",
-    "zeit": "time",
-    "bremse": "brake",
-    "gas": "gas",
-    "fahrgeschwindigkeit": "speed",
-    "tank": "tank",
-    "map": "manifold",
-    "iat": "intake",
-    "ect": "coolant",
-    "hoehe": "altitude",
-    "dist": "distance",
-    "sas": "steering",
-}
-_LETTERS = {"v": "speed", "a": "acceleration"}  # where all other words are of these:
-_BESIDE_LETTERS = frozenset((
-    "x", "ist", "actual", "act", "veh", "vehicle", "fzg", "ego", "long", "lon", "mess", "meas",
-    "measured", "can", "gps", "kmh", "mps", "kph", "mph",
-))  # fmt: skip
-GERMAN = ("geschw", "zeit", "drehzahl", "brems", "gang", "pedal", "hoehe", "moment", "kraftstoff", "datum")
+_DATA = data_file("header_words.yaml")
+TIME = frozenset(_DATA["time"])
+NO_TIME = frozenset(_DATA["no_time"])
+GERMAN = tuple(_DATA["german"])
+IMPERIAL, METRIC = frozenset(_DATA["imperial"]), frozenset(_DATA["metric"])
+_STEMS: dict[str, str] = _DATA["stems"]
+_WHOLE: dict[str, str] = _DATA["whole"]
+_LETTERS: dict[str, str] = _DATA["letters"]
+_BESIDE_LETTERS = frozenset(_DATA["beside_letters"])
+_SPELLINGS: dict[str, str] = _DATA["spellings"]
+_NO_CHANNEL = frozenset(_DATA["no_channel"])
 _KNOWN = frozenset(
     {word for rule in BY_WORDS.values() for one in rule.any_of for word in one}
     | {word for rule in BY_WORDS.values() for word in rule.none_of}
@@ -129,52 +30,10 @@ _KNOWN = frozenset(
     | STATISTIC
     | TIME
 )
-_SPELLINGS = {  # as exports write a unit, in lower case without blanks: as units.conversion reads it
-    "kmh": "km/h", "kph": "km/h", "mps": "m/s", "km/hr": "km/h", "kmph": "km/h",
-    "km/std": "km/h", "kilometer/h": "km/h", "km_h": "km/h",
-    "km_per_h": "km/h", "meters/second": "m/s", "metres/second": "m/s", "meter/second": "m/s",
-    "m/sec": "m/s", "m_s": "m/s", "m_per_s": "m/s", "miles/hour": "mph", "knots": "knot", "kt": "knot",
-    "kts": "knot", "m/s²": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "m_s2": "m/s^2", "m/s/s": "m/s^2",
-    "m/ss": "m/s^2", "m_per_s2": "m/s^2", "m/sec^2": "m/s^2", "m/sec2": "m/s^2", "l/hr": "l/h",
-    "lph": "l/h", "l_h": "l/h", "l_per_h": "l/h", "l/std": "l/h", "liter/h": "l/h", "litres/hour": "l/h",
-    "gal/hr": "gal/h", "g/sec": "g/s", "g_s": "g/s", "u/min": "rpm", "upm": "rpm",
-    "umin": "rpm", "min-1": "rpm", "1/min": "rpm", "rev/min": "rpm",
-    "min^-1": "rpm", "r/min": "rpm", "1_min": "rpm", "umdr/min": "rpm",
-    "revs/min": "rpm", "prozent": "percent", "pct": "percent", "percentage": "percent", "perc": "percent",
-    "‰": "permille", "promille": "permille", "grad": "deg", "degree": "deg", "degrees": "deg",
-    "grdc": "degC", "gradc": "degC", "grad_c": "degC", "degreesc": "degC", "deg_c": "degC", "deg.c": "degC",
-    "degreesf": "degF", "deg_f": "degF", "n.m": "N m", "newtonmeter": "N m", "lb.ft": "lb-ft",
-    "lbs.ft": "lb-ft", "ft.lb": "ft-lb", "ft.lbs": "ft-lb", "ftlbs": "ft-lb", "meter": "m", "metres": "m",
-    "meters": "m", "foot": "ft", "fuss": "ft", "kilopascal": "kPa", "mbar": "hPa",
-    "second": "s", "seconds": "s", "sekunden": "s", "sek": "s", "secs": "s", "millis": "ms", "msec": "ms",
-    "milliseconds": "ms", "millisekunden": "ms", "usec": "us", "microseconds": "us", "nanoseconds": "ns",
-    "minutes": "min", "minuten": "min", "hours": "h", "stunden": "h", "tage": "days",
-    "℃": "degC", "°c": "degC", "°f": "degF",
-    "â°c": "degC", "â°f": "degF", "cc/min": "ml/min", "cm3/min": "ml/min", "cm³/min": "ml/min",
-    "kilometer_per_hour": "km/h", "kilometers_per_hour": "km/h", "mile_per_hour": "mph",
-    "meter_per_second": "m/s",
-    "revolutions_per_minute": "rpm", "revolution_per_minute": "rpm", "degree_celsius": "degC",
-    "liter_per_hour": "l/h", "gram_per_second": "g/s", "newton_meter": "N m",
-    "mi/hr": "mph", "miles": "mi", "g-force": "g", "l/s": "l/s",
-}  # fmt: skip
-_NO_CHANNEL = frozenset((  # units of what is no channel of ours: they say that the column is none either
-    "l", "km", "kg", "w", "kw", "v", "mah", "kwh", "l/100km", "l_100km", "mpg", "kmpl", "hpa", "n", "kn", "j",
-    "hp", "ps", "deg/s", "rad/s", "°/s", "ppm", "g/km", "mg/stk", "bit", "dbm", "mi", "gal", "m3", "m^3",
-    "kwh/100km", "kcal", "inhg", "lb", "lbs",
-))  # fmt: skip
 _ENDS = re.compile(r"[\s_,;:/-]+(?=[^\s_,;:]+$)")
 _LONG_ENDS = re.compile(
     r"[\s_]+(km_per_h|km_h|m_per_s2|m_s2|m_per_s|m_s|l_per_h|l_h|l_100km|g_s|1_min|deg_c|deg_f|grad_c)$", re.I
 )
-
-
-IMPERIAL = frozenset((
-    "mph", "ft", "degf", "gal", "mi", "gal/h", "gph", "psi", "lb-ft", "ft-lb", "mpg", "lb", "inhg",
-))  # fmt: skip
-METRIC = frozenset((
-    "km/h", "kph", "kmh", "degc", "km", "l", "l/h", "l/100km", "kpa", "bar", "m/s", "kg", "kg/h",
-    "ml/min", "kmpl",
-))  # fmt: skip
 
 
 @dataclass(frozen=True)

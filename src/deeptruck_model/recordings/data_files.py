@@ -1,0 +1,16 @@
+"""The package's own tables of words and message types: YAML files next to this module."""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import Any
+
+import yaml
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def data_file(name: str) -> Any:
+    """What one of the files holds."""
+    text = resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return yaml.load(text, _LOADER)
