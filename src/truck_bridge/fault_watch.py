@@ -57,7 +57,7 @@ class FaultWatch:
         return self._faults.channels(now)
 
     def finish(self) -> Counter[Broken]:
-        """A log ends: the messages of several frames that did not become whole."""
+        """The multi-frame messages that are incomplete at the end of a log."""
         return self._transport.finish()
 
     def _named(self, fault: Fault) -> str:

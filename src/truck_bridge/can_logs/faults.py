@@ -54,7 +54,7 @@ def unread(broken: Counter[Broken]) -> Iterator[str]:
 
 
 def _times(said: Sequence[Said]) -> dict[Fault, list[float]]:
-    """When each code and lamp was said, in the order of their first times."""
+    """Times at which each code and lamp was reported, in the order of their first times."""
     found: dict[Fault, list[float]] = {}
     for one in said:
         for what in one.report.active:

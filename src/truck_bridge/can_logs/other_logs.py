@@ -187,7 +187,7 @@ def _options(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 
 def _cut(path: Path, account: Account) -> None:
-    """The recorder was killed while it wrote a packet."""
+    """Account for a packet that is cut off at the end of a capture, whose recorder was killed."""
     account.total.read += 1
     account.total.set_aside("frame cut off at the end of the log")
     account.remarks.append(f"{path} is cut off in its last packet, which is left out")

@@ -71,7 +71,7 @@ def _sender(truck: Truck, message: str, address: int, received: Heard | None) ->
 
 
 def _clipped(layout: Layout, values: Mapping[str, float]) -> dict[str, float]:
-    """A sensor saturates; it does not stop talking."""
+    """The values limited to the range of their signals, as a sensor saturates."""
     found = {}
     for key, value in values.items():
         signal = layout.signals[key]

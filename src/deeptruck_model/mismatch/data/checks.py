@@ -167,7 +167,7 @@ class SensorFault:
 
 
 def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Rejection]]:
-    """Recordings with impossible samples made NaN, and how many went by which rule."""
+    """Recordings with impossible samples replaced by NaN, and the number of samples by rule."""
     counts: dict[str, int] = {}
     out = []
     for before, r in zip([None, *recordings], recordings, strict=False):

@@ -53,7 +53,7 @@ class SharedRoads:
 
     @staticmethod
     def read(path: Path) -> SharedRoads:
-        """Of roads.csv. Raises InputError where it is none."""
+        """Read roads.csv. Raises InputError for a file of another content."""
         rows = csv.DictReader(io.StringIO(reading.text(path, FLEET_FIRST)))
         possible, slopes = channel_of("grade"), dict[Cell, float]()
         try:
