@@ -64,7 +64,7 @@ def names(p: Posterior, rules: Rules) -> Names:
     found: list[Named] = []
     for _ in range(rules.most_findings):
         family, probability = _most_probable(left)
-        if probability < rules.named and (found or some < rules.named):
+        if not left or (probability < rules.named and (found or some < rules.named)):
             break
         name = max((n for n in left if FAMILY[n] == family), key=lambda n: left[n].mean())
         chosen, probable = p.in_place_of(name, [x.name for x in found])

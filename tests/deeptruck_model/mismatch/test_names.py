@@ -84,6 +84,10 @@ def test_names_are_in_the_order_of_their_families_probability(lag: int, first: s
     assert of(shares, places={WIND: {WIND: 0.6, DRAG: 0.4}}).found[0].name == first
 
 
+def test_where_every_name_was_looked_at_and_none_is_probable_enough_nothing_is_found() -> None:
+    assert of({WIND: slice(60)}, places={WIND: {WIND: 0.5}}).found == ()
+
+
 def test_a_name_that_stands_in_its_place_is_no_finding_of_its_own() -> None:
     (one,) = of({LAG: slice(0, 50), FADE: slice(50, 100)}, places={LAG: {LAG: 0.6, FADE: 0.4}}).found
     assert one.tree.names == {LAG: pytest.approx(0.3), FADE: pytest.approx(0.2)}
