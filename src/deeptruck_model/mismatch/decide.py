@@ -93,7 +93,7 @@ def _simulator(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
         return Advice(Answer.UNSURE, wording.NOT_DRIVEN)
     if n.error > tolerance(n.own, rules):
         worst = wording.off_fitted(n.fitted) if n.given <= tolerance(n.own, rules) else None
-        return Advice(Answer.NO, worst or wording.off(n.given, n.horizon_s))
+        return Advice(Answer.NO, worst or wording.off(n.given, n.horizon_s, n.own))
     if kind is Conclusion.NOTHING:
         return Advice(Answer.YES, wording.good(n.given, n.horizon_s))
     if kind is Conclusion.SENSOR:

@@ -84,6 +84,7 @@ def test_data_are_enough_where_every_input_is_known(numbers: Numbers, answer: An
         (replace(RIGHT, given=NAN), Answer.UNSURE, wording.NOT_DRIVEN),
         (OFF, Answer.NO, wording.off(0.5, 40.0)),
         (PHYSICS, Answer.NO, wording.off(0.5, 40.0)),
+        (replace(PHYSICS, own=0.2), Answer.NO, wording.off(0.5, 40.0, 0.2)),
         (replace(PHYSICS, given=0.1), Answer.NO, wording.off_fitted(0.5)),
         (replace(PHYSICS, given=0.1, fitted=0.1), Answer.YES, wording.good_enough(0.1, 40.0)),
         (replace(PHYSICS, given=0.3, fitted=0.3), Answer.YES, wording.good_enough(0.3, 40.0)),

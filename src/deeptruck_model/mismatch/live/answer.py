@@ -23,7 +23,7 @@ from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
 from deeptruck_model.mismatch.own import Own
 from deeptruck_model.mismatch.report import lines
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import ROOT, Node
+from deeptruck_model.mismatch.tree import ROOT, UNKNOWN, Node
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.extract import of_messages
 from deeptruck_model.simulators import Simulator, completed
@@ -69,7 +69,7 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
     if isinstance(c, Uncompared):
         return NamesReply(c.drives.useless or "")
     found = findings(c, None, None, c.budget.speed_rmse, rules.visible, rules)
-    stated = [f for f in found if f.stated != ROOT]
+    stated = [f for f in found if f.stated != ROOT or f.effect == UNKNOWN]
     nodes = conclude.tree(c, (), None, rules)
     if stated:
         says = " ".join(lines.cause(f) for f in stated)

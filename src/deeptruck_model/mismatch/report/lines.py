@@ -200,7 +200,8 @@ def candidates(tree: Sequence[Node]) -> str:
 def cause(f: Finding) -> str:
     """The stated node and the split below it."""
     if f.effect == UNKNOWN:
-        return f"{opened(f.says)}, {percent(f.probability)}."
+        share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
+        return f"{opened(f.says)}: probability {percent(f.probability)}{share}."
     if f.kind is Kind.SENSOR:
         return f"{opened(spoken(f.effect))}: {f.says}."
     split = f"{spoken(f.effect)} {percent(f.probability)}"
