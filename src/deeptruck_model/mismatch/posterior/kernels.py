@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -31,6 +32,7 @@ CARRIERS = {
 }  # share of each that no name explains
 ALL_THE_TIME = 0.05  # m/s^2, and a force that acts always
 VARIABLES = ("speed", "grade", "engine", "brake", "elapsed", "ratio")  # of which the shares are functions
+CHUNK = 4096  # rows that are multiplied at once
 TINY = 1e-7  # of the largest power: a direction that has less is rounding
 
 
@@ -87,15 +89,17 @@ def _of_terms(search: Regression, terms: Sequence[CandidateTerm]) -> list[Kernel
 def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int, odds: float) -> Kernel:
     # of the same columns, which several terms have at other sizes
     power: dict[tuple[Variant, ...], Array] = {}
-    columns: dict[tuple[Variant, ...], Array] = {}
+    first: dict[tuple[Variant, ...], CandidateTerm] = {}
     typical = np.zeros(len(search.e))
     for t in terms:
         key = tuple(_of_any_size(v) for v in t.variants)
-        if key not in columns:
-            columns[key] = np.nan_to_num(t.columns)
+        first.setdefault(key, t)
         power[key] = power.get(key, 0.0) + (t.prior.sd**2 + t.prior.mean**2) / len(terms)
-        typical += columns[key].sum(axis=1)
-    features = np.concatenate([columns[key] * np.sqrt(power[key]) for key in columns], axis=1)
+        typical += np.nan_to_num(first[key].columns).sum(axis=1)
+    ends = np.cumsum([t.columns.shape[1] for t in first.values()])
+    features = np.empty((len(search.e), ends[-1]), dtype=np.float32)
+    for end, (key, t) in zip(ends, first.items(), strict=True):
+        features[:, end - t.columns.shape[1] : end] = np.nan_to_num(t.columns) * np.sqrt(power[key])
     signed = all((t.prior.sign > 0).all() for t in terms)
     mechanism = terms[0].mechanism
     return Kernel(
@@ -112,13 +116,19 @@ def _of_any_size(v: Variant) -> Variant:
     return replace(v, course=replace(v.course, size=1.0)) if isinstance(v.course, Spline) else v
 
 
-def _thin(features: Array, search: Regression, most: int) -> Array:
-    """The leading directions of a kernel over the rows that count, (n, at most `most`)."""
-    part = features[search.rows]
-    power, directions = np.linalg.eigh(part.T @ part)
+def _thin(features: NDArray[Any], search: Regression, most: int) -> NDArray[Any]:
+    """The leading directions of a kernel over the rows that count, (n, at most `most`), in single precision:
+    of hours of driving they need the most memory by far."""
+    gram = np.zeros((features.shape[1], features.shape[1]))
+    for begin in range(0, len(search.rows), CHUNK):
+        part = features[search.rows[begin : begin + CHUNK]].astype(np.float64)
+        gram += part.T @ part
+    power, directions = np.linalg.eigh(gram)
     kept = np.argsort(power)[::-1][:most]
     kept = kept[power[kept] > TINY * power.max(initial=0.0)]
-    out: Array = (features @ directions[:, kept]).astype(np.float32)  # of hours the most memory by far
+    out = np.empty((len(features), len(kept)), dtype=np.float32)
+    for begin in range(0, len(features), CHUNK):
+        out[begin : begin + CHUNK] = features[begin : begin + CHUNK] @ directions[:, kept]
     return out
 
 
