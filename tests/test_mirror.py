@@ -85,7 +85,7 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
         "deeptruck_model/recordings/test_bad_bags.py": "bag_file bag_storage mcap_chunks message_definitions",
         "deeptruck_model/recordings/test_recording.py": "recording_figure",
         "deeptruck_model/recordings/test_resample.py": "interpolate",
-        "deeptruck_model/recordings/test_table_suggestion.py": "evidence row_clock table_form",
+        "deeptruck_model/recordings/test_table_suggestion.py": "data_files evidence row_clock table_form",
         "deeptruck_model/test_calls.py": "given",
     },
     "deeptruck_model.trucks": {
