@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from deeptruck_model.cli.inputs import SIMULATOR
+from deeptruck_model.cli.inputs import SIMULATOR, Units
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import lock
+from deeptruck_model.signals import speed_unit
 
 if TYPE_CHECKING:
     from deeptruck_model.fleet.run import Fleet, Workers
@@ -65,6 +66,7 @@ def fleet(
         float | None,
         typer.Option(help="Most hours compared of each truck; all where absent.", min=0.01),
     ] = None,
+    units: Units = "m/s",
     level: Annotated[
         float,
         typer.Option(
@@ -85,6 +87,7 @@ def fleet(
     ] = None,
 ) -> None:
     stage, place = _stage(words)
+    speed_unit(units)
     if address is not None and engine != "ray":
         raise InputError("--address is that of a Ray cluster; add --engine ray")
     if endpoint is not None and not any(name and name.startswith("s3://") for name in (place, out)):
@@ -112,7 +115,7 @@ def fleet(
                 if described is not None:
                     _extract(described, who)
                 if stage != "extract":
-                    _compare(target, who, hours_per_truck)
+                    _compare(target, who, hours_per_truck, units)
         if stage in ("", "pool"):
             _pool(target, trucks, level)
         if stage in ("", "roads"):
@@ -167,10 +170,10 @@ def _extract(fleet: Fleet, who: Workers) -> None:
         print(f"  and {len(out) - SHOWN} more: see {fleet.target.name}/recordings.json")
 
 
-def _compare(target: Place, who: Workers, hours: float | None) -> None:
+def _compare(target: Place, who: Workers, hours: float | None, units: str) -> None:
     from deeptruck_model.fleet.run import compare
 
-    receipts = compare(target, who, hours)
+    receipts = compare(target, who, hours, units)
     out = {r["truck"]: r.get("quarantined") or r["failed"] for r in receipts if "nats_fitted" not in r}
     print(f"{len(receipts) - len(out)} trucks compared, {len(out)} left out")
     for truck, why in list(out.items())[:SHOWN]:

@@ -30,7 +30,7 @@ LEAST_DRIVES = 2  # one to fit and one to hold out
 @dataclass(frozen=True)
 class Comparison:
     """A truck to be compared; plain values, as it travels to another process. `drives` are entries of the
-    index, `hours` the most that are used of them (None: all), `mass_kg` as for `find_mismatch`."""
+    index, `hours` the most that are used of them (None: all), `units` those of speeds on the page."""
 
     truck: str
     drives: tuple[Mapping[str, Any], ...]
@@ -38,12 +38,14 @@ class Comparison:
     hours: float | None
     target: Place
     seed: int = 0
+    units: str = "m/s"
 
     @property
     def key(self) -> str:
         """Equal for comparisons with the same result."""
         content = [(d["name"], d["sha256"]) for d in self.drives]
-        return key(self.truck, content, simulator_key(self.simulator), self.hours, self.seed, code())
+        shown = [self.units] if self.units != "m/s" else []
+        return key(self.truck, content, simulator_key(self.simulator), self.hours, self.seed, code(), *shown)
 
     @property
     def folder(self) -> str:
@@ -138,7 +140,7 @@ def _compared(job: Comparison) -> dict[str, Any]:
     with TemporaryDirectory(prefix="deeptruck-fleet-") as temporary:
         draft = Path(temporary) / "found"
         draft.mkdir()
-        fill(draft, found, apply_command(Path(job.folder)))
+        fill(draft, found, apply_command(Path(job.folder)), job.units)
         files = {
             p.relative_to(draft).as_posix(): p.read_bytes() for p in sorted(draft.rglob("*")) if p.is_file()
         }

@@ -157,16 +157,20 @@ def _probed(jobs: Sequence[Extraction]) -> tuple[list[Extraction], list[dict[str
     return [job for job in jobs if job.receipt not in done], receipts
 
 
-def compare(target: Place, workers: Workers, hours: float | None = None) -> list[dict[str, Any]]:
-    """Compare what was not compared so far; the receipts of all trucks. Raises InputError where nothing was
-    extracted."""
+def compare(
+    target: Place, workers: Workers, hours: float | None = None, units: str = "m/s"
+) -> list[dict[str, Any]]:
+    """Compare what was not compared so far, pages with speeds in `units`; the receipts of all trucks. Raises
+    InputError where nothing was extracted."""
     if not target.exists(INDEX):
         raise InputError(f"{target.name} has no {INDEX}; run 'deeptruck-model fleet extract' first")
     index = target.read_json(INDEX)
     if not index["trucks"]:
         raise InputError(f"{target.name}: none of {index['total']['files']} files could be used; see {INDEX}")
     jobs = [
-        Comparison(truck, tuple(drives), index["simulators"][index["classes"][truck]], hours, target)
+        Comparison(
+            truck, tuple(drives), index["simulators"][index["classes"][truck]], hours, target, units=units
+        )
         for truck, drives in index["trucks"].items()
     ]
     known = [comparing.is_done(job) for job in jobs]

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -16,7 +17,7 @@ from deeptruck_model.cli import main
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import lock
 from deeptruck_model.fleet import page, pool
-from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, chosen, folder
+from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, Comparison, chosen, folder
 from deeptruck_model.fleet.extract import INDEX, RECEIPTS
 from deeptruck_model.fleet.plan import Truck
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
@@ -227,3 +228,8 @@ def test_compared_twice_it_has_equal_bytes_and_is_skipped_the_third_time(drives,
     receipt.write_text(json.dumps(json.loads(receipt.read_text()) | {"key": "earlier"}))
     compare(place(str(one)), Workers())
     assert mine.read_text() == "mine" and report.read_bytes() == (two / report.relative_to(one)).read_bytes()
+
+
+def test_a_truck_is_compared_again_for_a_page_with_other_units(tmp_path: Path) -> None:
+    job = Comparison("t", (), "truck:trucksim", None, place(str(tmp_path)))
+    assert job.key == replace(job, units="m/s").key != replace(job, units="km/h").key
