@@ -76,6 +76,7 @@ def drive(truck: str, policy: str, scene: Scene) -> Drive:
         ahead.update(t, plant.speed)
         gap, speed = radar.sense(t, ahead.gap, ahead.leader_speed)
         samples.put("speed", stamp, plant.speed)
+        samples.put("engaged", stamp, 1.0)
         samples.put("gap", stamp, gap if math.isfinite(gap) else math.nan)
         seen = samples.put("leader_speed", stamp, speed)
         assert seen is not None

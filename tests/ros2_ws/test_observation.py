@@ -9,20 +9,20 @@ from deeptruck_nodes.observation import SECOND, Alignment, Observation
 
 
 def fill(samples: Alignment, stamp: int, gap: float = 40.0, leader_speed: float = 21.0) -> list[Any]:
-    values = {"grade": 0.01, "speed": 20.0, "gap": gap, "leader_speed": leader_speed}
+    values = {"engaged": 1.0, "grade": 0.01, "speed": 20.0, "gap": gap, "leader_speed": leader_speed}
     return [samples.put(name, stamp, value) for name, value in values.items()]
 
 
-def test_lockstep_waits_for_all_four_in_any_order() -> None:
+def test_lockstep_waits_for_all_in_any_order() -> None:
     samples = Alignment(strict=True, uses_grade=True, stale_after_s=0.3)
-    for name, value in (("leader_speed", 21.0), ("gap", 40.0), ("grade", 0.01)):
+    for name, value in (("leader_speed", 21.0), ("engaged", 1.0), ("gap", 40.0), ("grade", 0.01)):
         assert samples.put(name, 100, value) is None
     assert samples.put("speed", 100, 20.0) == Observation(100, 20.0, 40.0, 21.0, 0.01)
 
 
 def test_an_observation_comes_once() -> None:
     samples = Alignment(strict=True, uses_grade=True, stale_after_s=0.3)
-    assert [bool(o) for o in fill(samples, 100)] == [False, False, False, True]
+    assert [bool(o) for o in fill(samples, 100)] == [False, False, False, False, True]
     assert not any(fill(samples, 100))
     assert samples.put("speed", 200, 20.0) is None  # the rest of 200 is not here yet
 
@@ -30,6 +30,7 @@ def test_an_observation_comes_once() -> None:
 def test_without_a_grade_sensor_nobody_waits_for_the_road() -> None:
     samples = Alignment(strict=True, uses_grade=False, stale_after_s=0.3)
     samples.put("speed", 5, 20.0)
+    samples.put("engaged", 5, 0.0)
     samples.put("gap", 5, 40.0)
     assert samples.put("leader_speed", 5, 21.0) == Observation(5, 20.0, 40.0, 21.0, 0.0)
 

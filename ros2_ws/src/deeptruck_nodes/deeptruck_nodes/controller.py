@@ -24,8 +24,8 @@ class Controller(DeeptruckNode):
 
     In real time the command is also repeated every `repeat_every_s`: the bridge takes it as a heartbeat,
     which must not depend on the radar's own rate. What counts is the age of the last whole observation: one
-    topic that goes on alone keeps no command alive. With each command goes the engaged bit as the bridge sent
-    it last; a simulated truck obeys every command, so that before one it is 1.
+    topic that goes on alone keeps no command alive. With each command goes the engaged bit as bridge or
+    simulated truck sent it last; in lock-step it bears the stamp of the observation.
     """
 
     def __init__(self) -> None:
@@ -36,11 +36,7 @@ class Controller(DeeptruckNode):
         mapped = "road_map" in self.p["peers"]
         self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"], mapped)
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
-        self._simulated = "truck_sim" in self.p["peers"]
-        self._bridge_engaged, self._bridge_engaged_at = (
-            False,
-            -math.inf,
-        )  # the bridge's engaged bit; monotonic, s
+        self._engaged, self._engaged_at = False, -math.inf  # the engaged bit; monotonic, s
         self._received = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._command = self.publish_on(COMMAND)
         self.listen_to(ROAD, self._on_road)
@@ -74,8 +70,8 @@ class Controller(DeeptruckNode):
 
     @property
     def _drives(self) -> bool:
-        """Whether the commands drive the truck, as the bridge said last."""
-        return self._simulated or (self._bridge_engaged and not self._is_old(self._bridge_engaged_at))
+        """Whether the commands drive the truck, as bridge or simulated truck said last."""
+        return self._engaged and (self.lockstep or not self._is_old(self._engaged_at))
 
     def _is_stale(self, name: str) -> bool:
         return self._is_old(self._received[name])
@@ -84,18 +80,14 @@ class Controller(DeeptruckNode):
         return time.monotonic() - at > self.p["stale_after_s"]
 
     def _on_engaged(self, message: JointState) -> None:
-        """What the bridge says of itself; a change is answered at once, as the bridge waits for it."""
+        """Whether commands are passed on; a change is answered at once, as the bridge waits for it."""
         engaged = messages.read_scalars(message).get("engaged") == 1.0
-        changed, self._bridge_engaged, self._bridge_engaged_at = (
-            engaged != self._bridge_engaged,
-            engaged,
-            time.monotonic(),
-        )
-        if not changed:
-            return
-        if engaged:
+        changed, self._engaged, self._engaged_at = engaged != self._engaged, engaged, time.monotonic()
+        if changed and engaged:
             self._following.forget()  # what was summed up while nobody obeyed means nothing
-        if not self._is_old(self._observed_at) and math.isfinite(sum(self._following.held)):
+        if self.lockstep:
+            self._take("engaged", nanoseconds(message.header.stamp), float(engaged))
+        elif changed and not self._is_old(self._observed_at) and math.isfinite(sum(self._following.held)):
             self._send(self.now())
 
     def _on_road(self, message: JointState) -> None:

@@ -27,22 +27,23 @@ class Alignment:
     """Collects samples by their stamps.
 
     A radar sample is complete when range and speed carry the same stamp. In lock-step (`strict`) the truck's
-    speed, and its grade and the map of its road where it has them, must carry that stamp too; in real time
-    the newest ones count, a radar sample that is older than the newest speed by more than `stale_after_s` is
-    none, and neither is a map that is older than a sample by more than MAP_AGE: the truck has driven on.
+    speed and engaged bit, and its grade and the map of its road where it has them, must carry that stamp too;
+    in real time the newest ones count, a radar sample that is older than the newest speed by more than
+    `stale_after_s` is none, and neither is a map that is older than a sample by more than MAP_AGE: the truck
+    has driven on.
     """
 
     def __init__(self, strict: bool, uses_grade: bool, stale_after_s: float, uses_map: bool = False) -> None:
         self._needed = ["leader_speed"]
         if strict:
-            self._needed += ["speed", *["grade"] * uses_grade, *["grade_ahead"] * uses_map]
+            self._needed += ["speed", "engaged", *["grade"] * uses_grade, *["grade_ahead"] * uses_map]
         self._oldest = round(stale_after_s * SECOND)
         self._latest: dict[str, tuple[int, float]] = {}
         self._map: tuple[float, ...] = ()
         self._taken = -1
 
     def put(self, name: str, stamp: int, value: float) -> Observation | None:
-        """File a speed, gap, leader_speed or grade. Returns the observation it completes, once each."""
+        """File speed, gap, leader_speed, grade or engaged. Returns what it completes, once each."""
         self._latest[name] = (stamp, value)
         return self._complete()
 

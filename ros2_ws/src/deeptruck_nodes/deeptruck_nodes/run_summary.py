@@ -45,7 +45,7 @@ def sentences(run: Signals, *, real_time: bool) -> list[str]:
         count = {0: "no crash", 1: "1 crash"}.get(crashes, f"{crashes} crashes")
         said.append(f"smallest gap {max(0.0, float(known.min())):.1f} m, {count}")
     times, engaged = run.engaged
-    if len(times) > 1:
+    if len(times) > 1 and not engaged.all():  # a simulated truck obeys throughout
         passed = np.diff(times)
         held = float(passed[engaged[:-1] > 0.5].sum())
         back = int(np.sum((engaged[:-1] > 0.5) & (engaged[1:] <= 0.5)))

@@ -78,12 +78,13 @@ COMMAND = Topic(
     "/truck/command", JointState, ("controller", "replay"),
     ("truck_sim", "can_bridge", "mismatch_monitor", "recorder"),
     "every radar sample; in real time at least every 50 ms",
-    "the truck interface's units; engaged 1: they drive, as the bridge said last; a simulated truck obeys",
+    "the truck interface's units; engaged 1: they drive, as bridge or simulated truck said last",
     ("engine_command", "brake_command", "engaged"),
 )  # fmt: skip
 ENGAGED = Topic(
-    "/truck/engaged", JointState, ("can_bridge", "replay"), ("controller", "mismatch_monitor", "recorder"),
-    "every 50 ms and on change", "1: the bridge passes commands on",
+    "/truck/engaged", JointState, SOURCES, ("controller", "mismatch_monitor", "recorder"),
+    "every 50 ms and on change; every sample of a simulated truck",
+    "1: commands are passed on; a simulated truck obeys each",
     ("engaged",),
 )  # fmt: skip
 ROAD = Topic(

@@ -14,7 +14,7 @@ from deeptruck_nodes import messages, roads
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.plant import Plant, ticks_a_step
-from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, MISMATCH_RESIDUAL, ROAD, STATUS, TWIST
+from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ENGAGED, MISMATCH_RESIDUAL, ROAD, STATUS, TWIST
 
 AHEAD = 5 * SECOND  # of stamps, that a lock-step run may be ahead of its monitor
 MONITOR_PATIENCE_S = 300.0  # it may compare minutes of driving meanwhile
@@ -39,6 +39,7 @@ class TruckSim(DeeptruckNode):
         self._latest_by = 0.0
         self._twist, self._accel = self.publish_on(TWIST), self.publish_on(ACCEL)
         self._status, self._road = self.publish_on(STATUS), self.publish_on(ROAD)
+        self._engaged = self.publish_on(ENGAGED)
         self._clock = self.publish_on(CLOCK) if self.lockstep else None
         self._watched = 0  # stamp of the monitor's newest residual
         self._waits_for_monitor = "mismatch_monitor" in self.p["peers"]
@@ -108,6 +109,7 @@ class TruckSim(DeeptruckNode):
             self._clock.publish(messages.clock(stamp))
         speed = self._plant.speed_at(within / self._ticks_a_step) if within else self._plant.speed
         self._twist.publish(messages.twist(stamp, speed, "truck"))  # first: the radar waits for it
+        self._engaged.publish(messages.scalars(stamp, ENGAGED.fields, {"engaged": 1.0}))
         if within == 0:
             road = {"elevation": self._plant.elevation}
             if self._plant.interface.grade:
