@@ -91,12 +91,17 @@ class Witness:
 
 
 def play(
-    seed: int, scene: str | None = None, policy: str = "baseline:acc", length: float = LENGTH
+    seed: int,
+    scene: str | None = None,
+    policy: str = "baseline:acc",
+    length: float = LENGTH,
+    machine: str | None = None,
 ) -> Verdict:
-    """One run in lock-step."""
+    """One run in lock-step, of this scene, of those of a machine, or of all."""
     rng = np.random.default_rng(seed)
     vehicle = load(NAMES[seed % len(NAMES)])
-    name = scene or str(rng.choice(possible(vehicle)))
+    drawn = [one for one in possible(vehicle) if machine in (None, SCENES[one].machine)]
+    name = scene or str(rng.choice(drawn))
     machine, kind, signals, sizes = SCENES[name]
     taken = senders(vehicle, signals) if kind == "second" else set()
     size = float(rng.choice([one for one in sizes if one not in taken]))
@@ -209,6 +214,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0, help="seed of the first run")
     parser.add_argument("--scene", choices=list(SCENES), help="only this one")
+    parser.add_argument("--machine", choices=["bus", "radar", "forger"], help="only scenes of its faults")
     parser.add_argument("--policy", default="baseline:acc")
     parser.add_argument("--seconds", type=float, default=LENGTH, help="of a run, from the fault on")
     parser.add_argument("--processes", type=int, help="so many runs on processes instead, in real time")
@@ -219,7 +225,8 @@ def main() -> int:
 
         verdicts = [play_processes(seed) for seed in seeds]
     else:
-        verdicts = [play(seed, options.scene, options.policy, options.seconds) for seed in seeds]
+        chosen = options.scene, options.policy, options.seconds, options.machine
+        verdicts = [play(seed, *chosen) for seed in seeds]
     print("\n".join(report(verdicts)))
     for number, verdict in zip(seeds, verdicts, strict=True):
         if verdict.broken:
