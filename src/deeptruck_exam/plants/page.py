@@ -27,12 +27,13 @@ def lines(rows: Sequence[Row]) -> list[str]:
         "",
         f"`deeptruck-model prove --plant fastsim --cases {len(seeds)} --seed {seeds[0]} --out DIR`",
         "",
-        "FASTSim (NREL) drives its class 8 line-haul truck. Before this table the tool was tried on it with"
-        " other seeds: a learned truck that latched after a start from rest, brakes in m/s² that were"
-        " believed to hold their deceleration whatever the slope, the speed (3 m/s, now 1) below which an"
-        " accessory's power counts as a torque, when a finding beside a learned simulator is accepted, and"
-        " when refitted parameters are offered were seen and corrected there. The seeds of the table had no"
-        " part in that. Three drives are fitted and one is held out. Errors are m/s, the median of the"
+        "FASTSim (NREL) drives its class 8 line-haul truck. The tool was tried on it before with other"
+        " seeds, and these rules come from there: a learned truck no longer latches after a start from rest;"
+        " a brake in m/s² need not hold its deceleration whatever the slope; the speed (1 m/s, was 3) below"
+        " which an accessory's power counts as a torque; beside a learned simulator a finding is accepted"
+        " where its set of names is sure; refitted parameters are offered where nothing is named and most of"
+        " the error goes. The seeds of this table had no part in that; the tool has no trained classifier."
+        " Three drives are fitted and one is held out. Errors are m/s, the median of the"
         " seeds, of free runs on the drive held out; *offered* is the one of the three that the tool hands"
         " out. The simulators: a physics truck of the data sheet by `new` and `calibrate-truck`, one that"
         " `train` learned, both from twelve other drives with nothing concealed, and the equations of"
