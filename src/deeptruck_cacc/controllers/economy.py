@@ -29,13 +29,14 @@ SPEED, LEADER, LAG, LOW, HIGH, WANTED, PRICE, LACK, MOMENTUM, LED, COLUMNS = ran
 # What has no source was chosen on validation roads (bench_economy.py --seed 50), none on those of the page.
 BAND_S = (1.2, 3.0)  # time gaps between which the truck may coast and close in, s
 CRUISE = 2.0  # m/s to either side of the set speed, the band where there is no leader
+CRUISE_S = 3.0  # s, for which it may be early or late against the set speed; what is lost beyond stays lost
 STAGE_M = 2 * AHEAD_M
 REACH, SPEED_STEPS = 4.0, 25  # the grid of speeds: so far (m/s) to either side of the leader's
 LAG_MARGIN_S, LAG_STEPS = 0.4, 17  # the grid of lags: the band and so much to either side
 REPLAN_S = 1.0  # for so long a value function is used; the pedal is chosen anew at every step
 FINE = np.interp(np.linspace(0, 1, 97), np.linspace(0, 1, len(PEDALS)), PEDALS)  # tried at every step
-# Costs, in cm^3/s, of an acceleration (m/s^2) squared, of a second (without a leader a m/s) outside of the
-# band squared and of a second off the wanted time gap squared.
+# Costs, in cm^3/s, of an acceleration (m/s^2) squared, of a second or m/s outside of the band squared and of
+# a second off the wanted time gap squared.
 ACCELERATION, OUTSIDE, HOME = 5.0, 100.0, 0.1
 CHANGE = 4.0  # cm^3, of a pedal changed by its whole reach from one step to the next, squared
 LACK_S, RATE_S = 4.0, 0.5  # time constants: of the acceleration beyond the map, and of measuring one
@@ -65,9 +66,10 @@ class Economy(SignedPedal):
         """(engine_command, brake_command) in the interface's units, each (batch,); NaN where an observation
         is that is needed."""
         alone = np.isnan(observation["gap"]) & np.isfinite(observation.get("set_speed", np.nan))
-        if np.any(alone):  # as behind a leader of the set speed, whose gap does not matter
+        if np.any(alone):  # as behind a leader of the set speed
+            late = 0.0 if self._past is None else self._past.late
             set_speed = np.asarray(observation["set_speed"])
-            gap = set_speed * observation["target_time_gap"]
+            gap = set_speed * (observation["target_time_gap"] + late)
             seen = {"leader_speed": set_speed, "gap": gap}
             seen = {name: np.where(alone, x, observation[name]) for name, x in seen.items()}
             observation = {**observation, **seen}
@@ -87,7 +89,9 @@ class Economy(SignedPedal):
         pedal = np.clip(np.minimum(np.maximum(wished, least), most), self._least, 1.0)
         pedal = np.where(known, pedal, 0.0)
         way = past.way + np.nan_to_num(seen.speed) * self.dt
-        self._past = past._replace(pedal=pedal, way=way, age_s=past.age_s + self.dt)
+        late = past.late + self.dt * (1.0 - np.nan_to_num(seen.speed) / now[:, LEADER])
+        late = np.where(observation["led"], 0.0, np.clip(late, -CRUISE_S, CRUISE_S))
+        self._past = past._replace(pedal=pedal, way=way, age_s=past.age_s + self.dt, late=late)
         return pedal
 
     def _ahead(self, observation: Observation, grade: Array) -> Array:
@@ -109,7 +113,8 @@ class Economy(SignedPedal):
         leader = np.nan_to_num(seen.leader_speed, nan=TYPICAL["leader_speed"])
         if past is None or len(past.pedal) != len(speed):
             nothing = np.zeros(len(speed))
-            return _Past(nothing, speed, leader, nothing, nothing, nothing, np.inf, np.zeros((0, 0, 0, 0)))
+            values = np.zeros((0, 0, 0, 0))
+            return _Past(nothing, speed, leader, nothing, nothing, nothing, nothing, np.inf, values)
         beyond = (speed - past.speed) / self.dt - _at(past.pedal, pull)
         beyond = np.where(np.isfinite(beyond), beyond, past.lack)
         slow = past.beyond + self.dt / RATE_S * (beyond - past.beyond)
@@ -125,6 +130,8 @@ class Economy(SignedPedal):
         low = wanted + share * np.minimum(BAND_S[0] - wanted, 0.0)
         low = np.maximum(low, np.asarray(observation.get("least_gap", 0.0)) / np.maximum(leader, 1.0))
         high = np.maximum(wanted + share * np.maximum(BAND_S[1] - wanted, 0.0), low)
+        led = np.asarray(observation["led"])
+        low, high = np.where(led, low, wanted - CRUISE_S), np.where(led, high, wanted + CRUISE_S)
         cruise = np.maximum(leader, SLOW[0])
         now = np.empty((len(leader), COLUMNS))
         now[:, SPEED], now[:, LEADER] = speed, cruise
@@ -132,14 +139,15 @@ class Economy(SignedPedal):
         now[:, LOW], now[:, HIGH] = low, high
         now[:, WANTED] = np.clip(wanted, low, high)
         now[:, PRICE], now[:, MOMENTUM], now[:, LACK] = *self.map.prices(cruise), past.lack
-        now[:, LED] = observation["led"]
+        now[:, LED] = led
         return now
 
 
 class _Past(NamedTuple):
     """What is kept between calls, each (batch,): the pedal given, the speed then, the leader's slow speed,
     the acceleration beyond the map's as measured (`beyond`) and as expected to last (`lack`), and the way
-    driven since the value function `values` was made, `age_s` ago."""
+    driven since the value function `values` was made, `age_s` ago. `late`: without a leader, s behind one of
+    the set speed."""
 
     pedal: Array
     speed: Array
@@ -147,6 +155,7 @@ class _Past(NamedTuple):
     beyond: Array
     lack: Array
     way: Array
+    late: Array
     age_s: float
     values: Array
 
@@ -190,7 +199,7 @@ def _stage(
     out = max(now[LOW] - time_gap, 0.0) + max(time_gap - now[HIGH], 0.0)
     off = time_gap - now[WANTED]
     if now[LED] == 0.0:
-        out, off = max(abs(later - now[LEADER]) - CRUISE, 0.0), 0.0
+        out += max(abs(later - now[LEADER]) - CRUISE, 0.0)
     rate = fuel + now[PRICE] + ACCELERATION * pull * pull + OUTSIDE * out * out + HOME * off * off
     return later, lag, rate * seconds
 
