@@ -27,13 +27,15 @@ def search() -> Regression:
     return Regression(evidence())
 
 
-def found(force: np.ndarray, seed: int = 0) -> tuple[Event, ...]:
-    """The events in noise of autoregression 0.3 with heavy tails beside a force (N,), m/s^2."""
+def found(force: np.ndarray, seed: int = 0, held_out: str = "") -> tuple[Event, ...]:
+    """The events in noise of autoregression 0.3 with heavy tails beside a force (N,), m/s^2, where one drive
+    may be held out."""
     e = search().e
     innovations = 0.02 * np.random.default_rng(seed).standard_t(TAIL, N)
     y = lfilter([1.0], [1.0, -0.3], innovations) + force
     series = replace(search().series, y=y)
-    return find_events(series, fit(series, np.zeros((N, 0)), NO_COLUMNS), kernels(search()), e.stretches, DT)
+    drives = [replace(s, held_out=s.name == held_out) for s in e.stretches]
+    return find_events(series, fit(series, np.zeros((N, 0)), NO_COLUMNS), kernels(search()), drives, DT)
 
 
 def during(rows: slice, force: np.ndarray | float) -> np.ndarray:
@@ -83,6 +85,12 @@ def test_events_are_told_apart() -> None:
 )
 def test_what_is_off_all_along_is_no_event(force: np.ndarray) -> None:
     assert found(force) == ()
+
+
+def test_what_is_off_along_a_held_out_drive_is_no_event_there() -> None:
+    swell = during(slice(N // 3, 2 * N // 3), 0.05 * np.sin(2 * np.pi * np.arange(N) * DT / 50.0))
+    assert len(found(swell, held_out="b")) < len(found(swell))
+    assert max(overlaps(x, ROWS) for x in found(during(ROWS, 0.2), held_out="b")) > 0.8
 
 
 def test_rows_that_do_not_count_hold_no_event() -> None:
