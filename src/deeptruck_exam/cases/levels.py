@@ -67,7 +67,8 @@ def suitable(level: str) -> list[Effect]:
 
 def find(effect: str) -> Effect:
     """By key or name. Raises InputError where there is none."""
-    found = EFFECTS.get(effect) or next((e for e in EFFECTS.values() if e.name == effect), None)
+    every = [*EFFECTS.values(), *each_drive()]
+    found = EFFECTS.get(effect) or next((e for e in every if effect in (e.key, e.name)), None)
     if found is None:
         raise InputError(f"there is no law '{effect}'; laws: {', '.join(sorted(EFFECTS))}")
     return found
