@@ -70,8 +70,8 @@ class Candidate:
         name = f"[{name}, {yaml_text(self.across)}]" if self.across else name
         source = f"topic: {yaml_text(self.topic.name)}, field: {name}" if self.topic else f"column: {name}"
         unit = f", unit: {yaml_text(self.unit or '?')}"
-        if (self.scale, self.offset) != (1.0, 0.0):
-            unit += f", scale: {self.scale:g}, offset: {self.offset:g}"
+        unit += f", scale: {self.scale:g}" if self.scale != 1.0 else ""
+        unit += f", offset: {self.offset:g}" if self.offset else ""
         return f"{self.channel}: {{{source}{unit}}}"
 
     @property
@@ -82,8 +82,9 @@ class Candidate:
         return f"{self.why}; {span(self.field)}{at}{still}{self._beyond()}"
 
     def _beyond(self) -> str:
-        """A warning where the values in this unit are impossible for a truck."""
-        if not self.unit:
+        """A warning where the values in this unit are impossible for a truck; of a vector none:
+        the field's values are those of one component."""
+        if not self.unit or self.across:
             return ""
         ends = self.scale * np.array([self.field.low, self.field.high]) + self.offset
         ends = conversion(self.channel, self.unit)(ends)

@@ -96,7 +96,8 @@ def _what(f: Finding) -> str:
         return f"{name} is most probable ({percent(f.probability)})"
     if f.kind is Kind.PARAMETER:
         return f"{name} of the simulator is wrong" if f.stated == f.effect else f"an error in {name}"
-    return f"{name} is missing" if f.stated == f.effect else f"an effect in {name} is missing"
+    what = f"{name} is missing" if f.stated == f.effect else f"an effect in {name} is missing"
+    return f"{what} ({BESIDE_MISSING[f.missing_input]})" if f.missing_input else what
 
 
 def _next_step(v: Verdict) -> str:

@@ -10,7 +10,7 @@ import pytest
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.correction import improvement
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import compared, free_windows
+from deeptruck_model.mismatch.correction.improvement import free_run_errors, free_windows
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.mechanisms import variant
@@ -51,7 +51,7 @@ def test_a_better_simulator_has_an_interval_above_zero_and_a_worse_one_below(
     wrong = TRUCK.with_parameters({"mass": 1.3 * MASS})
     before, right = (free_windows(s, prepared, 30.0) for s in (wrong, TRUCK))
     errors = {"before": before, "parameters_only": before, "after": right}
-    said, gained = compared(errors), improvement.improvement(errors)
+    said, gained = free_run_errors(errors), improvement.improvement(errors)
     assert said is not None and said.after.speed < said.before.speed
     assert 0.3 < gained.ci95[0] <= gained.ci95[1] <= 1.0
     assert gained.over_parameters_ci95 == gained.ci95
