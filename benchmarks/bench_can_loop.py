@@ -81,9 +81,9 @@ class Listener(threading.Thread):
 
 
 def latencies(bag: Path, frames: np.ndarray) -> np.ndarray:
-    """From each radar sample that a command answers to the first TSC1 frame after that command, s.
+    """Latencies from each radar sample that a command answers to the first TSC1 frame after that command, s.
 
-    A command bears the stamp of its radar sample; when it comes is when the recorder has it.
+    A command carries the stamp of its radar sample; its own time is that of its arrival at the recorder.
     """
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         stamps: dict[str, dict[int, int]] = {"/radar/range": {}, "/truck/command": {}}

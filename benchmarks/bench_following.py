@@ -1,8 +1,9 @@
-"""How policies follow: drive a truck, learn its deep truck, train ten seeds on that, measure them on both.
+"""How well policies follow: drive a truck, train its deep truck, train ten seeds on that, evaluate on both.
 
 python benchmarks/bench_following.py [--truck trucksim] [--seeds 10] [--work runs/following]
 
-What is done in --work is kept. Settings were chosen on other scenes than those measured here (--seed).
+A simulator and a policy that exist in --work are reused. Settings were chosen on other scenes than those
+evaluated here (--seed).
 """
 
 from __future__ import annotations

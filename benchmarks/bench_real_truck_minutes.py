@@ -58,7 +58,8 @@ def _between(recordings: list[Recording], start: int, stop: int) -> list[Recordi
 
 
 def errors(model: LeastSquares | Deep, test: list[Recording]) -> list[float]:
-    """What the table says of a model."""
+    """Errors of the predicted speed at the end of windows of 15 s and of 60 s, m/s: rms and median magnitude
+    of each."""
     found = []
     for seconds in (15, 60):
         u, w, y = windows(test, seconds)
@@ -79,7 +80,7 @@ def measure(mine: list[Recording], test: list[Recording], folder: Path) -> Error
 
 
 def fitted(mine: list[Recording], known: Path) -> Iterator[tuple[tuple[str, int], LeastSquares | Deep]]:
-    """One model after another, with what it is called in the table."""
+    """Fit each kind of model to each segment of `mine`; yield ((kind, minutes), model)."""
     ways: dict[str, Callable[[list[Recording]], LeastSquares | Deep]] = {
         LINEAR: LeastSquares,
         SCRATCH: Deep.trained,

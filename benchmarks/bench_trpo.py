@@ -1,8 +1,8 @@
-"""Ten seeds of the paper's TRPO on the physics truck, and what loses seeds, one cause at a time.
+"""Ten seeds of the paper's TRPO on the physics truck, and why seeds fail, tested one cause at a time.
 
 python benchmarks/bench_trpo.py [--work runs/trpo] [--iterations 200]
 
-What is done in --work is kept.
+Finished trainings in --work are reused, unfinished ones resumed.
 """
 
 from __future__ import annotations

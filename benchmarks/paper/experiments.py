@@ -82,7 +82,8 @@ def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
 
 
 def curves(whole: Recording, test: Sequence[Recording], arguments: Arguments) -> tuple[dict[str, Any], str]:
-    """Curves of the truck that drove `whole`, and a note of the updates that each training took."""
+    """Error statistics of deep trucks by minutes of `whole`, trained from scratch and adapted from a fleet,
+    and a text with the updates of each training."""
     found: dict[str, dict[int, Any]] = {SCRATCH: {}, ADAPTED: {}}
     with tempfile.TemporaryDirectory() as folder:
         known = Path(folder) / "fleet"

@@ -44,7 +44,7 @@ def number(value: Any, name: str, unit: str = "") -> float:
 
 
 def instance(value: Any, kind: type[T], name: str, cure: str) -> T:
-    """An object of a class."""
+    """Return `value` if it is a `kind`; else raise InputError with the advice `cure`."""
     if not isinstance(value, kind):
         raise InputError(f"{name} must be a {kind.__name__}, not {shown(value)}; {cure}")
     return value

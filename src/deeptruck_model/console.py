@@ -1,4 +1,4 @@
-"""How every console script ends: bad input is one line and exit code 2, never a traceback or a box."""
+"""The common exit of console scripts: bad input is reported in one plain line, with exit code 2."""
 
 from __future__ import annotations
 

@@ -220,7 +220,10 @@ class CsvText:
         )
 
     def _places(self, body: bytes) -> Callable[[int], str]:
-        """Where the k-th row below the header is; by counting, unless lines are blank or cells span them."""
+        """A function that gives the line in the file of the k-th row below the header, as 'line N'.
+
+        Rows are lines unless lines are blank or quoted cells may span them; then the records are read.
+        """
         first = self.lines + 1
         uneven = (b'"', b"\n\n", b"\n\r", b"\r\r")
         if not body.startswith((b"\n", b"\r")) and not any(mark in body for mark in uneven):

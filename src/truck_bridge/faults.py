@@ -30,7 +30,8 @@ class _Span:
 
 
 class ActiveFaults:
-    """Tell it what each DM1 says by `take`; `active` and `channels` answer for a time."""
+    """The faults that DM1 messages report as active. Give each DM1 to `take`; `active` and `channels` return
+    the state at a time."""
 
     def __init__(self) -> None:
         self._spans: dict[Fault, _Span] = {}

@@ -20,7 +20,7 @@ LEAST_GAP_M = 5.0  # which predictive controllers keep wherever the pedals allow
 
 @dataclass(frozen=True)
 class Seen:
-    """What a law of following may use, each (batch,): SI; `integral` of the clipped gap error in m s."""
+    """Inputs of a following law, each (batch,), SI; `integral` is that of the clipped gap error, m s."""
 
     leader_speed: Array
     speed: Array

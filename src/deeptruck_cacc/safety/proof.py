@@ -57,7 +57,8 @@ class _Leader(NamedTuple):
     worst_speed: Array
 
     def moved(self, p: Promise, pull: Array, lost: Flags) -> _Leader:
-        """One step later, at the acceleration `pull`; `lost`: it is not seen then."""
+        """The leader one step later, at the acceleration `pull` (batch,); `lost` marks rollouts in which the
+        truck does not see the leader in that step."""
         may = np.where(lost, np.minimum(self.braking + p.unseen_jerk * p.dt, p.leader_braking), 0.0)
         rate = np.where(lost, np.maximum(pull, -may), pull)
         speed = np.maximum(self.speed + p.dt * rate, 0.0)

@@ -72,10 +72,11 @@ def check(
     resume: bool = False,
     overwrite: bool = False,
 ) -> bool:
-    """Whether a training to `resume` is already finished; called before torch and data are loaded.
+    """Return True if the training to `resume` is already complete; called before torch and data are loaded.
 
-    Raises InputError for an unknown trainer, a config of the other one, an older policy without `overwrite`,
-    an unfinished training without `resume` or `overwrite`, and a damaged or another run's with `resume`.
+    Raises InputError for an unknown trainer, a config of the other trainer, an existing policy without
+    `overwrite`, and an unfinished training without `resume` or `overwrite`. With `resume`, also for a
+    training that is damaged or that was begun with other settings.
     """
     config = config or default(trainer)
     if isinstance(config, AnalyticConfig) != (trainer == "analytic"):

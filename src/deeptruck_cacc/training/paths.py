@@ -66,7 +66,7 @@ def advantage(rewards: Tensor, values: Tensor, gamma: float, gae_lambda: float) 
 
 
 def side_by_side(parts: list[Scene]) -> Scene:
-    """Scenes of equal length as one; what one of them has, all of them must have."""
+    """Concatenate scenes of equal length along the batch. A field must be set in all or in none."""
     columns: dict[str, Any] = {}
     for name in (f.name for f in fields(Scene)):
         rows = [getattr(part, name) for part in parts]

@@ -106,8 +106,9 @@ class LateTorqueReturn(Law, since=99.0, gear=-1.0):
 @law("shift_interruption", "suburban hills")
 @sizes(sync_s=(0.6, 1.8), metered=(0.25, 0.7), down=(1.0, 2.0))
 class SlippingClutch(Law, ratio=0.0, open=0.0, carried=1000000.0):
-    """The clutch slips for a time with the step of the ratio; torque returns at a metered rate. sync_s: open
-    for each unit of the logarithm of the step; metered: share of 0.1 g a second.
+    """After a change of the gear ratio the clutch slips and passes no torque; then torque returns at a
+    limited rate. sync_s: time of slip per unit of the logarithm of the ratio step; down: its factor where the
+    ratio rises; metered: rate of return, in units of about 0.1 g per second.
     Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on shifting elements:
     speed difference times engine inertia over the clutch's slope."""
 

@@ -176,8 +176,8 @@ class RoadSpeedLimiter(Law, allowed=1.0, sum=0.0):
 @law("turbo_lag", "suburban hills", accepts="command_rate_limit", reported=True)
 @sizes(shaft_s=(1.5, 4.0), unboosted=(0.18, 0.32))
 class TurboShaft(Law, shaft=0.2):
-    """Shaft energy from exhaust power against compressor power; the smoke limiter holds the torque to the air
-    that is there.
+    """The turbocharger's shaft energy integrates exhaust power minus compressor power; the smoke limiter caps
+    the torque by the available air.
     Source: Eriksson and Nielsen, Modeling and Control of Engines and Drivelines (2014), ch. 8."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:

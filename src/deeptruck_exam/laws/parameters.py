@@ -88,7 +88,7 @@ def _of_each_drive(part: type[EachDrive], setting: Setting, p: Sizes) -> Planted
 
 
 def each_drive() -> list[Effect]:
-    """What can differ from drive to drive; these are no laws of the score, and not registered."""
+    """Effects that may differ from drive to drive. They are separate from the registered laws."""
     return [
         Effect(
             part.__name__,

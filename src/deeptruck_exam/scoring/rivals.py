@@ -56,7 +56,8 @@ def boosted(simulator: Simulator, fit: Sequence[Recording], held_out: Sequence[R
 
 
 def sindy(simulator: Simulator, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Array:
-    """The same by pysindy's sparse regression on polynomials of degree 2 in speed, commands and grade."""
+    """Residual acceleration (batch, n) on the held-out recordings by pysindy's sparse regression on
+    polynomials of degree 2 in speed, commands and grade."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import pysindy

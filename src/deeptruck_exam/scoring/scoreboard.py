@@ -73,7 +73,10 @@ def rare_by_information(results: Iterable[Score]) -> dict[str, float | None]:
 
 
 def confusion(results: Iterable[Score]) -> Counter[tuple[str, str]]:
-    """How often a case of one effect was first called what; 'nothing' where the tool was silent."""
+    """Number of cases by (true effect, effect that the tool named first), each 'nothing' where there is none.
+
+    Broken cases and those with several true effects are left out.
+    """
     table: Counter[tuple[str, str]] = Counter()
     for r in results:
         if "broken" in r or len(r["true"]) > 1:

@@ -46,7 +46,7 @@ MOST_S = 3600.0  # of driving: enough to know an error by, small enough to carry
 
 
 class Trained(Protocol):
-    """What is written of a deep truck."""
+    """The parts of a deep truck that are saved."""
 
     network: TruckNetwork
     coverage: Coverage | None

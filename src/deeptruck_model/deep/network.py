@@ -34,8 +34,8 @@ class Shape:
     """Sizes of a network; `responses` is 2 (acceleration, speed) or 3 (with fuel rate).
 
     `code` is the number of features that repeat the speed on a logarithmic scale, `auxiliary` the number of
-    auxiliary targets: signals inside the truck (gear, engine speed ...) that D gives besides the response.
-    The paper has neither.
+    auxiliary targets: signals inside the truck (gear, engine speed ...) that the decoder D outputs besides
+    the response. The paper's network has neither.
     """
 
     controls: int

@@ -1,7 +1,7 @@
-"""What runs inside an exported FMU: this file is copied into it, beside the simulator's directory.
+"""The script of an exported FMU; the export copies it there, with the simulator's directory.
 
-PythonFMU3 makes one object of the one class here for each instance, and again at a reset. It needs deeptruck
-in the Python that runs it, and no other file of this package.
+PythonFMU3 creates an object of the class in this file for each instance of the FMU, and again at a reset. The
+Python that runs the FMU must have deeptruck installed; the FMU contains no other file of this package.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class Link:
     high: float = math.inf
 
     def ours(self, x: Array) -> Array:
-        """From the FMU's numbers to ours."""
+        """Convert values in the FMU's unit to the canonical unit."""
         return self.conversion(x)
 
     def theirs(self, x: Array) -> Array:

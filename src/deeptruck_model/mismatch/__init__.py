@@ -1,6 +1,6 @@
-"""Where simulation and recordings differ: what was not recorded, a budget, names, and a corrected simulator.
+"""The mismatch tool: unrecorded inputs, error budget, missing effects, and a corrected simulator.
 
-Loaded on first use, so that the command line can check what it is given within a moment.
+The modules are loaded on first use, so that the command line checks its input without delay.
 """
 
 from typing import TYPE_CHECKING

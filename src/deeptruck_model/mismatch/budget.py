@@ -69,10 +69,10 @@ class Budget:
 
 
 def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
-    """Split the error of the simulator as `given` in the rows that are fitted.
+    """Split the simulator's error, taken from the evidence `given`, into parts over the fitted rows.
 
-    The regression may be about refitted parameters: what that changed is a part of their families. `hidden`
-    (n,) are rows in which an input acts that was not recorded, and which are not compared.
+    If the regression used refitted parameters, the change due to the refit counts in their families. `hidden`
+    (n,) marks rows that are not compared because an unrecorded input acts; their residual is the part HIDDEN.
     """
     search, e = p.search, p.search.e
     columns, draws, part_of = _columns(p)

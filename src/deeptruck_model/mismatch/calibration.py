@@ -113,7 +113,7 @@ def calibrate(
 
 
 def _off(found: Calibration, name: str) -> float:
-    """By what share a fitted parameter differs from the given one; 0 where the truck has none such."""
+    """Magnitude of a fitted parameter's relative change from its given value; 0 if it was not fitted."""
     return next((abs(p.value / p.given - 1.0) for p in found.parameters if p.name == name), 0.0)
 
 

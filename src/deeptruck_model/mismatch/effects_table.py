@@ -59,7 +59,7 @@ def _line(*cells: str) -> str:
 
 
 def put_into(page: Path) -> bool:
-    """Replace the table between the marks of a page; returns whether it was another one."""
+    """Replace the table between the marks of `page`; return whether the page changed."""
     return put_between_marks(page, "effects", table())
 
 

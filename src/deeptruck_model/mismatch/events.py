@@ -63,7 +63,11 @@ class Event:
 
 
 def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
-    """The events beside what is in on average, in held-out drives too, which have constants of their own."""
+    """The events in the residual after the posterior mean of all forces is subtracted.
+
+    Segments of held-out drives are searched too. Their median is subtracted first, because each drive has a
+    constant force of its own.
+    """
     e, b = p.search.e.everywhere(), p.draws.coefficients.mean(axis=0)
     y = e.residual - p.mean - p.always @ b[: p.always.shape[1]]
     for k, at in zip(p.of, p.at, strict=True):

@@ -86,8 +86,8 @@ def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
 
 
 def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
-    """A force that is slow, of a place, or of one drive, and follows no recorded channel. Where the simulator
-    is good enough, only what single drives have of their own."""
+    """Findings of forces that follow no recorded channel: slow, position-dependent, or different in each
+    drive. If the simulator is `good_enough`, only the last are reported."""
     out = []
     for part in (EACH_DRIVE,) if good_enough else (EACH_DRIVE, PLACE, SLOW):
         p, share = c.posterior.probability(part), c.budget.share(part)

@@ -36,7 +36,7 @@ STEP = 0.2  # relative change of a parameter
 
 
 def rows(simulator: Simulator) -> list[Row]:
-    """Rows for a simulator that passed the protocol check."""
+    """Rows that say what the mismatch tool can identify with `simulator`, which passed the protocol check."""
     seen = simulator.inside(start(simulator, 15.0))
     own = simulator.parameters()
     out = [

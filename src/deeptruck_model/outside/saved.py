@@ -21,9 +21,11 @@ MAKE_AGAIN = "run 'deeptruck-model mismatch' again"
 
 
 def check(path: Path, manifest: Mapping[str, Any]) -> Reference:
-    """What the folder `path` stands for, as it is found now; nothing of it is run.
+    """The reference in the folder `path` to a simulator outside it, with the files' present SHA-256; no code
+    of the simulator is run.
 
-    Raises InputError where it is not found, or is not what it was.
+    Raises InputError where the folder is damaged, or where the module or the arguments are missing or have
+    changed.
     """
     reference = _reference(path, manifest)
     for what, file in (("module", reference.module_file), ("arguments", reference.arguments)):

@@ -148,8 +148,8 @@ class BagSource:
         return f"{self.types.unreadable.get(kind, 'the bag does not carry the definition of this type')}"
 
     def other_types(self, topics: set[str]) -> list[tuple[str, str, int]]:
-        """(topic, message type, number of messages) of those on the topics that are of another type than
-        `topics` has, as the bag's index counts them."""
+        """Messages on `topics` whose type is not the one that `self.topics` gives, as (topic, message type,
+        number of messages) from the bag's index."""
         types = self.topics
         return [
             (topic, kind, count)

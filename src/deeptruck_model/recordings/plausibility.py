@@ -139,7 +139,7 @@ class Doubt:
 
 
 def refuse(recordings: Sequence[Recording]) -> None:
-    """Raises InputError where a channel contradicts the others so that another truck would be trained."""
+    """Raise InputError if a channel contradicts the others so far that a wrong truck would be learned."""
     for doubt in doubts(recordings):
         if doubt.wrong:
             raise InputError(f"'{recordings[0].name.partition('#')[0]}': {doubt.says}")

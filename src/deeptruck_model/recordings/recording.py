@@ -84,9 +84,10 @@ class Recording:
         return self.columns(self.interface.y)
 
     def plot(self, *names: str) -> Figure:
-        """A figure of the named channels over time, of all without names; `.savefig(path)` writes it.
+        """A figure of the named channels over time, or of all channels if none is named; `.savefig(path)`
+        writes it.
 
-        Raises InputError for a channel that is not there.
+        Raises InputError for an unknown channel.
         """
         from deeptruck_model.recordings.recording_figure import Row, draw
 

@@ -139,7 +139,8 @@ def _numbers(table: TextTable, name: str, unit: str, stated: str, place: int) ->
 
 
 def _unlikely(seconds: Array, speeds: Sequence[Array]) -> float:
-    """Distance of the speeds' rates of change from those of a vehicle; units of time differ by 60 or more."""
+    """Magnitude of the log ratio of the speeds' acceleration (95 % quantile) to a vehicle's usual one, the
+    largest over `speeds`. A wrong unit of time changes the ratio by a factor of 60 or more."""
     worst = 0.0
     for speed in speeds:
         filled = np.isfinite(seconds) & np.isfinite(speed)

@@ -46,7 +46,7 @@ class Field:
 
     @property
     def still(self) -> bool:
-        """Whether it never changed, or never was a number."""
+        """Whether all finite values are equal, or there are none."""
         return not self.high > self.low
 
 

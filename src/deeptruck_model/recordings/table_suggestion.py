@@ -129,7 +129,7 @@ class TableSuggestion(Proposal):
         )
 
     def _extra(self) -> Iterator[str]:
-        """The other columns of numbers as entries of `extra`, to be taken by removing the '# '."""
+        """Yield the lines of the `extra` section: the remaining numeric columns, commented out with '# '."""
         named = {
             id(one.field)
             for several in (*self.candidates.values(), *self.commanded.values())

@@ -155,7 +155,7 @@ class PhysicsTruck:
         return PhysicsTruck(self.specification, forces=forces, command_filters=command_filters, dt=self._dt)
 
     def with_grade_input(self) -> PhysicsTruck:
-        """The same truck with the grade in w, for worlds that impose it on a truck without the sensor."""
+        """The same truck with the grade in w; for callers that set it for a truck without a grade sensor."""
         return self._with(replace(self.specification, interface=replace(self.interface, grade=True)))
 
     def with_recorded_gear(self) -> PhysicsTruck:

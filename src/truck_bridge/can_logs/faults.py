@@ -63,7 +63,8 @@ def _times(said: Sequence[Said]) -> dict[Fault, list[float]]:
 
 
 def channels(said: Sequence[Said]) -> dict[str, tuple[Array, Array]]:
-    """deeptruck's channels of faults, a sample at each DM1; those before the latest time are left out."""
+    """The fault channels by name, each as (times, values) with one sample per DM1; a DM1 with an earlier time
+    than a previous one is dropped."""
     faults, latest = ActiveFaults(), -math.inf
     rows: dict[float, dict[str, float]] = {}
     for one in said:

@@ -76,7 +76,7 @@ def _end(path: Path) -> tuple[int, bool]:
 
 @contextmanager
 def _passed_over() -> Iterator[list[str]]:
-    """The types of lines, or the lines, that python-can passes over but for a message to its log."""
+    """Yield a list that collects the line types, or lines, that python-can skips with only a log message."""
     found: list[str] = []
 
     class Kept(logging.Handler):

@@ -112,7 +112,7 @@ class EcuEmulator:
         return float(self._rng.uniform(-ROUGH_RPM, ROUGH_RPM))
 
     def step(self, now: float) -> None:
-        """Hear, drive the truck up to `now`, speak. Call it at least every 10 ms of its time."""
+        """Receive frames, drive the truck up to `now`, send frames. Call it at least every 10 ms of `now`."""
         self._hear(now)
         if self._time is None:
             self._start(now)

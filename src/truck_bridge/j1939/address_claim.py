@@ -41,7 +41,7 @@ class AddressClaim:
         self._started, self._held, self.lost, self._pending = now, False, False, [True]
 
     def stop(self) -> None:
-        """Give the address up without a word."""
+        """Give the address up without sending a message."""
         self._started, self._held, self._pending = None, False, []
 
     def claimed(self, now: float) -> bool:

@@ -13,9 +13,10 @@ T = TypeVar("T")
 
 
 def parse(text: str, kinds: Mapping[str, type[T]], what: str) -> T:
-    """The dataclass that `text` describes; a tuple of numbers is written A/B/C.
+    """Build the dataclass that `text`, KIND:NAME=VALUE,NAME=VALUE..., describes; a tuple of numbers is
+    written A/B/C.
 
-    The value that a dataclass calls its `first` may stand in front without its name.
+    If the class names a field in `first`, that field's value may come first in the list, without NAME=.
 
     Raises InputError for an unknown kind or name, a value that is no number, or one the dataclass refuses.
     """

@@ -1,4 +1,4 @@
-"""What a recorded run comes to: smallest gap, time in control, hand-backs, crashes, lateness."""
+"""Summary of a recorded run: smallest gap, time in control, hand-backs, crashes, lateness."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What one pass over a road predicts of another: the slope ahead, beyond the stretch by which it was found.
+"""How well the force of one pass over a road predicts that of another, ahead of the windows that matched.
 
-Windows of 6 km find the place. How well they agree proves nothing, as they were picked for that. The 2 km
-that follow were not: there the force of the other pass is taken for the slope of this one.
+Windows of 6 km locate the road. Their agreement is no evidence, because they were selected for it. The 2 km
+ahead were not selected: there the force of the other pass is taken as the slope of this pass.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ class Posterior:
         return np.asarray(self.draws.inside[:, own].any(axis=1), dtype=bool)
 
     def coefficients(self, j: int) -> Array:
-        """Of a block, in each draw, (m, k)."""
+        """Coefficients of block `j` in each draw, (m, k)."""
         return self.draws.coefficients[:, self.at[j]]
 
     def probability(self, name: str) -> float:

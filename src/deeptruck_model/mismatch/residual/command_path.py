@@ -53,7 +53,8 @@ def limits(what: str, rate: float, dt: float) -> tuple[float, float, float]:
 
 
 def lagged(dt: float, tau_s: float) -> tuple[float, float]:
-    """Shares of a distance to the command that are left at the end of a step, and in its mean."""
+    """Fraction of the initial distance to the command that a first-order lag leaves at the end of a step, and
+    the average of that fraction over the step."""
     end = float(np.exp(-dt / tau_s))
     return end, tau_s / dt * (1.0 - end)
 

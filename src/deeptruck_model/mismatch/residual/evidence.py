@@ -92,7 +92,7 @@ UNITS_OF = {  # of names that begin so
 
 
 def unit(name: str, commands: Mapping[str, str]) -> str:
-    """The unit of a signal, of a truck with these of its commands; empty where it has none."""
+    """The unit of a signal; `commands` maps the truck's commands to their units. Empty if it has none."""
     starts = (u for start, u in UNITS_OF.items() if name.startswith(start))
     return printed(commands.get(name.removeprefix("change of "), "")) or UNITS.get(name) or next(starts, "")
 

@@ -1,7 +1,7 @@
 """The slope recovered from one vehicle's residual, as the grade of another vehicle's recordings.
 
-Both slopes were recovered blind. Where 6 km of them agree better than chance, the other vehicle was on the
-same road, and its slope there is evidence that this vehicle's own residual has no part in.
+Both slopes were recovered without a recorded grade. Where they agree over 6 km better than chance, the other
+vehicle drove the same road, and its slope there is evidence independent of this vehicle's residual.
 """
 
 from __future__ import annotations
