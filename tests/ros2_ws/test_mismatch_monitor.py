@@ -14,6 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import adapt
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import read
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import run_checks
@@ -122,7 +123,8 @@ def test_what_is_missing_is_named_while_driving(start: Callable[..., Any], tmp_p
         "unknown",
         "nothing",
     )
-    assert sum(last[f] for f in families) == pytest.approx(1.0)
+    # what lacks is that nothing acts there, and names below `Limits.rare` each
+    assert 1.0 - 5 * Limits.rare < sum(last[f] for f in families) < 1.0 + 1e-6
     assert last["mass"] + last["payload_change"] > 0.5 and last["mass"] <= last["load"]
     shares = named(heard(tmp_path / "bag", "/mismatch/budget"))[-1]
     error, horizon = shares.pop("speed_rmse"), shares.pop("horizon_s")
