@@ -14,7 +14,8 @@ from mcap_ros2.decoder import DecoderFactory
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import adapt
-from deeptruck_model.mismatch.rules import Limits
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import NAMES
 from deeptruck_model.recordings import read
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import run_checks
@@ -113,18 +114,9 @@ def test_what_is_missing_is_named_while_driving(start: Callable[..., Any], tmp_p
     stamps = [m.header.stamp.sec for m in heard(tmp_path / "bag", "/mismatch/names")]
     assert stamps == [91, 121, 151]  # the first stamp of a lock-step run is 1 s
     last = named(heard(tmp_path / "bag", "/mismatch/names"))[-1]
-    families = (
-        "sensors",
-        "timing",
-        "brakes",
-        "engine_driveline",
-        "air_tyres_road",
-        "load",
-        "unknown",
-        "nothing",
-    )
-    # what lacks is that nothing acts there, and names below `Limits.rare` each
-    assert 1.0 - 5 * Limits.rare < sum(last[f] for f in families) < 1.0 + 1e-6
+    families = {family: [last[n] for n in own] for family, own in NAMES.items()}
+    assert [last[family] for family in families] == pytest.approx([sum(p) for p in families.values()])
+    assert Rules.named <= sum(map(sum, families.values())) + last["unknown"] + last["nothing"] < 1.0 + 1e-6
     assert last["mass"] + last["payload_change"] > 0.5 and last["mass"] <= last["load"]
     shares = named(heard(tmp_path / "bag", "/mismatch/budget"))[-1]
     error, horizon = shares.pop("speed_rmse"), shares.pop("horizon_s")

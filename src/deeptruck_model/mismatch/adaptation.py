@@ -25,7 +25,7 @@ from deeptruck_model.mismatch.discrepancy import allowed_for
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
 from deeptruck_model.mismatch.own import Own, Quantity, State
 from deeptruck_model.mismatch.posterior.kernels import Kernel
-from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
+from deeptruck_model.mismatch.posterior.posterior import DRIFT_ODDS, Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.gather import gather
@@ -45,7 +45,6 @@ LOAD, BIAS, WIND = "mass", "grade_bias", "headwind"
 STEADY: dict[str, Variant] = {BIAS: variant("offset"), WIND: variant("each drive", around_m_s=0.0)}
 SD = {LOAD: FREE["mass"], BIAS: 0.03 / GRAVITY, WIND: 4.0}  # relative, rise over run, m/s: between drives
 STRONGEST = {BIAS: STEEPEST, WIND: Limits.mean_wind}  # what no drive has throughout
-ODDS = 0.3  # prior odds of each, as of any drift: hardly two drives are alike
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Ow
     if LOAD in e.sensitivity:
         columns[LOAD] = e.sensitivity[LOAD][:, None]
     search = Regression(replace(e, sensitivity={}), exclude=set(LIBRARY) - {SLOPE})
-    blocks = [Kernel(n, SD[n] * np.nan_to_num(x), chance=ODDS / rules.odds) for n, x in columns.items()]
+    blocks = [Kernel(n, SD[n] * np.nan_to_num(x), chance=DRIFT_ODDS / rules.odds) for n, x in columns.items()]
     p = posterior(search, rules, blocks)
     rise, wind = (_quantity(p.probability(n), _drawn(p, n), STRONGEST[n]) for n in STEADY)
     load = _load(p) if LOAD in columns else Quantity()

@@ -51,7 +51,7 @@ class Made:
     sizes, which findings state whatever sizes drive best; and the parameters that were refitted alone.
 
     `left_out` are speed errors (drives,), rms in m/s to first order, of fitted drives that were left out in
-    turn, by simulator as in `Compared`; empty where they are too few.
+    turn, by simulator as in `FreeRunErrors`; empty where they are too few. The recipe was chosen by them.
     """
 
     corrected: CorrectedTruck
