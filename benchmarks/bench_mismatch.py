@@ -253,7 +253,8 @@ def by_level(rows: Sequence[Row]) -> list[str]:
             for r in own
             if (r["said"] != r["true"] if level not in NO_NAME else r["input_stated"] is False)
         ]
-        out.append(f"{level.replace('_', ' ')} | {_of(r['right_first'] for r in own)} | {'; '.join(wrong)}")
+        named = [r["right_first"] for r in own if r["true"]]  # of nothing there is no name
+        out.append(f"{level.replace('_', ' ')} | {_of(named) if named else '-'} | {'; '.join(wrong)}")
     return harness.table("level | right first | otherwise", out)
 
 
