@@ -74,6 +74,8 @@ class LivePage(DeeptruckNode):
         self._live = Live(self._nodes(), self._links(), self._units(), _what_runs())
         self._stream = Stream(self._live.greeting)
         self._asked: queue.SimpleQueue[dict[str, float]] = queue.SimpleQueue()
+        # Made here, so that the run is ready only when the replay hears it: an early click would be lost.
+        self._control = self.publish_on(REPLAY_CONTROL)
         control = self._asked.put if "replay" in self._nodes() else None
         self._server = Server(self._place, *assets.page(), self._stream, control)
         self._subscriptions_of: dict[str, Subscription] = {}
@@ -124,7 +126,6 @@ class LivePage(DeeptruckNode):
     def begin(self) -> None:
         group = _Unwatched()
         self._subscriptions_of = {name: self._subscribe(topic, group) for name, topic in TOPICS.items()}
-        self._control = self.publish_on(REPLAY_CONTROL)
 
     def _subscribe(self, topic: Topic, group: CallbackGroup) -> Subscription:
         return self.create_subscription(
