@@ -1,4 +1,4 @@
-"""Bags and tables in, uniform recordings out."""
+"""Readers and writers of recordings: bags, tables and CAN logs become channels on one uniform clock."""
 
 from typing import TYPE_CHECKING
 

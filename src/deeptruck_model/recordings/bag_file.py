@@ -1,8 +1,8 @@
-"""Whether a bag's file is whole, seen from its record lengths and checksums before anything is made of it.
+"""Checks that a bag file is intact, by its record lengths and checksums, before it is parsed.
 
-Sizes in a damaged file are any number up to 2**64; what asks for that much memory, or seeks there, comes
-after this. MCAP's checksums of summary and data section are looked at here, those of chunks where they are
-read. ROS 1 and sqlite bags have none: a changed number in them reads as another one.
+A damaged size field can hold any number up to 2**64, so it must be checked before memory is allocated or the
+file is searched by it. MCAP's checksums of the summary and the data section are verified here, those of
+chunks when they are read. ROS 1 and sqlite bags have no checksums: a changed number in them is not detected.
 """
 
 from __future__ import annotations
@@ -25,20 +25,22 @@ _PIECE = 2**22  # bytes of which a checksum is taken at a time
 
 
 class DamagedError(Exception):
-    """A bag whose bytes cannot be what was written; the message says where."""
+    """A bag whose bytes are corrupt; the message says where."""
 
 
 @dataclass(frozen=True)
 class Records:
-    """Where the records of a file begin that its readers look for, and where its data end."""
+    """Offsets of the records that readers look up, and the end of the data section."""
 
     data_end: int  # of the data section, where the summary (or the footer) begins
     metadata: tuple[tuple[int, int], ...]  # (start, length) of the content of each Metadata record
 
 
 def check_ros1(file: Path) -> None:
-    """Follow the index of a ROS 1 bag, as its readers do; bytes that it does not lead to are not checked.
-    Raises DamagedError where a record is longer than the file, or where there is no index."""
+    """Check the records that the index of a ROS 1 bag leads to; other bytes are not checked.
+
+    Raises DamagedError if a record is longer than the file, or if there is no index.
+    """
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.seek(0)
@@ -81,7 +83,8 @@ def _ros1_record(stream: BinaryIO, size: int) -> dict[bytes, bytes]:
 
 
 def check_mcap(file: Path) -> Records:
-    """Walk the records of an MCAP file. Raises DamagedError where one does not fit or a checksum is wrong."""
+    """Check every record of an MCAP file. Raises DamagedError if a record does not fit or a checksum is
+    wrong."""
     size = file.stat().st_size
     if size < 2 * len(MAGIC) + RECORD_HEAD + _FOOTER.size:
         raise DamagedError("it is too short for an MCAP file")

@@ -1,6 +1,4 @@
-"""What a rosbag2 folder says about itself (metadata.yaml version 9, as ROS 2 Jazzy writes it), and message
-types.
-"""
+"""The metadata.yaml of a rosbag2 folder (version 9, as ROS 2 Jazzy writes it), and message types."""
 
 from __future__ import annotations
 

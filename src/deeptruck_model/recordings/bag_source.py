@@ -1,6 +1,4 @@
-"""Raw messages out of any bag: MCAP chunk by chunk without touching single messages, the rest through
-rosbags.
-"""
+"""Reads raw messages from any bag: MCAP a chunk at a time, other storages through rosbags."""
 
 from __future__ import annotations
 
@@ -36,10 +34,10 @@ _BATCH = 65536  # messages read one by one are handed on in batches of this many
 
 
 class BagSource:
-    """One bag, open: rosbag2 folder (MCAP or sqlite3), a lone .mcap or .db3 file, or a ROS 1 .bag.
+    """An open bag: a rosbag2 folder (MCAP or sqlite3), a single .mcap or .db3 file, or a ROS 1 .bag.
 
     `messages` are .msg files for types whose definition the bag lacks. Use as a context manager. Raises
-    InputError where there is no bag, no message in it, or it is truncated or damaged.
+    InputError if there is no bag, if it has no message, or if it is truncated or damaged.
     """
 
     def __init__(self, path: Path, messages: Sequence[Path] = ()) -> None:
@@ -138,7 +136,7 @@ class BagSource:
         return counts
 
     def why_unreadable(self, topic: str) -> str:
-        """Why the messages on a topic cannot be read, with the cure; '' where they can."""
+        """The reason why messages on a topic cannot be read, with the cure; '' if they can."""
         kind = self.topics[topic]
         encodings = {c.encoding for c in self.connections if c.topic == topic and c.msgtype == kind}
         if not encodings <= {"cdr", "ros1"}:
@@ -148,8 +146,8 @@ class BagSource:
         return f"{self.types.unreadable.get(kind, 'the bag does not carry the definition of this type')}"
 
     def other_types(self, topics: set[str]) -> list[tuple[str, str, int]]:
-        """Messages on `topics` whose type is not the one that `self.topics` gives, as (topic, message type,
-        number of messages) from the bag's index."""
+        """(topic, message type, number of messages) of messages on `topics` whose type differs from the
+        topic's in `self.topics`, from the bag's index."""
         types = self.topics
         return [
             (topic, kind, count)
@@ -158,7 +156,8 @@ class BagSource:
         ]
 
     def not_mapped(self, topics: set[str]) -> list[str]:
-        """Lines on the topics beside these that have messages, and on those that cannot be read."""
+        """One line on the topics outside `topics` that have messages, and one on those that cannot be
+        read."""
         counts: dict[str, int] = {}
         for (topic, _), count in self._counts().items():
             if topic not in topics and count:
@@ -171,7 +170,7 @@ class BagSource:
         return [*lines, *(f"messages that cannot be read on {line}" for line in unreadable[:_LISTED])]
 
     def stored(self) -> dict[str, str]:
-        """Texts stored with the bag by key, whoever wrote them (custom_data, else our MCAP metadata)."""
+        """Texts stored in the bag by key: its custom_data, or else our MCAP metadata."""
         found = {str(k): str(v) for k, v in self._custom.items()}
         for file in self._mcap_files:
             for name, entries in self._metadata(file):
@@ -180,7 +179,7 @@ class BagSource:
         return found
 
     def custom_data(self) -> dict[str, Any]:
-        """JSON values stored with the bag under `deeptruck.*`. Raises InputError where one is not JSON."""
+        """JSON values stored in the bag under `deeptruck.*`. Raises InputError if one is not JSON."""
         return {key: _from_json(self.path, key, text) for key, text in self.stored().items() if OURS in key}
 
     def _metadata(self, file: Path) -> Iterator[tuple[str, dict[str, str]]]:
@@ -194,7 +193,7 @@ class BagSource:
                 yield record.name, record.metadata
 
     def batches(self, topics: set[str]) -> Iterator[Batch]:
-        """All messages of the topics, nearly in the order of their log times (see Batch.safe_ns)."""
+        """All messages of the topics, approximately in the order of their log times (see Batch.safe_ns)."""
         try:
             chunks = None
             if self._mcap_files and not self._packs_messages:

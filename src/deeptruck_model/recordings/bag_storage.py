@@ -1,7 +1,8 @@
-"""The files of a bag, one storage each: which topics it has, the definitions beside them, raw messages.
+"""Storage formats of bag files: each gives topics, message definitions and raw messages.
 
-MCAP is read here; sqlite3 and ROS 1 go through rosbags. A definition is only kept as text: what nobody maps
-may be in any language. The user's files are never changed: what must be unpacked or recovered is a copy.
+MCAP is read here; sqlite3 and ROS 1 go through rosbags. Definitions are kept as text and parsed only for
+topics that are mapped, because others may be in any language. The user's files are never changed: files are
+unpacked or recovered in a copy.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ JOURNALS = ("-wal", "-journal")  # beside a database whose writer was killed
 
 @dataclass(frozen=True)
 class Connection:
-    """One topic with one message type: its number of messages, how they are serialised ('cdr', 'ros1'), and
-    the definition of the type in a `language` ('msg', 'idl', another; '' without one)."""
+    """A topic with one message type: the number of messages, their serialisation ('cdr', 'ros1'), and the
+    definition of the type in a `language` ('msg', 'idl' or another; '' without a definition)."""
 
     key: int
     topic: str
@@ -45,7 +46,7 @@ class Connection:
 
 
 class McapStorage:
-    """One MCAP file, found whole by bag_file.check_mcap."""
+    """One MCAP file that bag_file.check_mcap has found intact."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -93,7 +94,7 @@ def _mcap_connection(channel: Channel, schema: Schema | None, count: int) -> Con
 
 
 class RosbagsStorage:
-    """A sqlite3 file, or a ROS 1 bag, by rosbags."""
+    """A sqlite3 file or a ROS 1 bag, read by rosbags."""
 
     def __init__(self, file: Path, stack: ExitStack) -> None:
         self._reader: Any = Ros1Reader(file) if file.suffix == ".bag" else Sqlite3Reader(file)
@@ -125,7 +126,7 @@ Storage = McapStorage | RosbagsStorage
 
 
 def open_storages(files: Iterable[Path], stack: ExitStack) -> list[Storage]:
-    """One storage for each file; `stack` closes them. Raises the libraries' errors where a file is
+    """Open one storage for each file; `stack` closes them. Raises the libraries' errors if a file is
     damaged."""
     return [_open(file, stack) for file in files]
 

@@ -1,4 +1,4 @@
-"""From recordings to a rosbag2 folder with the topics of docs/architecture.md."""
+"""Writes recordings into a rosbag2 folder with the topics of docs/architecture.md."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ def write_bag(
 ) -> Path:
     """Write recordings into a new rosbag2 folder (MCAP) and return its path.
 
-    Pieces keep their distance in time, or are moved apart so far that reading cuts them again (see
-    `lay_out`). Values survive exactly, NaN included, but for gap, which sensor_msgs/Range carries as
-    float32. Whole or not there. With `overwrite` a bag of the same `kind` is replaced, which says for
-    whom it is written, and nothing else. Raises InputError for an existing path, recordings of different
-    dt, or a full disk.
+    Pieces keep their distance in time, or are moved apart so far that the reader separates them again (see
+    `lay_out`). Values are stored exactly, NaN included, except gap, which sensor_msgs/Range carries as
+    float32. The folder appears only when complete. `kind` says what the bag is for; with `overwrite` a bag of
+    the same `kind` is replaced, and nothing else. Raises InputError for an existing path, recordings of
+    different dt, or a full disk.
     """
     path = calls.path(path, "the bag")
     if isinstance(recordings, Recording) or not all(isinstance(r, Recording) for r in recordings):
@@ -86,9 +86,10 @@ def write_bag(
 
 
 def lay_out(recordings: Sequence[Recording]) -> list[float]:
-    """Start of each recording in the bag, s: its own, or later where reading would join it to the one before.
+    """Start of each recording in the bag, s: its own start, or later if the reader would join it to its
+    predecessor.
 
-    Raises InputError where there is nothing to write, no speed, or the sample periods differ.
+    Raises InputError if there is nothing to write, if speed is missing, or if sample periods differ.
     """
     for recording in recordings:
         recording.columns(("speed",))

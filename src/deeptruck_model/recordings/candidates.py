@@ -1,4 +1,6 @@
-"""Numbers of a bag or table that may be channels, and the YAML that proposes the likeliest of each."""
+"""Numbers of a bag or table that may be channels, and the YAML that proposes the most probable one
+for each.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +31,12 @@ _PLAIN_TEXT = {"yes", "no", "on", "off", "true", "false", "null", "y", "n"}
 
 @dataclass(frozen=True)
 class Candidate:
-    """A number that may be the channel; `unit` is '' where nothing says it, `sure` one of OURS to TOPIC.
+    """A number that may be the channel. `unit` is '' if nothing states it; `sure`, from OURS to TOPIC, says
+    what the match rests on.
 
-    `topic` is None for a column of a table. `scale` and `offset` come before the unit. `place` is its rank
-    among the fields of its type or the words for its channel. `needs` says what must be filled in before it
-    is of use, where that is more than a unit.
+    `topic` is None for a column of a table. `scale` and `offset` are applied before the unit. `place` is its
+    rank among the fields of its type or the words for its channel. `needs` lists what the user must fill in,
+    apart from a unit.
     """
 
     channel: str
@@ -52,7 +55,7 @@ class Candidate:
 
     @property
     def order(self) -> tuple[object, ...]:
-        """Most likely first: measured before commanded, then by certainty, known unit, change, and rate."""
+        """Sort key: measured before commanded, then certainty, known unit, change and rate."""
         often = -self.topic.rate_hz if self.topic and np.isfinite(self.topic.rate_hz) else 0.0
         known = (-self.sure, not self.unit, self.field.still, self.place, often)
         names = (self.topic.name, self.field.path) if self.topic else ()
@@ -60,7 +63,7 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """Its topic and field, or its column, for people."""
+        """Its topic and field, or its column, as shown to the user."""
         return plain(f"{self.topic.name}, {self.field.path}" if self.topic else self.field.path)
 
     @property
@@ -96,10 +99,10 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Proposal:
-    """The candidates of each channel that has some, the most likely first.
+    """The candidates of each channel that has any, most probable first.
 
-    `commanded` are set points of channels that must be measured, such as a desired speed: they are shown and
-    never proposed.
+    `commanded` holds set points of channels that must be measured, such as a desired speed: they are listed
+    but never proposed.
     """
 
     candidates: dict[str, list[Candidate]]
@@ -110,13 +113,13 @@ class Proposal:
     BLANK: ClassVar[str] = "topic: /TOPIC, field: FIELD"
 
     def taken(self, channel: str) -> Candidate | None:
-        """The candidate that is proposed; None where there is none, or its unit is not known."""
+        """The proposed candidate; None if there is none, or if its unit is not known."""
         found = self.candidates.get(channel, [])
         return found[0] if found and found[0].unit else None
 
     @property
     def lacking(self) -> list[str]:
-        """What must be filled in before the proposal serves for training, a line each."""
+        """What must be filled in before the proposal can be used for training, one line each."""
         return [
             f"{channel} has no line yet, {why}: "
             + ("say in which unit it is" if self.candidates.get(channel) else self._unlike)
@@ -129,7 +132,7 @@ class Proposal:
         return f"no {self.SOURCE} looks like it"
 
     def blocks(self) -> Iterator[str]:
-        """The lines of all channels, what speaks for each above it, with a blank line before each channel."""
+        """The lines of all channels, each below the reasons for it and after a blank line."""
         for channel in CHANNELS:
             block = list(self._block(channel))
             yield from ("", *block) if block else ()
@@ -169,23 +172,23 @@ class Proposal:
         yield from asked
 
     def absent(self, channel: str) -> str:
-        """A remark on why a channel that is not needed has no candidate, where there is something to say."""
+        """A remark on why an optional channel has no candidate, if there is anything to say."""
         return ""
 
 
 def span(field: Field) -> str:
-    """The range of a field."""
+    """Smallest and largest value of a field, as text."""
     if np.isnan(field.largest):
         return "never a number"
     return f"{field.low:.4g} to {field.high:.4g}" if not field.still else f"{field.low:.4g}"
 
 
 def rate(topic: Topic) -> str:
-    """How often a topic comes."""
+    """The message rate of a topic, as text."""
     return f"{topic.rate_hz:.3g} Hz" if np.isfinite(topic.rate_hz) else f"{topic.messages} messages"
 
 
 def yaml_text(text: str) -> str:
-    """A text as a YAML value."""
+    """A text quoted as a YAML value where necessary."""
     safe = SAFE.fullmatch(text) and text.lower() not in _PLAIN_TEXT
     return text if safe else json.dumps(text, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""Words and ranges by which a number in a bag or table is recognised as one of our channels."""
+"""Words and value ranges by which a number in a bag or table is recognised as a channel."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ UNIT_WORDS: dict[str, str] = _DATA["unit_words"]
 
 @dataclass(frozen=True)
 class Words:
-    """`any_of`: sets of words of which one must be there whole; `none_of`: words that stand for others."""
+    """`any_of`: sets of words, one of which must occur completely; `none_of`: words that exclude the
+    channel."""
 
     any_of: tuple[frozenset[str], ...]
     none_of: frozenset[str]
@@ -24,7 +25,7 @@ class Words:
 
 @dataclass(frozen=True)
 class Named:
-    """A channel that words may mean: which of them say so, and their place among the rule's `any_of`."""
+    """A channel that a name may mean: the words that match, and their rank among the rule's `any_of`."""
 
     channel: str
     asked: frozenset[str]
@@ -44,12 +45,12 @@ _BY_RANGE: dict[str, list[tuple[float, float, str]]] = _DATA["ranges"]
 
 
 def words(text: str) -> frozenset[str]:
-    """The words of a name in any spelling: brake_cmd, BrakeCmd and /brake/cmd are the same."""
+    """The words of a name in any spelling: brake_cmd, BrakeCmd and /brake/cmd give the same."""
     return frozenset(word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text))
 
 
 def named_channels(own: frozenset[str], around: frozenset[str]) -> Iterator[Named]:
-    """The channels that a number may be by its own words and those around it, the likeliest first."""
+    """The channels that a number may be, by its own words and those of its parents, most probable first."""
     for channel, rule in BY_WORDS.items():
         asked = [k for k, one in enumerate(rule.any_of) if one <= own | around and (one & own or not own)]
         spoilt = rule.none_of & (own if own and channel in _BY_OWN_WORDS else own | around)
@@ -59,13 +60,13 @@ def named_channels(own: frozenset[str], around: frozenset[str]) -> Iterator[Name
 
 
 def unit_by_range(channel: str, named: frozenset[str], largest: float) -> str:
-    """The first unit in which values up to `largest` are plausible; '' where there is none."""
+    """The first unit in which values up to `largest` are plausible; '' if there is none."""
     limits = _BY_RANGE.get(_kind(channel, named), ())
     return next((unit for _, most, unit in limits if math.isfinite(largest) and largest <= most), "")
 
 
 def units_by_range(channel: str, named: frozenset[str], largest: float) -> list[str]:
-    """Every unit in which a drive may reach `largest` and no more; '' stands for several."""
+    """Every unit in which a drive can plausibly reach `largest`; '' stands for several."""
     return [
         unit for least, most, unit in _BY_RANGE.get(_kind(channel, named), ()) if least <= largest <= most
     ]

@@ -1,4 +1,4 @@
-"""The clocks of a bag: header stamps compared with log times, for each topic in use."""
+"""Compares header stamps with log times for each topic in use, and chooses one clock for the bag."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TopicClock:
         self._stamps: list[Index] = []
 
     def put(self, stamps: Index, log_ns: Index, stamped: bool) -> None:
-        """Messages as logged: stamps and log times (n,) in ns; without headers both are the same."""
+        """Add messages as logged: stamps and log times (n,) in ns; without headers both are the same."""
         seconds = log_ns // 1_000_000_000
         first = np.flatnonzero(np.diff(seconds, prepend=seconds[0] - 1))
         self._log_ns.append(log_ns[first])
@@ -34,30 +34,30 @@ class TopicClock:
         self.stamped = stamped
 
     def times(self) -> tuple[Index, Index]:
-        """Log times, ascending, and the stamps at them, in ns (n,)."""
+        """Log times, ascending, and the stamps at these times, in ns (n,)."""
         log_ns, stamps = np.concatenate(self._log_ns), np.concatenate(self._stamps)
         order = np.argsort(log_ns, kind="stable")
         return log_ns[order], stamps[order]
 
 
 class Clocks:
-    """Times the messages of each topic, by `clock` where one is given, else by stamps where there are any."""
+    """Gives the messages of each topic their times: by `clock` if given, else by stamps if there are any."""
 
     def __init__(self, clock: Clock | None = None, *, mixed: bool = False) -> None:
         self.clock, self._mixed = clock, mixed
         self._topics: dict[str, TopicClock] = {}
 
     def timed(self, topic: str, stamps: Index, log_ns: Index, stamped: bool) -> Index:
-        """The times (n,) in ns of messages as logged, from their stamps, which are the log times where the
-        topic has none, and their log times."""
+        """The times (n,) in ns of messages as logged, from their stamps and log times. Of a topic without
+        stamps the log times are passed as stamps."""
         self._topics.setdefault(topic, TopicClock()).put(stamps, log_ns, stamped)
         return log_ns if self.clock == "log" else stamps
 
     def remarks(self, bag: Path, reference: str) -> list[str]:
-        """By how much the clocks differ, and which one was taken.
+        """Lines on how far the clocks differ, and which one was used.
 
-        Raises InputError where they differ, no clock was chosen and mixed ones are not allowed, or where
-        stamps were chosen and a topic that differs has none.
+        Raises InputError if they differ, no clock was chosen and mixed clocks are not allowed, or if stamps
+        were chosen and a topic that differs has none.
         """
         differ = self._difference(reference)
         if not differ:

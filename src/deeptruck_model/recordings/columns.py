@@ -60,7 +60,7 @@ SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
 
 @dataclass(frozen=True)
 class Column:
-    """One channel: the column it comes from, how it becomes canonical, and how late it is stamped."""
+    """One channel: its source column, the conversion to the canonical unit, and the delay of its stamps."""
 
     name: str
     convert: Conversion
@@ -72,8 +72,8 @@ class Column:
 
 @dataclass(frozen=True)
 class Clock:
-    """Where the time of a row stands: in `columns`, as numbers of a unit, as ISO dates (unit 'iso'), or as
-    dates of a `format` of strptime. Without columns rows come at `rate_hz`."""
+    """How the time of a row is stored: in `columns`, as numbers of a unit, as ISO dates (unit 'iso'), or as
+    dates of a strptime `format`. Without columns, rows come at `rate_hz`."""
 
     columns: tuple[str, ...] = ()
     unit: str = "s"
@@ -83,7 +83,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Columns:
-    """A checked COLUMNS.yaml. `split_at` maps channels to the step (SI) that starts a new piece."""
+    """A checked COLUMNS.yaml. `split_at` maps a channel to the step (SI) at which a new piece begins."""
 
     channels: dict[str, Column]
     time: Clock
@@ -104,9 +104,8 @@ class Columns:
 
 
 def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
-    """Check a COLUMNS.yaml (or its content). Raises InputError with one line for anything that is not
-    understood.
-    """
+    """Check a COLUMNS.yaml (or its content). Raises InputError with one line for each entry that is not
+    understood."""
     if isinstance(columns, str | Path):
         data = load_yaml(Path(columns))
         with reading.of(columns):

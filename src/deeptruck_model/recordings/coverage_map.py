@@ -1,4 +1,6 @@
-"""What recordings hold: a map of speed, acceleration and grade, its judgement, figures, channels and page."""
+"""Coverage of recordings: time driven over speed, acceleration and grade, with a judgement, figures and a
+page.
+"""
 
 from __future__ import annotations
 
@@ -45,19 +47,20 @@ CHANNELS_OF = "Channels of {name}, {seconds:.0f} s at {rate:g} Hz"
 
 @dataclass(frozen=True)
 class Condition:
-    """A part of the grid of coverage, and the time that was driven in it, s."""
+    """A driving condition, made of cells of the coverage grid, and the time driven in it, s."""
 
     name: str
     driven_s: float
 
     @property
     def enough(self) -> bool:
-        """Whether a model can learn it."""
+        """Whether the time suffices to learn a model of the condition."""
         return self.driven_s >= ENOUGH_IN_CONDITION_S
 
 
 def conditions(seconds: NDArray[np.float64]) -> tuple[Condition, ...]:
-    """Of the time `seconds` (speed, acceleration, grade) in the cells of coverage."""
+    """Driving conditions with their times, from the time `seconds` (speed, acceleration, grade) in
+    each cell."""
     speed, acceleration = SPEED_EDGES[:-1], ACCELERATION_EDGES[:-1]
     by_speed, by_acceleration = seconds.sum(axis=(1, 2)), seconds.sum(axis=(0, 2))
     by_grade, grade = seconds[:, :, :-1].sum(axis=(0, 1)), GRADE_EDGES[:-1].round(6)
@@ -75,8 +78,8 @@ def conditions(seconds: NDArray[np.float64]) -> tuple[Condition, ...]:
 
 
 def judgement(seconds: NDArray[np.float64], duration_s: float, commanded: bool) -> str:
-    """One sentence: whether the recordings are enough to train on, and the conditions in which they are
-    not. `commanded` says whether a valid engine command was recorded."""
+    """One sentence: whether the recordings suffice for training, and the conditions in which they do not.
+    `commanded` says whether a valid engine command was recorded."""
     if not commanded:
         return "Enough to train: no, as no engine command is valid."
     if duration_s < ENOUGH_S:
@@ -94,7 +97,7 @@ def _long(seconds: float) -> str:
 
 
 def rows(seconds: NDArray[np.float64], units: str = "m/s") -> tuple[tuple[str, ...], ...]:
-    """Condition, with speeds in `units`, time driven, and whether that is enough, as text."""
+    """Condition (speeds in `units`), time driven, and whether it suffices, as text."""
     return tuple(
         (speeds_in(units, c.name), _long(c.driven_s), "yes" if c.enough else "no")
         for c in conditions(seconds)
@@ -103,7 +106,7 @@ def rows(seconds: NDArray[np.float64], units: str = "m/s") -> tuple[tuple[str, .
 
 @styled()
 def draw(found: Coverage, units: str = "m/s") -> bytes:
-    """Three maps of time spent over speed (in `units`), acceleration and grade, as PNG."""
+    """Three maps of the time driven over speed (in `units`), acceleration and grade, as PNG."""
     figure = Figure(figsize=(WIDTH_IN, 6.2))
     FigureCanvasAgg(figure)
     axes = figure.subplot_mosaic("AA;BC")
@@ -149,8 +152,8 @@ def _map(ax: Axes, seconds: Array, x: _Axis, y: _Axis) -> None:
 
 @styled()
 def draw_channels(recordings: Sequence[Recording], units: str = "m/s") -> bytes:
-    """Every channel over the recorded time, one small panel each, as PNG, speeds in `units`; a gap where it
-    is invalid."""
+    """Every channel over the recorded time, one small panel each, as PNG, speeds in `units`; invalid samples
+    are gaps."""
     names = list(dict.fromkeys(name for r in recordings for name in r.channels))
     figure = Figure(figsize=(WIDTH_IN, 0.6 + 0.75 * len(names)))
     FigureCanvasAgg(figure)
@@ -192,7 +195,7 @@ def _envelope(axis: Axes, minutes: Array, values: Array) -> None:
 
 
 def page(found: Mapping[str, Any], maps: bytes, channels: bytes, units: str = "m/s") -> str:
-    """The page as HTML, of coverage.json and its two pictures (PNG), with speeds in `units`."""
+    """The HTML page of coverage.json and its two pictures (PNG), with speeds in `units`."""
     seconds = np.array(found["occupancy"]["seconds"])
     conditions = Table(CONDITIONS, ("condition", "driven", "enough to learn it"), rows(seconds, units))
     return document(
@@ -250,11 +253,10 @@ def _text(value: float | None, per: float) -> str:
 
 @dataclass(frozen=True)
 class Coverage:
-    """`seconds` (speed, acceleration, grade) is the time spent in each cell of the edges; the last grade cell
-    stands for samples without a grade. What lies outside the edges counts in the outermost cells.
-    `not_recorded` are the inputs that were not recorded, `accounts` what became of all that was read,
-    `drives` the recordings themselves.
-    """
+    """`seconds` (speed, acceleration, grade) is the time driven in each cell of the edges; the last grade
+    cell holds samples without a grade. Samples outside the edges count in the outermost cells. `not_recorded`
+    are the inputs that were not recorded, `accounts` the counts of samples used and omitted, `drives` the
+    recordings."""
 
     seconds: Array
     recordings: list[dict[str, Any]]
@@ -264,12 +266,12 @@ class Coverage:
 
     @property
     def duration_s(self) -> float:
-        """Length of all recordings together, s."""
+        """Total length of all recordings, s."""
         return float(sum(r["duration_s"] for r in self.recordings))
 
     @property
     def warnings(self) -> list[str]:
-        """What cannot be used although a channel of that name is there, a line each."""
+        """One line for each channel that is present but cannot be used."""
         empty = [
             f"{name} of '{r['name']}' holds no valid sample"
             for r in self.recordings
@@ -287,7 +289,7 @@ class Coverage:
 
     @property
     def judgement(self) -> str:
-        """One sentence: whether it is enough to train on, and in which conditions it is not."""
+        """One sentence: whether the recordings suffice for training, and in which conditions they do not."""
         return judgement(self.seconds, self.duration_s, self._commanded)
 
     def to_dict(self) -> dict[str, Any]:
@@ -314,10 +316,10 @@ class Coverage:
         return draw(self)
 
     def save(self, folder: str | Path, *, overwrite: bool = False, units: str = "m/s") -> None:
-        """Write the folder with coverage.json, coverage.png and coverage.html, these with speeds in `units`:
-        all or none.
+        """Write the folder with coverage.json, and coverage.png and coverage.html with speeds in `units`; all
+        files or none.
 
-        Raises InputError where something else is there, or an older coverage without `overwrite`.
+        Raises InputError if something else is there, or an older coverage without `overwrite`.
         """
         facts = self.to_dict()
         content = json.dumps(facts, indent=1, allow_nan=False)
@@ -331,7 +333,7 @@ class Coverage:
 
 
 def coverage(recordings: Drives) -> Coverage:
-    """What recordings, or the bags at paths, hold. Raises InputError where there are none."""
+    """Coverage of recordings, or of the bags at paths. Raises InputError if there are none."""
     recordings = drives(recordings)
     if not recordings:
         raise InputError("there is no recording to look at")

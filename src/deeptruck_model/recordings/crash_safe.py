@@ -1,4 +1,4 @@
-"""Write a bag so that a kill costs at most the last second, and repair one after a kill."""
+"""Writes a bag such that a killed process loses at most the last second, and repairs such a bag."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from deeptruck_model.recordings.bag_metadata import Topic, definition, metadata_
 
 
 class CrashSafeWriter:
-    """Writes serialised messages into a new rosbag2 folder; what is older than `flush_s` survives a kill -9.
+    """Writes serialised messages into a new rosbag2 folder; data older than `flush_s` survive a kill -9.
 
-    Every flush ends a chunk, so that `repair` can index it. Until `close` the folder has no
-    metadata.yaml, by which an unfinished bag is recognised. Use as a context manager. `into` writes into a
-    folder that is there. Raises InputError
-    where the folder exists or cannot be written, where the disk is full, and for unknown message types.
+    Every flush ends a chunk, so that `repair` can index it. The folder has no metadata.yaml until `close`; an
+    unfinished bag is recognised by that. Use as a context manager. `into` writes into an existing folder.
+    Raises InputError if the folder exists or cannot be written, if the disk is full, and for unknown message
+    types.
     """
 
     def __init__(
@@ -58,9 +58,8 @@ class CrashSafeWriter:
         self._flush()
 
     def write(self, topic: str, type_name: str, cdr: bytes, stamp_ns: int) -> None:
-        """Add one message (CDR with its encapsulation header), logged at `stamp_ns`; flushes when that is
-        due.
-        """
+        """Add one message (CDR with its encapsulation header), logged at `stamp_ns`; flush if the interval
+        has passed."""
         channel = self._topics.get(topic)
         if channel is None:
             channel = self._register(topic, type_name)
@@ -76,11 +75,11 @@ class CrashSafeWriter:
             self._guarded(self._flush)
 
     def flush(self) -> None:
-        """Make everything written so far safe. Call it from a timer if messages may stop."""
+        """Store everything written so far. Call it from a timer if messages may stop."""
         self._guarded(self._flush)
 
     def close(self) -> None:
-        """Finish the file and write metadata.yaml; a second call does nothing."""
+        """Finish the file and write metadata.yaml; further calls do nothing."""
         if self._stream.closed:
             return
         if self._broken:

@@ -1,4 +1,4 @@
-"""The package's own tables of words and message types: YAML files next to this module."""
+"""Loads the YAML files of words and message types that are stored next to this module."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def data_file(name: str) -> Any:
-    """What one of the files holds."""
+    """The content of one of these files."""
     text = resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
     return yaml.load(text, _LOADER)

@@ -1,7 +1,7 @@
 """JSON Schemas of COLUMNS.yaml and of topic maps, by which editors check and complete them.
 
-Made of the definitions that the checks go by. What needs more than one place of a file, such as a concealed
-channel that has no column, the checks alone say.
+They are derived from the definitions that the reader's checks use. Errors that involve several entries, such
+as a withheld channel that has no column, are found only by the reader.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _KINDS: dict[str, Schema] = {
 
 
 def of_columns() -> Schema:
-    """COLUMNS.yaml of a table."""
+    """Schema of the COLUMNS.yaml of a table."""
     concealed = {"enum": [channel for channel in CHANNELS if channel != "speed"]}
     least_mass = min(kind.least_mass_kg for kind in VEHICLE_KINDS.values())
     kinds = {
@@ -61,7 +61,7 @@ def of_columns() -> Schema:
 
 
 def of_topics() -> Schema:
-    """A topic map."""
+    """Schema of a topic map."""
     channels = _channels(topic_map.ENTRY_KEYS, ["topic", "field"], unit=False)
     keys = {k: v for k, v in topic_map.ENTRY_KEYS.items() if k not in _WITH_UNITS}
     channels["properties"][topic_map.EXTRA] = _extra(keys, ["topic", "field"])

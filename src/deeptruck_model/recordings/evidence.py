@@ -1,4 +1,6 @@
-"""Candidates of a bag or table compared with one another: which follow the speed, and which are doubtful."""
+"""Compares candidates of a bag or table with one another: which agree with the speed, and which are
+doubtful.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,11 @@ COMPARED = (
 
 
 def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candidate | None]) -> list[str]:
-    """Reorder the candidates of acceleration and speed by what they say of one another; what is doubtful in
-    the proposal, a line each.
+    """Reorder the candidates of acceleration and speed by their agreement; returns doubts about the proposal,
+    one line each.
 
     `values` gives the times, s, and raw values, each (n,), of a candidate; `across` the other component of a
-    vector, None where it is none.
+    vector, None if it is no vector.
     """
     speeds = found.candidates.get("speed", [])
     for k, one in enumerate(speeds):

@@ -1,4 +1,4 @@
-"""From a bag to uniform recordings."""
+"""Reads a bag into uniform recordings."""
 
 from __future__ import annotations
 
@@ -53,19 +53,18 @@ def read(
     mixed_clocks: bool = False,
     msg: Sequence[str | Path] = (),
 ) -> list[Recording]:
-    """The recordings in a bag: contiguous, on one clock at `rate_hz` or the speed's own rate where that is
+    """The contiguous recordings in a bag, on one clock at `rate_hz`, or at the speed's own rate if that is
     slower.
 
-    Samples are timed by their header stamps, or by log time where a message has none; `clock` times every
-    topic by its 'stamp' or by 'log' time. Where the clocks of topics that are used differ by more than 0.5 s,
-    the account says so; without `clock` they are refused unless `mixed_clocks`. `topic_map` maps
-    channels to fields of the user's topics (a mapping or a YAML file, see docs/recordings.md); without it
-    the topics of docs/architecture.md are read. The truck interface is `interface`, else the one stored
-    with the bag, else what the topic map and the channels present say. `msg` are .msg files of types whose
-    definition the bag lacks. Raises InputError for a bag that
-    is missing, damaged or empty, a topic or field that is not there, time going back, clocks that differ,
-    or units that cannot be right. The recordings share one account of the messages on the topics that were
-    read.
+    Samples are timed by their header stamps, or by log time if a message has none; `clock` selects 'stamp' or
+    'log' for every topic. If the clocks of the topics in use differ by more than 0.5 s, the account says so;
+    without `clock` they are refused unless `mixed_clocks`. `topic_map` maps channels to fields of the user's
+    topics (a mapping or a YAML file, see docs/recordings.md); without it the topics of docs/architecture.md
+    are read. The truck interface is `interface`, else the one stored with the bag, else the one that follows
+    from the topic map and the channels present. `msg` are .msg files of types whose definition the bag lacks.
+    The recordings share one account of the messages that were read. Raises InputError for a bag that is
+    missing, damaged or empty, a missing topic or field, time going back, clocks that differ, or units that
+    cannot be right.
     """
     path = calls.path(path, "a bag")
     rate_hz = calls.number(rate_hz, "rate_hz", "Hz")
@@ -143,9 +142,10 @@ def of_messages(
     rate_hz: float,
     no_load: bool = False,
 ) -> list[Recording]:
-    """What `read` makes of a bag, of messages at hand by topic. With `no_load` no command was obeyed.
+    """The recordings that `read` would return, from messages in memory by topic. With `no_load` no command
+    was obeyed.
 
-    Raises InputError without speed, for time going back, and for units that cannot be right.
+    Raises InputError if speed is missing, for time going back, and for units that cannot be right.
     """
     by_topic: dict[str, list[str]] = {}
     sources = with_engaged({c: s for c, s in DEFAULT_TOPICS.items() if s.topic in received})

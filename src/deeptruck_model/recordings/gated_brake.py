@@ -1,8 +1,8 @@
-"""A brake command for trucks whose brake can neither be commanded nor read: the deceleration while the brake
-switch is on, as the paper has it for its Volvo.
+"""Derived brake command of trucks whose brake can neither be commanded nor read: the deceleration while the
+brake switch is on, as the paper defines it for its Volvo.
 
-The switch is read in the place of `brake_command`, held between its samples like any command; of a recording
-it then multiplies the deceleration of the same sample.
+The switch is read as `brake_command` and held between its samples like any command; in the recording it then
+multiplies the deceleration of the same sample.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ NOTE = f"{COMMAND} is the deceleration while {SWITCH} is on, for want of a comma
 
 
 def is_asked(channels: Any, implied: Collection[str] = ()) -> bool:
-    """Whether the channels of a topic map or COLUMNS derive the brake command. Raises InputError where they
-    do so in another way, or from a switch that is neither among them nor `implied`."""
+    """Whether the channels of a topic map or COLUMNS derive the brake command. Raises InputError if they
+    derive it in another way, or from a switch that is neither among them nor in `implied`."""
     entry = channels.get(COMMAND) if isinstance(channels, Mapping) else None
     if not isinstance(entry, Mapping) or not set(entry) & set(ENTRY):
         return False
@@ -45,7 +45,8 @@ def on(switch: Array) -> Array:
 
 
 def substituted(recording: Recording) -> Recording:
-    """The recording whose `brake_command` holds the switch, (n,) 0 to 1, with the command in its place."""
+    """The recording with the derived command in place of the switch, (n,) 0 to 1, that
+    `brake_command` holds."""
     switch = recording.channels.get(COMMAND, np.full(len(recording), np.nan))
     slowing = np.maximum(-recording.channels["acceleration"], 0.0)
     command = np.where(switch == 0.0, 0.0, switch * slowing)

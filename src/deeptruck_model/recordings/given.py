@@ -1,4 +1,4 @@
-"""Recordings as arguments of a Python call: already read, or the bags that hold them."""
+"""Recordings as arguments of a Python call: recordings, or bags to read."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Drives: TypeAlias = Sequence[Recording] | Sequence[str | Path] | str | Path
 def drives(
     given: Any, name: str = "recordings", *, rate_hz: float = 10.0, among: Any = ()
 ) -> list[Recording]:
-    """The recordings that `given` is: recordings, a bag, or several bags, which are read at `rate_hz`.
+    """The recordings in `given`: recordings, a bag, or several bags, which are read at `rate_hz`.
 
-    `among` is what else the call was given: bags of one name there get distinct names. Raises InputError for
-    anything else, and as `read` does.
+    `among` are the other arguments of the call: bags of equal name among them get distinct names. Raises
+    InputError for anything else, and as `read` does.
     """
     parts = _parts(given)
     if parts is not None and all(isinstance(part, Recording) for part in parts):
@@ -42,8 +42,8 @@ def _parts(given: Any) -> list[Any] | None:
 
 
 def check_apart(recordings: Sequence[Recording], held_out: Sequence[Recording]) -> None:
-    """Raises InputError for a drive that is both fitted and held out, under whatever name: the validation
-    would be on training data."""
+    """Raises InputError for a drive that is both fitted and held out, even under different names, since it
+    would be validated on training data."""
     fitted = {_content(r): r.name for r in recordings}
     for r in held_out:
         if (name := fitted.get(_content(r))) is not None:

@@ -1,4 +1,4 @@
-"""Road grade from a recorded elevation."""
+"""Road grade from recorded elevation."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _CELL_M = 5.0
 def grade_from_elevation(
     speed: Array, elevation: Array, dt: float, window_m: float = GRADE_WINDOW_M
 ) -> Array:
-    """Slope rise/run at each sample, (n,): the elevation's local slope over the distance driven.
+    """Slope rise/run at each sample, (n,): the local slope of elevation over distance driven.
 
-    speed (n,) in m/s and elevation (n,) in m, `dt` in s. Elevation is averaged in cells of 5 m of road,
-    so that standing still adds no noise, and a line is fitted around each cell with Gaussian weights of
-    standard deviation window_m / 2. NaN where too little road with an elevation lies near to fit one.
+    speed (n,) in m/s and elevation (n,) in m, `dt` in s. Elevation is averaged in cells of 5 m of road, so
+    that standing still adds no noise, and a line is fitted around each cell with Gaussian weights of standard
+    deviation window_m / 2. NaN where elevation covers too little of the road nearby to fit a line.
     """
     distance = np.concatenate([[0.0], np.cumsum(np.nan_to_num(np.maximum(speed[1:], 0.0)) * dt)])
     cell = np.floor(distance / _CELL_M).astype(np.int64)

@@ -1,4 +1,4 @@
-"""What headers of tables mean: words, abbreviations and the spellings of units of header_words.yaml."""
+"""Meaning of table headers: words, abbreviations and unit spellings from header_words.yaml."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _LONG_ENDS = re.compile(
 
 @dataclass(frozen=True)
 class Header:
-    """A name of a column: its English words, and the unit it states ('' where none) with where it does."""
+    """A column's name: its English words, the unit it states ('' if none), and where it states it."""
 
     words: frozenset[str]
     unit: str = ""
@@ -47,7 +47,7 @@ class Header:
 
 
 def header(name: str, below: str = "") -> Header:
-    """The words and unit of a column's name; `below` is its cell in a row of units."""
+    """Words and unit of a column's name; `below` is its cell in a row of units."""
     text, unit, stated = name, spelled(below, name), f"'{below.strip()}' in the row of units"
     for bracket in reversed(re.findall(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]", name)):
         if found := spelled(bracket, name):
@@ -77,9 +77,10 @@ def _at_end(text: str, name: str) -> str:
 
 
 def spelled(text: str, name: str = "") -> str:
-    """A unit as units.conversion reads it, one of time, or one that fits no channel; '' for what is none.
+    """A unit as units.conversion spells it, a unit of time, or a unit that fits no channel; '' if `text` is
+    no unit.
 
-    Letters that often number a sensor, such as (D), are no units; C, F and K are, where `name` has a
+    Letters that often number a sensor, such as (D), are no units; C, F and K are units if `name` mentions a
     temperature.
     """
     plain = text.strip().strip("()[]{}").strip()
@@ -92,7 +93,7 @@ def spelled(text: str, name: str = "") -> str:
 
 
 def fits(channel: str, unit: str) -> bool:
-    """Whether a channel can be in this unit."""
+    """Whether a channel can have this unit."""
     try:
         conversion(channel, unit)
     except InputError:

@@ -1,4 +1,4 @@
-"""Checks of an import before the table is read: paths, COLUMNS.yaml and the place of the bag."""
+"""Checks of an import before the table is read: paths, COLUMNS.yaml and the output bag."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Calla
 
 
 def sealed(out: Path) -> Path:
-    """The file next to the bag for the withheld channels."""
+    """Path of the file for the withheld channels, next to the bag."""
     return out.with_name(out.name + ".sealed.csv")
 
 
 def is_bag(path: Path, columns: Meaning) -> bool:
-    """Whether a bag is to be converted: what is one by its name, or an .mcap file that a topic map goes with.
+    """Whether the input is a bag: by its name, or an .mcap file given with a topic map.
 
     Raises InputError for a bag with the description of a table or CAN log.
     """
@@ -70,7 +70,7 @@ def is_bag(path: Path, columns: Meaning) -> bool:
 
 
 def is_can_log(path: Path) -> bool:
-    """Whether a log holds CAN frames, by its suffix, or the header of a table."""
+    """Whether a log holds CAN frames, by its suffix or its header."""
     inner = Path(path.stem) if path.suffix.lower() == ".gz" else path
     if inner.suffix.lower() in (".csv", ".tsv", ".txt") and path.is_file():
         return holds_frames(path)
@@ -78,7 +78,7 @@ def is_can_log(path: Path) -> bool:
 
 
 def columns_of_log(log: Path, columns: Meaning) -> dict[str, Any]:
-    """COLUMNS for a CAN log, as its importer reads them. Raises InputError for those of a table."""
+    """COLUMNS of a CAN log, as its importer reads them. Raises InputError for the COLUMNS of a table."""
     meaning = _mapping(columns)
     if "time" in meaning:
         raise InputError(
@@ -93,9 +93,9 @@ def _mapping(columns: Meaning) -> dict[str, Any]:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file is a table to `suggest`: any that is no bag by its suffix.
+    """Whether `suggest` treats a file as a table: any file whose suffix is not that of a bag.
 
-    Raises InputError for a CAN log, whose meaning a vehicle file has.
+    Raises InputError for a CAN log: its meaning is in a vehicle file.
     """
     if not path.is_file() or path.suffix.lower() in (*BAG_SUFFIXES, ".mcap"):
         return False
@@ -109,7 +109,7 @@ def is_table(path: Path) -> bool:
 
 
 def check_table(table: Path) -> None:
-    """Raises InputError where there is no file."""
+    """Raises InputError if there is no such file."""
     if not table.exists():
         raise InputError(f"{table} does not exist")
     if not table.is_file():

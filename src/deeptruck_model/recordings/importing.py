@@ -1,4 +1,6 @@
-"""From a user's log, a table, a CAN log or a bag with other topics, to a bag with the project's topics."""
+"""Imports a user's log (a table, a CAN log or a bag with other topics) into a bag with the project's
+topics.
+"""
 
 from __future__ import annotations
 
@@ -45,8 +47,8 @@ CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Imported:
-    """The result of an import: the bag, its recordings, and the file of withheld channels with its
-    SHA-256, where there is one."""
+    """The result of an import: the bag, its recordings, and, if channels were withheld, their file and its
+    SHA-256."""
 
     bag: Path
     recordings: list[Recording]
@@ -63,18 +65,22 @@ def import_table(
     clock: Clock | None = None,
     msg: Sequence[str | Path] = (),
 ) -> Imported:
-    """Turn a CSV or Parquet table, a CAN log, or a bag into the rosbag2 folder `out`, as COLUMNS.yaml says.
+    """Convert a CSV or Parquet table, a CAN log or a bag to the rosbag2 folder `out`, as COLUMNS.yaml
+    describes.
 
-    Of a bag with other topics `columns` is the topic map, and `out` holds the recordings that `read` gives
-    by it and by `clock`. The recordings of a table keep its rate. Acceleration is derived from speed, and
-    grade from an elevation that is not concealed, where the table has none; the bag notes it. Concealed
-    channels go only to `<out>.sealed.csv`. A CAN log (by its suffix) is handed to the first entry point of
-    'deeptruck.importers', a function `(log: Path, columns: dict) -> (channels, interface)`: `channels`
-    maps our channel names to (times (n,) in s, ascending, values (n,)) in canonical units, `interface` is
-    the dict of a TruckInterface, and may have `notes`, which the recordings keep; the message of its
-    ValueError becomes the InputError. This function puts the channels on one 10 Hz clock. `overwrite`
-    replaces an imported bag, never a sealed file. Raises InputError with one line for whatever cannot be
-    used; nothing is left behind.
+    For a bag with other topics `columns` is the topic map, and `out` holds the recordings that `read` returns
+    with it and `clock`. Recordings of a table keep its rate. Where the table lacks them, acceleration is
+    derived from speed and grade from an elevation that is not withheld; the bag notes it. Withheld channels
+    go only to `<out>.sealed.csv`.
+
+    A CAN log (by its suffix) is passed to the first entry point of 'deeptruck.importers', a function `(log:
+    Path, columns: dict) -> (channels, interface)`: `channels` maps our channel names to (times (n,) in s,
+    ascending, values (n,)) in canonical units; `interface` is the dict of a TruckInterface and may have
+    `notes`, which the recordings keep. Its ValueError becomes an InputError of the same message. The channels
+    are then put on one 10 Hz clock.
+
+    `overwrite` replaces an imported bag, never a file of withheld channels. Raises InputError with one line
+    for input that cannot be used; nothing is left behind.
     """
     table, out = Path(table), Path(out)
     import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
@@ -209,9 +215,9 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
 
 
 def renewed_every(values: Array) -> int:
-    """Rows between renewals of a value that is held between them; 1 where it is not held.
+    """Number of rows between updates of a value that is held; 1 if it is not held.
 
-    A coarse sensor too repeats its value for some rows, but for a different number of rows each time.
+    A sensor of coarse resolution also repeats its value, but for a varying number of rows.
     """
     apart = np.diff(np.flatnonzero(np.diff(values) != 0.0))
     if len(apart) < LEAST_RENEWALS or (every := int(np.median(apart))) < 2:

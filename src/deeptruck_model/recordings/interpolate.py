@@ -1,9 +1,8 @@
-"""One channel from its own times to a clock's ticks.
+"""Resamples one channel from its own times to the ticks of a clock.
 
-Time indices are the paper's (see simulators.py): a command is held from tick k to k+1, so u(k) is the
-mean of the held signal over that step; acceleration and fuel rate of tick k+1 are means over the step
-before it, so v(k+1) = v(k) + a(k+1) dt survives the change of rate. All else is interpolated between near
-samples.
+Time indices are the paper's (see simulators.py): a command is held from tick k to k+1, so u(k) is the mean of
+the held signal over that step; acceleration and fuel rate at tick k+1 are means over the step before it, so
+v(k+1) = v(k) + a(k+1) dt holds at every rate. Other channels are interpolated between neighbouring samples.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _STEP_MEANS = ("acceleration", "fuel_rate")
 
 
 def period(time: Array) -> float:
-    """A source's own sample period, s: the median step; 0 for fewer than two samples."""
+    """The sample period of a source, s: its median step; 0 for fewer than two samples."""
     return float(np.median(np.diff(time))) if len(time) > 1 else 0.0
 
 
@@ -39,9 +38,9 @@ def at_ticks(
     *,
     first: bool = True,
 ) -> Array:
-    """The channel at the ticks (n,), NaN where nothing near was measured. NaN is never bridged.
+    """The channel at the ticks (n,); NaN where no sample is near. NaN samples are not interpolated across.
 
-    `time` (m,) ascending and `values` (m,) reach as far beyond the ticks as holds and interpolation do;
+    `time` (m,) ascending and `values` (m,) extend beyond the ticks as far as holding and interpolation reach;
     `first` says that no step was recorded before ticks[0].
     """
     if not len(time):

@@ -1,8 +1,8 @@
-"""Byte offsets of the numbers in serialised messages, by which numpy reads thousands of them at once.
+"""Byte offsets of the numbers in serialised messages, so that numpy can read thousands of messages at once.
 
-One message is walked byte by byte by its definition (XCDR1, or the ROS 1 form); messages with the same
-lengths and the same names share its layout and are read as columns. Byte order and alignment: OMG DDS-XTypes
-1.3, 7.4.1.
+One message is decoded byte by byte by its definition (XCDR1, or the ROS 1 form); messages with the same
+lengths and names share its layout and are read as columns. Byte order and alignment: OMG DDS-XTypes 1.3,
+7.4.1.
 """
 
 from __future__ import annotations
@@ -41,9 +41,8 @@ STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 @dataclass
 class Layout:
-    """Offsets in one message: number arrays by path as (offset, count, dtype), texts, and the bytes that fix
-    them. `lists` are the paths of arrays and sequences among both.
-    """
+    """Offsets in one message: number arrays by path as (offset, count, dtype), texts, and the bytes on which
+    the offsets depend. `lists` are the paths that are arrays or sequences."""
 
     size: int
     numbers: dict[str, tuple[int, int, str]] = field(default_factory=dict)
@@ -52,9 +51,8 @@ class Layout:
     lists: set[str] = field(default_factory=set)
 
     def locate(self, path: str) -> tuple[int, str] | None:
-        """(offset, dtype) of `twist.linear.x`, `data[3]` or `position[name=gear]`; None where it is not
-        there.
-        """
+        """(offset, dtype) of `twist.linear.x`, `data[3]` or `position[name=gear]`; None if the path does not
+        exist."""
         index = 0
         if match := _NAMED.match(path):
             values = match["values"]
@@ -69,9 +67,8 @@ class Layout:
 
 
 class Walker:
-    """Walks messages of one bag: `definitions` by type name as in rosbags' typestore, `ros1` for the older
-    form; `bag` is how errors name it.
-    """
+    """Decodes messages of one bag. `definitions`: fields by type name as in rosbags' typestore; `ros1`: the
+    ROS 1 serialisation; `bag`: its name in error messages."""
 
     def __init__(self, definitions: Mapping[str, Any], *, ros1: bool = False, bag: str = "the bag") -> None:
         self.definitions = definitions
@@ -79,7 +76,7 @@ class Walker:
         self.bag = bag
 
     def has(self, msgtype: str, path: str) -> bool:
-        """Whether a type defines this path (the indices and names inside brackets are not looked at)."""
+        """Whether a type defines this path; indices and names inside brackets are ignored."""
         name, _, rest = _BRACKETS.sub("", path).partition(".")
         fields = dict(self.definitions[msgtype][1]) if msgtype in self.definitions else {}
         if name not in fields:
@@ -92,7 +89,7 @@ class Walker:
         return not rest and detail[0] not in ("string", "wstring")
 
     def walk(self, msgtype: str, message: bytes) -> Layout:
-        """The layout of one message. Raises InputError where the bytes do not fit the definition."""
+        """The layout of one message. Raises InputError if the bytes do not fit the definition."""
         layout = Layout(len(message))
         start = 0 if self.ros1 else HEADER
         order = "<" if self.ros1 or (len(message) > 1 and message[1] & 1) else ">"
@@ -169,7 +166,7 @@ class Walker:
 
 
 class Columns:
-    """Reads chosen fields of one topic's messages as columns, learning the layouts it meets."""
+    """Reads selected fields of one topic's messages as columns, and stores the layouts found."""
 
     def __init__(self, walker: Walker, msgtype: str, paths: tuple[str, ...]) -> None:
         self.walker, self.msgtype, self.paths = walker, msgtype, paths
@@ -178,7 +175,7 @@ class Columns:
         self._layouts: dict[int, list[Layout]] = {}
 
     def read(self, buffer: Bytes, starts: Index, sizes: Index, log_ns: Index) -> tuple[Index, list[Array]]:
-        """Stamps (n,) in ns (log times where there are none) and one column (n,) of float64 a path."""
+        """Stamps (n,) in ns (log times if there are none) and one float64 column (n,) for each path."""
         stamps = np.zeros(len(starts), np.int64)
         columns = [np.full(len(starts), np.nan) for _ in self.paths]
         for size in np.unique(sizes):

@@ -1,4 +1,4 @@
-"""Messages of an MCAP file by whole chunks, found through the message indexes instead of one by one."""
+"""Reads messages of an MCAP file a chunk at a time, located by the message indexes."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class IndexedChunk:
-    """A chunk of a file, with (topic, message type) of the file's channels."""
+    """A chunk of a file, with (topic, message type) of each channel of the file."""
 
     file: Path
     index: ChunkIndex
@@ -72,9 +72,9 @@ class IndexedChunk:
 
 
 def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
-    """All chunks of the files; None where a file has none, so that its messages must be read in order.
+    """All chunks of the files; None if a file has none, so that its messages must be read in order.
 
-    Raises DamagedError where a chunk is not in its file, or its summary cannot be read.
+    Raises DamagedError if a chunk is not in its file, or its summary cannot be read.
     """
     chunks = []
     for file in files:
@@ -89,8 +89,8 @@ def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
 
 
 def summary_of(file: Path) -> Summary | None:
-    """The summary of a file that bag_file.check_mcap has found whole, with the schemas and channels that only
-    its chunks have. Raises DamagedError where it cannot be read."""
+    """The summary of a file that bag_file.check_mcap has found intact, completed by schemas and channels that
+    only its chunks contain. Raises DamagedError if it cannot be read."""
     try:
         with file.open("rb") as stream:
             summary = make_reader(stream).get_summary()
@@ -142,10 +142,10 @@ def _check_places(summary: Summary, size: int) -> None:
 
 
 def read_chunks(chunks: Sequence[IndexedChunk], types: dict[str, str]) -> Iterator[Batch]:
-    """Messages of the topics that have the given types, in the order of the chunks' first messages; where
-    chunks reach far into each other, as of a bag written topic by topic, in that of each topic's.
+    """Messages of the topics that have the given types, in the order of the chunks' first messages. If the
+    time ranges of chunks overlap widely, as in a bag written topic by topic, this order holds for each topic.
 
-    Raises DamagedError where a chunk is not what was written.
+    Raises DamagedError if a chunk is corrupt.
     """
     wanted = [c for c in chunks if _topics(c, types)]
     ordered = sorted(wanted, key=lambda c: (c.index.message_start_time, c.index.message_end_time))
@@ -234,8 +234,8 @@ def _read(stream: BinaryIO, index: ChunkIndex) -> tuple[bytes, dict[int, NDArray
 
 
 def content_of(chunk: Chunk) -> bytes:
-    """The unpacked content of a chunk. The unpackers grow their buffers as needed: a size in the data is
-    not trusted."""
+    """The decompressed content of a chunk. Buffers grow as needed: the size stated in the data is not
+    trusted."""
     unpack = _UNPACK.get(chunk.compression)
     if unpack is None:
         raise ValueError(f"compression {chunk.compression!r} is unknown")
@@ -318,9 +318,9 @@ class _Group:
 
 
 def message_indexes(raw: bytes) -> Iterator[tuple[int, NDArray[np.void]]]:
-    """(channel, entries with log_ns and offset) of the MessageIndex records that follow a chunk.
+    """(channel, entries with log_ns and offset) of the MessageIndex records after a chunk.
 
-    Raises ValueError where the bytes are something else.
+    Raises ValueError if the bytes are something else.
     """
     at = 0
     while at < len(raw):
@@ -334,7 +334,7 @@ def message_indexes(raw: bytes) -> Iterator[tuple[int, NDArray[np.void]]]:
 
 
 def scan_messages(data: bytes) -> dict[int, NDArray[np.void]]:
-    """What `message_indexes` would give for a chunk's content, found by walking its records."""
+    """The result of `message_indexes` for a chunk's content, found by scanning its records."""
     found: dict[int, list[tuple[int, int]]] = {}
     at = 0
     while at < len(data):

@@ -80,7 +80,7 @@ class _WholeChunk:
 
 @dataclass
 class Found:
-    """Result of a scan of the data section, and the end of its last whole record."""
+    """Result of scanning the data section, and the end of its last complete record."""
 
     end: int
     cut: int = 0  # where the scan ended in the file as it was found
@@ -95,7 +95,7 @@ class Found:
 
 
 def scan(stream: BinaryIO, size: int, file: Path) -> Found:
-    """What is whole from the beginning on; message indexes that do not fit their chunk are written anew."""
+    """Intact records from the beginning; message indexes that do not fit their chunk are rebuilt."""
     found = Found(end=min(size, len(MAGIC)))
     at = len(MAGIC)
     while at + RECORD_HEAD <= size:
@@ -121,7 +121,7 @@ def scan(stream: BinaryIO, size: int, file: Path) -> Found:
 
 
 def is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
-    """Whether the bytes from `at` on are the end of one file or its beginning, and no more."""
+    """Whether the bytes from `at` on are only the closing part of a file, complete or truncated."""
     while at + RECORD_HEAD <= size:
         stream.seek(at)
         opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
@@ -252,15 +252,15 @@ def _index_again(stream: BinaryIO, found: Found, chunk: Chunk) -> None:
 
 
 def repair(path: str | Path) -> str | None:
-    """Make a bag whose writer was killed (or whose end is missing) whole again, in place.
+    """Repair, in place, a bag whose writer was killed or whose end is missing.
 
-    `path` is a rosbag2 folder with one MCAP file, or the file itself. Everything in whole chunks is kept;
-    returns one line on what was done, None where nothing was wrong. A repaired copy takes its place once
-    it is complete, so a kill at any moment leaves the one or the other. What is cut off is kept as
-    FILE.mcap.cut, a metadata.yaml that was there as metadata.yaml.before; other files are left alone. Nothing
-    distinguishes a torn file of the recorder from another in its place: the ledger of the folder stays as it
-    was, so that --overwrite refuses the folder or keeps it aside. Raises InputError where there is no MCAP
-    file or an empty one, it is a link or still being written, or the disk cannot be written.
+    `path` is a rosbag2 folder with one MCAP file, or the file. Every complete chunk is kept. Returns one line
+    on what was done, None if nothing was wrong. The repaired copy replaces the file only when complete, so a
+    kill at any moment leaves one of the two. The part cut off is kept as FILE.mcap.cut, an existing
+    metadata.yaml as metadata.yaml.before; other files are left alone. The folder's ledger is not updated,
+    because a file that the recorder left incomplete cannot be distinguished from another file of that name;
+    --overwrite therefore refuses the folder or keeps it aside. Raises InputError if there is no MCAP file or
+    an empty one, if it is a link or still being written, or if the disk cannot be written.
     """
     path = Path(path)
     file = _only_mcap(path)

@@ -1,5 +1,6 @@
-"""Message definitions from bags and .msg files, each parsed by itself: one that fails affects its own
-topics only."""
+"""Message definitions from bags and .msg files. Each is parsed separately: an error affects only its own
+topics.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ Types = dict[str, Any]
 class Definitions:
     """The fields of the types of a bag: by its own definitions, then by `files` (.msg), then by ROS 2 Jazzy.
 
-    `types` has what can be read, as in rosbags' typestore; `unreadable` says by type why it cannot.
+    `types` holds the readable types, as in rosbags' typestore; `unreadable` gives the reason for each other
+    type.
     """
 
     def __init__(self, connections: Iterable[Connection], files: Iterable[Path] = (), *, ros1: bool) -> None:

@@ -1,5 +1,4 @@
-"""The fields of known message types with channel, unit, and whether they were measured or commanded, of
-message_types.yaml."""
+"""Fields of known message types from message_types.yaml: channel, unit, and whether measured or commanded."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ from deeptruck_model.recordings.data_files import data_file
 
 
 class Role(enum.IntEnum):
-    """Where a number comes from; of several candidates the lowest role is proposed."""
+    """Origin of a number; among several candidates the one of lowest role is proposed."""
 
     MEASURED = 0
     DRIVER = 1  # what the driver demands, where an actuator's output is measured too
@@ -21,9 +20,9 @@ class Role(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Known:
-    """One field. `scale` and `offset` come before the unit, as in a topic map.
+    """One field. `scale` and `offset` are applied before the unit, as in a topic map.
 
-    `on`: words of which the topic must have one. `needs`: what must be filled in before it is of use.
+    `on`: words, one of which must occur in the topic's name. `needs`: what the user must fill in.
     """
 
     channel: str

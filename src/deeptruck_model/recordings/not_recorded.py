@@ -1,4 +1,4 @@
-"""Inputs of the truck's motion that recordings lack, what that hides, and the signal to record."""
+"""Inputs that affect the truck's motion and were not recorded: the consequence, and the signal to record."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from deeptruck_model.vehicle_kinds import NO_COASTING, SURELY_BRAKING
 
 @dataclass(frozen=True)
 class Input:
-    """An input of the truck: what stays hidden without it, and where it is found.
+    """An input of the truck: the consequence if it is missing, and where it is found.
 
-    `column` is what COLUMNS.yaml of a table has for it, in the place of the topic that `signal` ends with.
+    `column` replaces, for tables, the topic at the end of `signal`.
     """
 
     name: str
@@ -29,7 +29,8 @@ class Input:
 
 
 def unrecorded_braking(r: Recording, speed: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Where the truck slows (n,), if it brakes though its brake command never moves; `speed` (n,) in m/s."""
+    """Samples (n,) at which the truck brakes although its brake command never changes; `speed` (n,)
+    in m/s."""
     command = r.channels["brake_command"]
     slowing = uniform_filter1d(
         np.nan_to_num(np.diff(speed, prepend=speed[:1]) / r.dt), max(round(1.0 / r.dt), 1)
@@ -103,7 +104,7 @@ INPUTS = (
 
 @dataclass(frozen=True)
 class Missing:
-    """An input that was not recorded: in no bag, or not in `sources`, the names of those without it.
+    """An input that was not recorded in any bag, or not in `sources`, the names of the bags without it.
 
     `in_tables`: the bags without it were imported from tables.
     """
@@ -114,7 +115,7 @@ class Missing:
 
     @property
     def signal(self) -> str:
-        """What to record: the signal, and its topic, or its name in COLUMNS.yaml where tables lack it."""
+        """The signal to record, with its topic, or with its name in COLUMNS.yaml if tables lack it."""
         if not self.in_tables:
             return self.input.signal
         return f"{self.input.signal.partition('; ')[0]}; {self.input.column} in COLUMNS.yaml"
@@ -130,7 +131,7 @@ class Missing:
 
 
 def not_recorded(recordings: Sequence[Recording]) -> list[Missing]:
-    """The inputs that at least one bag lacks in all its pieces, in the order of INPUTS."""
+    """Inputs that at least one bag lacks in all its pieces, in the order of INPUTS."""
     bags: dict[str, list[Recording]] = {}
     for recording in recordings:
         bags.setdefault(recording.name.partition("#")[0], []).append(recording)
@@ -144,7 +145,7 @@ def not_recorded(recordings: Sequence[Recording]) -> list[Missing]:
 
 
 def sentence(missing: dict[str, object]) -> str:
-    """An entry of `not_recorded` in coverage.json for people."""
+    """An entry of `not_recorded` in coverage.json as a sentence."""
     sources = missing.get("sources")
     where = f" in {', '.join(map(str, sources))}" if isinstance(sources, list) else ""
     signal = str(missing["signal"]).replace("`", "")

@@ -1,7 +1,7 @@
-"""Removes commands given while control was not engaged, and puts the driver's demand in their place.
+"""Replaces commands that were not obeyed, because control was not engaged, by the driver's demand.
 
-The bridge reports on /truck/engaged whether it passes commands on, and each command carries that bit as the
-controller knew it. In a run with --no-load, which /diagnostics reports, no command was passed on.
+The bridge reports on /truck/engaged whether it passes commands on, and each command carries the state known
+to the controller. In a run with --no-load, which /diagnostics reports, no command is passed on.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ _NOTHING = Series(np.zeros(0), np.zeros(0))
 
 
 def with_engaged(sources: Mapping[str, Source]) -> dict[str, Source]:
-    """The sources; for commands among them also the engaged bits, and the driver's demands in their units."""
+    """The sources; commands among them also with their engaged bits and the driver's demands in their
+    units."""
     commands = [c for c in DRIVER if c in sources and sources[c].topic == COMMAND]
     demands = {
         DRIVER[c]: replace(sources[c], topic="/truck/status", field=f"position[name={DRIVER[c]}]")
@@ -46,7 +47,7 @@ def with_engaged(sources: Mapping[str, Source]) -> dict[str, Source]:
 
 
 def no_load(bag: BagSource) -> bool:
-    """Whether the bridge said that it sends nothing."""
+    """Whether the bridge reported that it sends nothing."""
     kind, walker = bag.topics.get(DIAGNOSTICS, ""), Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     if COMMAND not in bag.topics or kind not in walker.definitions:
         return False
@@ -59,7 +60,7 @@ def no_load(bag: BagSource) -> bool:
 
 
 class Obedience:
-    """Removes samples of commands that were not obeyed, and puts the driver's demand in their place."""
+    """Replaces samples of commands that were not obeyed by the driver's demand."""
 
     def __init__(self, sources: Mapping[str, Source], account: Account, *, no_load: bool) -> None:
         self.known = False  # whether it was recorded which commands were obeyed
@@ -70,10 +71,10 @@ class Obedience:
         self._taken = dict.fromkeys(self._commands, 0)  # its samples that took a command's place
 
     def resolved(self, series: dict[str, Series]) -> dict[str, Series]:
-        """Channels from parts of all topics up to one time, each later than those before.
+        """Channels from parts of all topics up to one time, each later than the parts before.
 
-        Commands have the samples given while control was engaged, and those of the driver's demand while it
-        was not; a NaN ends a command that nobody took over from.
+        A command has its own samples while control was engaged and the driver's demand otherwise; NaN follows
+        a command if no demand was recorded.
         """
         channels = {name: one for name, one in series.items() if name not in HELPERS}
         bits = self._engaged(series)
@@ -120,7 +121,7 @@ class Obedience:
         return Series(time[order], values[order])
 
     def remarks(self) -> list[str]:
-        """What took the place of the commands that were not obeyed."""
+        """One line for each command, on its replacement while it was not obeyed."""
         lines = ["the bridge sent nothing (--no-load): no command was obeyed"] if self._no_load else []
         for command, taken in self._taken.items():
             if taken:

@@ -18,8 +18,8 @@ REORDER_NS = 1_000_000_000  # messages may overtake each other by this much; fur
 
 @dataclass(frozen=True)
 class Part:
-    """Samples in the order of their stamps: stamps (n,) in ns, columns each (n,); and the stamps of the
-    messages that are not among them, as a later one has the same."""
+    """Samples in the order of their stamps: stamps (n,) in ns, columns each (n,); and the stamps of messages
+    omitted because a later message has the same stamp."""
 
     stamps: Index
     columns: list[Array]
@@ -27,7 +27,7 @@ class Part:
 
 
 class Queue:
-    """Takes stamped columns as they come and gives them back sorted, the last of equal stamps winning."""
+    """Sorts stamped samples as they arrive; of equal stamps the last is used."""
 
     def __init__(self, topic: str, path: Path) -> None:
         self.topic, self.path = topic, path
@@ -37,7 +37,8 @@ class Queue:
         self._count = self._swapped = 0
 
     def put(self, stamps: Index, columns: list[Array]) -> None:
-        """Samples as logged: stamps (n,) in ns, columns each (n,). Raises InputError where time goes back."""
+        """Add samples as logged: stamps (n,) in ns, columns each (n,). Raises InputError if time goes
+        back."""
         latest = np.maximum.accumulate(np.maximum(stamps, self._latest))
         back = latest - stamps
         if int(back.max()) > REORDER_NS:
@@ -69,5 +70,5 @@ class Queue:
         return Part(stamps[now], [c[now] for c in columns], doubled)
 
     def notes(self) -> list[str]:
-        """Corrections that were made."""
+        """The corrections that were made."""
         return [f"{self._swapped} messages on {self.topic} put back in order"] if self._swapped else []

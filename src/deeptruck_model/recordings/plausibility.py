@@ -1,8 +1,8 @@
-"""What channels say of one another: numbers that stand for no value, and sensors that contradict the speed.
+"""Consistency of channels: codes that stand for missing values, and sensors that contradict the speed.
 
-`no_values` finds samples that are certainly none, before they are resampled. `doubts` holds the channels of
-recordings against one another: a `Doubt` says what is likely and the key that settles it, and is `wrong`
-where a truck that is trained on it would be another one.
+`no_values` finds samples that are certainly missing values, before resampling. `doubts` compares the channels
+of recordings: a `Doubt` states the probable cause and the key that settles it, and is `wrong` if training on
+the channel would give a different truck.
 """
 
 from __future__ import annotations
@@ -80,10 +80,11 @@ WITHOUT = "or leave acceleration out, and it is derived from speed"
 
 
 def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[tuple[str, Mask]]:
-    """Reasons, and which samples (n,) are certainly no values for each; time (n,) in s, NaN is none already.
+    """Reasons, each with the samples (n,) that are certainly missing values; time (n,) in s, NaN is already
+    missing.
 
-    A code is a number that J1939 has for no value; a drop-out is a number at or below zero that stays the
-    same, and is reached and left faster than a truck can.
+    A code is a number that J1939 reserves for a missing value; a drop-out is a constant number at or below
+    zero that is entered and left faster than a truck can change.
     """
     valid = np.flatnonzero(np.isfinite(values))
     if len(valid) < 3:
@@ -129,8 +130,8 @@ def _dropped(t: Array, v: Array, step: float, rate: float, codes: Array, fix: bo
 
 @dataclass(frozen=True)
 class Doubt:
-    """What channels of some recordings say of one another, with the key that settles it; `channel` is the
-    one that is in doubt, `factor` what it is a multiple of, where that is all."""
+    """A contradiction between channels, with the key that settles it; `channel` is the doubtful one, `factor`
+    the ratio to the expected value if that is the only error."""
 
     channel: str
     says: str
@@ -139,14 +140,14 @@ class Doubt:
 
 
 def refuse(recordings: Sequence[Recording]) -> None:
-    """Raise InputError if a channel contradicts the others so far that a wrong truck would be learned."""
+    """Raise InputError if a channel contradicts the others so much that a wrong truck would be learned."""
     for doubt in doubts(recordings):
         if doubt.wrong:
             raise InputError(f"'{recordings[0].name.partition('#')[0]}': {doubt.says}")
 
 
 def doubts(recordings: Sequence[Recording]) -> list[Doubt]:
-    """What is doubtful in the pieces of one source, each channel held against the others."""
+    """The doubts about one source's pieces; each channel is compared with the others."""
     checks = (
         _acceleration,
         _speed_by_places,
@@ -162,10 +163,10 @@ def doubts(recordings: Sequence[Recording]) -> list[Doubt]:
 
 @dataclass(frozen=True)
 class Accelerometer:
-    """The accelerometer by least squares: slope * dv/dt + offset + gravity * g * sin(slope of the road).
+    """Least-squares fit of the accelerometer: slope * dv/dt + offset + gravity * g * sin(road slope).
 
-    `correlation` is that of dv/dt with what the offset and the road leave; `gravity` is NaN on a level road
-    or where no grade is known. `still` is the standard deviation of its samples over that of dv/dt.
+    `correlation` is between dv/dt and the reading minus offset and road slope; `gravity` is NaN on a level
+    road or if no grade is known. `still` is the ratio of the standard deviations of its samples and of dv/dt.
     """
 
     slope: float
@@ -176,7 +177,7 @@ class Accelerometer:
 
 
 def accelerometer(recordings: Sequence[Recording]) -> Accelerometer | None:
-    """None where acceleration is not measured, or speed hardly changes."""
+    """Fit the accelerometer; None if acceleration is not measured, or speed hardly changes."""
     rise, mean, slope = _windows(recordings, WINDOW_S, "speed", "acceleration", "grade")
     known = np.isfinite(rise) & np.isfinite(mean)
     if known.sum() < LEAST or rise[known].std() < VARIED:
@@ -248,7 +249,7 @@ def _acceleration(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 
 
 def degrees_of_tilt(offset: float) -> float:
-    """By how much a sensor is tilted that reads so much (m/s^2) of gravity on a level road."""
+    """Tilt, degrees, of a sensor that reads `offset` (m/s^2) of gravity on a level road."""
     return float(np.degrees(np.arcsin(min(abs(offset) / GRAVITY, 1.0))))
 
 
@@ -273,7 +274,7 @@ def _windows(recordings: Sequence[Recording], window_s: float, rising: str, *oth
 
 
 def factor_of(factor: float, taken: Mapping[float, str]) -> str:
-    """What a factor comes of, among those `taken` for others; '' for most."""
+    """The unit error that explains a factor, among those `taken` for others; '' for most factors."""
     return next((what for known, what in taken.items() if abs(factor / known - 1.0) < NEAR_UNIT), "")
 
 
@@ -313,7 +314,7 @@ def _speed_by_distance(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 
 
 def metres_of(name: str) -> float:
-    """How long the unit of a column of distance travelled is, m, by its name; 0 for any other column."""
+    """Unit of a column of distance travelled, in m, by its name; 0 for any other column."""
     named = header(name)
     return LENGTHS.get(named.unit, 0.0) if named.words & TRAVELLED and not named.words & LEADER else 0.0
 
@@ -354,7 +355,7 @@ def _engine_speed(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 
 
 def steady_ratios(recordings: Sequence[Recording]) -> Array:
-    """Engine speed over speed, rad/m, at every sample of steady driving; empty without an engine speed."""
+    """Engine speed over speed, rad/m, at every sample of steady driving; empty without engine speed."""
     return np.concatenate([np.zeros(0), *(_steady(r) for r in recordings if "engine_speed" in r.channels)])
 
 

@@ -1,4 +1,4 @@
-"""Samples that are out of range for any truck, because of their unit or a fault, and reversing."""
+"""Detects reversing, and samples out of range for any truck, because of their unit or a fault."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _OTHER_UNITS: dict[tuple[str, str], tuple[float, dict[str, float]]] = {
 
 
 class Range:
-    """Sets a channel's out-of-range samples aside, part by part, and collects evidence for a wrong unit."""
+    """Removes out-of-range samples of a channel, part by part, and collects evidence for a wrong unit."""
 
     def __init__(self, channel: str, tally: Tally, unit: str = "") -> None:
         self.channel, self.tally, self.unit = channel, tally, unit
@@ -50,7 +50,8 @@ class Range:
         self._values: list[Array] = []  # of those outside, the first _KEPT
 
     def masked(self, time: Array, values: Array) -> Array:
-        """The values (n,) with NaN for those out of range. Of speed, reversing stays: see `reversing`."""
+        """The values (n,) with NaN for those out of range. Negative speeds of reversing are kept: see
+        `reversing`."""
         low = REVERSE_LOW if self.channel == "speed" else self.low
         valid = ~np.isnan(values)
         with np.errstate(invalid="ignore"):
@@ -92,10 +93,11 @@ class Range:
         self._gradual += int((steps[across] <= usual).sum())
 
     def check(self, name: str, interface: TruckInterface) -> None:
-        """Raises InputError where one factor makes most samples of a needed channel plausible.
+        """Raises InputError if one factor would make most samples of a required channel plausible.
 
-        Most are off where most that are not zero are outside the range, or where values leave the range as
-        gradually as they change within it, so that those within are off too. A fault leaves it by a jump.
+        Most samples are wrong if most nonzero ones are out of range, or if the values leave the range as
+        gradually as they change within it, in which case those within are wrong too. A fault leaves the range
+        by a jump.
         """
         if self.channel not in NEEDED or not self.outside:
             return
@@ -133,10 +135,10 @@ def _is_code(value: float) -> bool:
 
 
 def reversing(time: Array, speed: Array, gear: Array) -> Mask:
-    """Which samples (n,) belong to reversing: backward from standstill to standstill, faster than a creep.
+    """Samples (n,) of reversing: backward from standstill to standstill, faster than creeping.
 
-    A sensor without a sign reverses where `gear` (n,), NaN where not known, is negative. What jumps below
-    zero faster than a truck can brake is no reversing but a fault.
+    A sensor without a sign reverses while `gear` (n,), NaN where unknown, is negative. A drop below zero that
+    is faster than a truck can brake is a fault and not reversing.
     """
     with np.errstate(invalid="ignore"):
         signed = np.where((gear < 0.0) & (speed <= -REVERSE_LOW), -np.abs(speed), speed)

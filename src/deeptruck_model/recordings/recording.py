@@ -1,4 +1,4 @@
-"""A recording: named, unit-bearing channels on one uniform clock, without gaps."""
+"""A recording: named channels with units on one uniform clock, without gaps."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ TABLE_NOTE = "imported from the table "  # begins the note of a recording that w
 class Recording:
     """One contiguous drive. Every channel has shape (n,); NaN marks an invalid or missing sample.
 
-    `name` is the bag's name, with '#k' behind it for the k-th contiguous piece of a bag that has several.
-    `start_s` is the time of the first sample since the start of the bag, `dt` the sample period in s.
-    Channels absent from the source are absent from `channels`, but speed and acceleration are always there.
+    `name` is the bag's name, followed by '#k' for the k-th contiguous piece if the bag has several. `start_s`
+    is the time of the first sample since the start of the bag, `dt` the sample period in s. Channels absent
+    from the source are absent from `channels`, except speed and acceleration, which are always there.
     `obeyed` says that the commands are known to have driven the truck, or to be the driver's.
-    `no_vehicle_ahead` is the user's statement that none was near enough for its wake to matter.
+    `no_vehicle_ahead` is the user's statement that no vehicle was near enough for its wake to matter.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Recording:
 
     @property
     def from_table(self) -> bool:
-        """Whether it was imported from a table, whose channels are columns and not topics."""
+        """Whether the recording was imported from a table, so that its channels are columns."""
         return any(note.startswith(TABLE_NOTE) for note in self.notes)
 
     @property
@@ -60,7 +60,7 @@ class Recording:
         return self.start_s + self.dt * np.arange(len(self), dtype=np.float64)
 
     def columns(self, names: tuple[str, ...]) -> Array:
-        """The named channels side by side, (n, len(names)). Raises InputError where one is missing."""
+        """The named channels as columns, (n, len(names)). Raises InputError if one is missing."""
         missing = [name for name in names if name not in self.channels]
         if missing:
             raise InputError(f"recording '{self.name}' has no channel {', '.join(missing)}")
@@ -84,8 +84,7 @@ class Recording:
         return self.columns(self.interface.y)
 
     def plot(self, *names: str) -> Figure:
-        """A figure of the named channels over time, or of all channels if none is named; `.savefig(path)`
-        writes it.
+        """A figure of the named channels over time, all channels by default; `.savefig(path)` writes it.
 
         Raises InputError for an unknown channel.
         """
@@ -97,13 +96,13 @@ class Recording:
         return draw(f"{self.name}, {self.interface.summary}", self.time, rows)
 
     def gap_after(self, before: Recording | None) -> float | None:
-        """Seconds without valid speed between the piece `before` and this one; None where that is no piece of
-        the same bag."""
+        """Seconds without valid speed between `before` and this piece; None if `before` is not a piece of the
+        same bag."""
         if before is None or before.name.partition("#")[0] != self.name.partition("#")[0]:
             return None
         return self.start_s - before.start_s - (len(before) - 1) * before.dt
 
     def piece(self, start: int, stop: int) -> Recording:
-        """Samples start..stop as a recording of its own."""
+        """Samples start..stop as a separate recording."""
         cut = {name: values[start:stop] for name, values in self.channels.items()}
         return replace(self, channels=cut, start_s=self.start_s + start * self.dt)

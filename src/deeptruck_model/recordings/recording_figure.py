@@ -1,4 +1,4 @@
-"""Channels over time, a row each."""
+"""Figure of channels over time, one row each."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HELD = ("engine_command", "brake_command", "gear")  # until the next sample
 
 
 class Row(NamedTuple):
-    """One channel, with its unit; "1" for none."""
+    """One channel, with its unit; "1" if dimensionless."""
 
     name: str
     unit: str
@@ -26,7 +26,7 @@ class Row(NamedTuple):
 
 
 def draw(title: str, time: Array, rows: Sequence[Row]) -> Figure:
-    """The rows below each other over `time`, in s."""
+    """Draw the rows below each other over `time`, in s."""
     figure = Figure(figsize=(10, 0.8 + 1.3 * len(rows)), layout="constrained")
     FigureCanvasAgg(figure)
     for ax, row in zip(figure.subplots(len(rows), sharex=True, squeeze=False)[:, 0], rows, strict=True):

@@ -1,7 +1,7 @@
-"""From channels at their own times to recordings: one uniform clock, cut into contiguous pieces.
+"""Resamples channels from their own times to recordings on one uniform clock, cut into contiguous pieces.
 
-The clock follows the speed samples. Samples may come in parts, in time order within a channel, so that a
-bag of any length needs the memory of minutes.
+The clock follows the speed samples. Samples may be passed in parts, in time order within a channel, so that a
+bag of any length needs the memory of a few minutes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SLOW_S = 1.0  # channels with longer periods reach further than that; they are 
 
 @dataclass(frozen=True)
 class Series:
-    """One channel as it came: time (n,) in s since the start of the source, ascending; values (n,)."""
+    """Samples of one channel: time (n,) in s since the start of the source, ascending; values (n,)."""
 
     time: Array
     values: Array
@@ -44,7 +44,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Received:
-    """Messages of one topic as they came: stamps (n,), ns, and the column (n,) of each field."""
+    """Messages of one topic as received: stamps (n,), ns, and the column (n,) of each field."""
 
     stamps: NDArray[np.int64]
     columns: Mapping[str, Array]
@@ -60,11 +60,11 @@ def uniform(
     notes: Sequence[str] = (),
     account: Account | None = None,
 ) -> list[Recording]:
-    """Recordings on one clock at `rate_hz`, or at the speed channel's own rate where that is slower.
+    """Recordings on one clock at `rate_hz`, or at the speed channel's own rate if that is slower.
 
-    Cut where speed is missing for more than max(GAP_S, GAP_PERIODS native periods), and before every time
-    in `cuts`. Samples outside the channel's range and those of reversing become NaN; `account` gets the
-    samples of each channel, and the spans. Raises InputError without speed, or where the unit of speed or of
+    Cut where speed is missing for more than max(GAP_S, GAP_PERIODS native periods), and before every time in
+    `cuts`. Samples outside the channel's range and those of reversing become NaN; `account` gets the sample
+    counts and the time spans of each channel. Raises InputError without speed, or if the unit of speed or of
     a command must be wrong.
     """
     units = {command: interface.unit(command) for command in ("engine_command", "brake_command")}
@@ -76,7 +76,8 @@ def uniform(
 
 
 class Resampler:
-    """`uniform`, fed in parts: `add` what came, `advance` to where it is complete, at the end `finish`."""
+    """`uniform` in parts: `add` samples, `advance` to the time up to which they are complete, at the end
+    `finish`."""
 
     def __init__(
         self,
@@ -104,7 +105,7 @@ class Resampler:
         self._closed = -np.inf  # time of the last speed sample of a closed piece
 
     def add(self, channel: str, part: Series) -> None:
-        """Samples of one channel, later than those added before; NaN is none."""
+        """Add samples of one channel, later than those added before; NaN is a missing sample."""
         tally = self._tallies.setdefault(channel, Tally())
         tally.read += int((~np.isnan(part.values)).sum())
         late = int(np.searchsorted(part.time, self._settled, side="right"))
@@ -173,8 +174,8 @@ class Resampler:
 
     @property
     def measured(self) -> set[str]:
-        """Channels of which a valid sample came; for speed and commands any sample, as `finish` says what is
-        wrong with them."""
+        """Channels with at least one valid sample; speed and commands with any sample, since `finish` reports
+        what is wrong with them."""
         return {
             channel
             for channel, r in self._ranges.items()
@@ -182,7 +183,7 @@ class Resampler:
         }
 
     def finish(self, interface: TruckInterface, notes: Sequence[str] = ()) -> list[Recording]:
-        """The recordings. Raises InputError where there are none, or the unit of a needed channel must be
+        """The recordings. Raises InputError if there are none, or if the unit of a required channel must be
         wrong."""
         for one in self._ranges.values():
             one.check(self.name, interface)
@@ -309,7 +310,7 @@ def _usual_order(channel: str) -> tuple[int, str]:
 
 
 def count_derived(account: Account, channel: str, values: Array, start: float, dt: float) -> None:
-    """Count the samples (n,) of a channel that is derived, and those of them that nothing gives."""
+    """Count the samples (n,) of a derived channel, and those that could not be derived."""
     tally, none = account.channel(channel), np.isnan(values)
     tally.read += len(values)
     tally.used += int((~none).sum())

@@ -1,4 +1,4 @@
-"""Which column of a table is its clock, and in which form, by trying the reader of row times on it."""
+"""Finds the clock column of a table and its format, by trying the reader of row times on each candidate."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ DAY_ALONE = re.compile(r"\d{1,2}:\d{2}(:\d{2}.*)?")
 
 @dataclass(frozen=True)
 class RowClock:
-    """The clock of a table: the line `time:` of COLUMNS.yaml ('' without a clock), the reason, and
+    """The clock of a table: the line `time:` of COLUMNS.yaml ('' without a clock), the reason for it, and
     `seconds` (n,), the times of the rows, NaN where a row has none."""
 
     line: str
@@ -52,11 +52,11 @@ class _Trial:
 
 
 def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence[Array]) -> RowClock:
-    """The clock of a table by its headers (column -> header) and cells.
+    """The clock of a table, found by its headers (column -> header) and cells.
 
-    `speeds`, each (n,), are columns of a speed in any unit: their rates of change choose among units of
-    time. Of several clocks the one with fractions of a second is taken, then date with time of day, then the
-    plainest name.
+    `speeds`, each (n,), are columns of a speed in any unit: their rates of change decide between units of
+    time. Of several clocks the one with fractions of a second is preferred, then date with time of day, then
+    the plainest name.
     """
     found: list[tuple[tuple[object, ...], RowClock]] = []
     refused = ""

@@ -1,6 +1,7 @@
-"""The time of each row of a table: numbers of a unit, dates, times of day, or a Parquet file's own types.
+"""The time of each row of a table: numbers of a unit, dates, times of day, or Parquet time types.
 
-Whole numbers and dates stay integers until the first is subtracted: a float has an epoch to 256 ns only.
+Whole numbers and dates stay integers until the first is subtracted: a float resolves an epoch in ns only to
+256 ns.
 """
 
 from __future__ import annotations
@@ -50,13 +51,12 @@ USUAL = (  # formats that are proposed where one of them fits
 
 
 def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]]:
-    """The rows that have a time, it in s since the first, (n,), ascending, and where pieces begin.
+    """The rows that have a time, their times in s since the first, (n,), ascending, and the starts of pieces.
 
-    Where the clock goes back and stays there (a new trip, a clock that was set, the hour of autumn) a new
-    piece begins APART_S behind the one before it. Rows that overtook one another by BACK_S at most are put
-    in order, the last of equal stamps counts, and a few that are stamped far off their neighbours are set
-    aside. Raises InputError where times are missing in too many rows, stand still, are in no order, or have
-    an unlikely step.
+    Where the clock goes back permanently (a new trip, a clock that was set, the autumn change of time) a new
+    piece begins APART_S after the one before. Rows out of order by at most BACK_S are sorted, the last of
+    equal stamps is used, and isolated rows stamped far from their neighbours are omitted. Raises InputError
+    if times are missing in too many rows, stand still, are in no order, or have an implausible step.
     """
     if len(table) < 2:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
@@ -324,9 +324,10 @@ def _fraction(digits: str | None) -> int:
 
 
 def packed_format(cells: pa.ChunkedArray) -> str:
-    """The format of clocks written without marks, 095830.00 or 20260504095830; '' for plain numbers.
+    """The format of clocks written without separators, 095830.00 or 20260504095830; '' for plain numbers.
 
-    Seconds and minutes are never above 59, and a minute is passed, at which plain numbers would jump by 40.
+    Seconds and minutes never exceed 59, and the column passes a full minute, where plain numbers would jump
+    by 40.
     """
     cells = cells.drop_null()
     known = pc.match_substring_regex(cells, r"^\d{5,6}(\.\d+)?$|^\d{14}(\.\d+)?$")
@@ -344,12 +345,12 @@ def packed_format(cells: pa.ChunkedArray) -> str:
 
 
 def is_iso(cell: str) -> bool:
-    """Whether a cell is a date that `unit: iso` reads."""
+    """Whether `unit: iso` can read a cell as a date."""
     return _ticks_of_date(cell) is not None
 
 
 def usual_formats(cell: str) -> list[str]:
-    """The formats among the usual ones in which a cell is a date or time."""
+    """The common formats in which a cell is a date or time."""
     return [form for form in USUAL if _fits(cell, form)]
 
 

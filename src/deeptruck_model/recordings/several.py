@@ -1,4 +1,4 @@
-"""Several bags read by one topic map, with distinct names for their drives."""
+"""Reads several bags with one topic map and gives their drives distinct names."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def read_all(
     msg: Sequence[str | Path] = (),
     progress: Callable[[Sequence[str | Path]], Iterable[str | Path]] = iter,
 ) -> list[Recording]:
-    """The recordings of all bags, in their order, as `read` has them.
+    """The recordings of all bags, in the order of the bags, as `read` returns them.
 
-    A recording is called as its bag; where two bags have one name, the folders above them are put before it.
-    `among` are the other bags of the same command, from whose names these must differ too.
-    `progress` goes through the bags as they are read, as a progress bar does.
+    A recording has the name of its bag; bags of equal names are prefixed with the folders above them. `among`
+    are the other bags of the same command, from whose names these must differ too. `progress` wraps the
+    iteration over bags, as a progress bar does.
     """
     if isinstance(bags, str | Path):
         raise InputError(f"bags must be a list of paths: read_all([{str(bags)!r}])")
@@ -44,7 +44,7 @@ def read_all(
 
 
 def distinct(bags: Sequence[Path]) -> dict[Path, str]:
-    """A name for each bag: as little of its path's end as no other bag's path ends on."""
+    """A name for each bag: the shortest end of its path that no other bag's path ends with."""
     ends = {bag: (*bag.resolve().parts[:-1], _own_name(bag)) for bag in bags}
     places = {bag.resolve(): end for bag, end in ends.items()}
     return {

@@ -1,4 +1,4 @@
-"""Parts of recordings by time, and the hash that names a set of data."""
+"""Splits recordings by time, and hashes data sets."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def split(
 ) -> tuple[list[Recording], list[Recording], list[Recording]]:
     """Training, validation and test parts: the first, middle and last of the driven time, never shuffled.
 
-    A recording in which a border falls is cut there; single samples left over by that are dropped. Raises
-    InputError for fractions that are negative or do not add up to 1.
+    A recording that contains a border is cut there; a remainder of one sample is dropped. Raises InputError
+    for fractions that are negative or do not add up to 1.
     """
     if (
         not isinstance(fractions, Sequence)
@@ -42,7 +42,7 @@ def split(
 
 
 def data_hash(recordings: Sequence[Recording]) -> str:
-    """SHA-256 over names, clocks, interfaces and values: equal data give equal hashes, on any machine."""
+    """SHA-256 over names, clocks, interfaces and values: equal data give equal hashes on any machine."""
     digest = hashlib.sha256()
     for recording in recordings:
         head = [recording.name, recording.dt, recording.start_s, recording.interface.to_dict()]

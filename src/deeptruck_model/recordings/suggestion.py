@@ -1,4 +1,4 @@
-"""A topic map proposed for a bag of unknown topics, with what speaks for each line of it."""
+"""Proposes a topic map for a bag of unknown topics, with the reasons for each line."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _GENERIC = frozenset(("data", "value", "vector", "position", "point", "linear", 
 
 @dataclass(frozen=True)
 class Suggestion(Proposal):
-    """What a bag holds, and which of it may be which channel."""
+    """The content of a bag, and the candidates for each channel."""
 
     survey: Survey
 
     def text(self) -> str:
-        """The proposed topic map as YAML, with what speaks for each line."""
+        """The proposed topic map as YAML, with the reasons for each line."""
         head = [
             f"# Topic map for {plain(str(self.survey.bag))}, proposed by 'deeptruck-model suggest'.",
             "# Check every line: the bag does not say what its numbers mean.",
@@ -51,7 +51,7 @@ class Suggestion(Proposal):
         return "\n".join([*head, *(f"# DOUBTFUL: {line}." for line in self.doubts), *self.blocks()]) + "\n"
 
     def absent(self, channel: str) -> str:
-        """That a quaternion is no slope."""
+        """A remark that a quaternion is not a slope."""
         turned = [topic.name for topic in self.survey.topics if topic.msgtype in WITH_QUATERNION]
         if channel != "grade" or not turned:
             return ""
@@ -61,9 +61,9 @@ class Suggestion(Proposal):
 
 
 def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
-    """Which fields of a bag may be which channels.
+    """Find the fields of a bag that may be channels.
 
-    Raises InputError where it is missing, damaged or empty.
+    Raises InputError if the bag is missing, damaged or empty.
     """
     found = survey(bag, msg)
     candidates: dict[str, list[Candidate]] = {}

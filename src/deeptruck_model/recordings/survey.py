@@ -1,4 +1,4 @@
-"""What a bag of unknown topics holds: every number in its messages, with its range."""
+"""Surveys a bag of unknown topics: every number in its messages, with its range."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ LOOKED_AT = 20  # messages of a topic in which fields are looked for
 
 @dataclass
 class Field:
-    """One number in the messages of a topic, as a topic map names it. NaN where no value was finite."""
+    """One number in the messages of a topic, by its path in a topic map. NaN if no value was finite."""
 
     path: str
     low: float = np.nan
     high: float = np.nan
 
     def take(self, values: Array) -> None:
-        """Widen the range by these values."""
+        """Extend the range by these values."""
         finite = values[np.isfinite(values)]
         if len(finite):
             self.low = float(np.fmin(self.low, finite.min()))
@@ -41,7 +41,7 @@ class Field:
 
     @property
     def largest(self) -> float:
-        """The largest magnitude; NaN where no value was finite."""
+        """The largest magnitude; NaN if no value was finite."""
         return max(abs(self.low), abs(self.high))
 
     @property
@@ -52,7 +52,7 @@ class Field:
 
 @dataclass
 class Topic:
-    """One topic of a bag; `why` says why its messages were not looked into, '' where they were."""
+    """One topic of a bag; `why` is the reason why its messages were not decoded, '' if they were."""
 
     name: str
     msgtype: str
@@ -64,14 +64,14 @@ class Topic:
 
     @property
     def rate_hz(self) -> float:
-        """Messages in a second; NaN for fewer than two."""
+        """Messages per second; NaN for fewer than two."""
         span = (self.last_ns - self.first_ns) / 1e9
         return (self.messages - 1) / span if self.messages > 1 and span > 0.0 else np.nan
 
 
 @dataclass(frozen=True)
 class Survey:
-    """The topics of a bag by name, and the truck interface that is stored with it."""
+    """The topics of a bag by name, and the truck interface stored in it."""
 
     bag: Path
     topics: list[Topic]
@@ -79,7 +79,7 @@ class Survey:
 
 
 def survey(path: str | Path, msg: Sequence[str | Path] = ()) -> Survey:
-    """Every topic of a bag. Raises InputError where it is missing, damaged or empty."""
+    """Survey every topic of a bag. Raises InputError if the bag is missing, damaged or empty."""
     path = Path(path)
     with reading.of(path), BagSource(path, [Path(file) for file in msg]) as bag:
         stored = bag.custom_data().get(INTERFACE_KEY)

@@ -1,4 +1,4 @@
-"""How a text table is written, found from its beginning: encoding, delimiter, lines before the header."""
+"""Detects the format of a text table from its beginning: encoding, delimiter, lines before the header."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BY_HAND = "write COLUMNS.yaml by hand (docs/recordings.md)"
 
 @dataclass(frozen=True)
 class Form:
-    """What read_table needs to know. Parquet needs nothing of it."""
+    """The format, as read_table needs it; unused for Parquet."""
 
     delimiter: str | None = None
     encoding: str = "utf-8"
@@ -35,7 +35,8 @@ class Form:
 
 
 def find_form(path: Path) -> Form:
-    """Raises InputError for a file that is missing, no text, or without a header above rows of numbers."""
+    """The format of a text table. Raises InputError for a file that is missing, is no text, or has no header
+    above rows of numbers."""
     reading.check_file(path, "give a CSV or Parquet table")
     check_measurement(path)
     if path.suffix.lower() in (*PARQUET, mat_file.SUFFIX):

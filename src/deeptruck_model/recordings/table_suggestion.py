@@ -1,4 +1,4 @@
-"""COLUMNS.yaml proposed for a table: what its header, a row of units and its numbers say of each column."""
+"""Proposes COLUMNS.yaml for a table, from its headers, a row of units and its values."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _VALUES = frozenset(("value", "values", "wert", "reading"))
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column of numbers: its header, its values (n,) of all rows, and its range."""
+    """One column of numbers: its header, the values (n,) of all rows, and its range."""
 
     name: str
     header: Header
@@ -69,7 +69,7 @@ class TableColumn:
 
 @dataclass(frozen=True)
 class TableSuggestion(Proposal):
-    """How a table is written, which column is its clock, and which may be which channel."""
+    """The format of a table, its clock column, and the candidates for each channel."""
 
     table: TextTable
     form: Form
@@ -83,13 +83,13 @@ class TableSuggestion(Proposal):
 
     @property
     def lacking(self) -> list[str]:
-        """What must be filled in before `import` reads the table for training, a line each."""
+        """What must be filled in before `import` can read the table for training, one line each."""
         no_clock = [] if self.clock.line else [f"time has no line yet: {self.clock.why}"]
         several = [f"{self.key}: '{self.key.line}' takes the first"] if self.key else []
         return [*no_clock, *several, *super().lacking]
 
     def text(self) -> str:
-        """COLUMNS.yaml, with what speaks for each line."""
+        """COLUMNS.yaml, with the reasons for each line."""
         lines = [
             f"# Columns of {plain(str(self.table.path))}, proposed by 'deeptruck-model suggest'.",
             "# Check every line: a table does not say what its numbers mean.",
@@ -151,7 +151,7 @@ class TableSuggestion(Proposal):
             yield f"#   {name}: {yaml_text(column)}"
 
     def listing(self) -> list[str]:
-        """Every column with its range and what it may be, a line each."""
+        """Every column with its range and the channels it may be, one line each."""
         likely = {id(one.field): one for several in self.candidates.values() for one in several}
         asked = {id(one.field): one.channel for several in self.commanded.values() for one in several}
         fields = {column.name: column.field for column in self.columns}
@@ -176,7 +176,8 @@ def _extra_name(column: str, taken: Set[str]) -> str:
 
 
 def suggest_columns(path: str | Path) -> TableSuggestion:
-    """What a CSV or Parquet table holds. Raises InputError where it is missing, damaged, or no table."""
+    """Find the columns of a CSV or Parquet table that may be channels. Raises InputError if the table is
+    missing, damaged, or no table."""
     path = Path(path)
     form = find_form(path)
     table = read_table(path, delimiter=form.delimiter, encoding=form.encoding, skip_rows=form.skip_rows)

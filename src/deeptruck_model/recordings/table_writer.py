@@ -1,4 +1,4 @@
-"""Recordings as one table, for whatever else reads tables: CSV or Parquet."""
+"""Writes recordings as one CSV or Parquet table for other programs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KINDS = (".csv", ".parquet")
 
 
 def check_table(path: Path) -> None:
-    """Raises InputError where `path` is no new file that ends on one of KINDS."""
+    """Raises InputError unless `path` is a new file whose suffix is one of KINDS."""
     if path.suffix.lower() not in KINDS:
         raise InputError(f"{path} must end on {' or '.join(KINDS)}: the ending says which table is written")
     files.check_new(path)
@@ -27,8 +27,8 @@ def check_table(path: Path) -> None:
 def write_table(path: str | Path, recordings: Sequence[Recording]) -> Path:
     """Write a new table: the piece's name, `time` in s since the start of its bag, then every channel.
 
-    A channel that a piece lacks is empty there, as is what was not valid. Parquet keeps the unit of each
-    column in its metadata (`unit`). Raises InputError as `check_table`, and without recordings.
+    A channel that a piece lacks is empty there, as are invalid samples. Parquet stores the unit of each
+    column in its metadata (`unit`). Raises InputError as `check_table` does, and if there are no recordings.
     """
     path = Path(path)
     check_table(path)

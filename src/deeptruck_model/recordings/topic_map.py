@@ -1,4 +1,4 @@
-"""Which message field is which channel: the project's own topics, and users' topics by YAML."""
+"""Maps message fields to channels: the project's own topics, and users' topics by YAML."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from deeptruck_model.signals import CHANNELS, FAULTS, check_driver
 
 @dataclass(frozen=True)
 class Source:
-    """Where a channel comes from: `field` of the messages on `topic`, then unit, scale and offset."""
+    """The origin of a channel: `field` of the messages on `topic`, then unit, scale and offset."""
 
     topic: str
     field: str
@@ -92,7 +92,7 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
 
 
 def driver(topic_map: TopicMap | str | Path) -> str | None:
-    """Who drove, by the topic map; None where it does not say. Raises InputError as `load`."""
+    """Who drove, according to the topic map; None if it does not say. Raises InputError as `load` does."""
     data = load_yaml(Path(topic_map)) if isinstance(topic_map, str | Path) else topic_map
     found = data.get(DRIVEN_BY)
     check_driver(found)
@@ -100,7 +100,8 @@ def driver(topic_map: TopicMap | str | Path) -> str | None:
 
 
 def facts(topic_map: TopicMap | str | Path) -> Mapped:
-    """A topic map as checks of bags need it. Raises InputError as `load`, and where it has no speed."""
+    """A topic map in the form that checks of bags need. Raises InputError as `load` does, and if speed is
+    missing."""
     sources = load(topic_map)
     if "speed" not in sources:
         where = f"{topic_map}: " if isinstance(topic_map, str | Path) else ""
@@ -112,7 +113,7 @@ def facts(topic_map: TopicMap | str | Path) -> Mapped:
 
 
 def is_topic_map(meaning: Mapping[str, Any]) -> bool:
-    """Whether a mapping has channels with topics, as no description of a table or CAN log has."""
+    """Whether a mapping has channels with topics; descriptions of tables and CAN logs have none."""
     return any(
         isinstance(entry, Source) or (isinstance(entry, Mapping) and "topic" in entry)
         for entry in meaning.values()
@@ -120,12 +121,12 @@ def is_topic_map(meaning: Mapping[str, Any]) -> bool:
 
 
 def load_yaml(path: Path) -> dict[str, Any]:
-    """A YAML file that holds one mapping. Raises InputError where it is missing or something else."""
+    """Load a YAML file that holds one mapping. Raises InputError if it is missing or holds something else."""
     return reading.yaml_mapping(path, "see docs/recordings.md for an example")
 
 
 def extra_of(entries: Any, where: str) -> dict[str, Any]:
-    """Channels under names of their own. Raises InputError for a name that is taken, or no name."""
+    """Additional channels under the user's names. Raises InputError for a name that is taken or empty."""
     if not isinstance(entries, Mapping):
         raise InputError(f"{EXTRA} of {where} needs names, as in {{oil_temperature: ...}}")
     for name in entries:
@@ -163,7 +164,7 @@ def _source(channel: str, entry: Any) -> Source:
 
 
 def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:
-    """A number from a YAML entry, or the default. Raises InputError where it is something else."""
+    """A number from a YAML entry, or the default. Raises InputError if it is not a number."""
     value = entry.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{key} of '{where}' must be a number, not {value!r}")

@@ -1,4 +1,4 @@
-"""Units by consistency: in which unit a column agrees with the others, whose units are known."""
+"""Infers a column's unit by consistency with columns whose units are known."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ Known = Mapping[str, list[tuple[str, Array]]]  # channel -> (column, values (n,)
 
 
 def fitting(channel: str, units: list[str], values: Array, time: Array, known: Known) -> tuple[str, str]:
-    """The one of `units` in which `values` (n,) agree with the known columns, and with which; '' where none.
+    """The unit among `units` in which `values` (n,) agree with the known columns, and the column they agree
+    with; '' if there is none.
 
-    `time` (n,) is in s. Each pair of `_pairs` is what the column's values and other columns say of the same
-    quantity.
+    `time` (n,) is in s. Each pair of `_pairs` holds two measures of one quantity, from the column's values
+    and from other columns.
     """
     for what, mine, other in _pairs(channel, values, time, known):
         found = [unit for unit in units if unit and _agree(conversion(channel, unit)(mine), other)]

@@ -1,4 +1,4 @@
-"""Units people write in logs, and how to get from them to the project's own (SI, see signals.CHANNELS)."""
+"""Units used in logs, and their conversion to the canonical units (SI, see signals.CHANNELS)."""
 
 from __future__ import annotations
 
@@ -91,11 +91,12 @@ class Conversion:
 
 
 def conversion(channel: str, unit: str | None, density: float | None = None) -> Conversion:
-    """How values of `channel` in `unit` become canonical; None stands for the canonical unit itself.
+    """The conversion of values of `channel` in `unit` to the canonical unit; None stands for the canonical
+    unit.
 
-    Commands become one of signals.ENGINE_UNITS or BRAKE_UNITS, whichever the unit belongs to. A fuel rate by
-    mass needs the fuel's density (g/cm^3 or kg/m^3, distinguished by size). Raises InputError for a unit that
-    does not fit the channel.
+    Commands become one of signals.ENGINE_UNITS or BRAKE_UNITS, the one to which the unit belongs. A fuel rate
+    by mass needs the fuel's density (g/cm^3 or kg/m^3, distinguished by its magnitude). Raises InputError for
+    a unit that does not fit the channel.
     """
     if channel not in CHANNELS:
         raise InputError(f"unknown channel '{channel}'; {near(channel, list(CHANNELS))}")
@@ -118,7 +119,7 @@ def conversion(channel: str, unit: str | None, density: float | None = None) -> 
 
 
 def known_units(channel: str) -> list[str]:
-    """Every spelling understood for a channel."""
+    """Every accepted spelling of a channel's units."""
     spellings = [name for unit in canonical_units(channel) for name in _LINEAR[unit] if name]
     if channel == "grade":
         spellings += list(_ANGLES)
@@ -128,7 +129,7 @@ def known_units(channel: str) -> list[str]:
 
 
 def canonical_units(channel: str) -> tuple[str, ...]:
-    """Ours for a channel; several where the truck interface says which."""
+    """The canonical unit of a channel; several if the truck interface decides which."""
     if channel == "engine_command":
         return ENGINE_UNITS
     return BRAKE_UNITS if channel == "brake_command" else (CHANNELS[channel].unit,)
