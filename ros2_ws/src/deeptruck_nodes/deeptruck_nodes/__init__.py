@@ -1,1 +1,1 @@
-"""The nodes: each module named after a node is one process. Three start them; the rest is what they share."""
+"""The ROS 2 nodes: one process per node module, three start scripts, and modules that they share."""

@@ -1,4 +1,4 @@
-"""Where a run records: whose the folder is, and what becomes of an older bag in it."""
+"""The output folder of a recorded run: checks, ownership, and replacing an older bag."""
 
 from __future__ import annotations
 
@@ -15,40 +15,41 @@ BAG = files.Result("a recorded bag", BAG_FILES, elsewhere="choose another --reco
 
 
 def check(bag: Path | None, overwrite: bool) -> None:
-    """Raises InputError where no bag can be recorded; nothing is touched."""
+    """Raises InputError if no bag can be recorded there; nothing is changed."""
     if bag is not None:
         BAG.check(bag, overwrite=overwrite)
 
 
 def check_logs(bag: Path | None, runs: Path) -> None:
-    """Raises InputError where the folder of logs is a bag, or lies in one or in another result."""
+    """Raises InputError if the folder of logs is a bag, or lies in a bag or another result."""
     files.check_outside(runs / "new", "choose another --runs")
     if bag is not None and bag.resolve() in (runs.resolve(), *runs.resolve().parents):
         raise InputError(f"the logs of --runs {runs} would lie in the bag {bag}; choose another --runs")
 
 
 def made(bag: Path | None, overwrite: bool) -> AbstractContextManager[Path | None]:
-    """Where the recorder works: at `bag`, or beside an older bag that stands until the new one is whole.
+    """Folder in which the recorder writes: `bag`, or a temporary one while an older bag is kept until the new
+    one is complete.
 
-    Raises InputError as `check`.
+    Raises InputError as `check` does.
     """
     return nullcontext() if bag is None else BAG.recording(bag, overwrite=overwrite, whole=is_whole)
 
 
 def is_whole(bag: Path) -> bool:
-    """Whether the recorder of this bag ended properly."""
+    """Whether the recorder of this bag finished it."""
     return (bag / METADATA).is_file()
 
 
 def stem(bag: Path) -> str:
-    """What the file in a bag is named by: the bag's own name, also while an older one has it."""
+    """File name stem of the MCAP file in a bag: the bag's final name, also in a temporary folder."""
     return files.final(bag).name
 
 
 @contextmanager
 def claimed(bag: Path) -> Iterator[None]:
-    """The recorder's hold on the bag it has begun, which it signs at its end. Raises InputError where it
-    cannot be claimed."""
+    """Claim of the recorder on its new bag, which it signs when it ends. Raises InputError if it cannot be
+    claimed."""
     with files.writing(bag):
         try:
             BAG.claim(bag, METADATA, f".{METADATA}.tmp", *(path.name for path in bag.iterdir()))

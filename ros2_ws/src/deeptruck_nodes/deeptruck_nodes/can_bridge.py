@@ -1,4 +1,4 @@
-"""The truck over CAN: a lifecycle node around truck_bridge.Bridge. Inactive it sends nothing."""
+"""Lifecycle node around truck_bridge.Bridge: the truck over CAN. It sends nothing while inactive."""
 
 from __future__ import annotations
 
@@ -30,10 +30,11 @@ ENGAGED_PERIOD_S = 0.05  # s between two engaged bits to the controller; a chang
 
 
 class CanBridge(DeeptruckNode, LifecycleNodeMixin):
-    """Publishes when a new speed has been received on the bus; commands go to the bridge as they come.
+    """Publishes whenever a new speed is received on the bus, and passes commands to the bridge as they
+    arrive.
 
-    Engaging needs a person: the parameter `engage` is their word for the first time, the service ~/engage at
-    any time after. Control that was lost stays lost until they ask again.
+    Engaging needs a person: the parameter `engage` permits the first engagement, the service ~/engage any
+    later one. After control is lost, it is not engaged again until the person requests it.
     """
 
     def __init__(self) -> None:
@@ -64,7 +65,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         return self._bus
 
     def begin(self) -> None:
-        """Go active by itself; `ros2 lifecycle set /can_bridge deactivate` makes it silent again."""
+        """Activate without an external request; `ros2 lifecycle set /can_bridge deactivate` makes it silent
+        again."""
         self.trigger_configure()
         self.trigger_activate()
 
@@ -85,7 +87,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Hand back in order, then be silent."""
+        """Hand control back in order, then stop sending."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join(2.0)

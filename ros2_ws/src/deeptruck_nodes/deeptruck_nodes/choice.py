@@ -1,4 +1,4 @@
-"""One-line descriptions of leaders and roads: KIND or KIND:name=value,name=value."""
+"""Parser of one-line descriptions of leaders and roads: KIND or KIND:name=value,name=value."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ T = TypeVar("T")
 
 
 def parse(text: str, kinds: Mapping[str, type[T]], what: str) -> T:
-    """Build the dataclass that `text`, KIND:NAME=VALUE,NAME=VALUE..., describes; a tuple of numbers is
-    written A/B/C.
+    """Build the dataclass described by `text`, KIND:NAME=VALUE,NAME=VALUE...; tuples of numbers are written
+    A/B/C.
 
-    If the class names a field in `first`, that field's value may come first in the list, without NAME=.
-
-    Raises InputError for an unknown kind or name, a value that is no number, or one the dataclass refuses.
+    If the class names a field in `first`, the value of that field may come first in the list, without NAME=.
+    Raises InputError for an unknown kind or name, a value that is not a number, or one that the dataclass
+    refuses.
     """
     kind, _, rest = text.partition(":")
     if kind not in kinds:

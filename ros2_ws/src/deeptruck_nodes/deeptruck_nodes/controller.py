@@ -1,4 +1,4 @@
-"""The controller: a guarded policy, answering every radar sample with a command."""
+"""Controller node: answers each radar sample with the command of a guarded policy."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, R
 
 
 class Controller(DeeptruckNode):
-    """The policy acts every `dt` of stamps; in between its command is repeated. Stale inputs: silence.
+    """The policy acts every `dt` of stamp time and its command is repeated in between; with stale inputs
+    nothing is published.
 
-    In real time the command is also repeated every `repeat_every_s`: the bridge takes it as a heartbeat,
-    which must not depend on the radar's own rate. What counts is the age of the last whole observation: one
-    topic that goes on alone keeps no command alive. With each command goes the engaged bit as bridge or
-    simulated truck sent it last; in lock-step it bears the stamp of the observation.
+    In real time the command is also repeated every `repeat_every_s`, because the bridge uses it as a
+    heartbeat, which must not depend on the radar's rate. Commands stop when the last complete observation is
+    too old, even if single topics continue. Each command carries the engaged bit last received from the
+    bridge or the simulated truck; in lock-step it carries the stamp of the observation.
     """
 
     def __init__(self) -> None:

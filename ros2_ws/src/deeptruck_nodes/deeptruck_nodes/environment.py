@@ -1,4 +1,4 @@
-"""What a run needs around it: environment variables, its own domain, a folder."""
+"""Environment of a run: environment variables, ROS domain, and run folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LAST_DOMAIN = 101  # above, the ports of Fast DDS run into Linux's ephemeral one
 
 
 def domain_id() -> int:
-    """The ROS domain of this run, from ROS_DOMAIN_ID. Raises InputError where it cannot be used."""
+    """The ROS domain of this run, from ROS_DOMAIN_ID. Raises InputError if the value is not valid."""
     text = os.environ.get(DOMAIN) or "0"
     if not text.isdecimal() or int(text) > LAST_DOMAIN:
         raise InputError(f"{DOMAIN}={text} is not a number in 0..{LAST_DOMAIN}")
@@ -28,10 +28,11 @@ def domain_id() -> int:
 
 
 class DomainLock:
-    """One run a domain on this machine: a second one would answer the first one's messages.
+    """Allows one run per ROS domain on this machine, because the nodes of two runs would receive each other's
+    messages.
 
-    The processes of the run inherit the lock, so that it holds until the last of them is gone, however the
-    run ended; what a killed run leaves behind is an unlocked file, which says nothing.
+    The processes of the run inherit the lock, so that it is held until the last one has ended, however the
+    run ends. The file that a killed run leaves behind is unlocked and does not block another run.
     """
 
     def __init__(self, domain: int) -> None:
@@ -49,7 +50,7 @@ class DomainLock:
         self.logs_in(None)
 
     def logs_in(self, folder: Path | None) -> None:
-        """Tell whom this domain is refused to whose it is."""
+        """Store the folder of logs, so that a run that is refused this domain can name its owner."""
         self._file.truncate(0)
         self._file.write(f"process {os.getpid()}" + (f", logs in {folder}" if folder else ""))
         self._file.flush()
@@ -84,7 +85,7 @@ def _who_has_open(path: Path) -> list[str]:
 
 
 def run_folder(runs: Path, what: str, domain: int) -> Path:
-    """A new folder for the logs and parameters of one run. Raises InputError where it cannot be made."""
+    """A new folder for the logs and parameters of one run. Raises InputError if it cannot be created."""
     stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{what}-{domain}"
     for n in range(100):
         folder = (runs / (f"{stem}.{n}" if n else stem)).absolute()

@@ -1,4 +1,6 @@
-"""What the controller makes of an observation, without ROS: command, what is followed, and what happened."""
+"""The controller without ROS: turns observations into commands, the state of following, and counted
+events.
+"""
 
 from __future__ import annotations
 
@@ -19,25 +21,26 @@ FULL = 0.95  # of the highest brake command: full braking
 
 @dataclass
 class Event:
-    """Counts how often something begins."""
+    """Counts how often a condition begins."""
 
     count: int = 0
     holds: bool = False
 
     def now(self, holds: bool) -> None:
-        """Whether it holds in this step."""
+        """Update with whether the condition holds in this step."""
         self.count += holds and not self.holds
         self.holds = holds
 
 
 class Following:
-    """A guarded policy that acts every `dt` of stamps; in between its command is held.
+    """A guarded policy that acts every `dt` of stamp time; its command is held in between.
 
-    Tracker, shield and policy reckon in steps of `dt`. Where a radar is slower, they get the steps between
-    two of its readings too, on a straight line.
+    Tracker, shield and policy advance in steps of `dt`. If the radar is slower, the steps between two of its
+    readings are interpolated linearly.
 
-    The command is NaN, which nobody obeys, where there is nothing to follow: the radar has lost the leader
-    for `lose_lead_after_s` or contradicts the speeds for a second, or the truck's own speed is silent.
+    The command is NaN, which truck and bridge do not obey, if there is nothing to follow: the radar has lost
+    the leader for `lose_lead_after_s` or contradicts the speeds for a second, or the truck's speed is
+    missing.
     """
 
     def __init__(self, guard: Guard, target_time_gap: float, lose_lead_after_s: float) -> None:
@@ -53,20 +56,20 @@ class Following:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Steps in which the shield acted and the baseline drove; how often each of EVENTS began."""
+        """Steps in which the shield acted and in which the baseline drove; how often each of EVENTS began."""
         return {**self._steps, **{name: event.count for name, event in self._events.items()}}
 
     @property
     def events(self) -> int:
-        """How often something began, in all."""
+        """Total number of events."""
         return sum(event.count for event in self._events.values())
 
     def forget(self) -> None:
-        """Forget the past, but for the counts and how hot the brakes are."""
+        """Reset the state except the counts and the brake temperature."""
         self._guard.forget()
 
     def take(self, seen: Observation, *, obeyed: bool = True) -> tuple[float, float]:
-        """Engine and brake command after an observation; `obeyed`: they will drive the truck."""
+        """Engine and brake command for an observation; `obeyed`: whether they will drive the truck."""
         steps = self._steps_to(seen)
         before = self._acted
         for step in range(1, steps + 1):

@@ -1,4 +1,4 @@
-"""The vehicle ahead and the radar that sees it: answers every speed of the truck with a radar sample."""
+"""Node of the vehicle ahead and the radar: answers every truck speed with a radar sample."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from deeptruck_nodes.traffic import Sumo, Traffic, TrafficEnded
 
 
 class LeaderNode(DeeptruckNode):
-    """Simulates the leader and the radar. A sample has the stamp of the truck speed that it was computed
-    with."""
+    """Simulates the leader and the radar. A radar sample has the stamp of the truck speed from which it was
+    computed."""
 
     def __init__(self) -> None:
         super().__init__("leader")

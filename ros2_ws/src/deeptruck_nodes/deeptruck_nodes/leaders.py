@@ -1,4 +1,6 @@
-"""Leaders: a speed over time, scripted, random or recorded, or traffic; `parse` reads a description."""
+"""Leaders: speeds over time that are scripted, random or recorded, or traffic; `parse` reads a
+description.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,14 @@ Array = NDArray[np.float64]
 
 
 class Leader(Protocol):
-    """Anything with a speed in m/s, t seconds after the start; t only grows."""
+    """Anything that gives a speed in m/s at t seconds after the start; t never decreases."""
 
     def speed_at(self, t: float) -> float: ...
 
 
 @dataclass(frozen=True)
 class Constant:
-    """Always `speed` (m/s)."""
+    """Constant `speed` (m/s)."""
 
     speed: float = 20.0
 
@@ -56,7 +58,7 @@ class Sine:
 
 @dataclass(frozen=True)
 class Steps:
-    """A new speed (m/s) every `every` s, approached at `acceleration` (m/s^2); the last one is kept."""
+    """A new speed (m/s) every `every` s, approached at `acceleration` (m/s^2); the last speed is kept."""
 
     speeds: tuple[float, ...] = (20.0, 23.0, 18.0, 20.0)
     every: float = 30.0
@@ -77,8 +79,8 @@ class Steps:
 
 @dataclass(frozen=True)
 class Stop:
-    """Drives at `speed` (m/s), brakes from `at` s on at `deceleration` (m/s^2), stands `wait` s, and picks up
-    again at 0.8 m/s^2."""
+    """Drives at `speed` (m/s), brakes from `at` s on at `deceleration` (m/s^2), stands for `wait` s, then
+    accelerates at 0.8 m/s^2."""
 
     speed: float = 20.0
     at: float = 30.0
@@ -133,8 +135,8 @@ class Random:
 class Recorded:
     """A leader driven before: a table with a `time` column in s and a speed column in m/s, or a bag.
 
-    From a bag comes its first uninterrupted recording: the leader's speed where it was recorded, the truck's
-    own otherwise. At the end the last speed is kept.
+    A bag gives its first recording without interruption: the leader's speed if it was recorded, otherwise the
+    truck's. After the end the last speed is kept.
     """
 
     path: str
@@ -177,6 +179,6 @@ KINDS: dict[str, type] = {
 
 
 def parse(text: str) -> Leader | Sumo:
-    """The leader a description names, such as 'sine:speed=18,amplitude=2'. Raises InputError."""
+    """The leader described by a text such as 'sine:speed=18,amplitude=2'. Raises InputError."""
     leader: Leader | Sumo = choice.parse(text, KINDS, "leader")
     return leader

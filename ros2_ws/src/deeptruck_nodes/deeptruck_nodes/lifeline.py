@@ -1,4 +1,6 @@
-"""The line between supervisor and node: 'ready' goes up, 'go' comes down. A node without one just goes."""
+"""Pipe between supervisor and node: the node sends 'ready', the supervisor answers 'go'. A node without a
+supervisor starts at once.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ VARIABLE = "DEEPTRUCK_LIFELINE"
 
 
 class Lifeline:
-    """A node's end of the line."""
+    """A node's end of the pipe."""
 
     def __init__(self) -> None:
         number = os.environ.get(VARIABLE)
@@ -18,19 +20,19 @@ class Lifeline:
         self._said = self._released = False
 
     def ready(self) -> None:
-        """Tell the supervisor, once."""
+        """Report readiness to the supervisor, once."""
         if self._socket is not None and not self._said:
             with contextlib.suppress(OSError):  # a supervisor that is gone ends this process in another way
                 self._socket.send(b"ready")
         self._said = True
 
     def may_go(self) -> bool:
-        """Whether everyone else is ready too; never blocks."""
+        """Whether all other nodes are ready too; never blocks."""
         self.is_cut()
         return self._socket is None or self._released
 
     def is_cut(self) -> bool:
-        """Whether there was a supervisor and it is gone; never blocks."""
+        """Whether a supervisor was connected and has ended; never blocks."""
         if self._socket is None:
             return False
         try:
@@ -44,7 +46,7 @@ class Lifeline:
 
 
 class LifelineHolder:
-    """The supervisor's end. `child` is the descriptor to hand to the process in VARIABLE."""
+    """The supervisor's end. `child` is the file descriptor that the process receives in VARIABLE."""
 
     def __init__(self) -> None:
         self._socket, self._child = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -55,11 +57,11 @@ class LifelineHolder:
         return self._child.fileno()
 
     def handed_over(self) -> None:
-        """Close our copy of the child's end."""
+        """Close the supervisor's copy of the child's end."""
         self._child.close()
 
     def poll(self) -> bool:
-        """Whether the node has said it is ready."""
+        """Whether the node has reported that it is ready."""
         with contextlib.suppress(OSError):
             self.is_ready = self.is_ready or self._socket.recv(16, socket.MSG_DONTWAIT) == b"ready"
         return self.is_ready

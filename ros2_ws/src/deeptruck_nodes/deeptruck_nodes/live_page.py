@@ -1,9 +1,8 @@
-"""The live page: receives every topic and shows the run in a browser on this machine.
+"""Live page: receives every topic and shows the run in a browser on this machine.
 
-All that it publishes is /replay/control, where a replay runs and its buttons are used.
-
-It takes what has come ten times a second, instead of waking up for every message, and as best effort: a page
-that is slow or stopped holds up no publisher.
+It publishes only /replay/control, during a replay, when its buttons are used. It polls ten times a second
+instead of waking up for every message, and subscribes as best effort, so that a slow or stopped page delays
+no publisher.
 """
 
 from __future__ import annotations
@@ -64,9 +63,8 @@ class _Unwatched(CallbackGroup):
 
 
 class LivePage(DeeptruckNode):
-    """See the module. It subscribes when the run goes: a publisher that waits for its listeners would count
-    the page as one of them.
-    """
+    """The node. It subscribes only once the run has started, so that publishers waiting for their listeners
+    do not count the page among them."""
 
     def __init__(self) -> None:
         super().__init__("live_page")

@@ -1,4 +1,4 @@
-"""Between numbers and the common interfaces: the only place that fills or reads a message."""
+"""Converts between numbers and ROS messages; no other module fills or reads a message."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ def accel(stamp: int, acceleration: float) -> AccelStamped:
 
 
 def accelerations(stamp: int, x: float, y: float, z: float) -> AccelStamped:
-    """Three accelerations of one topic, m/s^2; docs/topics.md has the meaning of each."""
+    """Three accelerations in one message, m/s^2; docs/topics.md defines each."""
     message = accel(stamp, x)
     message.accel.linear.y, message.accel.linear.z = float(y), float(z)
     return message
 
 
 def scalars(stamp: int, names: Sequence[str], values: Mapping[str, float]) -> JointState:
-    """A stamped, named vector; a name without a value is NaN."""
+    """A stamped vector of named numbers; a name without a value gets NaN."""
     message = JointState(name=list(names))
     message.header.stamp = time_message(stamp)
     message.position = [float(values.get(name, float("nan"))) for name in names]
@@ -64,18 +64,18 @@ def scalars(stamp: int, names: Sequence[str], values: Mapping[str, float]) -> Jo
 
 
 def read_scalars(message: JointState) -> dict[str, float]:
-    """Inverse of scalars; surplus names or positions are left out."""
+    """Inverse of scalars; surplus names or positions are ignored."""
     return dict(zip(message.name, message.position, strict=False))
 
 
 def road_ahead(stamp: int, grades: Sequence[float], spacing_m: float) -> JointState:
-    """Grades (rise/run) of the road, each named by its distance from the truck, m."""
+    """Grades (rise/run) of the road ahead, each named by its distance from the truck, m."""
     names = [f"grade_{spacing_m * k:g}" for k in range(len(grades))]
     return scalars(stamp, names, dict(zip(names, grades, strict=True)))
 
 
 def numbers(message: TwistStamped | AccelStamped | JointState | Range) -> dict[str, float]:
-    """What a message holds along x, by its field as in a topic map."""
+    """The numbers along x in a message, by their field paths in a topic map."""
     if isinstance(message, JointState):
         return {f"position[name={name}]": value for name, value in read_scalars(message).items()}
     if isinstance(message, Range):
@@ -86,7 +86,7 @@ def numbers(message: TwistStamped | AccelStamped | JointState | Range) -> dict[s
 
 
 def detected(message: Range) -> float:
-    """A radar's distance, m; NaN where it detected nothing or is outside of what it can measure (REP 117)."""
+    """A radar's distance, m; NaN if it detected nothing or the distance is outside its range (REP 117)."""
     return message.range if message.min_range <= message.range <= message.max_range else math.nan
 
 

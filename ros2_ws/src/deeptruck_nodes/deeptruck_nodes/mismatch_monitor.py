@@ -1,4 +1,6 @@
-"""The monitor: a simulator runs along with the truck and says when, by how much and by what the two part."""
+"""Monitor node: runs a simulator along with the truck and reports when and how much the two differ, and the
+probable cause.
+"""
 
 from __future__ import annotations
 
@@ -40,9 +42,8 @@ LARGEST = 3  # parts of the budget that are said
 
 
 class MismatchMonitor(DeeptruckNode):
-    """One residual for every step of the simulator, stamped with the truck's speed that ended it; and every
-    EVERY_S the names and the budget of the last minutes, which a companion process finds.
-    """
+    """Publishes one residual for every simulator step, with the stamp of the truck speed that ended the step;
+    and every EVERY_S the names and the error budget of the last minutes, computed by a companion process."""
 
     lingers_on = True
 

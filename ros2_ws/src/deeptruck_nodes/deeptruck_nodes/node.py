@@ -1,4 +1,4 @@
-"""What every node shares: parameters, readiness, diagnostics, and an end that always comes."""
+"""Base of the nodes: parameters, readiness, diagnostics, and an orderly end."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ LINGER = 5.0  # s; the longest a node keeps listening for what was sent before t
 class DeeptruckNode(Node):
     """Base of the nodes. A subclass overrides `begin`, `tick` and `close` as needed.
 
-    One that sets `lingers_on` and counts messages in `received` takes what is still on its way at the end.
+    A subclass that sets `lingers_on` and counts messages in `received` also processes messages that arrive
+    after the stop.
     """
 
     lingers_on = False
@@ -57,7 +58,7 @@ class DeeptruckNode(Node):
         self.create_subscription(topic.message, topic.name, callback, CONTROL_QOS)
 
     def connected(self) -> bool:
-        """Whether every peer that listens to this node has been matched."""
+        """Whether every node that listens to this one has been matched."""
         peers = tuple(self.p["peers"])
         return all(
             out.get_subscription_count() >= expected_subscribers(topic, peers)
@@ -68,35 +69,36 @@ class DeeptruckNode(Node):
         """Called once, when every node of the run is ready."""
 
     def tick(self) -> float:
-        """Do what is due now; returns the seconds until something is due again."""
+        """Do what is due now; returns the time until the next call, s."""
         return IDLE
 
     def lingers(self) -> bool:
-        """After a stop: whether to keep handling messages, because they still come."""
+        """After a stop: whether messages still arrive and must be handled."""
         self._stopping = self._stopping or time.monotonic()
         came, self._counted = self.received > self._counted, self.received
         return self.lingers_on and came and time.monotonic() - self._stopping < LINGER
 
     def hand_over(self) -> None:
-        """Wait until everyone has what was sent: a publisher that is gone repeats nothing."""
+        """Wait until all subscribers have received what was sent, since nothing is resent after the publisher
+        has ended."""
         until = time.monotonic() + HAND_OVER
         for _, publisher in self._outgoing:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, until - time.monotonic())))
 
     def close(self) -> None:
-        """Leave in order: called once, while messages can still be sent."""
+        """Shut down; called once, while messages can still be sent."""
 
     def diagnose(
         self, stamp: int, level: str, says: str, values: Mapping[str, object], *, at_once: bool = False
     ) -> None:
-        """Publish this node's health, at most once a second of stamps, so that lock-step repeats itself;
-        `at_once`: now, because something happened."""
+        """Publish the status of this node at most once per second of stamp time, so that lock-step runs are
+        repeatable; `at_once` publishes now, for an event."""
         if at_once or self.diagnosis_is_due(stamp):
             self._diagnosed = stamp // SECOND
             self._diagnostics.publish(messages.diagnostics(stamp, self.get_name(), level, says, values))
 
     def diagnosis_is_due(self, stamp: int) -> bool:
-        """Whether `diagnose` would publish: for health that costs something to look up."""
+        """Whether `diagnose` would publish now; saves collecting a status that is costly to determine."""
         return stamp // SECOND != self._diagnosed
 
     def now(self) -> int:
@@ -125,7 +127,7 @@ class _Stop:
 
 
 def run(make: Callable[[], DeeptruckNode]) -> None:
-    """The body of every main(): one clear line and exit code 2 for bad input, 0 after a wanted end."""
+    """The body of every main(): one clear line and exit code 2 for bad input, 0 after a regular end."""
     stop = _Stop()
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)

@@ -1,4 +1,4 @@
-"""What the controller knows: the newest consistent radar and truck samples."""
+"""Combines the newest consistent radar and truck samples into observations for the controller."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ MAP_AGE = SECOND  # ns
 
 @dataclass(frozen=True)
 class Observation:
-    """One sample in SI units; gap and leader speed are NaN where the radar detected nothing. `grade_ahead` is
-    the road as in a Policy's observation, () where it is not known."""
+    """One sample in SI units; gap and leader speed are NaN if the radar detected nothing. `grade_ahead` has
+    the format of a Policy's observation, () if it is not known."""
 
     stamp: int
     speed: float
@@ -24,13 +24,12 @@ class Observation:
 
 
 class Alignment:
-    """Collects samples by their stamps.
+    """Combines samples by their stamps.
 
-    A radar sample is complete when range and speed carry the same stamp. In lock-step (`strict`) the truck's
-    speed and engaged bit, and its grade and the map of its road where it has them, must carry that stamp too;
-    in real time the newest ones count, a radar sample that is older than the newest speed by more than
-    `stale_after_s` is none, and neither is a map that is older than a sample by more than MAP_AGE: the truck
-    has driven on.
+    A radar sample is complete when range and speed have the same stamp. In lock-step (`strict`) the truck's
+    speed and engaged bit, and, if available, its grade and road map, must have that stamp too. In real time
+    the newest ones are used; a radar sample older than the newest speed by more than `stale_after_s` is
+    discarded, and so is a map older than a sample by more than MAP_AGE, because the truck has moved on.
     """
 
     def __init__(self, strict: bool, uses_grade: bool, stale_after_s: float, uses_map: bool = False) -> None:
@@ -43,12 +42,14 @@ class Alignment:
         self._taken = -1
 
     def put(self, name: str, stamp: int, value: float) -> Observation | None:
-        """File speed, gap, leader_speed, grade or engaged. Returns what it completes, once each."""
+        """Add speed, gap, leader_speed, grade or engaged. Returns the observation that it completes, each
+        only once."""
         self._latest[name] = (stamp, value)
         return self._complete()
 
     def put_map(self, stamp: int, grades: Sequence[float]) -> Observation | None:
-        """File what is known of the road ahead. Returns the observation it completes, once each."""
+        """Add the known grades of the road ahead. Returns the observation that they complete, each
+        only once."""
         self._latest["grade_ahead"], self._map = (stamp, 0.0), tuple(grades)
         return self._complete()
 

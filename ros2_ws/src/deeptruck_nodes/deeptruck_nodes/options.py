@@ -1,4 +1,4 @@
-"""Options that the three commands which start a run share, and how they become console scripts."""
+"""Options shared by the three start commands, and their console scripts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters, checked against parameters.yaml, which holds names, defaults, ranges and descriptions."""
+"""Parameters, checked against the names, defaults, ranges and descriptions in parameters.yaml."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def described(node: str) -> dict[str, dict[str, Any]]:
 
 
 def checked(node: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults with the given values in their place.
+    """Defaults replaced by the given values.
 
     Raises InputError for unknown names, wrong types and values outside their ranges, all in one message.
     """
@@ -55,7 +55,7 @@ def checked(node: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def misfits(node: str, given: Mapping[str, Any]) -> list[str]:
-    """Why the given values do not fit the node, a line each."""
+    """Errors in the values given for a node, one line each."""
     known, found = described(node), []
     for name, value in given.items():
         try:
@@ -111,7 +111,7 @@ def _section(path: Path, node: str, section: Any) -> dict[str, Any]:
 
 
 def write_file(path: Path, sections: Mapping[str, Mapping[str, Any]]) -> None:
-    """The inverse of read_file: every value a run uses, in one file that `--params-file` takes."""
+    """Inverse of read_file: writes all parameters of a run to one file for `--params-file`."""
     document = {
         # rcl cannot type an empty list; the schema's default is the same.
         node: {"ros__parameters": {k: v for k, v in checked(node, values).items() if v != []}}
@@ -121,7 +121,7 @@ def write_file(path: Path, sections: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def declare(node: Node) -> dict[str, Any]:
-    """Check what the node was given, declare the rest, and describe all of it to `ros2 param`."""
+    """Check the parameters given to the node, declare the others, and describe all to `ros2 param`."""
     from rclpy.parameter import Parameter
 
     name = node.get_name()

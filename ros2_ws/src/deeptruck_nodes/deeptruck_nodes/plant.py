@@ -1,4 +1,4 @@
-"""A simulated truck on a road, one at a time, with what lies between two of its steps."""
+"""A single simulated truck on a road, with values between two of its steps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from deeptruck_nodes.roads import Road
 
 
 class Plant:
-    """Holds state, response and position. SI units; commands in the units of the truck interface."""
+    """State, response and position of the truck. SI units; commands in the units of the truck interface."""
 
     def __init__(self, simulator: Simulator, road: Road, initial_speed: float) -> None:
         self._simulator, self._road = simulator, road
@@ -32,7 +32,7 @@ class Plant:
 
     @property
     def acceleration(self) -> float:
-        """Mean over the last step, m/s^2."""
+        """Mean acceleration over the last step, m/s^2."""
         return float(self._y[0, ACCELERATION])
 
     def step(self, engine_command: float, brake_command: float) -> None:
@@ -45,18 +45,19 @@ class Plant:
         self.grade, self.elevation = self._road.at(self.distance)
 
     def speed_at(self, share: float) -> float:
-        """Speed after that share (0..1] of the last step: the mean acceleration makes it a straight line."""
+        """Speed after `share` (0..1] of the last step, linear in time because the acceleration is its
+        mean."""
         return self.speed - self.acceleration * (1.0 - share) * self.dt
 
     def status(self) -> dict[str, float]:
-        """fuel_rate, gear, engine_speed, engine_torque where the simulator has them."""
+        """fuel_rate, gear, engine_speed and engine_torque, if the simulator has them."""
         seen = {name: float(values[0]) for name, values in self._simulator.inside(self._state).items()}
         seen["fuel_rate"] = float(self._y[0, FUEL]) if self.interface.fuel else math.nan
         return seen
 
 
 def ticks_a_step(rate: float, dt: float) -> int:
-    """Publishing ticks in a simulator step. Raises InputError where they do not fit."""
+    """Publishing ticks per simulator step. Raises InputError unless it is a whole number."""
     ticks = round(rate * dt)
     if ticks < 1 or abs(ticks - rate * dt) > 1e-9:
         raise InputError(

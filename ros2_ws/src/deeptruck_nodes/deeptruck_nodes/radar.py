@@ -1,4 +1,4 @@
-"""The gap between two vehicles, and a radar that sees it with noise, dropouts and a lane-change jump."""
+"""The gap between two vehicles, and a radar with noise, dropouts and jumps by lane changes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from deeptruck_nodes.leaders import Leader
 
 
 class Ahead(Protocol):
-    """Where the vehicle ahead is: gap (m; inf: nobody) and its speed over ground (m/s; NaN: nobody)."""
+    """The vehicle ahead: gap (m; inf if none) and speed over ground (m/s; NaN if none)."""
 
     gap: float
     leader_speed: float
@@ -24,7 +24,8 @@ class Ahead(Protocol):
 
 
 class Gap:
-    """Integrates the distance to a leader from the follower's reported speed, by the trapezoidal rule."""
+    """Integrates the gap to a leader from its speed and the follower's reported speed, by the trapezoidal
+    rule."""
 
     def __init__(self, leader: Leader, initial: float, initial_time_gap: float) -> None:
         self._leader, self._initial, self._time_gap = leader, initial, initial_time_gap
@@ -33,8 +34,8 @@ class Gap:
         self.leader_speed = math.nan
 
     def update(self, t: float, speed: float) -> None:
-        """Advance to t seconds after the start with the follower's `speed` (m/s); NaN keeps the last closing
-        speed."""
+        """Advance to t seconds after the start with the follower's `speed` (m/s); at NaN the last closing
+        speed is used."""
         self.leader_speed = self._leader.speed_at(t)
         opening = self.leader_speed - speed
         if self._last is None:
@@ -48,12 +49,12 @@ class Gap:
         self._last = (t, opening)
 
     def close(self) -> None:
-        """There is nothing to end."""
+        """Does nothing; `Traffic` has resources to release."""
 
 
 @dataclass(frozen=True)
 class RadarErrors:
-    """What is wrong with the radar; the names are those of the leader node's parameters."""
+    """Errors of the radar; the names are those of the leader node's parameters."""
 
     range_noise: float = 0.0
     speed_noise: float = 0.0
@@ -67,7 +68,8 @@ class RadarErrors:
 
 
 class Radar:
-    """Same seed and same samples, same readings: four random numbers are drawn for every sample."""
+    """Adds errors to radar samples. Four random numbers are drawn per sample, so that equal seeds and samples
+    give equal readings."""
 
     def __init__(self, errors: RadarErrors, seed: int) -> None:
         self._errors, self._rng = errors, np.random.default_rng(seed)
@@ -75,7 +77,7 @@ class Radar:
         self._last_t: float | None = None
 
     def sense(self, t: float, gap: float, leader_speed: float) -> tuple[float, float]:
-        """Distance in m and leader's speed in m/s as seen; (inf, nan) when nothing is detected."""
+        """Measured distance in m and leader's speed in m/s; (inf, nan) if nothing is detected."""
         e = self._errors
         noise = self._rng.standard_normal(2)
         begins, length = self._rng.random(), self._rng.exponential(e.dropout_s)

@@ -1,4 +1,4 @@
-"""The recorder: raw messages into an MCAP bag that a kill costs at most its last second."""
+"""Recorder node: writes raw messages into an MCAP bag, of which a kill loses at most the last second."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ BURST = 500  # messages of one topic taken before the others get their turn
 
 
 class Recorder(DeeptruckNode):
-    """Logs by time of arrival; in lock-step by the messages' own stamps: equal runs then give equal bags."""
+    """Records messages at their arrival times, in lock-step at their stamps, so that equal runs give equal
+    bags."""
 
     lingers_on = True
 
@@ -108,7 +109,7 @@ class Recorder(DeeptruckNode):
 
 
 def message_class(type_name: str) -> type:
-    """The class of 'package/msg/Name'. Raises InputError where it is not installed."""
+    """The class of 'package/msg/Name'. Raises InputError if it is not installed."""
     package, _, name = type_name.partition("/msg/")
     try:
         found: type = getattr(importlib.import_module(f"{package}.msg"), name)

@@ -1,4 +1,6 @@
-"""A bag back onto its topics, with /clock; it can be paused and moved to another recorded time."""
+"""Replay node: publishes a bag on its topics, with /clock; it can be paused and moved to another recorded
+time.
+"""
 
 from __future__ import annotations
 
@@ -26,10 +28,10 @@ SAID_EVERY = 10.0  # s between two lines on the recorded time
 
 
 class Replay(DeeptruckNode):
-    """Publishes every message at its log time; /clock runs with it at least ten times a second.
+    """Publishes every message at its log time, and /clock at least ten times a second.
 
-    /replay/control pauses it and moves it; while a copy is recorded it is not moved, as the copy would not
-    be its source.
+    /replay/control pauses it and moves it. It is not moved while a copy is recorded, because the copy would
+    differ from the source.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Play a bag back onto its topics, with /clock."""
+"""Start command: plays a bag on its topics, with /clock."""
 
 from __future__ import annotations
 
@@ -44,5 +44,5 @@ def main(
 
 
 def start(program: str = "deeptruck-replay") -> None:
-    """The console script; a script of the workspace calls itself otherwise."""
+    """The console script; the script of the ROS 2 workspace passes its own name as `program`."""
     options.start(main, EXAMPLES, program)

@@ -1,4 +1,6 @@
-"""The road map: what lies ahead of the truck, from a profile of grade over the way since the run began."""
+"""Road map node: publishes the grade ahead of the truck, from a profile over the distance driven in
+the run.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ EVERY = SECOND * 9 // 100  # ns of stamps between two messages, at least: they c
 
 
 class RoadMap(DeeptruckNode):
-    """Sums up the truck's speed to its place on the profile, and answers with the grades from there on."""
+    """Integrates the truck's speed to a position on the profile, and publishes the grades ahead of it."""
 
     def __init__(self) -> None:
         super().__init__("road_map")

@@ -1,4 +1,4 @@
-"""Roads: grade and elevation over distance; `parse` reads the command line's description."""
+"""Roads: grade and elevation over distance; `parse` reads a description from the command line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class Road(Protocol):
-    """Anything with a grade (rise/run) and an elevation (m) at a distance from the start (m)."""
+    """Anything that gives a grade (rise/run) and an elevation (m) at a distance from the start (m)."""
 
     def at(self, distance: float) -> tuple[float, float]: ...
 
@@ -36,7 +36,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Sine:
-    """Hills of the given largest grade, one every `length` metres."""
+    """Sinusoidal hills with the given largest grade and a period of `length` metres."""
 
     grade: float = 0.03
     length: float = 2000.0
@@ -51,7 +51,8 @@ class Sine:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with columns distance (m) and grade (rise/run), interpolated; the ends are continued."""
+    """A table with columns distance (m) and grade (rise/run), interpolated; beyond the ends the last grade is
+    kept."""
 
     path: str
 
@@ -71,8 +72,8 @@ class Table:
 
 @dataclass(frozen=True)
 class Shared:
-    """The fleet's roads.csv at the positions of a recorded drive along the route, by the way driven in it;
-    NaN off the roads that it knows."""
+    """The fleet's roads.csv along the route of a recorded drive, by distance driven; NaN on roads that are
+    not in it."""
 
     path: str
     drive: str
@@ -100,7 +101,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Random:
-    """A random grade of about the given size, new every `length` metres, smooth in between, for 500 km."""
+    """A smooth random grade of about the given size, redrawn every `length` metres, for 500 km."""
 
     grade: float = 0.02
     length: float = 500.0
@@ -146,12 +147,13 @@ ROUTE = "give a bag of one drive along the route, with positions"
 
 
 def parse(text: str) -> Road:
-    """The road a description names, such as 'sine:grade=0.02'. Raises InputError."""
+    """The road described by a text such as 'sine:grade=0.02'. Raises InputError."""
     road: Road = choice.parse(text, KINDS, "road")
     return road
 
 
 def parse_known(text: str) -> Road:
-    """What is known of a road: as `parse`, or `shared`. Its grade may be NaN. Raises InputError."""
+    """The known part of a road, described as for `parse`, or `shared`. Its grade may be NaN. Raises
+    InputError."""
     road: Road = choice.parse(text, KNOWN, "known road")
     return road

@@ -1,4 +1,4 @@
-"""What must fit before a run starts: looked at from names, manifests and parameters, all misfits at once."""
+"""Checks before a run starts, from names, manifests and parameters; all errors are reported together."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Sections = dict[str, dict[str, Any]]
 
 @dataclass
 class Misfits:
-    """What does not fit in a run, gathered before anything is started or written."""
+    """Collects the errors of a run before anything is started or written."""
 
     found: list[str] = field(default_factory=list)
 
     def of(self, look: Callable[[], T]) -> T | None:
-        """What `look` returns; None where it raises InputError, which is kept."""
+        """The result of `look`; None if it raises InputError, which is collected."""
         try:
             return look()
         except InputError as error:
@@ -34,27 +34,29 @@ class Misfits:
             return None
 
     def of_node(self, sections: Sections, name: str, look: Callable[[dict[str, Any]], object]) -> None:
-        """A look at the parameters of a node, where there is one and they are within their ranges."""
+        """Check a node's parameters with `look`, if the node is present and its parameters are within their
+        ranges."""
         if name in sections and not parameters.misfits(name, sections[name]):
             self.of(lambda: look(parameters.checked(name, sections[name])))
 
 
 def ros_is_installed() -> None:
-    """Raises InputError where the nodes' client library is missing: an installation without its extra."""
+    """Raises InputError if the ROS client library is missing, as in an installation without the extra
+    `ros`."""
     if importlib.util.find_spec("rclpy") is None:
         missing = console.MISSING.format(name="rclpy", extra="ros")
         raise InputError(f"{missing}, or source a ROS 2 Jazzy")
 
 
 def policy_fits(policy: str, truck: TruckInterface | None) -> None:
-    """Raises InputError where there is no such policy, or it commands another truck."""
+    """Raises InputError if the policy does not exist or commands another truck."""
     from deeptruck_cacc import load_policy
 
     load_policy(policy, truck)
 
 
 def monitor_fits(monitor: str, truck: TruckInterface | None) -> None:
-    """Raises InputError where the monitor's simulator is none, or takes other commands than the truck."""
+    """Raises InputError if the monitor's simulator does not exist, or takes other commands than the truck."""
     own = checks.simulator(monitor)
     if truck is None:
         return
@@ -63,7 +65,7 @@ def monitor_fits(monitor: str, truck: TruckInterface | None) -> None:
 
 
 def leader_is_known(profile: str, initial_gap: float) -> None:
-    """Raises InputError where nothing drives ahead so, or SUMO refuses its scenario."""
+    """Raises InputError if the text describes no leader, or SUMO refuses its scenario."""
     from deeptruck_nodes import leaders
     from deeptruck_nodes.traffic import Sumo
 
@@ -78,40 +80,40 @@ def leader_is_known(profile: str, initial_gap: float) -> None:
 
 
 def road_is_known(text: str) -> None:
-    """Raises InputError where there is no such road."""
+    """Raises InputError if the text describes no road."""
     from deeptruck_nodes import roads
 
     roads.parse(text)
 
 
 def map_is_known(text: str) -> None:
-    """Raises InputError where nothing is known of a road so."""
+    """Raises InputError if the text describes no known road."""
     from deeptruck_nodes import roads
 
     roads.parse_known(text)
 
 
 def rate_fits(rate: float, dt: float) -> None:
-    """Raises InputError where a publishing rate, Hz, is no multiple of the simulator's, 1 / `dt`."""
+    """Raises InputError if a publishing rate, Hz, is no multiple of the simulator's, 1 / `dt`."""
     from deeptruck_nodes.plant import ticks_a_step
 
     ticks_a_step(rate, dt)
 
 
 def port_is_free(port: int) -> None:
-    """Raises InputError where the page cannot have its port."""
+    """Raises InputError if the port of the page is in use."""
     local.made(port).listener.close()
 
 
 def bus_opens(interface: str, channel: str) -> None:
-    """Raises InputError where a CAN bus cannot be opened."""
+    """Raises InputError if a CAN bus cannot be opened."""
     from truck_bridge.bus import open_bus
 
     open_bus(interface, channel).shutdown()
 
 
 def bag_is_playable(bag: Path, topics: list[str]) -> None:
-    """Raises InputError where no bag is there, or not these topics; one that is not finished is repaired."""
+    """Raises InputError if there is no bag, or it lacks these topics; an unfinished bag is repaired."""
     if bag.is_dir() and any(bag.glob("*.mcap")) and not (bag / checks.METADATA).exists():
         return
     held = checks.bag(bag, any_topics=True).messages
@@ -123,7 +125,7 @@ def bag_is_playable(bag: Path, topics: list[str]) -> None:
 
 
 def leader_stays(profile: str, record: Path | None) -> None:
-    """Raises InputError where the bag that a leader follows is to be recorded over."""
+    """Raises InputError if the recording would overwrite the bag that the leader follows."""
     kind, _, rest = profile.partition(":")
     given = dict(part.partition("=")[::2] for part in rest.split(","))
     if (
@@ -135,7 +137,7 @@ def leader_stays(profile: str, record: Path | None) -> None:
 
 
 def elsewhere(bag: Path, record: Path | None) -> None:
-    """Raises InputError where a bag that is played is to be recorded over, or into."""
+    """Raises InputError if the recording would overwrite the bag that is played, or lie in it."""
     if record is not None and record.resolve() == bag.resolve():
         raise InputError(f"{record} is the bag that is played; choose another --record")
     if record is not None and bag.resolve() in record.resolve().parents:

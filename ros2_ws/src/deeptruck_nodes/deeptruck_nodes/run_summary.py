@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Signals:
-    """Time in s and value of the true gap (m) and of being engaged (0, 1); stamps of the truck, s."""
+    """Time in s and value of the true gap (m) and of the engaged state (0, 1); stamps of the truck, s."""
 
     gap: tuple[Array, Array]
     engaged: tuple[Array, Array]
@@ -32,7 +32,8 @@ class Signals:
 
 
 def of(bag: Path, *, real_time: bool) -> list[str]:
-    """Sentences on a run; none of a bag without leader or truck. `real_time`: no clock waited for it."""
+    """The summary of a run, one sentence each; empty for a bag without leader or truck. `real_time`: not in
+    lock-step."""
     return sentences(_read(bag), real_time=real_time)
 
 

@@ -32,8 +32,8 @@ SPEAKERS = ("can_bridge", "mismatch_monitor", "replay")  # what they print is fo
 
 @dataclass(frozen=True)
 class Common:
-    """What every run takes: where to record (None: nowhere), own parameters, where the run folders go,
-    the simulator to compare the truck with (empty: none), and whether a browser may watch."""
+    """Options of every run: the bag to record (None: none), parameters, the folder for run folders, the
+    simulator to compare the truck with (empty: none), and whether to show the live page."""
 
     record: Path | None = None
     overwrite: bool = False
@@ -44,7 +44,8 @@ class Common:
 
 
 def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lockstep: bool) -> int:
-    """A simulated truck behind a leader; returns the exit code. `given` holds further parameters by node."""
+    """Run a simulated truck behind a leader; returns the exit code. `given` holds further parameters
+    by node."""
     misfits = Misfits()
     truck = misfits.of(lambda: checks.simulator(simulator))
     interface = truck.interface if truck else None
@@ -77,10 +78,10 @@ def drive_vehicle(
     grade: str,
     duration: float,
 ) -> int:
-    """A vehicle on a CAN bus, or its emulated controllers; returns the exit code.
+    """Run a vehicle on a CAN bus, or its emulated controllers; returns the exit code.
 
-    `given` holds the bridge's parameters, and the leader's where one is simulated; otherwise the radar topics
-    come from the truck's own radar.
+    `given` holds the parameters of the bridge, and of the leader if one is simulated; otherwise the radar
+    topics come from the truck's radar.
     """
     from truck_bridge import vehicles
     from truck_bridge.emulator.road import road
@@ -109,7 +110,7 @@ def drive_vehicle(
 
 
 def replay(common: Common, given: Sections) -> int:
-    """A bag back onto its topics; one whose recorder was killed is repaired first. Returns the exit code."""
+    """Play a bag on its topics; a bag whose recorder was killed is repaired first. Returns the exit code."""
     misfits = Misfits()
     sections: Sections = {"recorder": _recorder(common, None), **_monitor(common)}
     sections |= {**_page(common, None), "replay": {}}
@@ -327,7 +328,7 @@ def _watched(sections: Sections, file: Path) -> Iterator[tuple[Program, ...]]:
 
 
 def recorded(record: Path | None, bag: Path | None) -> str:
-    """What became of a recording at `bag`, which was to be `record`: what a run says at its end."""
+    """The final line of a run about its recording at `bag`, whose intended path was `record`."""
     if record is None or bag is None:
         return "nothing was to be recorded, --record BAG does"
     if bag_place.is_whole(bag):

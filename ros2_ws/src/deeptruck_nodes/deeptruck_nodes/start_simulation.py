@@ -1,4 +1,6 @@
-"""Drive a simulated truck behind a leader: truck, leader, controller and recorder, each its own process."""
+"""Start command: drives a simulated truck behind a leader, with one process each for truck, leader,
+controller and recorder.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Drive a truck over CAN: can_bridge, controller and recorder, on a real bus or before an ECU emulator."""
+"""Start command: drives a truck over CAN with can_bridge, controller and recorder, on a real bus or against
+an ECU emulator.
+"""
 
 from __future__ import annotations
 
@@ -107,5 +109,5 @@ def main(
 
 
 def start(program: str = "deeptruck-vehicle") -> None:
-    """The console script; a script of the workspace calls itself otherwise."""
+    """The console script; the script of the ROS 2 workspace passes its own name as `program`."""
     options.start(main, EXAMPLES, program)

@@ -1,4 +1,4 @@
-"""Starts the processes of a run together, watches them, and ends them in order, whatever happens."""
+"""Starts the processes of a run together, watches them, and always ends them in order."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ _PR_SET_PDEATHSIG = 1
 
 @dataclass(frozen=True)
 class Program:
-    """One process of a run. One with `ends_run` ends it by exiting with 0; any other exit is a failure.
+    """One process of a run. A program with `ends_run` ends the run when it exits with 0; any other exit is a
+    failure.
 
-    What one with `speaks` prints goes to the terminal as well as to its log. A `spectator` only looks on:
-    nobody waits for it, it has the lower priority, and one that dies is started again while the run goes on.
+    The output of a program with `speaks` goes to the terminal as well as to its log. A `spectator` only
+    observes: no process waits for it, it has a lower priority, and it is restarted if it dies during the run.
     """
 
     name: str
@@ -77,7 +78,7 @@ class _Child:
 
 
 class Supervisor:
-    """`programs` are started in this order and ended in the opposite one."""
+    """Runs `programs`, started in this order and ended in the reverse order."""
 
     def __init__(
         self, folder: Path, programs: Sequence[Program], environment: Mapping[str, str], lock: int
@@ -92,9 +93,10 @@ class Supervisor:
         """why the run ended, in a few words"""
 
     def run(self, duration: float = 0.0) -> int:
-        """Run until a program ends the run, `duration` s (0: no limit) have passed, or a signal asks for it.
+        """Run until a program ends the run, `duration` s (0: no limit) have passed, or a signal requests the
+        end.
 
-        Returns the exit code: 0 after a wanted end, 2 where a program refused its input, else 1.
+        Returns the exit code: 0 after a regular end, 2 if a program refused its input, else 1.
         """
         before = {number: signal.signal(number, self._on_signal) for number in _ends()}
         try:  # from its first word on a run ends as one that was asked to

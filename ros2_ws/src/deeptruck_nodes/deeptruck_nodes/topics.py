@@ -1,6 +1,6 @@
-"""Every topic once: name, type, quality of service, rate, who publishes and who listens.
+"""Definition of every topic: name, type, quality of service, rate, publishers and subscribers.
 
-Nodes, supervisor, layouts and docs/topics.md take them from here; tests hold the last two to it.
+Nodes, supervisor, layouts and docs/topics.md use these; tests compare the last two with them.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ SOURCES = ("truck_sim", "can_bridge", "replay")
 
 @dataclass(frozen=True)
 class Topic:
-    """`fields` are the names a JointState carries, always in this order; `rate` says how often it comes, and
-    `pause_s` is the usual time between two messages where that is longer than 2 s."""
+    """`fields` are the names in a JointState, always in this order; `rate` describes how often it is
+    published, and `pause_s` is the usual time between two messages if that exceeds 2 s."""
 
     name: str
     message: type
@@ -56,7 +56,7 @@ class Topic:
 
     @property
     def type_name(self) -> str:
-        """The name under which bags and the graph know the type."""
+        """The type's name in bags and in the node graph."""
         return f"{self.message.__module__.split('.')[0]}/msg/{self.message.__name__}"
 
 
@@ -158,5 +158,6 @@ RECORDED: tuple[str, ...] = tuple(name for name, topic in TOPICS.items() if "rec
 
 
 def expected_subscribers(topic: Topic, peers: tuple[str, ...]) -> int:
-    """How many of the nodes in this run listen to a topic; a publisher is ready when that many matched."""
+    """Number of nodes in this run that listen to a topic; a publisher is ready once that many have
+    matched."""
     return sum(peer in topic.subscribers for peer in peers)

@@ -1,9 +1,9 @@
-"""SUMO's traffic around our truck: whoever drives ahead on its lane is the leader.
+"""SUMO traffic around the truck: the vehicle ahead in the truck's lane is the leader.
 
-SUMO runs inside the leader's process (libsumo): no socket, no second clock. Our truck is a vehicle of the
-scenario whose speed is set at every step, with all of SUMO's checks on it off and no lane changes of its own.
-So SUMO carries it along its route over any lanes and junctions by the trapezoidal rule, the one of `Gap`, and
-the traffic reacts to it. To move it by coordinates would need the lanes' geometry and gain nothing.
+SUMO runs inside the leader's process (libsumo), without a socket or a second clock. The truck is a vehicle of
+the scenario whose speed is set at every step; SUMO's checks of its speed and its lane changes are switched
+off. SUMO moves it along its route, over lanes and junctions, by the trapezoidal rule that `Gap` uses, and the
+traffic reacts to it. Setting its coordinates instead would need the geometry of the lanes.
 """
 
 from __future__ import annotations
@@ -40,12 +40,13 @@ OPTIONS = (  # what a run needs, whatever the scenario says
 
 
 class TrafficEnded(Exception):  # noqa: N818 (a run on a finite road ends)
-    """The traffic cannot go on around the truck; the message is one line and says why."""
+    """The traffic cannot continue around the truck; the message is one line with the reason."""
 
 
 @dataclass(frozen=True)
 class Sumo:
-    """A scenario of SUMO: one that is shipped, by its name, or a .sumocfg; its vehicle `truck` is ours."""
+    """A SUMO scenario: the name of a shipped one, or a .sumocfg; its vehicle `truck` is the simulated
+    truck."""
 
     first: ClassVar[str] = "scenario"  # may stand without its name
 
@@ -69,14 +70,15 @@ class Sumo:
 
     @property
     def file(self) -> Path:
-        """The configuration; a name without a folder or ending is that of a shipped one."""
+        """Path of the configuration; a name without folder or suffix is a shipped scenario."""
         shipped = SCENARIOS / f"{self.scenario}.sumocfg"
         return shipped if re.fullmatch(r"\w+", self.scenario) else Path(self.scenario)
 
     def try_out(self) -> None:
-        """Raises InputError where SUMO refuses the scenario or our truck finds no place in it.
+        """Raises InputError if SUMO refuses the scenario or cannot insert the truck.
 
-        In another process: a process has one SUMO only, which prints, and some mistakes end its process.
+        Runs in another process, because a process has only one SUMO, which prints, and some errors end the
+        process.
         """
         argv = [sys.executable, "-m", "deeptruck_nodes.traffic", self.scenario, str(self.seed), self.truck]
         done = subprocess.run(argv, capture_output=True, text=True, errors="replace", check=False)
@@ -92,10 +94,10 @@ def _reason(said: str) -> str:
 
 
 class Traffic:
-    """Advances SUMO along with the truck's samples: `gap` (m) and `leader_speed` (m/s) of who is ahead.
+    """Advances SUMO with the truck's samples: `gap` (m) and `leader_speed` (m/s) of the vehicle ahead.
 
-    Nobody ahead within `AHEAD`: inf and NaN. Raises InputError where the scenario has no place for our truck,
-    and TrafficEnded from `update`. The same seed and samples give the same traffic.
+    inf and NaN if there is no vehicle within `AHEAD`. Raises InputError if the scenario has no place for the
+    truck, and TrafficEnded from `update`. Equal seeds and samples give equal traffic.
     """
 
     def __init__(self, scenario: Sumo) -> None:
@@ -145,7 +147,8 @@ class Traffic:
         return self._truck in self._sumo.vehicle.getIDList()
 
     def update(self, t: float, speed: float) -> None:
-        """Our truck has `speed` (m/s), t seconds after the start; NaN keeps the last one."""
+        """Advance to t seconds after the start with the truck's `speed` (m/s); at NaN the last speed
+        is kept."""
         speed = max(speed, 0.0) if math.isfinite(speed) else self._speed
         while (due := (self._steps + 1) * STEP) <= t + SAME_TIME:
             share = min((due - self._time) / (t - self._time), 1.0)
@@ -192,12 +195,13 @@ class Traffic:
         self.leader_speed = float(self._sumo.vehicle.getSpeed(self.vehicle))
 
     def close(self) -> None:
-        """End SUMO; a process may then start it again."""
+        """End SUMO, so that it can be started again in this process."""
         self._sumo.close()
 
 
 def main() -> None:
-    """Try out a scenario: SCENARIO SEED TRUCK; exit code 2 and a last line where it is not fit."""
+    """Try out a scenario, arguments SCENARIO SEED TRUCK; exit code 2 and an explanatory last line if it
+    cannot be used."""
     scenario, seed, truck = sys.argv[1:]
     try:
         Traffic(Sumo(scenario, int(seed), truck)).close()

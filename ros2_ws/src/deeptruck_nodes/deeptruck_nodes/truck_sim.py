@@ -1,4 +1,6 @@
-"""The truck: any simulator behind `simulators.load`, in real time or in lock-step with its controller."""
+"""Truck node: any simulator that `simulators.load` can load, in real time or in lock-step with its
+controller.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ FIRST_STAMP = 1 * SECOND  # of a lock-step run; 0 means "no time yet" to ROS
 
 
 class TruckSim(DeeptruckNode):
-    """Publishes the truck at every tick; the command that arrived since the last step drives the next one."""
+    """Publishes the truck at every tick; the last command received before a step drives that step."""
 
     def __init__(self) -> None:
         super().__init__("truck_sim")

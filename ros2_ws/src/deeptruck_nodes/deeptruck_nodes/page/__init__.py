@@ -1,4 +1,4 @@
-"""The live page of a run: what the nodes say comes in, one page in a browser goes out. No ROS in here.
+"""The live page of a run, without ROS: converts messages to events for browsers.
 
-`live` turns messages into batches, `server` hands them to browsers on this machine, `place` is the address.
+`live` turns messages into batches, `server` sends them to browsers on this machine, `place` is the address.
 """

@@ -1,4 +1,4 @@
-"""The page, put together from the files beside this one, and the policy that lets nothing else run in it."""
+"""Assembles the page from the files in this folder, with a policy that lets only these run in it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ SCRIPTS = ("strips.js", "graph.js", "page.js")  # in this order: each uses those
 
 
 def page() -> tuple[bytes, str]:
-    """The page, and its Content-Security-Policy: its own script and style by their hashes, its own stream."""
+    """The page and its Content-Security-Policy, which allows its own script and style, by hash, and its event
+    stream."""
     script, style = "\n".join(map(_read, SCRIPTS)), _read("page.css")
     text = _read("page.html").replace("/*style*/", style).replace("/*script*/", script)
     policy = (

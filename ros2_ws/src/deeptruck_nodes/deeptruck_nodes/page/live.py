@@ -1,7 +1,8 @@
-"""What the nodes say, as batches for the page: every sample of the strips, the age of every topic, health.
+"""Turns messages into batches for the page: samples of the strip charts, the age of each topic, and node
+status.
 
-Times of samples are their stamps, in ms since the first one; ages are by the clock of this process (s), as
-stamps of a lock-step run say nothing about now.
+Times of samples are their stamps, in ms since the first one. Ages use the clock of this process (s), because
+the stamps of a lock-step run are unrelated to real time.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ LEARNS = 0.1  # share of the newest interval in what is known of the period
 
 @dataclass
 class Ages:
-    """When a topic was received last, and how often it comes."""
+    """Time of the last message on a topic, and its mean rate."""
 
     count: int = 0
     at: float = -math.inf
@@ -57,9 +58,10 @@ class Ages:
 
 @dataclass(frozen=True)
 class Link:
-    """A topic of the graph: who publishes it and who listens, of the nodes in this run.
+    """A topic of the graph, with its publishers and subscribers among the nodes of this run.
 
-    One that is not `expected` is shown once it was received. `pause_s` is that of one that seldom comes.
+    A topic that is not `expected` is shown once it was received. `pause_s` is the usual pause of a topic that
+    is seldom published.
     """
 
     topic: str
@@ -89,14 +91,14 @@ class Live:
     _acted: float = math.nan
 
     def received(self, topic: str, count: int, at: float) -> None:
-        """`count` messages of a topic, the newest at `at`, monotonic s."""
+        """Count `count` messages of a topic, the newest at `at`, monotonic s."""
         if topic not in self._ages:
             pause = max((link.pause_s for link in self.links if link.topic == topic), default=0.0)
             self._ages[topic] = Ages(period=pause, pause=pause, longest=pause) if pause else Ages()
         self._ages[topic].hear(count, at)
 
     def sample(self, stamp: int, values: Mapping[str, float]) -> None:
-        """Values of series by name, stamped in ns."""
+        """Add values of series by name, with a stamp in ns."""
         self._first = stamp if self._first is None else self._first
         for name, value in values.items():
             times, numbers = self._samples.setdefault(name, ([], []))
@@ -104,7 +106,7 @@ class Live:
             numbers.append(round(value, 4) if math.isfinite(value) else None)
 
     def names(self, probabilities: Mapping[str, float]) -> None:
-        """Of families and of the names in them; not a number where nothing could be compared."""
+        """Set the probabilities of families and of the names in them; NaN if nothing could be compared."""
         families = {f: probabilities.get(f, 0.0) for f in (*NAMES, "unknown", "nothing")}
         self._missing["names"] = [
             [spoken(family), p, _shown(probabilities, NAMES.get(family, ()))]
@@ -114,7 +116,7 @@ class Live:
         self._missing_changed = True
 
     def budget(self, values: Mapping[str, float]) -> None:
-        """The speed error, and the shares of its square by part."""
+        """Set the speed error, and the share of each part in its square."""
         known = {name: x for name, x in values.items() if math.isfinite(x)}
         self._missing["budget"] = _shown(known, PARTS)
         self._missing["off"] = [known.get("speed_rmse"), known.get("horizon_s")]
@@ -123,7 +125,7 @@ class Live:
     def health(
         self, stamp: int, node: str, level: str, says: str, values: Mapping[str, str], at: float
     ) -> None:
-        """Add the status that a node publishes."""
+        """Add a status that a node published."""
         self._health[node] = {"level": level, "says": says, "values": dict(values), "at": at}
         self._changed.add(node)
         acted = _number(values.get("shield_acted", "nan"))
@@ -132,7 +134,7 @@ class Live:
         self._acted = acted if math.isfinite(acted) else self._acted
 
     def batch(self, now: float) -> str:
-        """What came since the last batch, as JSON."""
+        """The changes since the last batch, as JSON."""
         samples, self._samples = self._samples, {}
         changed, self._changed = self._changed, set()
         missing = {"missing": self._missing} if self._missing_changed else {}
@@ -149,7 +151,7 @@ class Live:
         )
 
     def greeting(self) -> str:
-        """What a new viewer must know before the first batch, as JSON."""
+        """What a new viewer needs before the first batch, as JSON."""
         links = [
             {"topic": x.topic, "from": x.publishers, "to": x.listeners, "expected": x.expected}
             for x in self.links

@@ -1,8 +1,8 @@
-"""How the page's process learns where the page is.
+"""Passes the page's address from the start script to the page's process.
 
-The start script makes the socket and the word that opens it, and hands them to the page's process. The word
-goes by the environment, which only the same user can read; a parameter file or a log could be read by
-everyone. The socket outlives a page that died: its address stays the same.
+The start script opens the socket and creates the access token, and passes both to the page's process. The
+token is passed in the environment, which only the same user can read; parameter files and logs may be
+readable by everyone. The socket remains open if the page ends, so that a restarted page keeps its address.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ SOCKET, TOKEN = "DEEPTRUCK_PAGE_SOCKET", "DEEPTRUCK_PAGE_TOKEN"
 
 
 def environment(place: Place) -> dict[str, str]:
-    """How a process that inherits the socket learns of it."""
+    """Environment variables that describe the inherited socket to a process."""
     return {SOCKET: str(place.listener.fileno()), TOKEN: place.token}
 
 
 def inherited() -> Place | None:
-    """The place that the start script made; None for a page that was started by hand."""
+    """The address from the start script; None for a page that was started by hand."""
     number, token = os.environ.pop(SOCKET, ""), os.environ.pop(TOKEN, "")
     if not (number and token):
         return None

@@ -1,5 +1,5 @@
-"""The live page and its stream of events, for browsers on this machine. A replay can be paused and moved by
-POST; everything else is read only.
+"""HTTP server of the live page and its event stream, for browsers on this machine. POST pauses or moves a
+replay; everything else is read only.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def event(kind: str, data: str) -> bytes:
 
 
 class Viewer:
-    """Queue of events for one browser. `offer` never blocks: a full queue drops and counts its oldest
-    event."""
+    """Queue of events for one browser. `offer` never blocks: if the queue is full, its oldest event is
+    dropped and counted."""
 
     def __init__(self, room: int = ROOM) -> None:
         self._waiting: deque[bytes] = deque(maxlen=room)
@@ -44,7 +44,7 @@ class Viewer:
 
     @property
     def waiting(self) -> int:
-        """How many events wait."""
+        """Number of events in the queue."""
         return len(self._waiting)
 
     def end(self) -> None:
@@ -66,7 +66,8 @@ class Viewer:
 
 
 class Stream:
-    """The events of a run, to every viewer. A new one first gets a greeting and the newest batches."""
+    """Sends the events of a run to every viewer. A new viewer first gets a greeting and the newest
+    batches."""
 
     def __init__(self, greeting: Callable[[], str], kept_bytes: int = KEPT_BYTES) -> None:
         self._greeting, self._room = greeting, kept_bytes
@@ -77,7 +78,8 @@ class Stream:
         self._lock = threading.Lock()
 
     def send(self, data: str) -> None:
-        """Send a batch to every viewer, and keep it for later viewers; the oldest batches go first."""
+        """Send a batch to every viewer, and keep it for later viewers; the oldest batches are discarded
+        first."""
         batch = event("batch", data)
         with self._lock:
             self._kept.append(batch)
@@ -88,7 +90,7 @@ class Stream:
                 viewer.offer(batch)
 
     def join(self) -> tuple[Viewer, bytes]:
-        """A new viewer, and what it is shown first."""
+        """A new viewer, and the events it gets first."""
         viewer = Viewer()
         with self._lock:
             first = [f"retry: {RETRY_MS}\n".encode(), event("hello", self._greeting()), *self._kept]
@@ -98,12 +100,12 @@ class Stream:
         return viewer, b"".join(first)
 
     def leave(self, viewer: Viewer) -> None:
-        """A viewer is gone."""
+        """Remove a viewer."""
         with self._lock:
             self._viewers.remove(viewer)
 
     def end(self, why: str) -> None:
-        """The last event."""
+        """Send the last event."""
         with self._lock:
             self._over = True
             for viewer in self._viewers:
@@ -112,13 +114,13 @@ class Stream:
 
     @property
     def waiting(self) -> list[int]:
-        """How many events wait for each of those who watch."""
+        """Number of queued events of each viewer."""
         with self._lock:
             return [viewer.waiting for viewer in self._viewers]
 
 
 class Server(local.Server):
-    """The page and its stream at a place."""
+    """Serves the page and its event stream at an address."""
 
     def __init__(
         self,
@@ -133,7 +135,7 @@ class Server(local.Server):
         self.page, self.stream, self.control = page, stream, control
 
     def close(self, why: str) -> None:
-        """Tell the viewers, then stop; one that does not listen is not waited for."""
+        """Send the end to the viewers, then stop, without waiting for viewers that do not respond."""
         self.stream.end(why)
         until = threading.Event()
         for _ in range(25):
