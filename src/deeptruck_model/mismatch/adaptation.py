@@ -1,7 +1,8 @@
-"""What one drive has of its own, from its first minutes: load, wind, and a constant force per mass.
+"""Estimates load, wind and a constant force per mass from the first minutes of a drive.
 
-They differ from day to day and cannot be learned from other drives. Each is a block of the posterior by which
-mechanisms are named, beside what is slow, a slope that was not recorded, and what follows other signals.
+They differ from drive to day and cannot be learned from other drives. Each is a block of the posterior by
+which mechanisms are named, estimated together with slow drift, an unrecorded slope and effects of other
+signals.
 """
 
 from __future__ import annotations
@@ -49,7 +50,8 @@ STRONGEST = {BIAS: STEEPEST, WIND: Limits.mean_wind}  # what no drive has throug
 
 @dataclass(frozen=True)
 class Adapted:
-    """The simulator with what a drive has of its own."""
+    """The simulator adapted to one drive, with the estimates of that drive's load, wind and constant
+    force."""
 
     truck: CorrectedTruck
     own: Own
@@ -67,7 +69,7 @@ class Adapted:
 
 
 def with_own(simulator: Simulator, own: Own) -> CorrectedTruck:
-    """The simulator with what is estimated of a drive's own."""
+    """The simulator with the load, wind and constant force estimated for a drive."""
     sizes = {WIND: own.used("wind"), BIAS: -own.used("constant") / GRAVITY}
     terms = [Term(name, (STEADY[name],), (size,)) for name, size in sizes.items() if size]
     load = own.used("load")
@@ -81,10 +83,10 @@ def adapt(
     *,
     rules: Rules = Rules(),
 ) -> Adapted:
-    """The simulator adapted to the drive that the recordings are the pieces of, by its first `first_s`.
+    """Adapt the simulator to a drive, of which the recordings are the pieces, by its first `first_s` seconds.
 
-    The simulator may be named as `load` does, the drive by the path of its bag. Raises InputError where they
-    do not belong to each other, or too little of the drive can be compared.
+    The simulator may be named as for `load`, the drive by the path of its bag. Raises InputError if they do
+    not belong together, or if too little of the drive can be compared.
     """
     calls.number(first_s, "first_s", "s")
     simulator = completed(simulator)
@@ -100,7 +102,8 @@ def adapt(
 
 
 def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Own | None:
-    """What prepared pieces of one drive have of their own; None where too little can be compared."""
+    """Load, wind and constant force of the drive with these prepared pieces; None if too little can be
+    compared."""
     e = gather(simulator, drives, [False] * len(drives), rules=rules)
     e = replace(e, valid=e.valid & ~unrecorded.braking(e, rules)[0])
     if e.valid.sum() * e.dt < Limits.least_driving_s:
@@ -153,7 +156,7 @@ def _quantity(probability: float, drawn: Array, most: float) -> Quantity:
 
 
 def begin(simulator: Simulator, recordings: Sequence[Recording], first_s: float) -> list[Prepared]:
-    """The first `first_s` of a drive that may be cut into pieces, made fit for the simulator."""
+    """The first `first_s` seconds of a drive, possibly cut into pieces, prepared for the simulator."""
     same_signals(simulator, recordings)
     pieces, left = [], first_s
     for r in recordings:

@@ -1,8 +1,8 @@
-"""The budget of the mismatch: the squared free-run speed error, split into parts that add up to one.
+"""Error budget: splits the squared free-run speed error into parts that add up to one.
 
-The parts are those of the posterior: their mean forces, which a correction takes away, are added up over
-windows as a free run adds them up. A share's interval is between the 5 % and 95 % quantiles of the draws. It
-describes the drives that it was fitted to.
+The parts are those of the posterior. Their mean forces, which a correction removes, are integrated over
+windows as in a free run. The interval of a share lies between the 5 % and 95 % quantiles of the draws. The
+budget holds for the drives it was fitted to.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class DriveShare:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the squared speed error: its `share`, a 90 % interval, the share of the time in which its
-    force acts, its force (n,), m/s^2, and its share of the error of each drive."""
+    """A part of the squared speed error: its `share` with a 90 % interval, the share of time in which its
+    force acts, the force (n,), m/s^2, and its share in the error of each drive."""
 
     part: str
     share: float = field(metadata=stored(digits=4))
@@ -49,9 +49,11 @@ class Part:
 
 @dataclass(frozen=True)
 class Budget:
-    """The parts, largest first and what is unexplained last, of the squared speed error after up to
-    `horizon_s`, whose root mean is `speed_rmse`, m/s; `windows` of them. No parts where too few windows are
-    unbroken. `persistent` is the share that is unexplained beyond what white noise adds up to."""
+    """The parts of the squared speed error after up to `horizon_s`, largest first, the unexplained part last.
+
+    `speed_rmse`, m/s, is the root mean square error of the `windows` windows. There are no parts if too few
+    windows are free of gaps. `persistent` is the unexplained share in excess of that of white noise.
+    """
 
     horizon_s: float
     windows: int
@@ -60,16 +62,16 @@ class Budget:
     persistent: float = field(default=0.0, metadata=stored(digits=4, later=True))
 
     def share(self, part: str) -> float:
-        """The share of a part; zero where there is none."""
+        """The share of a part; zero if it is not in the budget."""
         return next((p.share for p in self.parts if p.part == part), 0.0)
 
     def force(self, part: str, like: Array) -> Array:
-        """The force of a part (n,); zero where there is none."""
+        """The force of a part (n,); zero if it is not in the budget."""
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
 
 
 def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
-    """Split the simulator's error, taken from the evidence `given`, into parts over the fitted rows.
+    """Split the simulator's error, as in the evidence `given`, into parts over the fitted rows.
 
     If the regression used refitted parameters, the change due to the refit counts in their families. `hidden`
     (n,) marks rows that are not compared because an unrecorded input acts; their residual is the part HIDDEN.

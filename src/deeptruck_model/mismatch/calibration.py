@@ -1,12 +1,12 @@
-"""A physics truck's own parameters from recordings, and which of them these do not identify.
+"""Calibrates a physics truck's parameters on recordings, and finds which parameters these do not identify.
 
-All that a truck of the pool has in common with the recorded one is fitted at once, about its own values again
-and again, with the noise and the priors of the mismatch search. Nothing else is looked for: what is missing
-goes into the parameters, which held-out drives then show.
+All parameters that the recorded truck shares with a truck of the pool are fitted at once, relinearised until
+convergence, with the noise and priors of the mismatch search. No missing effects are fitted: they bias the
+parameters, which held-out drives then show.
 
-Mass and gains that grow alike hardly change an acceleration, so that physics the truck lacks can move all of
-them far. The mass of a data sheet is known better than that: it moves only where held-out drives are then
-driven better, and gains come no farther from those given (another load leaves them alone).
+Changing mass and gains together hardly changes the acceleration, so missing physics could move all of them
+far. The mass from a data sheet is more certain than that: it is changed only if held-out drives are then
+predicted better, and gains are kept near the given values (another load does not change them).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ NO_GRADE = (
 
 @dataclass(frozen=True)
 class Fitted:
-    """A parameter: as given and as fitted, with a 95 % interval; None where the drives do not identify it."""
+    """A parameter as given and as fitted, with a 95 % interval; None if the drives do not identify it."""
 
     name: str
     unit: str
@@ -52,8 +52,8 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The fitted truck, its parameters, pairs that these drives identify only as a pair, and the errors of
-    free runs of `horizon_s` on the held-out recordings; `better` is the 95 % interval of their relative
+    """The fitted truck and its parameters, the pairs that these drives identify only jointly, and the errors
+    of free runs of `horizon_s` on the held-out recordings. `better` is the 95 % interval of their relative
     improvement, None without a free run."""
 
     truck: PhysicsTruck
@@ -69,7 +69,7 @@ class Calibration:
 
     @property
     def validated(self) -> bool:
-        """Whether the fitted truck drives significantly better where it was not fitted."""
+        """Whether the fitted truck predicts the held-out recordings significantly better."""
         return self.better is not None and self.better[0] > 0.0
 
 
@@ -82,9 +82,9 @@ def calibrate(
     say: Callable[[str], None] = lambda step: None,
     rules: Rules = Rules(),
 ) -> Calibration:
-    """Fit the parameters of a physics truck to recordings; the last 30 % are held out where none are given.
+    """Fit the parameters of a physics truck to recordings; without `held_out` the last 30 % are held out.
 
-    Raises InputError where truck and recordings do not belong together, or these cannot be used.
+    Raises InputError if truck and recordings do not belong together, or the recordings cannot be used.
     """
     with threadpool_limits(1):
         say("checking the data")

@@ -1,4 +1,4 @@
-"""The arguments of `find_mismatch`, checked before anything is computed."""
+"""Checks the arguments of `find_mismatch` before anything is computed."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def called(
     rules: Any,
     mass_kg: Any,
 ) -> tuple[Simulator, list[Recording], list[Recording]]:
-    """The simulator, and the recordings to fit and to hold out, read where bags were named.
+    """The simulator, and the recordings to fit and to hold out, read from bags if these were given.
 
-    Raises InputError for what cannot be meant.
+    Raises InputError for invalid arguments.
     """
     calls.integer(seed, "seed")
     calls.instance(rules, Rules, "rules", "change single ones by Rules(speed_scale=...)")

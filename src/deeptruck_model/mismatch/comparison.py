@@ -1,4 +1,4 @@
-"""A simulator compared with drives: the input of `decide`, before any correction."""
+"""Types for a comparison of a simulator with drives, before any correction; the input of `decide`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.unrecorded import NotRecorded
 
 @dataclass(frozen=True)
 class Uncompared:
-    """Drives with which nothing can be compared, as `drives.useless` says, and what was not recorded."""
+    """Drives of which nothing can be compared, with the reason `drives.useless`, and the missing inputs."""
 
     drives: Drives
     missing: tuple[NotRecorded, ...]
@@ -27,9 +27,9 @@ class Uncompared:
 
 @dataclass(frozen=True)
 class Compared:
-    """The simulator's own `parameters`, the drives, what was not recorded, the `residual` (n,), m/s^2, of the
-    simulator as given, the posterior, which may be about refitted parameters, the names and the budget, the
-    missing input by the names that it may explain as well, and what acts for seconds."""
+    """A comparison: the simulator's given `parameters`, the drives, the missing inputs, the `residual` (n,),
+    m/s^2, of the simulator as given, the posterior (perhaps linearised at refitted parameters), names and
+    budget, the missing input behind each name that it may explain, and events."""
 
     parameters: Mapping[str, float]
     drives: Drives
@@ -43,5 +43,5 @@ class Compared:
 
     @property
     def search(self) -> Regression:
-        """The regression that all is compared on."""
+        """The regression on which all names are compared."""
         return self.posterior.search

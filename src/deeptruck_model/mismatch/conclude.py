@@ -1,4 +1,4 @@
-"""The verdict put together: findings, where they act, and what `decide` makes of the numbers."""
+"""Assembles the verdict: findings, where they act, and the decision of `decide`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from deeptruck_model.mismatch.witnesses import Witness
 
 
 def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
-    """Where nothing can be compared: a fault of the sensors if there is one, else undetermined, and why."""
+    """The verdict if nothing can be compared: a sensor fault if there is one, else undetermined with the
+    reason."""
     found = tuple(of_fault(f) for f in drives.faults)
     why = drives.useless or ""
     return Verdict(
@@ -51,7 +52,7 @@ def conclude(
     driven: Validated,
     rules: Rules,
 ) -> Verdict:
-    """The verdict from all that was measured."""
+    """The verdict from all results of the comparison."""
     e, fit = c.search.e, driven.fit
     numbers = _numbers(c, driven)
     found = findings(c, made, road, numbers.error, decide.tolerance(numbers.own, rules), rules)
@@ -81,8 +82,8 @@ def conclude(
 
 
 def tree(c: Compared, found: Sequence[Finding], road: Road | None, rules: Rules) -> tuple[Node, ...]:
-    """The tree of the first of the findings that has one, or of the road; else of what is most probable; else
-    `nothing`, beside every name with its own probability."""
+    """The tree of the road if it states a name; else of the first finding that has one, else of the most
+    probable name; without any, every mechanism with its probability, and `nothing`."""
     if road is not None and road.tree.stated(rules.stated) != ROOT:
         return road.tree.nodes()
     by_name = {named.name: named.tree for named in c.names.found}

@@ -1,4 +1,4 @@
-"""The verdict and its advice, from numbers alone: the only file that decides them."""
+"""Decides verdict and advice from numbers alone; no other file does."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from deeptruck_model.mismatch.rules import Rules
 
 @dataclass(frozen=True)
 class Numbers:
-    """What a verdict is decided by.
+    """The numbers that decide a verdict.
 
-    `kinds` and `shares` of the findings; the speed errors (m/s) of the simulator as `given`, with parameters
-    `refitted` and `corrected` in free runs of `horizon_s` along held-out drives (NaN where none is long
-    enough), the `fitted` error along fitted drives (NaN where too few windows are unbroken), and the `own`
-    error of a learned simulator (None: it is none, or not known); what is `offered`, whether anything `is
-    corrected`, and which inputs are `missing`.
+    `kinds` and `shares` of the findings. Speed errors (m/s) in free runs of `horizon_s` along held-out
+    drives, of the simulator as `given`, with `refitted` parameters, and `corrected` (NaN if no drive is long
+    enough). The `fitted` error along fitted drives (NaN if too few windows are free of gaps). The `own` error
+    of a learned simulator on its held-out recordings (None if it is not learned or not known). Which
+    simulator is `offered`, whether anything `is corrected`, and which inputs are `missing`.
     """
 
     kinds: Sequence[Kind] = ()
@@ -38,20 +38,20 @@ class Numbers:
 
     @property
     def error(self) -> float:
-        """The larger of the errors along held-out and fitted drives, m/s; NaN where neither is known."""
+        """The larger of the errors along held-out and fitted drives, m/s; NaN if neither is known."""
         known = [x for x in (self.given, self.fitted) if np.isfinite(x)]
         return max(known, default=float("nan"))
 
 
 def tolerance(own: float | None, rules: Rules) -> float:
-    """The speed error (m/s) up to which a simulator is good enough: a learned one may be off by a little more
-    than on its own recordings."""
+    """The speed error (m/s) up to which a simulator is good enough; for a learned one, slightly above its
+    error on its own recordings."""
     return rules.visible if own is None else max(rules.visible, min(rules.differs * own, rules.largest))
 
 
 def conclusion(n: Numbers, rules: Rules) -> Conclusion:
-    """The kind of the finding that explains most; without one nothing is missing, unless the simulator is off
-    by more than it may be, or by nobody knows how much."""
+    """The kind of the finding that explains most. Without a finding nothing is missing, unless the
+    simulator's error exceeds the tolerance or is not known."""
     if n.kinds:
         return Conclusion(n.kinds[int(np.argmax(n.shares))])
     if np.isfinite(n.error) and n.error <= tolerance(n.own, rules):
@@ -60,13 +60,13 @@ def conclusion(n: Numbers, rules: Rules) -> Conclusion:
 
 
 def uncompared(*, faulty: bool) -> Conclusion:
-    """Where nothing can be compared: a fault of the sensors, or nothing is known."""
+    """The conclusion if nothing can be compared: a sensor fault, or undetermined."""
     return Conclusion.SENSOR if faulty else Conclusion.UNDETERMINED
 
 
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
-    """What is best on drives left out, whatever the name; where nothing is missing only if it takes away as
-    much of the error as makes a finding of a drift."""
+    """The simulator with the least error on held-out drives, with or without a name. If nothing is missing,
+    it is offered only if it removes as large a share of the error as a finding of drift must have."""
     after = {REFIT: n.refitted, CORRECTION: n.corrected}.get(n.offered, n.given)
     if kind is Conclusion.NOTHING and not n.given - after > rules.drift:
         return AS_GIVEN
@@ -74,7 +74,8 @@ def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
 
 
 def advice(n: Numbers, kind: Conclusion, rules: Rules) -> Mapping[str, Advice]:
-    """Whether the data are enough, the simulator is good enough, and what is offered should be applied."""
+    """Answers with reasons: whether the data suffice, whether the simulator is good enough, and whether to
+    apply the offered simulator."""
     return {"data": _data(n), "simulator": _simulator(n, kind, rules), "apply": _apply(n, kind, rules)}
 
 

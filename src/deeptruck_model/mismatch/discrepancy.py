@@ -1,4 +1,4 @@
-"""Error of a learned simulator on the recordings that it keeps and was not fitted to."""
+"""Error of a learned simulator on its stored held-out recordings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ JOLTS = 0.02  # of the time, that count for nothing
 
 
 def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
-    """The held-out recordings that a learned simulator keeps; none where they are too short."""
+    """The held-out recordings stored in a learned simulator; empty if they are too short."""
     try:
         prepared = [
             learned(simulator, prepare(r, measured_acceleration)) for r in getattr(simulator, "reference", ())
@@ -32,8 +32,8 @@ def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
 
 
 def allowed_for(simulator: Simulator, e: Evidence, measured_acceleration: bool, seed: int) -> Evidence:
-    """The evidence with a learned simulator's error on its own recordings and the slow part of that;
-    unchanged for a simulator of known physics."""
+    """The evidence with a learned simulator's error on its held-out recordings, and the slow part of that
+    error; unchanged for a physics truck."""
     if e.known_physics:
         return e
     own_drives = kept(simulator, measured_acceleration)

@@ -19,7 +19,7 @@ HEAD = (
 
 
 def table() -> str:
-    """Every name a finding can have, one row each: library, sensor faults, parameters, unknown."""
+    """One row for every possible name of a finding: mechanisms, sensor faults, parameters, unknown."""
     rows = [_row(m) for m in LIBRARY.values()]
     for fault in SENSOR_ERRORS.values():
         cells = (f"`{fault.name}` (measurement)", fault.family, fault.equation, "speed, acceleration")
@@ -59,7 +59,7 @@ def _line(*cells: str) -> str:
 
 
 def put_into(page: Path) -> bool:
-    """Replace the table between the marks of `page`; return whether the page changed."""
+    """Replace the table between the marks of `page`; returns whether the page changed."""
     return put_between_marks(page, "effects", table())
 
 

@@ -1,10 +1,11 @@
-"""Events: forces that act for seconds and then no more, in what is left of the residual after what is in.
+"""Events: forces that act only for seconds, found in the residual after the mean forces of the posterior are
+removed.
 
-A matched filter for each leading direction of each mechanism's kernel, confined to a window, over all windows
-of 3 to 60 s. The residual is whitened, clipped (an outlier is no event) and filtered back, so that its inner
-products with all windows are differences of one cumulative sum per direction. A filter's gain is divided by
-its spread over the other windows of the same log: what a simulator is off by all the time is no event. The
-largest gain is held against that of noise of the fitted model along the same drives.
+A matched filter is applied for each leading direction of each mechanism's kernel, confined to a window, over
+all windows of 3 to 60 s. The residual is whitened, clipped (an outlier is no event) and filtered back, so
+that its inner products with all windows are differences of one cumulative sum per direction. A filter's gain
+is divided by its spread over the other windows of the same log, so that a permanent error is no event. The
+largest gain is compared with that of noise of the fitted model along the same drives.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ MOST = 50  # events
 @dataclass(frozen=True)
 class Event:
     """A force that acts from `start_s` to `end_s` of a recording, rows `start` to `stop` of the stacked
-    evidence, and what it changes the speed by, m/s. `probability`: that noise along all drives has none so
-    large. `name` is the mechanism or family that explains it; None where none is clearly ahead."""
+    evidence, and the speed change it causes, m/s. `probability`: that noise along all drives has no gain as
+    large. `name` is the mechanism or family that explains it; None if several explain it about equally."""
 
     recording: str
     start_s: float = field(metadata=stored(digits=2))
@@ -65,8 +66,8 @@ class Event:
 def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
     """The events in the residual after the posterior mean of all forces is subtracted.
 
-    Segments of held-out drives are searched too. Their median is subtracted first, because each drive has a
-    constant force of its own.
+    Held-out drives are searched too, after subtracting their medians, because each drive has a constant force
+    of its own.
     """
     e, b = p.search.e.everywhere(), p.draws.coefficients.mean(axis=0)
     y = e.residual - p.mean - p.always @ b[: p.always.shape[1]]
@@ -90,10 +91,10 @@ def find_events(
     dt: float,
     seed: int = 0,
 ) -> tuple[Event, ...]:
-    """The events in a residual after what is in, `series.y` (n,), m/s^2, at period `dt`, largest first.
+    """The events in a residual, `series.y` (n,), m/s^2, at period `dt`, largest first.
 
-    `noise` is that of this residual; features of the kernels are (n, k). Of noise alone there are
-    `series.rules.false_events` an hour.
+    `noise` is that of this residual; features of the kernels are (n, k). Noise alone gives
+    `series.rules.false_events` per hour.
     """
     mechanisms = [k for k in kernels if k.part != "parameter"]
     filters = _Filters(series, noise, mechanisms, stretches, dt)

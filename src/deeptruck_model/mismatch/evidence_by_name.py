@@ -1,7 +1,7 @@
-"""The log evidence of every name on some drives, for every truck alike: what a fleet is compared by.
+"""Log evidence of every name on given drives, computed alike for every truck, for comparisons within a fleet.
 
-A verdict has evidence of what it names alone, so that trucks without a finding have none. Here each name's
-kernel is asked, whatever comes of it, about the simulator as it was given.
+A verdict contains the evidence of its findings only, and of none for a truck without findings. Here the
+kernel of every name is evaluated against the simulator as given.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ def evidence_by_name(
     seed: int = 0,
     rules: Rules = Rules(),
 ) -> tuple[Nats, Nats]:
-    """Log evidence (nats) of each name over none, of the recordings and of the held-out ones, each by itself.
+    """Log evidence (nats) of each name over no effect, separately for the recordings and the held-out ones.
 
-    Of the two neither depends on the other's noise. Empty where a part has less than a minute that can be
-    compared. Raises InputError where a recording does not belong to the simulator.
+    Neither result depends on the other's noise. Empty for a part with less than a minute that can be
+    compared. Raises InputError if a recording does not belong to the simulator.
     """
     simulator = completed(simulator)
     with threadpool_limits(1):

@@ -1,4 +1,6 @@
-"""Names that can be left out of the library; apart, as a wrong one is refused before the tool loads."""
+"""Checks names excluded from the library; a separate module, so that a wrong name is refused before the tool
+loads.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ NAMED = (*LIBRARY, *PARAMETERS, *SENSOR_ERRORS, UNKNOWN)
 
 
 def check_excluded(names: Sequence[str]) -> None:
-    """Raises InputError for what is no effect: an examination would believe that it had been left out."""
+    """Raises InputError for a name that is no effect, which an examination would otherwise believe
+    excluded."""
     for name in names:
         if name not in NAMED:
             near = difflib.get_close_matches(name, NAMED, 1)

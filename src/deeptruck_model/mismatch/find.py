@@ -1,4 +1,4 @@
-"""From recordings to a verdict, forward only: read it top to bottom."""
+"""The mismatch tool from recordings to verdict, in the order of computation."""
 
 from __future__ import annotations
 
@@ -66,15 +66,15 @@ def find_mismatch(
     rules: Rules = Rules(),
     mass_kg: float | None = None,
 ) -> Mismatch:
-    """Compare a simulator with recordings. On data that are merely poor the verdict is `undetermined`.
+    """Compare a simulator with recordings. If the data do not suffice, the verdict is `undetermined`.
 
-    A simulator may be named as `load` does, recordings by paths of bags. `say` is called with each step;
+    The simulator may be named as for `load`, recordings by paths of bags. `say` is called with each step;
     without it a terminal shows them.
 
-    `exclude` leaves effects out of the library, `without` rows of the recordings. `mass_kg` is the mass of
-    a simulator that does not state its own: without it forces are per kilogram. Raises InputError where
-    simulator and recordings do not belong together, for a held-out drive that is fitted too, for an effect
-    that does not exist, and for a mass that is impossible or not the simulator's.
+    `exclude` removes effects from the library, `without` rows from the recordings. `mass_kg` is the mass of a
+    simulator that does not state its mass: without it forces are per kilogram. Raises InputError if simulator
+    and recordings do not belong together, for a held-out drive that is also fitted, for an unknown effect,
+    and for a mass that is impossible or differs from the simulator's.
     """
     truck, fit, held = called(
         simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
@@ -121,9 +121,10 @@ def compared(
     rules: Rules = Rules(),
     mass_kg: float | None = None,
 ) -> Compared | Uncompared:
-    """The first half of `find_mismatch`: names and budget, without a correction. Raises InputError alike.
+    """The first half of `find_mismatch`: names and budget, without a correction. Raises InputError as it
+    does.
 
-    Without `sets_aside` all recordings are fitted where none is held out.
+    Without `sets_aside` all recordings are fitted if none is held out.
     """
     say("checking the data")
     overall_ratios.check(simulator, [*recordings, *held_out])

@@ -1,4 +1,4 @@
-"""Findings: what is in, with its sizes, the drives in which it acts, and what may be in its place."""
+"""Findings: the accepted effects, their sizes, the drives in which they act, and the alternative names."""
 
 from __future__ import annotations
 
@@ -35,8 +35,9 @@ FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its de
 def findings(
     c: Compared, made: Made | None, road: Road | None, error: float, tolerance: float, rules: Rules
 ) -> tuple[Finding, ...]:
-    """Faults of sensors, the road, every name that is in, what differs between drives, and what is slow or of
-    a place where the simulator is off by more than `tolerance`, m/s. Without sizes where nothing was made."""
+    """The findings: sensor faults, the road, every accepted name, differences between drives, and slow or
+    position-dependent forces if the simulator's error exceeds `tolerance`, m/s. Sizes are absent if no
+    correction was made."""
     e = c.search.e
     out = [of_fault(f) for f in c.drives.faults]
     of_road = _of_road(e, road, rules)
@@ -159,7 +160,7 @@ def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
 
 
 def of_fault(f: SensorFault) -> Finding:
-    """A fault that shows between sensors alone."""
+    """The finding of a fault that is visible between sensors alone."""
     ci = (f.value - Z95 * f.se, f.value + Z95 * f.se)
     return Finding(
         Kind.SENSOR, f.effect, FAMILY[f.effect], f.effect, f.says, f.equation,

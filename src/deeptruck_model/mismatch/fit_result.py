@@ -1,5 +1,6 @@
-"""Types for errors in free runs and the certainty of their improvement; `FitResult.to_json` is `fit` of
-verdict.json."""
+"""Types for free-run errors and the intervals of their improvement; `FitResult.to_json` is `fit` of
+verdict.json.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of free windows, (windows, steps), and the recording and sample each begins at."""
+    """Errors of free runs, (windows, steps), and the recording and sample at which each starts."""
 
     speed: Array
     acceleration: Array
@@ -28,18 +29,18 @@ class Errors:
     start: NDArray[np.intp]
 
     def rmse(self) -> Rmse:
-        """Over all windows and steps."""
+        """Root mean square over all windows and steps."""
         speed, acceleration = (float(np.sqrt(np.mean(x**2))) for x in (self.speed, self.acceleration))
         return Rmse(speed, acceleration)
 
     def of_runs(self) -> Array:
-        """Speed error of each run, rms in m/s, (windows,)."""
+        """Rms speed error of each run, m/s, (windows,)."""
         return np.asarray(np.sqrt(np.mean(self.speed**2, axis=1) + Limits.least_error**2))
 
 
 @dataclass(frozen=True)
 class Rmse:
-    """Of speed (m/s) and acceleration (m/s^2) in free runs."""
+    """Root mean square errors of speed (m/s) and acceleration (m/s^2) in free runs."""
 
     speed: float = field(metadata=stored(key="speed_rmse"))
     acceleration: float = field(metadata=stored(key="acceleration_rmse"))
@@ -47,8 +48,8 @@ class Rmse:
 
 @dataclass(frozen=True)
 class FreeRunErrors:
-    """Errors of the simulators in the same free runs: as given, with all parameters refitted and no name,
-    and corrected."""
+    """Errors in the same free runs of the simulator as given, with all parameters refitted and no effect
+    added, and corrected."""
 
     before: Rmse
     parameters_only: Rmse
@@ -57,7 +58,7 @@ class FreeRunErrors:
 
 @dataclass(frozen=True)
 class Improvement:
-    """95 % intervals of the relative improvement of the speed error, over that many recordings."""
+    """95 % intervals of the relative improvement of the speed error, over the given number of recordings."""
 
     ci95: Interval = field(metadata=stored(key="improvement_ci95"))
     over_parameters_ci95: Interval = field(metadata=stored(key="improvement_over_parameters_ci95"))
@@ -66,8 +67,8 @@ class Improvement:
 
 @dataclass(frozen=True)
 class Refitted:
-    """A parameter that is refitted alone: its relative `change` from the simulator as given and the change's
-    95 % interval, and its value and interval in `unit` where the simulator states it."""
+    """A parameter in the refit without effects: its relative `change` from the simulator as given with a 95 %
+    interval, and its value and interval in `unit` if the simulator states it."""
 
     change: float = field(metadata=stored(key="relative"))
     change_ci95: Interval = field(metadata=stored(key="relative_ci95"))
@@ -78,8 +79,8 @@ class Refitted:
 
 @dataclass(frozen=True)
 class WithoutExogenous:
-    """Speed error after a correction, rms in m/s, where the `signals` that it needs beyond the protocol, such
-    as a gap, are not passed to it: they count as absent."""
+    """Rms speed error, m/s, of the corrected simulator without `signals`, the signals beyond the protocol
+    that it needs, such as a gap; they count as not recorded."""
 
     signals: tuple[str, ...]
     after: float
@@ -87,9 +88,9 @@ class WithoutExogenous:
 
 @dataclass(frozen=True)
 class FitResult:
-    """What the correction does for `windows` free runs of `horizon_s` on the held-out recordings.
+    """The effect of the correction on `windows` free runs of `horizon_s` on the held-out recordings.
 
-    `errors` and `improvement` are None where no recording is long enough for a free run.
+    `errors` and `improvement` are None if no recording is long enough for a free run.
     """
 
     held_out: tuple[str, ...]

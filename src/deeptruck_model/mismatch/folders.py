@@ -1,4 +1,4 @@
-"""The folders that the commands of this room write, and whether one may be used. Standard library only."""
+"""Checks of the folders that the mismatch commands write; standard library only."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"
 
 
 def apply_command(found: Path, out: Path | None = None) -> str:
-    """What takes over the simulator that a run offers."""
+    """The command that applies the simulator offered in a result."""
     return f"deeptruck-model apply {found} --out {out or f'{found}_corrected'}"
 
 
 def applicable(directory: Path, *, refit: bool = False) -> Path:
-    """The simulator of a run that is applied: the one that drives held-out recordings best, or with `refit`
-    the one with parameters refitted alone. Raises InputError where that is not better than the one as given.
+    """Path of the simulator to apply: the one with the least error on held-out recordings, or with `refit`
+    the one with refitted parameters only. Raises InputError if it is not better than the simulator as given.
     """
     verdict = read_verdict(directory)
     offered = verdict["fit"].get("offered", CORRECTION if verdict["fit"].get("validated") else AS_GIVEN)
@@ -53,7 +53,7 @@ def _is_validated(directory: Path) -> bool:
 
 
 def read_verdict(directory: Path) -> dict[str, Any]:
-    """The content of verdict.json. Raises InputError where there is none, or it is damaged."""
+    """The content of verdict.json. Raises InputError if it is missing or damaged."""
     _check_there(directory)
     try:
         verdict = json.loads((directory / "verdict.json").read_text())
@@ -70,7 +70,7 @@ def read_verdict(directory: Path) -> dict[str, Any]:
 
 
 def check_road(directory: Path) -> None:
-    """Raises InputError where a run recovered no slope."""
+    """Raises InputError if a result holds no recovered slope."""
     _check_there(directory)
     try:
         with (directory / "profiles.csv").open(newline="") as file:

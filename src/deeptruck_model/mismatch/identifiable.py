@@ -1,4 +1,4 @@
-"""What the mismatch tool can identify, given what the simulator reports of itself."""
+"""What the mismatch tool can identify with a simulator, by the quantities that the simulator reports."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ STEP = 0.2  # relative change of a parameter
 
 
 def rows(simulator: Simulator) -> list[Row]:
-    """Rows that say what the mismatch tool can identify with `simulator`, which passed the protocol check."""
+    """Statements on what the mismatch tool can identify with `simulator`, which passed the protocol check."""
     seen = simulator.inside(start(simulator, 15.0))
     own = simulator.parameters()
     out = [

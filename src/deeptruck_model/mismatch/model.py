@@ -1,7 +1,7 @@
-"""The corrected simulator: the mean force of all that is in, as terms that run step by step, and parameters.
+"""The corrected simulator: the posterior mean force as terms that run step by step, and parameters.
 
-Which forms of a mechanism stand for its mean force follows from the posterior, with or without a name. Sizes
-are fitted and chosen without the held-out recordings, by speed errors of free runs to first order.
+The posterior determines which forms of a mechanism represent its mean force, with or without a name. Sizes
+are fitted and selected without the held-out recordings, by first-order speed errors of free runs.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Made:
-    """The corrected simulator and the one with parameters refitted alone; the recipe, and its most probable
-    sizes, which findings state whatever sizes drive best; and the parameters that were refitted alone.
+    """The corrected simulator and the one with refitted parameters only; the recipe with its most probable
+    sizes, which findings state even if other sizes predict better; and the parameters of the refit.
 
-    `left_out` are speed errors (drives,), rms in m/s to first order, of fitted drives that were left out in
-    turn, by simulator as in `FreeRunErrors`; empty where they are too few. The recipe was chosen by them.
+    `left_out` are first-order speed errors (drives,), rms in m/s, of fitted drives that were left out in
+    turn, by simulator as in `FreeRunErrors`; empty if they are too few. The recipe was selected by them.
     """
 
     corrected: CorrectedTruck
@@ -64,7 +64,7 @@ class Made:
 
 
 def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
-    """The correction by all that is in, whatever its name."""
+    """The correction by all blocks of the posterior, named or not."""
     search = p.search
     terms, stated = _terms(p, general=True), _terms(p)
     parameters = frozenset(search.parameters)

@@ -1,4 +1,4 @@
-"""Names read from the posterior: what is in, in which families, and which sets of names are in together."""
+"""Names read from the posterior: accepted names, their families, and sets of names that act together."""
 
 from __future__ import annotations
 
@@ -22,9 +22,8 @@ MOST_EXPLANATIONS = 6
 
 @dataclass(frozen=True)
 class Named:
-    """One thing that is in: the most probable `name`, the `tree` of what may be in its place, the gain (nats)
-    of its kernel, and the posterior mean (n,) of its force, m/s^2. Only where it is `accepted` it is a
-    finding."""
+    """One effect in the posterior: its most probable `name`, the `tree` of alternatives, the gain (nats) of
+    its kernel, and the posterior mean (n,) of its force, m/s^2. It is a finding only if `accepted`."""
 
     name: str
     tree: Tree
@@ -35,7 +34,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Names that are in together, and how probable it is that these and no others are."""
+    """A set of names, and the probability that exactly these act."""
 
     names: tuple[str, ...]
     probability: float = field(metadata=stored(digits=3))
@@ -43,8 +42,8 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Names:
-    """What was found, the most probable first; the probability that any mechanism is in, and that slow drift
-    is; the sets that are in together; and the probability of every name."""
+    """The effects, most probable first; the probability that any mechanism acts, and that slow drift does;
+    the sets of names that act together; and the probability of every name."""
 
     found: tuple[Named, ...]
     any: float
@@ -54,8 +53,8 @@ class Names:
 
 
 def names(p: Posterior, rules: Rules) -> Names:
-    """The names of a posterior. A finding is sought for the most probable name of the most probable family of
-    what no finding before it stands for; its names are those that may act in this one's place."""
+    """The names of a posterior. Each finding has the most probable name of the most probable family not yet
+    represented by an earlier finding; its alternatives are the names that may act in its place."""
     there = {n: p.inside(n) for n in dict.fromkeys(k.name for k in p.of)}
     slow = float(there[SLOW].mean()) if SLOW in there else 0.0
     own = {n: x for n, x in there.items() if n not in NO_NAME}

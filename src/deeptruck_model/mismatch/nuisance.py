@@ -1,9 +1,8 @@
-"""The regression that all names are compared on: linearised about parameters that fit.
+"""The regression on which all names are compared, linearised at fitted parameters.
 
-A truck is not linear in its parameters: brakes that are too strong in the simulator get too hot and fade. So
-where parameters are far off they are set in the simulator, and all is linearised anew about them. Where each
-drive has a load of its own, parameters that fit all drives alike would fit none, so that it is fitted beside
-them.
+A truck is nonlinear in its parameters: brakes that are too strong in the simulator, for example, get too hot
+and fade. Parameters that are far off are therefore set in the simulator, and the model is linearised again.
+If each drive has another load, no parameters fit all drives, so that the loads are fitted with them.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ def about_fitting_parameters(
     exclude: Sequence[str],
     say: Callable[[str], None],
 ) -> Regression:
-    """The regression about the parameters that fit best without a name, of the drives that are fitted; as
-    given where moving them explains no more. `hidden` (n,) are rows that are not compared."""
+    """The regression at the parameters that fit best without an effect, of the fitted drives; at the given
+    parameters if changing them explains no more. `hidden` (n,) marks rows that are not compared."""
     about = _About(simulator, drives, e, hidden, seed, tuple(exclude), say)
     first = search = Regression(e.to_fit(), exclude=exclude)
     here = search.background(())
@@ -74,10 +73,10 @@ def refitted(
     free: frozenset[str],
     say: Callable[[str], None],
 ) -> tuple[Regression, Model]:
-    """The regression about the parameters that fit best with no name, of which only `free` ones move; and
+    """The regression at the parameters that fit best without an effect, of which only `free` ones change; and
     their fit.
 
-    Where mass and gains move together many steps are needed.
+    Many steps are needed if mass and gains change together.
     """
     about = _About(simulator, drives, e, np.zeros(len(e), dtype=bool), seed, (), say)
     search = Regression(e.to_fit())

@@ -26,14 +26,14 @@ from deeptruck_model.results import FOUND
 
 
 def summary(mismatch: Mismatch) -> list[str]:
-    """The first sentences on the terminal and the page."""
+    """The first sentences of terminal output and page."""
     found = calls.instance(mismatch, Mismatch, "what is to be summed up", "find_mismatch returns one")
     return lines.lines(found.result)
 
 
 def read(folder: str | Path) -> Verdict:
-    """The verdict that `write`, or 'deeptruck-model mismatch', wrote into a folder, without the forces along
-    the drives. Raises InputError where there is none, or it is damaged."""
+    """The verdict in a folder that `write`, or 'deeptruck-model mismatch', wrote, without the forces along
+    the drives. Raises InputError if there is none, or it is damaged."""
     folder = calls.path(folder, "the folder")
     verdict = read_verdict(folder)
     try:
@@ -45,8 +45,8 @@ def read(folder: str | Path) -> Verdict:
 
 
 def write(mismatch: Mismatch, out: str | Path, *, overwrite: bool = False) -> None:
-    """Write the folder `out`, whole or not at all. Raises InputError as `files.Result.check` does, and on a
-    full disk."""
+    """Write the folder `out`, completely or not at all. Raises InputError as `files.Result.check` does, and
+    on a full disk."""
     if not isinstance(mismatch, Mismatch):
         raise InputError(f"write takes what find_mismatch returns and a folder, not {calls.shown(mismatch)}")
     out = calls.path(out, "out")
@@ -55,8 +55,8 @@ def write(mismatch: Mismatch, out: str | Path, *, overwrite: bool = False) -> No
 
 
 def fill(draft: Path, mismatch: Mismatch, command: str, units: str = "m/s") -> None:
-    """Write the files of a result into the folder `draft`; `command` applies the correction, `units` are
-    those of speeds on the page. Raises OSError."""
+    """Write the files of a result into the folder `draft`; `command` is the one that applies the correction,
+    `units` are those of speeds on the page. Raises OSError."""
     (draft / "verdict.json").write_text(json.dumps(mismatch.verdict, indent=1))
     _write_profiles(mismatch, draft / "profiles.csv")
     for name, truck in ((CORRECTED, mismatch.corrected), (REFITTED, mismatch.refitted)):
@@ -90,8 +90,8 @@ def _write_profiles(mismatch: Mismatch, path: Path) -> None:
 
 
 def apply(directory: str | Path, out: str | Path, *, refit: bool = False, overwrite: bool = False) -> None:
-    """Copy to `out` the simulator that drives a run's held-out recordings best, or with `refit` the one with
-    parameters refitted alone. Raises InputError where it is not better than the one as given, and as
+    """Copy to `out` the simulator with the least error on held-out recordings, or with `refit` the one with
+    refitted parameters only. Raises InputError if it is not better than the simulator as given, and as
     `files.Result.check` does."""
     if isinstance(directory, Mismatch):
         raise InputError("apply takes a folder; write the mismatch first: mismatch.write(found, FOLDER)")

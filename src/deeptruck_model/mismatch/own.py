@@ -1,4 +1,4 @@
-"""What one drive has of its own, load, wind and a constant force, each with its state; standard library."""
+"""Load, wind and constant force of one drive, each with its state; standard library only."""
 
 from __future__ import annotations
 
@@ -26,9 +26,11 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity: its posterior mean with a 95 % interval, and the probability that it is not as simulated.
+    """A quantity: its posterior mean with a 95 % interval, and the probability that it differs from the
+    simulator's.
 
-    `load` is the relative change of mass, `wind` a headwind in m/s, `constant` an acceleration in m/s^2."""
+    `load` is the relative change of mass, `wind` a headwind in m/s, `constant` an acceleration in m/s^2.
+    """
 
     state: State = State.UNESTIMATED
     value: float = 0.0
@@ -38,8 +40,8 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Own:
-    """What a drive has of its own, by its first `seconds` that could be compared; and the `shares` by which
-    forces of a simulator that does not report them are known."""
+    """Load, wind and constant force of a drive, from its first `seconds` that could be compared. `shares`
+    split the forces of a simulator that does not report them."""
 
     load: Quantity
     wind: Quantity
@@ -58,8 +60,8 @@ class Own:
         return any(q.state is State.ESTIMATED for q in self.each.values())
 
     def used(self, name: str) -> float:
-        """The value that the adapted simulator has: where anything is estimated the posterior mean of each,
-        as two may stand for one force; else zero."""
+        """The value set in the adapted simulator: if anything is estimated the posterior mean of each,
+        because two may share one force; else zero."""
         q = self.each[name]
         return q.value if self.known and q.state is not State.INVALID else 0.0
 

@@ -1,4 +1,4 @@
-"""Recordings made fit for a comparison: aligned drives, faults between sensors, and what was rejected."""
+"""Prepares recordings for the comparison: aligned drives, faults between sensors, and rejected samples."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ OUTSIDE_TRAINING = "the simulator has learned from no driving at such speeds, co
 
 @dataclass(frozen=True)
 class Span:
-    """Seconds `from_s` to `to_s` of a recording, from the start of its bag, that are not to be compared."""
+    """Seconds `from_s` to `to_s` of a recording, from the start of its bag, excluded from the comparison."""
 
     recording: str
     from_s: float
@@ -43,8 +43,8 @@ class Span:
 
 @dataclass(frozen=True)
 class Drives:
-    """The recordings as they can be used, in the order in which they came, and what was wrong with them.
-    `useless` is why nothing can be compared, or None."""
+    """The usable recordings, in their original order, and the problems found. `useless` is the reason why
+    nothing can be compared, or None."""
 
     prepared: tuple[Prepared, ...]
     held_out: tuple[bool, ...]
@@ -55,11 +55,11 @@ class Drives:
 
     @property
     def samples(self) -> int:
-        """Recorded samples of all drives."""
+        """Number of recorded samples of all drives."""
         return sum(len(p.recording) for p in self.prepared)
 
     def part(self, held_out: bool) -> list[Prepared]:
-        """Those that are held out, or the others."""
+        """The drives that are held out, or the others."""
         return [p for p, out in zip(self.prepared, self.held_out, strict=True) if out == held_out]
 
 
@@ -72,8 +72,8 @@ def prepared(
     sets_aside: bool = True,
     without: Sequence[Span] = (),
 ) -> Drives:
-    """Check and align the recordings; where none is held out some are set aside, unless all are to be fitted.
-    Rows of `without` do not count. Raises InputError where they do not belong to the simulator."""
+    """Check and align the recordings; if none is held out, some are set aside, unless all are to be fitted.
+    Rows in `without` do not count. Raises InputError if recordings do not belong to the simulator."""
     recordings, lacking = with_inputs(simulator, recordings)
     held_out, of_held_out = with_inputs(simulator, held_out)
     lacking += of_held_out
@@ -156,7 +156,7 @@ def _corrected(
 
 
 def with_rejection(drives: Drives, rule: str, samples: int) -> Drives:
-    """The drives with samples that were rejected later."""
+    """The drives, with further samples counted as rejected."""
     return (
         replace(drives, rejected=(*drives.rejected, checks.Rejection(rule, samples))) if samples else drives
     )

@@ -1,4 +1,4 @@
-"""Types of the result. `Verdict.to_json` alone makes verdict.json, schema 3."""
+"""Types of the result. `Verdict.to_json` alone writes verdict.json, schema 3."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ class Conclusion(StrEnum):
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of one recording in which a finding (by its place) acts; rows are of the stacked evidence."""
+    """A segment of one recording in which a finding, given by its index, acts; rows are of the stacked
+    evidence."""
 
     recording: str
     start_s: float = field(metadata=stored(digits=2))
@@ -57,7 +58,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Bound:
-    """A range of a signal, open on a side that is infinite."""
+    """A range of a signal; infinite bounds are open."""
 
     signal: str
     low: float
@@ -75,7 +76,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class Regime:
-    """A region of driving, where all `bounds` hold, with its share of the error and of the time."""
+    """A region of driving in which all `bounds` hold, with its share of the error and of the time."""
 
     where: str
     share_of_error: float
@@ -109,7 +110,7 @@ class Advice:
 
 @dataclass(frozen=True)
 class Size:
-    """A size in `unit` with its 95 % interval, where it was fitted."""
+    """A size in `unit` with its 95 % interval, if it was fitted."""
 
     value: float
     unit: str
@@ -118,8 +119,8 @@ class Size:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing found. `stated` is the deepest node of the tree that is probable enough; `force` (n,), m/s^2,
-    is absent for a fault that shows between sensors alone."""
+    """One finding. `stated` is the deepest node of the tree that is probable enough; `force` (n,), m/s^2, is
+    absent for a fault that is visible between sensors alone."""
 
     kind: Kind
     effect: str
@@ -147,7 +148,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Data:
-    """Samples `recorded`, of which the share `compared` was compared, and those that rules set aside."""
+    """Number of samples `recorded`, the share `compared`, and the samples rejected by each rule."""
 
     rejected: tuple[Rejection, ...] = ()
     recorded: int = field(default=0, metadata=stored(later=True))
@@ -156,7 +157,7 @@ class Data:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All that verdict.json says. `fit` and `budget` are None where nothing could be compared."""
+    """The content of verdict.json. `fit` and `budget` are None if nothing could be compared."""
 
     kind: Conclusion = field(metadata=stored(key="verdict"))
     findings: tuple[Finding, ...] = ()
@@ -185,8 +186,8 @@ class Verdict:
 
     @staticmethod
     def read(verdict: Mapping[str, Any]) -> Verdict:
-        """From verdict.json; forces along the drives are not in it. Raises KeyError, TypeError or ValueError
-        for what is none."""
+        """Verdict from verdict.json, without forces along the drives. Raises KeyError, TypeError or
+        ValueError for invalid content."""
         fit, budget = verdict["fit"] or None, verdict["budget"] or None
         if fit is not None:
             fit = {"offered": CORRECTION if fit["validated"] else AS_GIVEN, **fit}
@@ -195,7 +196,7 @@ class Verdict:
 
 @dataclass(frozen=True, repr=False)
 class Mismatch:
-    """The verdict and what the report draws with it; None where nothing can be compared."""
+    """The verdict and the data that the report plots; None if nothing could be compared."""
 
     result: Verdict
     evidence: Evidence | None
@@ -211,7 +212,7 @@ class Mismatch:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was found, in the order of verdict.json."""
+        """The findings, in the order of verdict.json."""
         return self.result.findings
 
     @property

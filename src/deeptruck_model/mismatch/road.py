@@ -1,10 +1,10 @@
-"""A road that was not recorded: a slow force that depends on the road position.
+"""Identifies an unrecorded road: a slow force that depends on the road position.
 
-A learned truck that is fed its own speed follows a slope as it follows everything slow, so that little of it
-is left in its residual. A line through the recordings does not (`slow_force.plain_truck`). What is slow of
-its residual is the posterior mean of a smooth kernel in time; a window of it that returns elsewhere, with the
-same sign the same way or the other sign the other way, belongs to the road. Where nothing returns, the size
-that each possible cause would need decides.
+A learned truck that gets its own speed follows a slope as it follows every slow force, so that little of it
+remains in its residual. A linear model of the recordings does not (`slow_force.plain_truck`). The slow part
+of its residual is the posterior mean of a smooth kernel in time; if a window of it is repeated elsewhere,
+with the same sign in the same direction or the opposite sign in the opposite direction, it belongs to the
+road. If none is repeated, the size that each possible cause would need decides.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ONE_WAY = 0.5  # probability of a slope where the road was driven again the same
 
 @dataclass(frozen=True)
 class Road:
-    """The slow force (n,), m/s^2, where it came again (None: nowhere), and the probability of names."""
+    """The slow force (n,), m/s^2, the passes that repeat it (None: no pass), and the probability of names."""
 
     force: Array
     lock: RoadLock | None
@@ -44,16 +44,16 @@ class Road:
 
     @property
     def ahead(self) -> NextPass | None:
-        """What another pass predicts of the road beyond the windows that were found again."""
+        """What another pass predicts of the road beyond the windows that matched."""
         return self.lock.ahead if self.lock is not None else None
 
     def named(self) -> Named:
-        """As what stands in the place of a name; no kernel of the simulator's residual holds it."""
+        """The road as a `Named`, since no kernel of the simulator's residual contains it."""
         return Named(self.tree.first, self.tree, 0.0, self.force)
 
 
 def road(e: Evidence) -> Road | None:
-    """The road beside a learned simulator where no slope was recorded; None where nothing is slow."""
+    """The road, for a learned simulator without a recorded slope; None if no force is slow."""
     if e.known_physics or e.has("grade"):
         return None
     line = plain_truck(e)

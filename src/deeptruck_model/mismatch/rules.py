@@ -1,8 +1,8 @@
-"""Every number by which the verdict is decided, with its unit and where it comes from.
+"""Every number that decides the verdict, with its unit and source.
 
-What vehicles can do stands in vehicle_kinds.py. Numbers that steer a computation (grids, iterations,
-smoothing) stand next to their code, and the tests list them. `python -m deeptruck_model.mismatch.rules`
-renews the tables of docs/mismatch_rules.md.
+Physical limits of vehicles are in vehicle_kinds.py. Numbers that control a computation (grids, iterations,
+smoothing) are next to their code and listed by the tests. `python -m deeptruck_model.mismatch.rules` updates
+the tables of docs/mismatch_rules.md.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class Rules:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What is compared, reported and corrected: numbers that are the same in every run."""
+    """Limits for comparing, reporting and correcting that are the same in every run."""
 
     # recordings
     least_moving: int = _rule(
@@ -316,7 +316,7 @@ SAYS = "These decide what is compared, reported and corrected, and no argument c
 
 
 def table(rules: type[Rules] | type[Limits] = Rules) -> str:
-    """One row for each rule: name, value, unit, what it means and where it comes from."""
+    """One row for each rule: name, value, unit, meaning and source."""
     rows = [
         f"| `{f.name}` | {_number(f.default)} | {f.metadata['unit']} | {f.metadata['means']} "
         f"| {f.metadata['source']} |"
@@ -330,7 +330,7 @@ def _number(x: Any) -> str:
 
 
 def put_into(page: Path) -> bool:
-    """Replace the tables between the marks of a page; returns whether they were others."""
+    """Replace the tables between the marks of a page; returns whether the page changed."""
     return put_between_marks(page, "rules", f"{table()}\n\n{SAYS}\n\n{table(Limits)}")
 
 

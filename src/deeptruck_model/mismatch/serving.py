@@ -1,6 +1,6 @@
-"""Serve the page of a result on this machine, where rows can be left out and the comparison repeated.
+"""Serves the page of a result on this machine; users can exclude rows there and repeat the comparison.
 
-Repeated comparisons go into a temporary folder, which is removed with the program; the result is not changed.
+Repeated comparisons go to a temporary folder that is removed at the end; the result is not changed.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ DEFECT = "this went wrong; what did is on the terminal"
 
 
 class Comparisons:
-    """Runs comparisons one after another in a thread; results go into `folder`, and those the user keeps `to`
-    another."""
+    """Runs comparisons one after another in a thread; results go to `folder`, and those the user keeps to
+    `to`."""
 
     def __init__(self, found: Mismatch, again: Again, folder: Path, to: Path) -> None:
         self._found, self._again, self._folder, self._to = found, again, folder, to
@@ -49,11 +49,11 @@ class Comparisons:
 
     @property
     def state(self) -> dict[str, Any]:
-        """`state`: idle, running, done or refused; `step`: what is being done or what is wrong; `result`."""
+        """`state`: idle, running, done or refused; `step`: the present step, or the error; `result`."""
         return self._state
 
     def begin(self, spans: Sequence[Span]) -> bool:
-        """Compare without these rows; False while another comparison runs."""
+        """Start a comparison without these rows; False while another one runs."""
         with self._lock:
             if self._state["state"] == "running":
                 return False
@@ -81,7 +81,7 @@ class Comparisons:
         self._state = {"state": "running", "step": step}
 
     def page(self, number: str) -> bytes | None:
-        """The page of a comparison; None where there is none."""
+        """The page of a comparison; None if there is none."""
         file = self._folder / number / REPORT
         return file.read_bytes() if number.isdecimal() and file.exists() else None
 
@@ -129,8 +129,8 @@ class _Handler(local.Handler):
 
 @contextmanager
 def served(found: Mismatch, out: Path, again: Again, units: str = "m/s") -> Iterator[str]:
-    """Serve the page of a result, which is in `out`, while the block runs, its speeds in `units`; yields its
-    address. `again` compares without some rows."""
+    """Serve the page of the result in `out` while the block runs, with speeds in `units`; yields its address.
+    `again` repeats the comparison without some rows."""
     folder = Path(tempfile.mkdtemp(prefix="deeptruck-again-"))
     with files.removing(lambda: shutil.rmtree(folder, ignore_errors=True)):
         text = page.html(found, apply_command(out), served=True, units=units).encode()

@@ -21,7 +21,7 @@ MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the on
 
 
 def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
-    """Selected constants as parameters without an interval; of two with one name, the first."""
+    """Selected constants as sizes without an interval; of two with one name, the first."""
     out: dict[str, Size] = {}
     for name, value, of in term.settings():
         if of in PER_MASS:
@@ -32,10 +32,10 @@ def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
 
 
 def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
-    """The main parameters by name. Columns of one name, from a widened term, add up to one size.
+    """The main sizes by name. Columns of one name, from a merged term, add up to one size.
 
-    What acts on held-out recordings alone was not fitted, and has no size.
-    When within a sample a command came nobody knows, so that no delay is known better than that.
+    An effect that acts on held-out recordings only was not fitted, and has no size. A delay is not known
+    better than the arrival time of a command within a sample.
     """
     values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
     acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
@@ -71,10 +71,12 @@ def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
 def bounded(
     part: Column, value: float, sd: float, unit: str, e: Evidence, turning: float, *, of_drive: bool = False
 ) -> Size:
-    """A size with its 95 % interval within what a truck can have: its distribution is cut off there. A mass
-    is not linear in what it changes (`changed_by`); `turning` is the share of it that does not turn. That
-    `of_drive` as a whole is beside the mass of the simulator as given, not as refitted, which itself may be
-    off by `nearly_right`."""
+    """A size with its 95 % interval within physical limits, at which its distribution is truncated.
+
+    A mass acts nonlinearly (`changed_by`); `turning` is the share of it that does not rotate. A mass
+    `of_drive` is relative to the simulator as given and not as refitted, whose mass may itself be wrong by
+    `nearly_right`.
+    """
     ends = np.array([-Z95, 0.0, Z95]) * sd + value
     shift = 0.0
     if unit in ("kg", "1") and part.unit == "kg":
@@ -95,5 +97,5 @@ def bounded(
 
 
 def timing(part: Column, e: Evidence) -> float:
-    """Variance (s^2) of a time because the moment of a command within a quarter of a row is unknown."""
+    """Variance (s^2) of a time because the arrival of a command is known only to a quarter of a row."""
     return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0

@@ -1,4 +1,4 @@
-"""Size of a force while it acts."""
+"""The size of a force while it acts."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def visible(e: Evidence) -> NDArray[np.bool_]:
 
 
 def acts(force: NDArray[np.float64], seen: NDArray[np.bool_], dt: float) -> NDArray[np.bool_]:
-    """Where a force (n,), m/s^2, acts among the rows that are `seen`, a period of `dt` s apart: where its
-    1 s mean exceeds 35 % of its 99 % quantile, and sensor noise."""
+    """Rows in which a force (n,), m/s^2, acts, among the rows that are `seen`, `dt` s apart: its 1 s mean
+    exceeds 35 % of its 99 % quantile, and sensor noise."""
     smooth = np.abs(uniform_filter1d(force, max(1, round(SMOOTH_S / dt))))
     if not seen.any() or smooth[seen].max() < 1e-6:
         return np.zeros(len(force), dtype=bool)
@@ -36,7 +36,7 @@ def acts(force: NDArray[np.float64], seen: NDArray[np.bool_], dt: float) -> NDAr
 
 @dataclass(frozen=True)
 class Strength:
-    """The mean of a force in `unit` while it acts, or its rms where it goes forward and back."""
+    """The mean of a force in `unit` while it acts, or its rms if its sign alternates."""
 
     value: float = field(metadata=stored(figures=4))
     unit: str

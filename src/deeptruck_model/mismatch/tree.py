@@ -1,5 +1,6 @@
-"""Names as a tree: families of mechanisms, their names, and `unknown`; what is stated of it. And the parts of
-the budget, which are the families and what has no name."""
+"""The tree of names: families of mechanisms, the names in each, and `unknown`; and the parts of the budget,
+which are the families and the nonparametric terms.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +40,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Tree:
-    """The probability of every name, which add up to one, or to that of what they are given."""
+    """The probability of every name; they add up to one, or to the probability of their condition."""
 
     names: Mapping[str, float]
 
@@ -53,7 +54,7 @@ class Tree:
 
     @property
     def first(self) -> str:
-        """The most probable name of the most probable family."""
+        """The most probable name in the most probable family."""
         return max(self.of(next(iter(self.families))).items(), key=lambda item: item[1])[0]
 
     def of(self, family: str) -> dict[str, float]:
@@ -62,7 +63,7 @@ class Tree:
         return dict(sorted(own.items(), key=lambda item: -item[1]))
 
     def credible(self, mass: float) -> tuple[str, ...]:
-        """The fewest names that hold `mass` of the probability of all, most probable first."""
+        """The smallest set of names whose probabilities sum to `mass` of the total, most probable first."""
         out, total = [], 0.0
         mass = mass * sum(self.names.values())
         for name, p in sorted(self.names.items(), key=lambda item: -item[1]):
@@ -73,7 +74,7 @@ class Tree:
         return tuple(out)
 
     def stated(self, least: float) -> str:
-        """The deepest node of at least this probability."""
+        """The deepest node with at least this probability."""
         best = max(self.names.items(), key=lambda item: item[1])
         if best[1] >= least:
             return best[0]
@@ -81,7 +82,7 @@ class Tree:
         return family if p >= least else ROOT
 
     def nodes(self) -> tuple[Node, ...]:
-        """The root's children and theirs, most probable first."""
+        """The root's children and their children, most probable first."""
         out = []
         for family, p in self.families.items():
             out.append(Node(family, ROOT, p))

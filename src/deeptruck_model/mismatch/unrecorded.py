@@ -1,5 +1,6 @@
-"""Inputs that were not recorded or not obeyed: what that hides, in which rows, and which names it may
-explain."""
+"""Inputs that were not recorded or not obeyed: the consequence, the rows affected, and the names that each
+may explain.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ IDLE = 0.05  # of the command's range above zero, or above its lowest below it: 
 @dataclass(frozen=True)
 class NotRecorded:
     """An input that was not recorded or not obeyed: what it `hides`, the `signal` to record, the share of the
-    compared time in which it was found to act (None where it is not searched), and the gain in nats."""
+    compared time in which it acts (None if not searched), and the gain in nats."""
 
     input: str
     hides: str
@@ -54,7 +55,7 @@ class NotRecorded:
 
 
 def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tuple[NotRecorded, ...]:
-    """The inputs that at least one recording lacks; a mass that the simulator or the user states counts as
+    """Inputs that at least one recording lacks; a mass that the simulator or the user states counts as
     recorded."""
     return tuple(
         NotRecorded(m.input.name, m.input.hides, m.input.signal)
@@ -64,7 +65,7 @@ def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tupl
 
 
 def contradicted_mass(recordings: Sequence[Recording], mass_kg: float, ci95_kg: Interval) -> Iterator[str]:
-    """A recorded mass that is outside the interval `ci95_kg` of the drives, kg."""
+    """Remarks on recorded masses outside the interval `ci95_kg` that the drives give, kg."""
     low, high = ci95_kg
     for r in recordings:
         if r.interface.mass_kg is not None and not low <= r.interface.mass_kg <= high:
@@ -76,14 +77,14 @@ def contradicted_mass(recordings: Sequence[Recording], mass_kg: float, ci95_kg: 
 
 
 def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> dict[str, str]:
-    """The missing input behind each name that it may explain. A recorded engine speed gives the gear."""
+    """The missing input behind each name that it may explain. A recorded engine speed determines the gear."""
     known = {"gear"} if all(ENGINE_SPEED in r.channels for r in recordings) else set()
     return {n: m.input for m in missing if m.input not in known for n in BEHIND.get(m.input, ())}
 
 
 def braking(e: Evidence, rules: Rules) -> tuple[Mask, float]:
-    """Rows (n,) in which a brake acts that was not recorded, by two hidden states over seconds in which the
-    engine is not asked to pull, and what these gain over one state, nats; none where that is too little."""
+    """Rows (n,) in which an unrecorded brake acts, and the gain in nats of two hidden states over one, for
+    the time in which no engine torque is demanded; no rows if the gain is too small."""
     on, gain = np.zeros(len(e), dtype=bool), 0.0
     if "engine_command" not in e.signals or "brake_command" in e.signals:
         return on, gain
@@ -141,7 +142,7 @@ def _passes(states: Array, change: Array, begin: float) -> tuple[Array, Array]:
 def with_braking(
     missing: Sequence[NotRecorded], e: Evidence, hidden: Mask, gain: float
 ) -> tuple[NotRecorded, ...]:
-    """The missing inputs, with the share of the time in which unrecorded braking was found where it was
+    """The missing inputs, with the share of time in which unrecorded braking was found, if it was
     searched."""
     share = float(hidden.sum() / max((e.valid | hidden).sum(), 1))
     searched = "engine_command" in e.signals and "brake_command" not in e.signals

@@ -1,4 +1,4 @@
-"""Free runs on held-out recordings: the simulator as given, refitted, and corrected."""
+"""Free runs on held-out recordings with the simulator as given, refitted, and corrected."""
 
 from __future__ import annotations
 
@@ -31,9 +31,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Validated:
-    """The corrected simulator and the one with parameters refitted alone; the free runs of each simulator
-    by name; and the error of a learned simulator in free runs on its own recordings, m/s (None where that
-    is not known)."""
+    """The corrected simulator and the one with refitted parameters only; their free runs by name; and the
+    error of a learned simulator in free runs on its held-out recordings, m/s (None if not known)."""
 
     corrected: CorrectedTruck
     refitted: CorrectedTruck
@@ -44,8 +43,9 @@ class Validated:
 
 
 def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted: list[Prepared]) -> Validated:
-    """Drive the simulator as given, with parameters refitted alone, and corrected. Offered is the one of
-    least error along held-out drives, of those that are significantly better than the one as given."""
+    """Run the simulator as given, with refitted parameters only, and corrected. Of those that are
+    significantly better than the one as given, the one with the least error along held-out drives is offered.
+    """
     horizon_s = horizon(held_out or fitted)
     after = made.corrected
     jobs = {"before": simulator, "parameters_only": made.tuned, "after": after}
@@ -126,8 +126,8 @@ def _without_exogenous(
 
 
 def own_error(simulator: Simulator, measured_acceleration: bool, horizon_s: float) -> float | None:
-    """Speed error (rms, m/s) of a learned simulator in free runs on the recordings that it keeps; None where
-    it keeps none, or has parameters."""
+    """Rms speed error, m/s, of a learned simulator in free runs on the recordings stored in it; None if it
+    has none, or has parameters."""
     if simulator.parameters():
         return None
     errors = free_windows(simulator, kept(simulator, measured_acceleration), horizon_s)

@@ -1,4 +1,4 @@
-"""Where the mismatch is: segments of drives, and regimes of driving."""
+"""Locates the mismatch: segments of drives, and regimes of driving."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RATIO_STEP = 0.05  # relative; gears are farther apart
 
 
 def segments(e: Evidence, forces: Mapping[int, Array]) -> list[Segment]:
-    """Segments of drives in which each force (n,), given by the place of its finding, is large while the
+    """Segments of drives in which each force (n,), given by the index of its finding, is large while the
     truck moves and is compared; most important first."""
     out: list[Segment] = []
     for i, force in forces.items():
@@ -74,7 +74,8 @@ def _runs(on: Mask, dt: float) -> list[tuple[int, int]]:
 
 
 def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
-    """Regions of the driving signals with more than their share of squared `error` (n,), by a small tree."""
+    """Regions of the driving signals with a disproportionate share of the squared `error` (n,), by a small
+    decision tree."""
     named = _features(e)
     X = np.stack(list(named.values()), axis=1)[e.valid]
     power = error[e.valid] ** 2

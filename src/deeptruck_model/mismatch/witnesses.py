@@ -1,7 +1,7 @@
-"""Recorded channels that the simulator does not use, compared with the slow parts and those that differ by
-drive.
+"""Recorded channels unused by the simulator that predict the slow parts or those that differ by drive.
 
-A channel is a witness if a line in it, fitted to the other drives, predicts a drive that was left out.
+A channel is a witness if a linear function of it, fitted to the other drives, predicts a drive that was left
+out.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LEAST_DRIVES = {EACH_DRIVE: Limits.witness_drives, SLOW: Limits.witness_drives_s
 @dataclass(frozen=True)
 class Witness:
     """A channel, the part of the budget that it explains, and the share of that part's variance that it
-    predicts on drives left out."""
+    predicts on left-out drives."""
 
     channel: str
     part: str
@@ -39,8 +39,8 @@ class Witness:
 def witnesses(
     search: Regression, prepared: Sequence[Prepared], found: Budget, rules: Rules
 ) -> tuple[Witness, ...]:
-    """The channels that predict a constant per drive or a slow drift, the best first, where that part has a
-    share of `rules.witness` or more."""
+    """The channels that predict a constant per drive or a slow drift, best first, if that part has a share of
+    at least `rules.witness`."""
     e = search.e
     taken = {"speed", "acceleration"}
     for p in prepared:

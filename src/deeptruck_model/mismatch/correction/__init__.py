@@ -1,1 +1,1 @@
-"""From an explanation to a corrected simulator, with its benefit on drives it was not fitted to."""
+"""Makes a corrected simulator from an explanation, and measures its benefit on held-out drives."""

@@ -1,5 +1,6 @@
-"""Forces and command paths added to a truck, step by step: those of one correction, or of several side by
-side."""
+"""Adds forces and changes of the command path to a truck, step by step, for one correction or a batch of
+several.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ Size = float | Array
 
 @dataclass(frozen=True)
 class Added:
-    """What is added to a truck: expressions times sizes, m/s^2; paths of commands by name, amount and share
-    (`CommandPath`); and factors of the truck's own forces in those of the expressions, by name."""
+    """Additions to a truck: expressions with their sizes, m/s^2; command paths by name, amount and share
+    (`CommandPath`); and, by name, factors on the truck's forces within the expressions."""
 
     forces: tuple[tuple[Expression, Size], ...] = ()
     paths: tuple[tuple[str, float, Size], ...] = ()
@@ -50,14 +51,15 @@ class Added:
         )
 
     def signals(self) -> frozenset[str]:
-        """Names of all signals that the expressions are made of."""
+        """Names of all signals in the expressions."""
         asked = frozenset[str]().union(*(x.signals() for x, _ in self.forces))
         return asked | {"engine_speed" for _ in asked & {"ratio", "overall_ratio"}}  # it is read from that
 
 
 @dataclass
 class State:
-    """State of a truck with forces: the truck's, the expressions' memory, and where the drive stands."""
+    """State of a truck with added forces: the truck's state, the expressions' memory, and the position in the
+    drive."""
 
     base: Any
     memory: tuple[list[Any], list[Any]]  # of what brakes compensate, of the mechanisms
@@ -69,10 +71,9 @@ class State:
 
 
 class TruckWithForces:
-    """Steps a base truck with what is added. Channels the protocol does not carry (gap, ambient temperature,
-    elevation) come from `exogenous`, (batch, T) each, and count as absent without it. `holds`: whether brakes
-    hold a deceleration (`effective_mass.holds`).
-    """
+    """A base truck with additions. Channels that the protocol does not carry (gap, ambient temperature,
+    elevation) come from `exogenous`, (batch, T) each, and count as not recorded without it. `holds`: whether
+    the brakes hold a deceleration (`effective_mass.holds`)."""
 
     def __init__(
         self,
@@ -92,7 +93,7 @@ class TruckWithForces:
         self._held = Stream([effective_mass.held(self._holds)])
 
     def along(self, exogenous: Mapping[str, Array]) -> TruckWithForces:
-        """The same on drives whose other channels (batch, T) are known."""
+        """The same truck on drives whose other channels (batch, T) are known."""
         return TruckWithForces(self.base, self._added, self._holds, self._shares, self._gears, exogenous)
 
     def reset(self, y0: Array) -> State:

@@ -40,7 +40,7 @@ SCHEMA = 7
 
 @dataclass(frozen=True)
 class Term:
-    """Variants of a mechanism of the library, side by side, and their coefficients."""
+    """Variants of a mechanism that are added together, and their coefficients."""
 
     effect: str
     variants: tuple[Variant, ...]
@@ -50,10 +50,10 @@ class Term:
 class CorrectedTruck:
     """A Simulator that adds named forces to another one.
 
-    `moved` are relative changes of parameters; those the base truck has are set in it, the others act as
-    forces. `carried` are factors of its own forces in those of the terms, see `carried.factors`; none is one.
-    Channels the protocol does not carry (gap, ambient temperature, elevation) come from `along`, and
-    count as absent without it.
+    `moved` are relative changes of parameters; those that the base truck has are set in it, the others act as
+    forces. `carried` are factors on the base truck's forces within the terms, see `carriers.factors`.
+    Channels that the protocol does not carry (gap, ambient temperature, elevation) come from `along`, and
+    count as not recorded without it.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class CorrectedTruck:
 
     @property
     def adds(self) -> bool:
-        """Whether it differs from the truck beneath in more than parameters."""
+        """Whether it adds forces or command paths to the base truck, apart from changed parameters."""
         return bool(self.terms or self.added.forces)
 
     @cached_property
@@ -87,7 +87,7 @@ class CorrectedTruck:
         return TruckWithForces(self.base, self.added, holds, self.shares, self.gears, self._exogenous)
 
     def needs_beyond(self) -> tuple[str, ...]:
-        """Signals that its terms are made of and that the protocol does not carry, such as a gap."""
+        """Signals in its terms that the protocol does not carry, such as a gap."""
         inside = self.base.inside(self.base.reset(np.zeros((1, len(self.interface.y)))))
         known, asked = {*self.interface.u, *self.interface.w, *inside}, self.added.signals()
         return tuple(name for name in EXOGENOUS if name in asked and name not in known)
@@ -98,7 +98,7 @@ class CorrectedTruck:
 
     @property
     def driven(self) -> Any:
-        """The training domain of the truck beneath, where that is a learned one."""
+        """The training domain of the base truck, if it is a learned one."""
         return getattr(self.original, "driven", None)
 
     @property
@@ -120,7 +120,7 @@ class CorrectedTruck:
         )
 
     def marked(self, validated: bool) -> CorrectedTruck:
-        """The same, marked as validated on held-out recordings or not."""
+        """The same truck, marked as validated on held-out recordings or not."""
         return self._like(validated=validated)
 
     def along(self, exogenous: Mapping[str, Array]) -> CorrectedTruck:
@@ -152,7 +152,7 @@ class CorrectedTruck:
         return self._like(moved=moved)
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
-        """Free or forced run; see simulators.free_run. Faster than stepping only where nothing was added."""
+        """Free or forced run; see simulators.free_run. Faster than stepping only if nothing was added."""
         plain = getattr(self.base, "rollout", None)
         if plain is not None and not self.adds:
             run: Run = plain(u, w, y0, recorded)
@@ -212,7 +212,7 @@ def _added(
 
 
 def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
-    """A corrected truck from its directory. Raises InputError where this library cannot read it."""
+    """A corrected truck from its directory. Raises InputError if this library cannot read it."""
     if manifest.get("schema") != SCHEMA:
         raise InputError(
             f"{path} was corrected by another version, whose terms are kept in another form;"

@@ -1,4 +1,4 @@
-"""Open-loop error before and after the correction, on recordings that were not used for the fit."""
+"""Open-loop error before and after the correction, on held-out recordings."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def free_windows(
 def free_runs(
     jobs: Sequence[tuple[Simulator, Sequence[Prepared]]], horizon_s: float, *, exogenous: bool = True
 ) -> list[Errors]:
-    """Free runs of `horizon_s` of each simulator one after another along its recordings, with a forced
-    stretch before each, and once more from halfway between their beginnings: a run's error depends on
-    where it begins.
+    """Consecutive free runs of `horizon_s` of each simulator along its recordings, each after a forced
+    segment.
 
-    Without `exogenous` a corrected simulator gets no channel that the protocol does not carry.
-    The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole
+    They are repeated with starts shifted by half a run, because the error of a run depends on where it
+    starts. Without `exogenous` a corrected simulator gets only channels that the protocol carries. The inner
+    state is carried over from window to window, so that slow states (heat, distance) are those of the whole
     drive.
     """
     steps = [round(horizon_s / simulator.dt) for simulator, _ in jobs]
@@ -88,7 +88,7 @@ def _errors(rows: Sequence[_Row], predicted: Array, steps: int) -> Errors:
 
 
 def horizon(prepared: Sequence[Prepared]) -> float:
-    """Length of free runs, s: the longest of which enough fit between the gaps of these recordings."""
+    """Length of free runs, s: the longest that fits often enough between the gaps of these recordings."""
     for long in Limits.horizons_s:
         runs = sum(len(_starts(p, round(Limits.settle_s / p.dt), round(long / p.dt), 0)) for p in prepared)
         if runs >= Limits.least_runs:
@@ -157,14 +157,14 @@ def free_run_errors(errors: Mapping[str, Errors]) -> FreeRunErrors | None:
 
 
 def improvement(judged: Mapping[str, Errors], seed: int = 0) -> Improvement:
-    """Bootstrap intervals over recordings of the relative improvement, over the free runs in `judged`."""
+    """Relative improvement in the free runs `judged`, with bootstrap intervals over recordings."""
     before, after, tuned = judged["before"], judged["after"], judged["parameters_only"]
     recordings = len(np.unique(before.recording))
     return Improvement(interval(before, after, seed), interval(tuned, after, seed), recordings)
 
 
 def interval(old: Errors, new: Errors, seed: int = 0) -> Interval:
-    """95 % interval of 1 - new / old, of the mean speed error of a free run."""
+    """95 % interval of 1 - new / old, where old and new are mean speed errors of free runs."""
     rng = np.random.default_rng(seed)
     owners = np.unique(old.recording)
     a, b = old.of_runs(), new.of_runs()

@@ -1,4 +1,6 @@
-"""Many corrections of one simulator in one batch: a step of all costs little more than a step of one."""
+"""Runs many corrections of one simulator in one batch, because a step of the batch costs little more than a
+step of one.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,11 @@ Group = tuple[Simulator | TruckWithForces, list[int]]
 def groups(
     trucks: Sequence[Simulator], rows: Sequence[int], channels: Sequence[tuple[str, ...]]
 ) -> list[Group]:
-    """For each batch: the simulator that drives it, and the trucks whose rows it has, in order.
+    """For each batch: the simulator that runs it, and the trucks whose rows it holds, in order.
 
-    Trucks share a batch if they correct the same simulator along recordings with the same `channels`.
-    Different parameters share one only if the simulator takes some for each row; trucks that add no force
-    have their own.
+    Trucks share a batch if they correct the same simulator along recordings with the same `channels`. Trucks
+    with different parameters share a batch only if the simulator accepts parameters per row; trucks that add
+    no force have a batch of their own.
     """
     alike: dict[tuple[Any, ...], list[int]] = {}
     for k, truck in enumerate(trucks):

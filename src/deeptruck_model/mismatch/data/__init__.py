@@ -1,1 +1,1 @@
-"""Recordings made fit to be compared with a simulator; samples that were set aside are counted by rule."""
+"""Prepares recordings for the comparison with a simulator, and counts rejected samples by rule."""

@@ -1,5 +1,6 @@
-"""Checks of the data before the truck: rejected samples with their reasons, and sensor faults that show
-between sensors alone."""
+"""Data checks that need no truck model: rejected samples with their reasons, and faults visible between
+sensors.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +27,11 @@ SHIFTS = 4  # times that the accelerometer is shifted by the lag so far, as a fi
 
 @dataclass(frozen=True)
 class Kinematics:
-    """The fit of one drive's accelerometer to the derivative of its speed.
+    """Fit of one drive's accelerometer to the derivative of its speed.
 
-    `slope` and `offset` (m/s^2) map dv/dt to the accelerometer, `lag_s` is by how much the accelerometer is
-    late, each with its standard error; NaN where acceleration was not measured or hardly varied. The noise is
-    that of one sample of speed.
+    `slope` and `offset` (m/s^2) map dv/dt to the accelerometer reading, `lag_s` is the delay of the
+    accelerometer, each with its standard error; NaN if acceleration was not measured or hardly varied. The
+    noise is that of one sample of speed.
     """
 
     speed_noise: float
@@ -49,17 +50,18 @@ def noise_of(x: Array) -> float:
 
 
 def derivative(speed: Array, dt: float) -> Array:
-    """Mean acceleration over the step that ends at each sample, as a Simulator reports it; first repeated."""
+    """Mean acceleration over the step that ends at each sample, as a Simulator reports it; the first sample
+    repeats the second."""
     d = np.diff(speed) / dt
     return np.concatenate([d[:1], d]) if len(d) else np.zeros_like(speed)
 
 
 def observed_acceleration(speed: Array, accelerometer: Array | None, dt: float) -> Array:
-    """Slow part from speed, fast part from the accelerometer.
+    """Acceleration whose slow part is from speed and whose fast part is from the accelerometer.
 
-    What the two differ by is smoothed and added to the accelerometer: a true acceleration passes unchanged,
-    and an accelerometer's offset is gone. At the ends it is reflected: to hold its last sample there would be
-    to trust one difference of a noisy speed for seconds.
+    The smoothed difference of the two is added to the accelerometer reading, which removes its offset and
+    leaves the true acceleration unchanged. At the ends the difference is mirrored, because holding its last
+    sample would extend a single noisy speed difference over seconds.
     """
     slow = derivative(speed, dt)
     if accelerometer is None:
@@ -126,7 +128,7 @@ STUCK = "brake_command never moves in a drive in which the truck brakes: was it 
 
 @dataclass(frozen=True)
 class Rejection:
-    """Samples that were set aside by one rule."""
+    """Samples rejected by one rule."""
 
     rule: str
     samples: int
@@ -134,8 +136,8 @@ class Rejection:
 
 @dataclass(frozen=True)
 class SensorFault:
-    """A fault of measurement: effect name, its size with standard error and unit, and one sentence; `between`
-    are the two that were compared, `equation` is how, and `channel` is the one that is wrong."""
+    """A fault of measurement: effect name, its size with standard error and unit, and one sentence. `between`
+    are the two compared signals, `equation` their relation, and `channel` the faulty one."""
 
     effect: str
     value: float
@@ -148,12 +150,12 @@ class SensorFault:
 
     @property
     def is_lag(self) -> bool:
-        """Whether `value` is by how many seconds acceleration is later than speed."""
+        """Whether `value` is the delay of acceleration behind speed, s."""
         return self.unit == "s"
 
     @property
     def is_scale(self) -> bool:
-        """Whether `value` is how many times as much speed changes as the accelerometer says."""
+        """Whether `value` is the ratio of the speed's derivative to the accelerometer reading."""
         return self.unit == "1"
 
     def elsewhere(self) -> SensorFault | None:
@@ -202,7 +204,7 @@ def _reject(x: Array, bad: NDArray[np.bool_], rule: str, counts: dict[str, int])
 
 
 def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:
-    """Whether the acceleration channel is a sensor of its own and not the derivative of speed."""
+    """Whether the acceleration channel comes from a sensor and not from the derivative of speed."""
     for r in recordings:
         a, d = r.channels["acceleration"], derivative(r.channels["speed"], r.dt)
         both = np.isfinite(a) & np.isfinite(d)
@@ -214,7 +216,7 @@ def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:
 
 
 def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorFault]:
-    """Faults between speed and accelerometer, pooled over the recordings. No truck model enters."""
+    """Faults between speed and accelerometer, pooled over the recordings, without a truck model."""
     found = plausibility.accelerometer(recordings)
     if found is not None and found.correlation < -plausibility.CORRELATED:
         says = f"the accelerometer has the wrong sign: {found.slope:.2f} times the derivative of speed"
@@ -274,9 +276,9 @@ def _scaled(channel: str, factor: float) -> str:
 
 
 def corrected(r: Recording, faults: Sequence[SensorFault]) -> Recording:
-    """The recording without the sensor faults found, so that they are not taken for physics.
+    """The recording with the sensor faults removed, so that they are not attributed to physics.
 
-    An offset of the accelerometer never enters (see `observed_acceleration`).
+    An accelerometer offset needs no correction (see `observed_acceleration`).
     """
     channels = dict(r.channels)
     for fault in faults:

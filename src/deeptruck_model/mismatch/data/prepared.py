@@ -1,4 +1,6 @@
-"""Whether recordings and simulator belong together, what is held out, and whether there is enough."""
+"""Prepares recordings for a simulator: checks that they belong together, that the data suffice, and what is
+held out.
+"""
 
 from __future__ import annotations
 
@@ -52,10 +54,11 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
 
 
 def with_inputs(simulator: Simulator, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
-    """The recordings without pieces that lack an input which other pieces of their bag have, such as a slope
-    that is derived from the way driven, where a piece stands still; and what to say of it.
+    """The recordings, except pieces that lack an input that other pieces of their bag have, and remarks on
+    these.
 
-    Their interface has the conditions that the simulator takes.
+    Such an input is, for example, a slope derived from distance driven, where a piece stands still. The
+    interface of the recordings has the conditions that the simulator takes.
     """
     need = [n for n in (*simulator.interface.u, *simulator.interface.w) if n != BRAKE]
     lacking = {id(r): [n for n in need if not _valid(r, n)] for r in recordings}
@@ -93,8 +96,8 @@ def _other_rate(r: Recording, rate_hz: float) -> str:
 def each_once(
     fit: Sequence[Recording], held: Sequence[Recording]
 ) -> tuple[list[Recording], list[Recording], list[str]]:
-    """Recordings to fit and to hold out, each drive once under whatever name: what is in both is held out,
-    unless nothing would be left to fit."""
+    """Recordings to fit and to hold out, without duplicates: a drive in both is held out, even under
+    different names, unless nothing would be left to fit."""
     caveats: list[str] = []
     if all(any(_same(r, h) for h in held) for r in fit):
         held = ()
@@ -131,7 +134,7 @@ def _same(one: Recording, other: Recording) -> bool:
 def with_held_out(
     fit: list[Recording], held: list[Recording], dt: float
 ) -> tuple[list[Recording], list[bool], list[str]]:
-    """Recordings and which of them are held out; where none was given, the last part is set aside."""
+    """The recordings, and which of them are held out; if none was given, the last part is held out."""
     if held:
         return fit + held, [False] * len(fit) + [True] * len(held), []
     if len(fit) >= 4:
@@ -154,7 +157,7 @@ def with_held_out(
 
 
 def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection]) -> str | None:
-    """Why nothing can be said from the recordings that are not held out, or None."""
+    """Why the recordings to fit cannot be used, or None."""
     seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
     if seconds < Limits.least_driving_s:
         if rejected:
@@ -172,7 +175,7 @@ def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection])
 
 
 def too_little(e: Evidence) -> str | None:
-    """Why nothing can be said where the simulator drives most of what is fitted in another gear, or None."""
+    """Why no statement is possible if the simulator uses another gear in most of the fitted data, or None."""
     seconds = float((e.valid & ~e.held_out).sum()) * e.dt
     if seconds >= Limits.least_driving_s or not e.other_gear:
         return None
@@ -190,7 +193,8 @@ RECOVERY_S = 1.0  # in which a learned simulator recovers from driving outside i
 
 @dataclass(frozen=True)
 class Prepared:
-    """A recording made fit for a simulator: no NaN, speed smoothed as little as its noise demands."""
+    """A recording prepared for a simulator: without NaN, with speed smoothed as little as its noise
+    permits."""
 
     recording: Recording
     u: Array
@@ -207,11 +211,11 @@ class Prepared:
         return self.recording.dt
 
     def distance(self) -> Array:
-        """Metres since it began, (n,)."""
+        """Distance since its start, m, (n,)."""
         return np.cumsum(self.y[:, SPEED]) * self.dt
 
     def place(self) -> Array:
-        """Metres along the road (n,): drives without recorded positions start at one place."""
+        """Position along the road (n,), m; drives without recorded positions all start at one place."""
         return self.distance() if self.road is None else self.road
 
 
@@ -220,10 +224,10 @@ def prepare(
     measured_acceleration: bool,
     interface: TruckInterface | None = None,
 ) -> Prepared:
-    """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration.
+    """Fill missing samples, mark them invalid for as long as they can disturb, and estimate acceleration.
 
-    `interface` is the simulator's, else the recording's; a response that it has and the recording lacks, such
-    as fuel, is NaN, and a brake that was not recorded is zero.
+    `interface` is the simulator's, else the recording's; a response in it that the recording lacks, such as
+    fuel, is NaN, and an unrecorded brake is zero.
     """
     if recording.interface.brake_unit is not None and not _valid(recording, BRAKE):
         recording = replace(recording, interface=replace(recording.interface, brake_unit=None))
@@ -265,18 +269,18 @@ def learned(simulator: Simulator, p: Prepared) -> Prepared:
 
 
 def fed(simulator: Simulator, y: Array) -> Array:
-    """The part of a recorded drive y (..., T, n_y) that the simulator gets as feedback; it starts from all of
-    it."""
+    """The channels of a recorded drive y (..., T, n_y) that the simulator gets as feedback; it starts from
+    all of them."""
     out = fed_back(simulator, y).copy()
     out[..., 0, :] = y[..., 0, :]
     return out
 
 
 def fed_back(simulator: Simulator, y: Array) -> Array:
-    """The part of responses y (..., n_y) of another truck that the simulator gets as feedback.
+    """The channels of another truck's responses y (..., n_y) that the simulator gets as feedback.
 
-    A learned simulator that gets the acceleration it is to predict passes it on, and the mismatch with it; so
-    it gets the speed alone.
+    A learned simulator that gets the acceleration it is to predict would reproduce it together with the
+    mismatch; it therefore gets only the speed.
     """
     if simulator.parameters():
         return y
@@ -286,13 +290,13 @@ def fed_back(simulator: Simulator, y: Array) -> Array:
 
 
 def padded(x: Array, length: int) -> Array:
-    """x (T, ...), extended to `length` by its last value."""
+    """x (T, ...), extended to `length` with its last value."""
     more = length - len(x)
     return np.concatenate([x, np.repeat(x[-1:], more, axis=0)]) if more else x
 
 
 def quantum(x: Array) -> float:
-    """The step a channel is quantised to: its smallest common difference, at most 2 % of its range."""
+    """The quantisation step of a channel: its smallest common difference, at most 2 % of its range."""
     steps = np.abs(np.diff(x))
     steps = steps[steps > 1e-12]
     if len(steps) < 20:

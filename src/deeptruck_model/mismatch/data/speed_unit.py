@@ -1,4 +1,6 @@
-"""Unit and scale of speed by positions, or by engine speed in the gears of a simulator that reports them."""
+"""Unit and scale of speed, checked by positions, or by engine speed in the gears of a simulator that reports
+them.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,8 @@ SCALED = (
 
 
 def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
-    """Raises InputError where speed and engine speed of the first drive with both differ by a unit's factor.
-    Other factors prove nothing, as tyres and axles differ."""
+    """Raises InputError if speed and engine speed of the first drive that has both differ by the factor of a
+    unit. Other factors are inconclusive, because tyres and axles differ."""
     first = next((p for p in prepared if "engine_speed" in p.recording.channels), None)
     scale = _scale(simulator, first) if first is not None else None
     if first is None or scale is None or 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
@@ -47,9 +49,9 @@ def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
 
 
 def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> list[SensorFault]:
-    """That speed is off by a factor where no accelerometer confirms it; none where it is not, or nothing
-    shows it. Positions show it for any truck; without them engine speed does, if tyres and axles are the
-    simulator's."""
+    """A scale fault of speed that no accelerometer reading could confirm; empty if there is none or it cannot
+    be checked. Positions check it for any truck; without them engine speed does, if the simulator has the
+    truck's tyres and axles."""
     if any(p.measured_acceleration for p in prepared):
         return []
     ratios = [driven_by_positions(p) for p in prepared]

@@ -1,4 +1,4 @@
-"""Units that were mistaken for others: a speed in km/h that is read as m/s is 3.6 times too large."""
+"""Units that are often confused: a speed in km/h that is read as m/s is 3.6 times too large."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ACCELEROMETERS = {  # what speed is too large by beside one that is read so
 
 
 def likely(scale: float, taken: Mapping[float, str]) -> str:
-    """The unit mix-up, of those in `taken`, that explains a factor of speed, with its cure; empty for most
+    """The confusion, among those in `taken`, that explains a factor of speed, with its cure; empty for most
     factors."""
     found = [what for factor, what in taken.items() if abs(scale / factor - 1.0) < NEAR]
     return f"{found[0]} is off by as much: check the units in COLUMNS.yaml" if found else ""

@@ -1,7 +1,7 @@
-"""One formula, computed over stacked recordings for the search and step by step inside a simulator.
+"""Formulas that can be evaluated over stacked recordings, and step by step inside a simulator.
 
 An Expression is a small tree over named signals. `rows(e)` evaluates it over an Evidence, (n,). `Stream`
-evaluates several along a running simulation, batched; the nodes with memory keep their state there.
+evaluates several in batches along a simulation; nodes with memory store their state there.
 """
 
 from deeptruck_model.mismatch.expression.memory import Change, Lag, RisingLag, Since, Slosh

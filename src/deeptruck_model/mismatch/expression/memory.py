@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Lag(Expression):
-    """First-order lag. It starts at the first value of its input, or at zero where `cold`."""
+    """First-order lag. It starts at the first value of its input, or at zero if `cold`."""
 
     inputs: tuple[Expression, ...]
     tau_s: float
@@ -50,7 +50,7 @@ def _rising(x: Array, keep: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RisingLag(Expression):
-    """A first-order lag of rising values alone, as of boost: it falls at once."""
+    """First-order lag of rising values only, as for boost pressure; falling values pass at once."""
 
     inputs: tuple[Expression, ...]
     tau_s: float
@@ -73,7 +73,7 @@ class RisingLag(Expression):
 
 @dataclass(frozen=True, eq=False)
 class Since(Expression):
-    """Seconds since the input was last above one half; `never` before the first time."""
+    """Seconds since the input last exceeded one half; `never` before the first time."""
 
     inputs: tuple[Expression, ...]
     never: float = 1e6
@@ -124,8 +124,8 @@ def _spring(frequency_hz: float, damping: float, dt: float) -> tuple[Array, Arra
 class Slosh(Expression):
     """Specific force on the truck of a unit mass share on a spring, excited by the input acceleration.
 
-    x'' + 2 z w x' + w^2 x = -a; the share pushes back with w^2 x + 2 z w x' and its inertia a is taken off
-    the truck.
+    x'' + 2 z w x' + w^2 x = -a; the share reacts with w^2 x + 2 z w x', and its inertial force a is removed
+    from the truck.
     """
 
     inputs: tuple[Expression, ...]

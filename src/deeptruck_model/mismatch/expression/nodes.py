@@ -1,4 +1,4 @@
-"""Arithmetic on named signals: what every formula is built from."""
+"""Nodes for arithmetic on named signals, from which every formula is built."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ class Expression:
     inputs: tuple[Expression, ...]
 
     def rows(self, e: Evidence) -> Array:
-        """Values over stacked recordings, (n,); memory starts afresh with each recording."""
+        """Values over stacked recordings, (n,); memory is reset at the start of each recording."""
         return rows_of([self], e)[0]
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
-        """Values over stacked recordings, from the values of the inputs."""
+        """Values over stacked recordings, given the values of the inputs."""
         raise NotImplementedError
 
     def signals(self) -> frozenset[str]:
-        """Names of all signals it is made of."""
+        """Names of all signals in it."""
         return frozenset[str]().union(*(x.signals() for x in self.inputs))
 
     def begin(self, batch: int) -> Any:
@@ -90,7 +90,7 @@ class Expression:
 
 
 def rows_of(expressions: Iterable[Expression], e: Evidence) -> list[Array]:
-    """The `rows` of several expressions, (n,) each; a node that stands in several is computed once."""
+    """The `rows` of several expressions, (n,) each; shared nodes are computed once."""
     known: dict[int, Array] = {}
 
     def value(x: Expression) -> Array:
@@ -144,7 +144,7 @@ class Constant(Leaf):
 
 @dataclass(frozen=True, eq=False)
 class Signal(Leaf):
-    """A named signal; where it is not known it counts as `missing`, in a simulation as `simulated`."""
+    """A named signal. Where it is not known, its value is `missing`, in a simulation `simulated`."""
 
     name: str
     missing: float = 0.0

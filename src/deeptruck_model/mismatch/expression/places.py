@@ -1,4 +1,4 @@
-"""Functions of one input, factors of single recordings, and changes of the command path."""
+"""Nodes that are stepped in time, functions of one input, factors of single recordings, and command paths."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Stepped(Expression):
-    """A node that is computed step by step along recordings too, all recordings side by side."""
+    """A node that is computed step by step also along recordings, with all recordings in parallel."""
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         longest = max(s.stop - s.start for s in e.stretches)
@@ -31,9 +31,11 @@ class Stepped(Expression):
 
 @dataclass(frozen=True, eq=False)
 class Play(Stepped):
-    """The part of a force that turns a play instead of pulling: it drives the play against friction, from
-    one end to the other, `reach` (force times s) apart, and all of it arrives at an end. A soft spring in it
-    passes up to `holds` on before."""
+    """Reduces a force while it turns the driveline through its play.
+
+    The force moves the play against friction from one end to the other, `reach` (force times s) apart; at an
+    end the whole force is transmitted. A soft spring in the play transmits up to `holds` before.
+    """
 
     inputs: tuple[Expression, ...]
     reach: float
@@ -56,7 +58,8 @@ class Play(Stepped):
 class Stream:
     """Expressions evaluated together along a simulation; memory is a plain list, so states can be copied.
 
-    What is the same in several of them, as the signal that knots stand on, is computed once."""
+    Shared nodes, such as the signal of several knots, are computed once.
+    """
 
     def __init__(self, expressions: Sequence[Expression]) -> None:
         self._order: list[tuple[Expression, tuple[int, ...]]] = []  # and the places of its inputs
@@ -107,7 +110,7 @@ class Tent(Expression):
 
 @dataclass(frozen=True, eq=False)
 class Interpolated(Expression):
-    """A function of the input by straight lines between points (`at`, `values`), level beyond them."""
+    """Piecewise-linear function of the input through points (`at`, `values`), constant beyond them."""
 
     inputs: tuple[Expression, ...]
     at: tuple[float, ...]
@@ -124,7 +127,7 @@ class Interpolated(Expression):
 
 @dataclass(frozen=True, eq=False)
 class Knot(Expression):
-    """A Tent in one recording; a simulation is left with `elsewhere`."""
+    """A Tent in one recording; in a simulation its value is `elsewhere`."""
 
     inputs: tuple[Expression, ...]
     index: int
@@ -144,8 +147,8 @@ class Knot(Expression):
 
 @dataclass(frozen=True, eq=False)
 class AtPlace(Expression):
-    """A Tent along the road of whoever drives there; `elsewhere` where its place is not known, which is what
-    an input below zero says."""
+    """A Tent over the road position; `elsewhere` if the position is unknown, which an input below
+    zero means."""
 
     inputs: tuple[Expression, ...]
     knot: float
@@ -167,7 +170,8 @@ class AtPlace(Expression):
 
 @dataclass(frozen=True, eq=False)
 class InRecording(Leaf):
-    """One in the named recording (from `from_s` on), zero elsewhere; in a simulation it is `elsewhere`."""
+    """One in the named recording (from `from_s` on), zero in others; in a simulation its value is
+    `elsewhere`."""
 
     index: int
     from_s: float = 0.0
@@ -184,7 +188,8 @@ class InRecording(Leaf):
 
 @dataclass(frozen=True, eq=False)
 class Rerun(Leaf):
-    """Change of the simulated acceleration when commands take another path; simulated by CommandPath."""
+    """Change of the simulated acceleration if commands take another path; in a simulation CommandPath
+    computes it."""
 
     path: str
     amount: float

@@ -1,1 +1,1 @@
-"""While driving: names from the newest messages, and a monitor of the residual."""
+"""The tool while driving: names from the newest messages, and a monitor of the residual."""

@@ -1,8 +1,8 @@
-"""While driving: which mechanism the last minutes speak for, and what this drive has of its own.
+"""Answers to a node while driving: the probable mechanisms of the last minutes, and adaptation to the drive.
 
-`answer` makes recordings of messages at hand, as of a bag, and compares them with the simulator as
+`answer` makes recordings of messages in memory, as of a bag, and compares them with the simulator as
 `find_mismatch` does, without the correction; or it adapts the simulator, as `adapt` does. `companion.py` runs
-it in a process of its own.
+it in a separate process.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _loaded(path: str, own: Own | None) -> Simulator:
 
 
 def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules()) -> NamesReply:
-    """Names and budget of recordings, all of which are fitted. Raises InputError as `find_mismatch`."""
+    """Names and budget of recordings, all of which are fitted. Raises InputError as `find_mismatch` does."""
     c = compared(simulator, recordings, sets_aside=False, rules=rules)
     if isinstance(c, Uncompared):
         return NamesReply(c.drives.useless or "")

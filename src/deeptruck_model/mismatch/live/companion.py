@@ -1,8 +1,8 @@
-"""A process that answers the questions of `live` for a node, so that the node never waits.
+"""A process that answers the questions of `live` for a node, so that the node is never blocked.
 
-Questions and answers go through its standard input and output, and it ends when its input closes, however the
-node ended. Only the newest answer is kept. It uses the standard library alone, so that a node loads no more
-than it needs.
+Questions and answers pass through its standard input and output; it ends when its input is closed, however
+the node ended. Only the newest answer is kept. This module imports only the standard library, to keep the
+node small.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ NICE = 10  # whatever drives goes first
 
 
 class Companion:
-    """Ask one question at a time; the answer is there when `taken` returns it.
+    """Client of the process: ask one question at a time; `taken` returns the answer when it is there.
 
-    Answers may take a `share` of a core on average: after each it rests for as long as that needs.
+    The process uses at most a `share` of a core on average: after each answer it pauses accordingly.
     """
 
     def __init__(self, share: float = math.inf) -> None:
@@ -38,12 +38,12 @@ class Companion:
 
     @property
     def busy(self) -> bool:
-        """Whether a question is being answered, an answer has not been taken, or the process rests."""
+        """Whether a question is being answered, an answer has not been taken, or the process pauses."""
         return self._thread is not None or time.monotonic() < self._rests_until
 
     def ask(self, question: Callable[[], Question]) -> None:
-        """Start to answer what `question` returns, which is called in a thread; the first call starts the
-        process."""
+        """Start to answer the question that `question` returns when called in a thread; the first call starts
+        the process."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "deeptruck_model.mismatch.live.companion"],
@@ -63,8 +63,8 @@ class Companion:
             self._failed = f"the process that names has ended with {process.wait()}"
 
     def taken(self, *, waits: bool = False) -> Reply | None:
-        """The answer, once; None while there is none, unless it is waited for. Raises RuntimeError where the
-        process has ended."""
+        """The answer, once; None if there is none yet, unless `waits`. Raises RuntimeError if the process has
+        ended."""
         if self._thread is None or (self._thread.is_alive() and not waits):
             return None
         self._thread.join()
@@ -75,14 +75,14 @@ class Companion:
         return answer
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """End the process immediately."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
 
 
 def main() -> None:
-    """Answer until nobody asks."""
+    """Answer questions until standard input is closed."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     os.nice(NICE)

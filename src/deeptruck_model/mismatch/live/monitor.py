@@ -1,8 +1,8 @@
-"""While driving: a simulator forced along the running truck, its residual, and where that stands out.
+"""Monitor while driving: runs a simulator forced along the truck, and reports where its residual is large.
 
-Samples come as they come; the monitor lays them on the simulator's own clock: speed interpolated, commands
-and conditions held from the step they were stamped for. Beside the simulator run copies of it whose inputs
-are moved by their own noise: what they disagree by is no mismatch.
+Samples may arrive at any time; the monitor resamples them to the simulator's clock: speed is interpolated,
+commands and conditions are held from the step of their stamp. Copies of the simulator run in parallel with
+inputs perturbed by their noise; a residual within the spread of the copies is no mismatch.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ PATIENCE = 5  # steps that may wait for a command stamped at their begin
 
 @dataclass(frozen=True)
 class Sample:
-    """One step that ended at `time`, s. Accelerations in m/s^2; NaN while nothing can be judged.
+    """One step that ended at `time`, s. Accelerations in m/s^2; NaN while the residual is not known.
 
-    `smoothed` is the mean residual of the last SMOOTH_S, `allowed` what the simulator's disagreement with
-    itself would let that mean be.
+    `smoothed` is the mean residual of the last SMOOTH_S, `allowed` the tolerance for that mean by the spread
+    of the simulator under input noise.
     """
 
     time: float
@@ -47,8 +47,8 @@ class Sample:
 
 @dataclass(frozen=True)
 class Located:
-    """A segment of time, s, in which the smoothed residual was above its limit, and its mean missing force
-    (N)."""
+    """A time segment, s, in which the smoothed residual exceeded its limit, and its mean missing
+    force (N)."""
 
     start: float
     end: float
@@ -58,8 +58,8 @@ class Located:
 class Monitor:
     """Compare a running truck with a simulator.
 
-    The smoothed residual stands out where its size exceeds `threshold` (m/s^2) beyond what is allowed. After
-    `hold_s` of that, `alarm` is the stretch; later it stays in `located` while it is in the last `window_s`.
+    The limit of the smoothed residual is `threshold` (m/s^2) above the tolerance. After `hold_s` above it,
+    `alarm` is the present segment; afterwards the segment stays in `located` for `window_s`.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Monitor:
         self._standing_out: list[tuple[float, float]] = []
 
     def goes_on_with(self, simulator: Simulator) -> None:
-        """Use another simulator of the same truck from now on; its state is unknown for `settle_s`."""
+        """Replace the simulator by another one of the same truck; its state is unknown for `settle_s`."""
         self._simulator = simulator
         self._forget()
 
@@ -101,7 +101,7 @@ class Monitor:
         return self._stretch()
 
     def hear_command(self, time: float, values: Mapping[str, float]) -> list[Sample]:
-        """Commands in the interface's units, in force from `time` (s) on; a NaN breaks the comparison."""
+        """Commands in the interface's units, in force from `time` (s) on; NaN interrupts the comparison."""
         u = np.array([values.get(name, math.nan) for name in self._simulator.interface.u])
         self._commands.append((time, u))
         return self._advance()
@@ -112,7 +112,7 @@ class Monitor:
         self._conditions.append((time, w))
 
     def hear_speed(self, time: float, speed: float) -> list[Sample]:
-        """The truck's speed, m/s. Returns the steps that could be completed with it."""
+        """The truck's speed, m/s. Returns the steps that this sample completes."""
         last, self._last = self._last, (time, speed)
         gap = last is None or time <= last[0] or time - last[0] > 2.5 * self._dt
         if gap or not math.isfinite(speed) or not math.isfinite(last[1] if last else math.nan):

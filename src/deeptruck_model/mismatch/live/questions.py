@@ -12,9 +12,9 @@ from deeptruck_model.recordings.resample import Received
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of the last minutes of a truck, or (`adapts`) of the first minutes of its drive.
+    """A question about the last minutes of a truck, or (`adapts`) about the first minutes of its drive.
 
-    `own` is what the simulator has been adapted to before. With `no_load` no command drives the truck.
+    `own` is the simulator's present adaptation. With `no_load` no command drives the truck.
     """
 
     simulator: str
@@ -26,9 +26,9 @@ class Question:
 
 @dataclass(frozen=True)
 class NamesReply:
-    """Answer about the last minutes: the `nodes` of the tree with their probabilities, the sentence
-    `says`, the node that is `stated` (ROOT: none), and the budget's shares by part, with the speed error
-    (m/s) over the horizon (s) that they split."""
+    """Answer about the last minutes: the `nodes` of the tree with their probabilities, the sentence `says`,
+    the `stated` node (ROOT: none), and the budget: its shares by part, and the speed error (m/s) over the
+    horizon (s)."""
 
     says: str
     stated: str = ROOT

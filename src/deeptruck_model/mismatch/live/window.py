@@ -1,4 +1,4 @@
-"""The newest messages of a truck, as many as the last minutes hold."""
+"""Buffer of a truck's messages of the last minutes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from deeptruck_model.recordings.resample import Received
 
 
 class Window:
-    """The newest messages of each topic, of up to `seconds` of stamps and no more than `most_hz` a second."""
+    """The newest messages of each topic, of up to `seconds` of stamps and at most `most_hz` per second."""
 
     def __init__(self, seconds: float, most_hz: float) -> None:
         self._span, self._least = round(seconds * 1e9), round(1e9 / most_hz)
@@ -21,8 +21,8 @@ class Window:
         self._newest = 0
 
     def hear(self, topic: str, stamp: int, values: Mapping[str, float]) -> None:
-        """A message stamped at `stamp`, ns, with its numbers by field. A clock that is set back, as that of a
-        replay that is moved, begins the window anew; the last of equal stamps counts."""
+        """Add a message stamped at `stamp`, ns, with its numbers by field. If the clock is set back, as in a
+        replay that is moved, the window is cleared; of equal stamps the last is used."""
         before = self._topics.get(topic)
         if before and stamp < before[-1][0] - REORDER_NS:
             self._topics.clear()
@@ -38,7 +38,7 @@ class Window:
             kept.popleft()
 
     def copy(self) -> Window:
-        """A copy of the present content, whose columns can be made while more messages arrive."""
+        """A copy of the present content, which can be converted to columns while more messages arrive."""
         other = copy(self)
         other._topics = {topic: kept.copy() for topic, kept in self._topics.items()}
         return other

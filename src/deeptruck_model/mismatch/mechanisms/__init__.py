@@ -1,4 +1,4 @@
-"""The library: every mechanism the tool can name, one record each, in tables by subject."""
+"""The library: one record for each mechanism that the tool can name, in tables by subject."""
 
 from deeptruck_model.mismatch.mechanisms import (
     air_and_tyres,

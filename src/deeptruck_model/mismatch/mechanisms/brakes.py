@@ -1,4 +1,4 @@
-"""Brakes: fade, lag and shoes that do not let go."""
+"""Brakes: fade, lag and dragging brakes."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Forces of a physics truck to which those of mechanisms are proportional: a headwind is a share of the drag.
+"""Forces of a physics truck that scale those of mechanisms: a headwind, for example, is a share of the drag.
 
-Sizes are fitted about parameters that may differ much from those of the corrected truck, whose own forces
-then differ by as much.
+Sizes are fitted at parameters that may differ much from those of the corrected truck; its forces then differ
+by the same factors.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ CARRIERS = {
 
 
 def factors(fitted_at: Mapping[str, float], moved: Mapping[str, float]) -> dict[str, float]:
-    """By how much every force per mass was larger where sizes were fitted than in a truck with `moved`; both
-    are relative changes of the simulator's parameters."""
+    """Ratios of every force per mass at the parameters of the fit to that of a truck with `moved`; both are
+    relative changes of the simulator's parameters."""
 
     def ratio(name: str) -> float:
         return (1.0 + fitted_at.get(name, 0.0)) / (1.0 + moved.get(name, 0.0))
@@ -31,7 +31,7 @@ def factors(fitted_at: Mapping[str, float], moved: Mapping[str, float]) -> dict[
 
 
 def ratio(column: Column, e: Evidence, by: Mapping[str, float]) -> float:
-    """By how much a size is larger in a truck whose own forces are less by the factors `by`."""
+    """Factor on a size for a truck whose forces are smaller by the factors `by`."""
     there = replace(
         e, signals=e.signals | {name: e[name] / factor for name, factor in by.items() if name in e.signals}
     )

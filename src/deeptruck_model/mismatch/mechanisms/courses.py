@@ -1,7 +1,7 @@
-"""How a coefficient may vary: always one, from a moment on, one for each recording, or along knots.
+"""How a coefficient may vary: constant, from a moment on, one for each recording, or along knots.
 
-A `Course` multiplies the columns of a form by `factors`. An `Offer` gives the courses of a form that a set of
-recordings can show.
+A `Course` multiplies the columns of a form by `factors`. An `Offer` gives the courses that a set of
+recordings can show for a form.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ BIN_M = 10.0  # in which a road is counted
 
 @dataclass(frozen=True)
 class Course:
-    """One coefficient for each column, on every drive."""
+    """Variation of a coefficient; this base class is constant: one coefficient for each column, on every
+    drive."""
 
     @property
     def sd(self) -> float | None:
@@ -39,21 +40,21 @@ class Course:
 
     @property
     def trials(self) -> float:
-        """How many alternatives it was picked from."""
+        """Number of alternatives from which it was selected."""
         return 1.0
 
     @property
     def varies_in_time(self) -> bool:
-        """Whether it has knots in time or along the road, and so can follow any slow force."""
+        """Whether it has knots in time or along the road, and can therefore represent any slow force."""
         return False
 
     @property
     def general(self) -> bool:
-        """Whether it holds on other drives too."""
+        """Whether it is valid on other drives too."""
         return True
 
     def factors(self) -> Iterator[tuple[str, Expression]]:
-        """What the columns are multiplied by, each with a suffix of their names."""
+        """Factors on the columns, each with a suffix for their names."""
         yield "", lift(1.0)
 
 
@@ -62,8 +63,8 @@ ALWAYS = Course()
 
 @dataclass(frozen=True)
 class FromMoment(Course):
-    """Zero before `after_s` (s) in recording `first` of `count`, full from then on; one of so many `moments`
-    that are tried. A simulation of another drive always has it."""
+    """Zero before `after_s` (s) in recording `first` of `count`, one afterwards; one of `moments` tried
+    alternatives. It is one throughout a simulation of another drive."""
 
     first: int
     after_s: float
@@ -83,8 +84,8 @@ class FromMoment(Course):
 
 @dataclass(frozen=True)
 class EachDrive(Course):
-    """A coefficient for each of the recordings `names`; a simulation of another drive has the share `mean` of
-    each."""
+    """A coefficient for each of the recordings `names`; in a simulation of another drive each has the share
+    `mean`."""
 
     names: tuple[str, ...]
     mean: float
@@ -107,8 +108,8 @@ class EachDrive(Course):
 class Spline(Course):
     """A linear spline with knots every `spacing` along `along` (s, or m), `knots` of them in each recording.
 
-    A `shared` one has the same knots for all recordings, at places along the road. `size` is the prior sd of
-    a coefficient. A simulation of another drive has the share `mean` of every knot.
+    A `shared` spline has the same knots, at road positions, for all recordings. `size` is the prior sd of a
+    coefficient. In a simulation of another drive each knot has the share `mean`.
     """
 
     along: Along
@@ -154,12 +155,12 @@ Offer = Callable[[Evidence, Expression], Iterator[Course]]
 
 
 def always(e: Evidence, carrier: Expression) -> Iterator[Course]:
-    """One coefficient throughout."""
+    """One constant coefficient."""
     yield ALWAYS
 
 
 def each_drive(sd: float | None = None, *, more_than: int = 1, most: float = MOST_KNOTS) -> Offer:
-    """A coefficient for every recording, where there are `more_than` and `most` of them."""
+    """A coefficient for every recording, for between `more_than` and `most` recordings."""
 
     def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
         if more_than < len(e.stretches) <= most:
@@ -170,19 +171,19 @@ def each_drive(sd: float | None = None, *, more_than: int = 1, most: float = MOS
 
 
 def each_wind(e: Evidence, carrier: Expression) -> Iterator[Course]:
-    """A coefficient for every recording; a simulation is left with the mean of all."""
+    """A coefficient for every recording; a simulation uses the mean of all."""
     if 1 < len(e.stretches) <= MOST_KNOTS:
         yield EachDrive(tuple(s.name for s in e.stretches), 1.0 / len(e.stretches))
 
 
 def from_moments(e: Evidence, carrier: Expression, most: int = 32) -> Iterator[Course]:
-    """From moments on that are evenly spread, and from every start of a recording."""
+    """Start times that are evenly spread, and the start of every recording."""
     spread = np.arange(len(e))[:: max(1, len(e) // most)].tolist()
     yield from _from_each(_starts(e) | set(spread), e)
 
 
 def from_standstills(e: Evidence, carrier: Expression, most: int = 24) -> Iterator[Course]:
-    """From standstills and starts of recordings on: where a load changes."""
+    """Start times at standstills and starts of recordings, where a load may change."""
     entering = np.flatnonzero(np.diff((e["speed"] < 1.0).astype(int)) > 0) + 1
     yield from _from_each(_starts(e) | set(entering.tolist()), e, most)
 
@@ -200,11 +201,11 @@ def _from_each(points: set[int], e: Evidence, most: int | None = None) -> Iterat
 
 
 def slowly(largest: float, along: Along = "elapsed", *, quick: bool = True) -> Offer:
-    """Knots in time or distance, afresh in every recording.
+    """Knots in time or distance, separate in every recording.
 
-    Every name gets the same knots and the same sizes of force, up to the `largest` sd of its coefficient that
-    is physically possible: between two of them only how the force varies with the carrier decides. What is
-    not `quick` cannot change from one of the finer knots to the next.
+    All names get the same knots and the same force sizes, up to the `largest` physically possible sd of their
+    coefficient, so that between two names only the variation with the carrier decides. Unless `quick`, an
+    effect cannot change from one of the finer knots to the next.
     """
 
     def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
@@ -224,8 +225,8 @@ def slowly(largest: float, along: Along = "elapsed", *, quick: bool = True) -> O
 
 
 def along_the_road(largest: float) -> Offer:
-    """Profiles over distance, afresh in every recording, and those that are the same wherever a drive comes
-    by; as slow as wind, and as fine as hills."""
+    """Profiles over distance, separate in every recording, and profiles shared by all passes of a road
+    position; as slow as wind, and as fine as hills."""
 
     def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
         lengths = [float(np.ptp(e["distance"][s.rows])) for s in e.stretches]
@@ -241,9 +242,9 @@ def along_the_road(largest: float) -> Offer:
 
 
 def share_out(lengths: Sequence[float], spacing: float, most: int = MOST_KNOTS) -> list[int]:
-    """Knots for each recording at `spacing`, until `most` are used up; later recordings get none.
+    """Number of knots for each recording at `spacing`, up to `most` in total; later recordings get none.
 
-    A log of many hours would otherwise have knots too far apart to show anything anywhere.
+    Spreading the knots over a log of many hours would place them too far apart to resolve anything.
     """
     out, left = [], most
     for length in lengths:
@@ -255,16 +256,16 @@ def share_out(lengths: Sequence[float], spacing: float, most: int = MOST_KNOTS) 
 
 
 def profile(e: Evidence, along: Along, knots: Sequence[int], spacing: float, sd: float) -> Spline:
-    """A spline with so many knots in each recording; a simulation is left with the mean over those that are
-    not held out."""
+    """A spline with the given number of knots in each recording; a simulation uses the mean over fitted
+    recordings."""
     fitted = sum(k for k, s in zip(knots, e.stretches, strict=True) if not s.held_out)
     mean = 1.0 / max(fitted or sum(knots), 1)
     return Spline(along, tuple(knots), tuple(s.name for s in e.stretches), spacing, mean, sd)
 
 
 def of_all(e: Evidence, spline: Spline) -> Iterator[Spline]:
-    """The same with knots at places, which every drive has that comes by; wider apart where the road is long.
-    None where hardly any of it is driven twice."""
+    """The spline with knots at road positions, shared by all drives that pass; wider apart if the road is
+    long. None if hardly any of it is driven twice."""
     known = e.valid & (e["place"] >= 0.0)
     driven = float(np.sum(e["speed"][known])) * e.dt
     if driven < Limits.times_driven * BIN_M * len(np.unique((e["place"][known] / BIN_M).astype(int))):

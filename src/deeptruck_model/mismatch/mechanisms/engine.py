@@ -1,4 +1,4 @@
-"""Engine: torque that is late, or less than commanded."""
+"""Engine: torque that is delayed, or less than commanded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the engine holds the truck back with: braking, friction, and what it drives besides the wheels."""
+"""Engine drag: engine braking, friction, and auxiliary loads."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def _full_demand(e: Evidence) -> list[float]:
 
 def released(e: Evidence) -> list[float]:
     """Thresholds of the engine command below which the pedal may count as released: 3 % of the largest
-    command, and 0.5 % too if the command is below that for more than 2 % of the time, and between
-    the two for more than 2 %."""
+    command; also 0.5 % if the command is below that for more than 2 % of the time, and between the two for
+    more than 2 %."""
     command = e["engine_command"][e.valid]
     largest = float(np.nanmax(np.abs(command), initial=0.0))
     lingers = np.mean((command > RELEASED * largest) & (command < LITTLE * largest))

@@ -1,4 +1,4 @@
-"""What a finding may be that is no mechanism: an error of a parameter, and a fault between sensors."""
+"""Possible findings that are no mechanisms: parameter errors, and faults between sensors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from deeptruck_model.mismatch.mechanisms.record import Family
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of simulators: its name in words, unit, and the manoeuvre that separates it from others."""
+    """A simulator parameter: its name in words, unit, and the manoeuvre that separates it from others."""
 
     name: str
     family: Family
@@ -20,7 +20,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class SensorError:
-    """A fault that shows between sensors alone: its equation, and the signals that must be recorded."""
+    """A fault visible between sensors alone: its equation, and the signals that must be recorded."""
 
     name: str
     family: Family

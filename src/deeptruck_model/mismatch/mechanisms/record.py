@@ -1,8 +1,9 @@
-"""The record of a mechanism: a piece of physics by the way it acts, not by one formula.
+"""The record of a mechanism, which describes a physical effect by its dependences and not by a single
+formula.
 
-A record says which signals drive it, in which direction it can only act, and how large it can be. Its forms
-have constants (time constants, thresholds, orders: whatever enters nonlinearly), of which several values are
-tried. Forms are chosen by evidence, coefficients are fitted. `terms.py` evaluates all of them.
+A record states the signals that drive it, the direction in which it can act, and how large it can be. Its
+forms have constants (time constants, thresholds, orders: all nonlinear parameters), each tried at several
+values. Forms are selected by evidence, coefficients are fitted. `terms.py` evaluates all records.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ EVEN = (0.02, 0.35, 0.65, 0.98)
 
 @dataclass(frozen=True)
 class Column:
-    """One coefficient: what it multiplies, its prior, and how it is reported (unit, factor into it)."""
+    """One coefficient: its regressor, its prior, and how it is reported (unit and conversion factor)."""
 
     expression: Expression
     sd: float
@@ -51,10 +52,10 @@ def force(expression: Expression, sd: float, name: str = "force", sign: int = 1)
 class Form:
     """A formula: `columns` (m/s^2 per unit coefficient) as a function of its constants.
 
-    `constants` are the values that are tried, perhaps dependent on the recordings; `units` are those of the
-    constants that a finding reports, `words` the permitted values of constants that are no numbers. `needs`
-    are signals beyond those of the mechanism. On knots a coefficient that holds always is added where
-    `steady`, and one for each drive, on the column `level`, where that is given.
+    `constants` are the values to try, which may depend on the recordings; `units` are those of the constants
+    that a finding reports, `words` the permitted values of constants that are not numbers. `needs` are
+    signals in addition to those of the mechanism. With knots, a constant coefficient is added if `steady`,
+    and one for each drive, on the column `level`, if that is given.
     """
 
     columns: Callable[..., Column | list[Column]]
@@ -67,7 +68,7 @@ class Form:
     level: Callable[..., Column] | None = None
 
     def made(self, constants: Constants) -> list[Column]:
-        """Its columns where the coefficient holds always."""
+        """Its columns with a constant coefficient."""
         columns = self.columns(**constants)
         return columns if isinstance(columns, list) else [columns]
 
@@ -82,10 +83,10 @@ class Form:
 
 @dataclass(frozen=True)
 class Curve:
-    """A form of any shape: `carrier` times a monotone or free curve over `of`, through a few knots.
+    """A nonparametric form: `carrier` times a monotone or free curve over `of`, through a few knots.
 
-    One that rises or falls without `level` vanishes at its low end. `share`: the carrier is a force of which
-    the curve is a share.
+    A monotone curve without `level` is zero at its low end. `share`: the carrier is a force, and the curve a
+    share of it.
     """
 
     carrier: Expression
@@ -115,10 +116,10 @@ def variant(form: str, course: Course = ALWAYS, **constants: Any) -> Variant:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A named piece of physics.
+    """A named physical effect.
 
-    `needs` are the signals without which it cannot be tested; `depends_on` what it varies with, for people;
-    `manoeuvre` would separate it from others; `prior` is its prior probability relative to the others.
+    `needs` are the signals without which it cannot be tested; `depends_on` describes its dependences in
+    words; `manoeuvre` would separate it from others; `prior` is its prior probability relative to the others.
     """
 
     effect: str
@@ -140,6 +141,6 @@ class Mechanism:
 
 
 def grid(**values: Iterable[Any]) -> tuple[Constants, ...]:
-    """Every combination of values of constants, the last one fastest."""
+    """Every combination of constant values, the last constant varying fastest."""
     combinations = itertools.product(*values.values())
     return tuple(dict(zip(values, combination, strict=True)) for combination in combinations)

@@ -1,4 +1,4 @@
-"""Variants as plain JSON values, and back: how a corrected simulator keeps its terms."""
+"""Converts variants to JSON values and back, to store the terms of a corrected simulator."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CURVE = {"at": tuple, "scale": float}
 
 
 def to_json(v: Variant) -> dict[str, Any]:
-    """A variant as plain values."""
+    """A variant as JSON values."""
     course = (
         {}
         if v.course == ALWAYS
@@ -23,7 +23,8 @@ def to_json(v: Variant) -> dict[str, Any]:
 
 
 def variant_of(mechanism: Mechanism, saved: Any) -> Variant:
-    """The variant of a mechanism that was saved. Raises ValueError, TypeError or KeyError for any other."""
+    """The variant of a mechanism from its JSON values. Raises ValueError, TypeError or KeyError if they are
+    invalid."""
     form = mechanism.forms[saved["form"]]
     words = {} if isinstance(form, Curve) else form.words
     constants = {name: _tuple(x) for name, x in saved["constants"].items()}

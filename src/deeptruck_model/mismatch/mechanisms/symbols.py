@@ -1,4 +1,4 @@
-"""The signals that formulas are made of, by short names, and typical values of them."""
+"""Signals used in formulas, by short names, and typical values of them."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ def over(seconds: float, power: Expression) -> Expression:
 
 
 def geared(reference: float) -> Expression:
-    """The overall ratio over `reference` (rad/m); one where that is zero, as gears are not known."""
+    """The overall ratio over `reference` (rad/m); one if that is zero, for unknown gears."""
     return OVERALL_RATIO / reference if reference else lift(1.0)
 
 
 def ratio_reference(e: Evidence) -> float:
-    """Median overall ratio (rad/m) while driving, so that columns in engine terms stay of order one."""
+    """Median overall ratio (rad/m) while driving, so that columns in engine terms are of order one."""
     if "ratio" not in e.signals:
         return 1.0
     ratio = e["ratio"][e.valid & np.isfinite(e["ratio"])]
@@ -57,17 +57,18 @@ def ratio_reference(e: Evidence) -> float:
 
 
 def ratio_if_known(e: Evidence) -> float:
-    """The same, zero where the ratio is not known."""
+    """Median overall ratio (rad/m) while driving, zero if the ratio is not known."""
     return ratio_reference(e) if "ratio" in e.signals else 0.0
 
 
 def torque_of(e: Evidence, reference: float) -> Array:
-    """The pull (n,) as a torque, in a force at the ratio `reference`; as it is where that is zero."""
+    """The engine torque (n,) expressed as a force at the overall ratio `reference`; the force unchanged if
+    that is zero."""
     pull = np.maximum(e["engine"], 0.0)
     return pull * reference / np.maximum(e["ratio"], 0.05 * reference) if reference else pull
 
 
 def quantile(e: Evidence, x: Array, where: NDArray[np.bool_], q: float) -> float:
-    """A quantile of x over valid rows that satisfy `where`; infinite when there are too few."""
+    """A quantile of x over valid rows that satisfy `where`; infinite if these are too few."""
     rows = e.valid & where & np.isfinite(x)
     return float(np.quantile(x[rows], q)) if rows.sum() > 50 else float("inf")

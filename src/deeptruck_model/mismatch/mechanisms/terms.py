@@ -1,4 +1,4 @@
-"""The evaluator: from the records of mechanisms to candidate terms on recordings."""
+"""Evaluates the records of mechanisms on recordings, as candidate terms."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SIZE = 0.1  # m/s^2 sd of a force that is no share of another
 
 @dataclass(frozen=True)
 class CandidateTerm:
-    """Variants of a mechanism side by side, evaluated: columns (n, k) and their prior."""
+    """One or several variants of a mechanism, evaluated: columns (n, k) and their prior."""
 
     mechanism: Mechanism
     variants: tuple[Variant, ...]
@@ -38,12 +38,12 @@ class CandidateTerm:
 
     @property
     def varies_in_time(self) -> bool:
-        """Whether it has knots in time or along the road, and so can follow any slow force."""
+        """Whether it has knots in time or along the road, and can therefore represent any slow force."""
         return any(v.course.varies_in_time for v in self.variants)
 
     @property
     def general(self) -> bool:
-        """Whether it has no size of its own for one drive or one time."""
+        """Whether it has no coefficient that is specific to one drive or time."""
         return all(v.course.general for v in self.variants)
 
     def settings(self) -> Iterator[tuple[str, float, str]]:
@@ -57,9 +57,9 @@ class CandidateTerm:
 
 
 def every_variant(mechanism: Mechanism, e: Evidence) -> Iterator[Variant]:
-    """The forms of a mechanism that these recordings can show.
+    """The variants of a mechanism that these recordings can show.
 
-    No curves for a learned simulator: what it learned badly runs in curves too.
+    Curves are omitted for a learned simulator, because its training errors also have the shape of curves.
     """
     for name, form in mechanism.forms.items():
         if isinstance(form, Form):
@@ -70,7 +70,7 @@ def every_variant(mechanism: Mechanism, e: Evidence) -> Iterator[Variant]:
 
 
 def build(mechanism: Mechanism, variants: Sequence[Variant]) -> list[Column]:
-    """The columns of variants, side by side: the accelerations that their forces give."""
+    """The columns of several variants: the accelerations that their forces cause."""
     columns = [c for v in variants for c in _columns(mechanism.forms[v.form], v)]
     return [replace(c, expression=_acceleration(c.expression)) for c in columns]
 
@@ -126,7 +126,8 @@ def _of_curve(curve: Curve, at: Sequence[float], scale: float) -> list[Column]:
 
 
 def pieces(curve: Curve, at: Sequence[float]) -> Iterator[tuple[Expression, list[float]]]:
-    """What a curve is made of, none of which may be negative, and the values of each at the knots."""
+    """Basis functions of a curve, with coefficients that must not be negative, and the values of each at the
+    knots."""
     values = np.eye(len(at)) if curve.trend == "any" else np.triu(np.ones((len(at), len(at))))
     if curve.trend == "falling":
         values = 1.0 - values + np.eye(len(at))
@@ -147,7 +148,7 @@ def _knots_of(curve: Curve, e: Evidence) -> dict[str, Any]:
 
 
 def knots(x: Array, quantiles: tuple[float, ...]) -> Array:
-    """Quantiles of x (n,); where most of it stands at its limit, of the rest, and the limit itself."""
+    """Quantiles of x (n,); if most of x is at its limit, quantiles of the rest, and the limit."""
     limit = float(x.max())
     below = x[x < limit]
     if len(below) < LEAST_ROWS or len(below) > 0.5 * len(x):
@@ -156,7 +157,7 @@ def knots(x: Array, quantiles: tuple[float, ...]) -> Array:
 
 
 def apart(at: Array) -> tuple[float, ...]:
-    """Ascending knots, without those too near the one before: between them a curve would follow noise."""
+    """Ascending knots, without those too close to the one before, between which a curve would fit noise."""
     out = [float(at[0])]
     for x in at[1:]:
         if x - out[-1] > NEAREST * (at[-1] - at[0]):
@@ -165,9 +166,9 @@ def apart(at: Array) -> tuple[float, ...]:
 
 
 def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:
-    """One term with the columns of both: a mechanism's true form may lie between two of its terms.
+    """One term with the columns of both: a mechanism's true form may lie between two candidate terms.
 
-    What is added starts from zero, not from the mean its own candidate term had.
+    The coefficients that are added have prior mean zero instead of that of their candidate term.
     """
     prior = Prior(
         np.zeros_like(other.prior.mean), other.prior.sd + abs(other.prior.mean) / 2, other.prior.sign
@@ -183,7 +184,7 @@ def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:
 
 
 def candidate_terms(mechanism: Mechanism, e: Evidence) -> list[CandidateTerm]:
-    """Every candidate term of a mechanism on this evidence that is not zero throughout."""
+    """Every candidate term of a mechanism on this evidence, except those that are zero throughout."""
     made = [candidate_term(mechanism, variant, e) for variant in every_variant(mechanism, e)]
     made = [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
     count = distinct(made, e)
@@ -201,10 +202,10 @@ def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> Candi
 
 
 def distinct(made: Sequence[CandidateTerm], e: Evidence) -> float:
-    """How many different forces the terms of a mechanism are: each is an alternative, and is paid for.
+    """Effective number of different forces among a mechanism's terms, for the penalty on alternatives.
 
-    Many that are nearly alike are one: the exponential of the entropy of the eigenvalues of how they
-    correlate (the effective rank of Roy and Vetterli, EUSIPCO 2007), over every fifth row.
+    Nearly equal terms count as one: the exponential of the entropy of the eigenvalues of their correlation
+    matrix (the effective rank of Roy and Vetterli, EUSIPCO 2007), over every fifth row.
     """
     if len(made) < 2:
         return 1.0

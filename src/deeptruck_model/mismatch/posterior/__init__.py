@@ -1,4 +1,3 @@
-"""The residual comes in; names go out, with their probabilities.
-
-In between are candidate terms, their evidence, stepwise selection, and what no name explains.
+"""From the residual to the probabilities of names: candidate terms, kernels, and the sampler of the
+posterior.
 """

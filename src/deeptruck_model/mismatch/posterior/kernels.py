@@ -1,7 +1,8 @@
-"""A name as a kernel: all that its physics may do, in place of its best candidate term.
+"""A name as a kernel, which covers all forces that its physics permits and not only its best candidate term.
 
-A name's kernel is the prior covariance of its force, averaged over its candidate terms: any mixture of them,
-so that a law between two of the library's forms loses little (a Gaussian process in a truncated basis).
+A name's kernel is the prior covariance of its force, averaged over its candidate terms: it permits any
+mixture of them, so that a law between two of the library's forms loses little (a Gaussian process in a
+truncated basis).
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ TINY = 1e-7  # of the largest power: a direction that has less is rounding
 
 @dataclass(frozen=True)
 class Kernel:
-    """The features (n, k) of a name, in m/s^2, whose coefficients are N(0, 1). `sign` (n,) is that of a force
-    which can have no other; `chance` the prior probability of the name."""
+    """The features (n, k) of a name, in m/s^2, whose coefficients are N(0, 1). `sign` (n,) is the sign of a
+    force that can have no other; `chance` the prior probability of the name."""
 
     name: str
     features: Array
@@ -52,14 +53,15 @@ _made: WeakKeyDictionary[Regression, tuple[Kernel, ...]] = WeakKeyDictionary()  
 
 
 def kernels(search: Regression) -> tuple[Kernel, ...]:
-    """Of every name in the search's library, of what has none, and of every parameter; made once."""
+    """Kernels of every name in the library, of the nonparametric term and of every parameter;
+    computed once."""
     if search not in _made:
         _made[search] = _kernels(search)
     return _made[search]
 
 
 def without(search: Regression, rows: NDArray[np.bool_]) -> Regression:
-    """The same regression, with the same kernels, in which some rows (n,) do not count."""
+    """The same regression with the same kernels, but without some rows (n,)."""
     other = search.without(rows)
     _made[other] = kernels(search)
     return other

@@ -1,7 +1,8 @@
-"""How well the force of one pass over a road predicts that of another, ahead of the windows that matched.
+"""Tests how well the force of one pass over a road predicts that of another, ahead of the windows that
+matched.
 
 Windows of 6 km locate the road. Their agreement is no evidence, because they were selected for it. The 2 km
-ahead were not selected: there the force of the other pass is taken as the slope of this pass.
+ahead were not selected: there the force of the other pass is used as the slope of this pass.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ RESAMPLED = 1000
 
 @dataclass(frozen=True)
 class NextPass:
-    """Over `km` ahead: the force (rms, m/s^2), what that of the other pass leaves of it, and the 95 %
-    interval by which it is smaller, over recordings (over stretches where there are fewer than three). A
-    road that two passes share counts once for each."""
+    """The result over `km` ahead: the force (rms, m/s^2), what remains of it after subtracting that of the
+    other pass, and the 95 % interval of the relative reduction, over recordings (over segments if there are
+    fewer than three). A road that two passes share counts once for each."""
 
     km: float
     rms: float = field(metadata=stored(digits=4))
@@ -35,13 +36,13 @@ class NextPass:
 
     @property
     def shown(self) -> bool:
-        """Whether the other pass predicts it significantly better."""
+        """Whether the other pass predicts the force significantly."""
         return self.smaller_ci95[0] > 0.0
 
 
 def next_pass(windows: Windows, here: Indices, there: Indices, reverse: NDArray[np.bool_]) -> NextPass | None:
-    """What the pass of windows `there` (k,) predicts ahead of windows `here`, which were found again there,
-    the other way where `reverse`. None where hardly one of the roads goes on."""
+    """What the pass of windows `there` (k,) predicts ahead of windows `here`, which matched them, in the
+    opposite direction if `reverse`. None if hardly any of the roads continues."""
     both: list[tuple[int, Array, Array]] = []
     last = -AHEAD  # stretches of one road do not overlap
     for i, j, back in zip(here, there, reverse, strict=True):

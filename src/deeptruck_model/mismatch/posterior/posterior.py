@@ -43,7 +43,7 @@ NO_NAME = (SLOW, PLACE, EACH_DRIVE)  # blocks that are no mechanism
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws of the blocks `of` a regression that are in, by the place of each in `of`."""
+    """Posterior draws of which blocks act, and of their coefficients; blocks are in the order of `of`."""
 
     search: Regression
     of: tuple[Kernel, ...]
@@ -58,7 +58,7 @@ class Posterior:
     first: Array  # what each block gains by itself at each size, nats
 
     def inside(self, name: str) -> NDArray[np.bool_]:
-        """In which draws (m,) a block of this name is in."""
+        """The draws (m,) in which a block of this name acts."""
         own = [j for j, k in enumerate(self.of) if k.name == name]
         return np.asarray(self.draws.inside[:, own].any(axis=1), dtype=bool)
 
@@ -67,18 +67,18 @@ class Posterior:
         return self.draws.coefficients[:, self.at[j]]
 
     def probability(self, name: str) -> float:
-        """That a name is in; zero where there is no such block."""
+        """Probability that a name acts; zero if there is no such block."""
         return float(self.inside(name).mean()) if any(k.name == name for k in self.of) else 0.0
 
     def is_parameter(self, name: str) -> bool:
-        """Whether the parameter of a name is in more often than its other forces."""
+        """Whether the parameter of a name acts more often than its other forces."""
         inside = self.draws.inside
         own = {k.part: float(inside[:, j].mean()) for j, k in enumerate(self.of) if k.name == name}
         return own.pop("parameter", 0.0) >= max(own.values(), default=0.0)
 
     def change(self, parameter: str) -> tuple[float, float]:
-        """Relative change of a parameter from the simulator as given where it is in, and its standard
-        deviation."""
+        """Mean and standard deviation of a parameter's relative change from the simulator as given, over
+        draws in which it acts."""
         s, i = self.search, self.search.parameters.index(parameter)
         j = next(j for j, k in enumerate(self.of) if k.name == parameter and k.part == "parameter")
         there = self.inside(parameter)
@@ -125,12 +125,12 @@ class Posterior:
         return out
 
     def gain(self, name: str) -> float:
-        """Log evidence of a name's best block by itself, all sizes alike, nats."""
+        """Log evidence of a name's best block alone, averaged over sizes, nats."""
         own = [j for j, k in enumerate(self.of) if k.name == name]
         return float((logsumexp(self.first[own], axis=1) - np.log(len(SIZES))).max())
 
     def force(self, name: str, given: NDArray[np.bool_] | None = None) -> Array:
-        """Posterior mean (n,) of a name's force, m/s^2, over all draws or those given."""
+        """Posterior mean (n,) of a name's force, m/s^2, over all draws or the given ones."""
         out = np.zeros(len(self.search.e))
         for j, k in enumerate(self.of):
             if k.name == name:
@@ -195,7 +195,7 @@ def _form_error(search: Regression) -> Array:
 
 
 def gains(search: Regression, rules: Rules) -> dict[str, float]:
-    """Log evidence of each name by itself over none, nats, along the drives of a search."""
+    """Log evidence of each name alone over no effect, nats, along the drives of a search."""
     p = posterior(search, rules, sweeps=1)
     return {name: p.gain(name) for name in dict.fromkeys(k.name for k in p.of) if name not in NO_NAME}
 

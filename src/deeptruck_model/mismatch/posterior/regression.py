@@ -31,7 +31,8 @@ FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain":
 
 @dataclass(frozen=True)
 class Model:
-    """A fitted explanation. `free`: simulator parameters set free; `score`: evidence with priors, in nats."""
+    """A fitted explanation. `free`: simulator parameters that were fitted freely; `score`: evidence with
+    priors, in nats."""
 
     named: tuple[CandidateTerm, ...]
     free: frozenset[str]
@@ -50,7 +51,7 @@ class Model:
         return self.fit.b[dict(self.layout)[name]]
 
     def change(self, parameter: str) -> float:
-        """Relative change of a parameter of the simulator that was run."""
+        """Relative change of a parameter from the simulator that was run."""
         return float(self.coefficients(f"parameter:{parameter}")[0])
 
     def change_sd(self, parameter: str) -> float:
@@ -58,19 +59,19 @@ class Model:
         return float(np.sqrt(self.covariance(f"parameter:{parameter}")[0, 0]))
 
     def moved(self, parameter: str) -> float:
-        """Relative change of a parameter that has the effect of the linear one, `change`."""
+        """Relative change of a parameter that has the same effect as the linear `change`."""
         return changed_by(parameter, self.change(parameter), self.mass_gain)
 
     def moved_sd(self, parameter: str) -> float:
-        """Posterior sd of `moved`, to first order, and what a line through the simulator's answer may be off
-        by so far away: half of the second-order term."""
+        """Posterior sd of `moved`, to first order, and the error of the linearisation at that distance: half
+        of the second-order term."""
         moved = self.moved(parameter)
         steeper = (1.0 + self.mass_gain * moved) ** 2 if parameter == "mass" else 1.0
         return float(np.hypot(steeper * self.change_sd(parameter), 0.5 * moved**2))
 
     def covariance(self, name: str) -> Array:
-        """Posterior covariance of the coefficients of an effect, at the evidence temperature, or as wide as
-        recordings disagree, whichever is the more."""
+        """Posterior covariance of the coefficients of an effect, at the evidence temperature, or the spread
+        over recordings if that is larger."""
         part = dict(self.layout)[name]
         own = self.rules.evidence_temperature * self.fit.covariance[part, part]
         sd = np.sqrt(np.diag(own))
@@ -81,12 +82,12 @@ class Model:
 
 def changed_by(parameter: str, slope: float, gain: float = 1.0) -> float:
     """The relative change whose effect is the linear one of `slope`: forces act by one over the mass, of
-    which a share of `gain` is the truck's and the rest turns with it."""
+    which a share of `gain` is the truck's and the rest is rotating inertia."""
     return slope / (1.0 - gain * min(slope, LARGEST_SLOPE / gain)) if parameter == "mass" else slope
 
 
 class Regression:
-    """Fits models on one body of evidence and remembers them."""
+    """Fits models to one body of evidence and caches them."""
 
     def __init__(
         self,
@@ -119,7 +120,7 @@ class Regression:
         self._models: dict[tuple[object, ...], Model] = {}
 
     def without(self, rows: Mask) -> Regression:
-        """The same regression in which some rows (n,) do not count."""
+        """The same regression without some rows (n,)."""
         other = copy(self)
         other.e = replace(self.e, valid=self.e.valid & ~rows)
         other.series = replace(self.series, valid=self.series.valid & ~rows)
@@ -128,7 +129,7 @@ class Regression:
         return other
 
     def candidate_terms(self, mechanism: Mechanism) -> list[CandidateTerm]:
-        """All candidate terms of a mechanism on this evidence, made once."""
+        """All candidate terms of a mechanism on this evidence, computed once."""
         if mechanism.effect not in self._candidate_terms:
             self._candidate_terms[mechanism.effect] = candidate_terms(mechanism, self.e)
         return self._candidate_terms[mechanism.effect]
@@ -136,8 +137,8 @@ class Regression:
     def model(
         self, named: tuple[CandidateTerm, ...], free: frozenset[str], start: Fit | None = None
     ) -> Model:
-        """Fit one explanation, from the noise of `start`. Parameters that are not free are held near what the
-        simulator was given; one that would leave what a truck can have is held as well."""
+        """Fit one explanation, starting from the noise of `start`. Parameters that are not free are held near
+        their given values, and so is one that would otherwise leave the physically possible range."""
         key = (tuple((n.mechanism.effect, id(n)) for n in named), free)
         if key not in self._models:
             X, prior, layout = self._design(named, free)
@@ -152,8 +153,9 @@ class Regression:
         return self._models[key]
 
     def possible(self, parameter: str, model: Model) -> bool:
-        """Whether a parameter stays within what a truck can have: no rolling resistance is negative. All
-        scaled down alike change next to nothing, and would compensate whatever is not scaled with them."""
+        """Whether a parameter stays physically possible: rolling resistance, for example, is not negative.
+        Scaling all parameters down alike has hardly any effect, and would compensate whatever is not scaled
+        with them."""
         low, high = self.e.vehicle.possible(parameter)
         change = model.moved(parameter)
         return low < self.e.total_change(parameter, change) < high
@@ -174,7 +176,7 @@ class Regression:
         return max((best, grown, everything), key=lambda m: m.score)
 
     def design(self, model: Model) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
-        """Columns (n, k), prior and layout of a model."""
+        """Design matrix (n, k), prior and column layout of a model."""
         return self._design(model.named, model.free)
 
     def _design(

@@ -1,4 +1,6 @@
-"""Whether a slow force belongs to the road: another pass over the same road repeats it."""
+"""Tests whether a slow force depends on the road position: another pass over the same road then
+repeats it.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,8 @@ EVERY = 8  # steps between the windows that are sought again
 
 @dataclass(frozen=True)
 class RoadLock:
-    """Distance (km) over which the force came again on a pass the same way and the other way, how well
-    it agreed there, and how well 99 % of windows agree at most by chance."""
+    """Distance (km) over which the force was repeated by a pass in the same and in the other direction, the
+    agreement there, and the agreement that 99 % of windows do not exceed by chance."""
 
     same_way_km: float
     other_way_km: float
@@ -31,7 +33,7 @@ class RoadLock:
 
 
 def road_lock(e: Evidence, force: Array) -> RoadLock | None:
-    """Where a slow specific force (n,) came again; None where no road was seen twice."""
+    """Where a slow specific force (n,) was repeated; None if no road was driven twice."""
     windows = _windows(e, force)
     picked = np.arange(0, len(windows.at), EVERY)
     if len(picked) < Limits.road_windows / Limits.road_share:

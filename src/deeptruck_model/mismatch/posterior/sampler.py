@@ -1,7 +1,7 @@
-"""Which blocks of columns are in a sum, and how large: spike and slab by Gibbs sampling.
+"""Spike-and-slab selection of blocks of columns, and of their sizes, by Gibbs sampling.
 
-Target: whitened y = sum over blocks that are in of X_j b_j + noise, with b_j ~ N(0, size_j^2 I), a size from
-a grid, and prior odds of being in. Coefficients are integrated out, so that a state is a set of blocks with
+Target: whitened y = sum over active blocks of X_j b_j + noise, with b_j ~ N(0, size_j^2 I), a size from a
+grid, and prior odds of being active. Coefficients are integrated out, so that a state is a set of blocks with
 sizes (George and McCulloch, Statistica Sinica 7, 1997). Only inner products are needed.
 """
 
@@ -43,9 +43,9 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Draws:
-    """States (m, blocks) and coefficients (m, k) of the same draws, the gain of the best state, and what
-    each block gains by itself at each size, (blocks, sizes), in nats; `space`
-    has the gains beside any state."""
+    """States (m, blocks) and coefficients (m, k) of the same draws, the gain of the best state, and the gain
+    of each block alone at each size, (blocks, sizes), in nats; `space` gives the gains relative to any state.
+    """
 
     states: NDArray[np.int_]
     coefficients: Array
@@ -55,7 +55,7 @@ class Draws:
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Which blocks are in, (m, blocks)."""
+        """Which blocks are active, (m, blocks)."""
         out: NDArray[np.bool_] = self.states != OUT
         return out
 
@@ -75,7 +75,7 @@ class _Given:
 
 
 class Reduced:
-    """Blocks in directions that the data can show, beside columns that are always in."""
+    """Blocks in directions that the data determine, conditional on columns that are always active."""
 
     def __init__(self, blocks: Blocks, always: Places) -> None:
         G, c = blocks.gram, blocks.pull
@@ -107,7 +107,7 @@ class Reduced:
         self._known: dict[State, _Given] = {}
 
     def active(self, state: State) -> tuple[Places, Array]:
-        """Directions that are in, and what each is multiplied by."""
+        """Directions that are active, and the factor of each."""
         on = [(j, s) for j, s in enumerate(state) if s != OUT]
         if not on:
             return np.zeros(0, dtype=np.intp), np.zeros(0)
@@ -117,16 +117,16 @@ class Reduced:
         )
 
     def table(self, state: State) -> tuple[Array, float]:
-        """What every block that is out would gain at each size, (blocks, sizes) in nats, its sign counted;
-        and the log evidence of the state."""
+        """The gain of every inactive block at each size, (blocks, sizes) in nats, including its sign
+        constraint; and the log evidence of the state."""
         given = self._given(state)
         for j in np.flatnonzero(np.isnan(given.gains[:, 0])):
             self.gains(state, int(j))
         return given.gains, given.evidence
 
     def gains(self, state: State, j: int) -> Array:
-        """What one block would gain at each size beside a state, (sizes,) in nats; of one that is in minus
-        infinity."""
+        """The gain of one block at each size relative to a state, (sizes,) in nats; minus infinity for an
+        active one."""
         given = self._given(state)
         if np.isnan(given.gains[j, 0]):
             own = self.at[j]
@@ -143,7 +143,7 @@ class Reduced:
         return out
 
     def evidence(self, state: State) -> float:
-        """The log evidence of a state beside none, nats."""
+        """The log evidence of a state relative to the empty one, nats."""
         return self._given(state).evidence
 
     def _given(self, state: State) -> _Given:
@@ -198,8 +198,8 @@ def _gains(inner: Array, pull: Array, signed: Array | None) -> Array:
 def sample(
     blocks: Blocks, always: Places, unit: float, seed: int = 0, sweeps: int = SWEEPS, thin: int = 1
 ) -> Draws:
-    """Draws of states and coefficients. Log evidence is divided by `unit`, as noise and forms are only nearly
-    right. Columns that are `always` in have unit prior variance."""
+    """Draw states and coefficients. Log evidence is divided by `unit`, because noise and forms are
+    approximate. Columns in `always` are always active with unit prior variance."""
     rng = np.random.default_rng(seed)
     r = Reduced(blocks, always)
     state, best = _greedy(r, unit)

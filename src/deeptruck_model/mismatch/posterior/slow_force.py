@@ -1,9 +1,10 @@
-"""What a road adds, estimated from the recordings alone, without a learned truck's own answer.
+"""Estimates the force of an unrecorded road from the recordings alone, without a learned truck's response.
 
-A learned truck that sees its own speed follows a slope as it follows everything slow, so that little of it is
-left in its residual. A line through the recordings does not, but slopes and pulling come together, and an
-ordinary fit takes part of one for the other. Fast changes distinguish them: no road changes within seconds:
-what engine and friction do is fitted to those, and the slow rest is the road's, the wind's, or a gain's.
+A learned truck that gets its own speed follows a slope as it follows every slow force, so that little of it
+remains in its residual. A linear model of the recordings does not follow it, but slope and traction are
+correlated, and an ordinary fit confuses them. They differ in their fast changes, since no slope changes
+within seconds: the coefficients of engine and friction are fitted to fast changes, and the slow rest is due
+to the road, the wind or a gain.
 """
 
 from __future__ import annotations
@@ -41,9 +42,10 @@ DOUBTFUL = 2.0  # robust sds from where a sample counts less
 
 @dataclass(frozen=True)
 class PlainTruck:
-    """What is left (n,), m/s^2, of the observed acceleration, NaN where unknown; r2 of the fast changes.
+    """Acceleration (n,), m/s^2, that the linear model does not explain, NaN where unknown; r2 of its fast
+    changes.
 
-    `doubt` is the rms, m/s^2, of what an error of the engine's gain would leave.
+    `doubt` is the rms, m/s^2, of the effect of an error in the engine's gain.
     """
 
     left: Array
@@ -52,7 +54,8 @@ class PlainTruck:
 
 
 def plain_truck(e: Evidence) -> PlainTruck | None:
-    """The best line by its r2; None where none explains the fast changes, or no engine was recorded."""
+    """The linear model with the largest r2; None if none explains the fast changes, or no engine signal was
+    recorded."""
     tried = [_fitted(e, traction, factor) for traction, factor in _tractions(e)]
     best = max((t for t in tried if t is not None), key=lambda t: t.r2, default=None)
     return best if best is not None and best.r2 > Limits.line_r2 else None
@@ -127,8 +130,8 @@ WIDTH_S = 8.0
 
 @dataclass(frozen=True)
 class SlowForce:
-    """The force (n,) in m/s^2, 0 where it is not known, its rms, and the size it would need as each possible
-    name: slope, m/s, share of the engine's force."""
+    """The force (n,) in m/s^2, 0 where unknown, its rms, and the size that each possible cause would need:
+    slope, wind in m/s, share of the engine's force."""
 
     force: Array
     rms: float

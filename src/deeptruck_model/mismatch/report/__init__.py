@@ -1,1 +1,1 @@
-"""The report: templates. It reads a verdict and decides nothing."""
+"""The report: templates that show a verdict and decide nothing."""

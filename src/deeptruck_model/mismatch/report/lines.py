@@ -1,4 +1,4 @@
-"""The first sentences of a verdict, for terminal and page."""
+"""The main sentences of a verdict, for terminal and page."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Light(NamedTuple):
 
 
 def headline(v: Verdict) -> str:
-    """What is wrong, in which drives, its share of the error, and what to do."""
+    """What is missing, in which drives, its share of the error, and the next step."""
     if not v.findings:
         besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
         step = f": {_next_step(v)}" if v.validated else ""
@@ -142,20 +142,20 @@ def what(v: Verdict) -> Iterator[str]:
 
 
 def event(x: Event) -> str:
-    """An event: where it is, its change of speed, and its name."""
+    """An event: its place, its change of speed, and its name."""
     change = f"{abs(x.speed_change):.2g} m/s {'gained' if x.speed_change > 0.0 else 'lost'}"
     name = f", {spoken(x.name)}" if x.name else ""
     return f"{x.recording}, {x.start_s:.0f} to {x.end_s:.0f} s: {change}{name}"
 
 
 def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
-    """What was left out by each rule, with its share of the recorded samples."""
+    """What each rule rejected, with its share of the recorded samples."""
     return [(r, r.samples / v.data.recorded) for r in v.data.rejected] if v.data.recorded else []
 
 
 def refitted(v: Verdict) -> Iterator[str]:
-    """The error of each simulator along held-out drives, and each parameter as refitted alone, unless the
-    correction is offered, which has others."""
+    """The error of each simulator along held-out drives, and each parameter of the refit, unless the
+    correction is offered, which has other values."""
     if v.fit is None or v.fit.errors is None:
         return
     e = v.fit.errors
@@ -190,7 +190,7 @@ def how_probable(v: Verdict) -> Iterator[str]:
 
 
 def candidates(tree: Sequence[Node]) -> str:
-    """The most probable families where none is stated."""
+    """The most probable families, if none is stated."""
     top = [n for n in tree if n.parent == ROOT][:3]
     if top[0].node == "nothing":
         return "No mechanism is in, and these data do not identify what the simulator is off by."
@@ -199,7 +199,7 @@ def candidates(tree: Sequence[Node]) -> str:
 
 
 def cause(f: Finding) -> str:
-    """The stated node and the split below it."""
+    """The stated node and the probabilities below it."""
     if f.effect == UNKNOWN:
         share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
         return f"{opened(f.says)}: probability {percent(f.probability)}{share}."
@@ -213,8 +213,7 @@ def cause(f: Finding) -> str:
 
 
 def not_recorded(v: Verdict) -> Iterator[str]:
-    """Inputs that were not recorded, what that hides, and the signal to record; the only place that names
-    it."""
+    """Inputs that were not recorded, the consequence, and the signal to record, which is named only here."""
     for m in v.not_recorded:
         found = ""
         if m.share_of_time:
@@ -267,12 +266,12 @@ def _refitted(v: Verdict) -> str:
 
 
 def lights(v: Verdict) -> list[Light]:
-    """The three questions of a user with their answers."""
+    """A user's three main questions with their answers."""
     return [Light(QUESTIONS[name], a.answer, a.reason) for name, a in v.advice.items()]
 
 
 def lines(v: Verdict) -> list[str]:
-    """All of it, for the terminal."""
+    """All sentences, for the terminal."""
     answers = [f"{one.question} {one.answer} ({one.reason})." for one in lights(v)]
     middle = (*what(v), *how_probable(v), *refitted(v), *what_to_do(v))
     return [headline(v) + ".", *not_recorded(v), *middle, *answers]

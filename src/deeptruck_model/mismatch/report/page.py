@@ -1,4 +1,4 @@
-"""The page: report.html in one file that opens offline. It reads a result and decides nothing."""
+"""The page: report.html, one file that opens offline. It shows a result and decides nothing."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "a
 
 
 def write(found: Mismatch, path: Path, command: str = "", units: str = "m/s") -> None:
-    """Write the page with speeds in `units`; `command` applies the correction. Raises OSError where that is
-    not possible."""
+    """Write the page with speeds in `units`; `command` is the one that applies the correction. Raises OSError
+    if it cannot be written."""
     path.write_text(html(found, command, units=units), encoding="utf-8")
 
 
 def html(found: Mismatch, command: str = "", *, served: bool = False, units: str = "m/s") -> str:
-    """The page; one that is `served` can leave rows out and compare again."""
+    """The page; a page that is `served` can exclude rows and repeat the comparison."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -63,8 +63,7 @@ def _said(text: Any, units: str) -> Any:
 
 
 def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
-    """A result compared with that `before`, as plain data: sentences, shares of the budget and speed
-    errors."""
+    """A result compared with the one `before`, as JSON values: sentences, budget shares and speed errors."""
     v = found.result
     says = (*lines.what(v), *lines.how_probable(v), *lines.refitted(v), *lines.what_to_do(v), errors_say(v))
     budgets = [m.result.budget for m in (before, found)]
@@ -176,7 +175,7 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def errors_say(v: Verdict) -> str:
-    """The change of the held-out error, and whether it is validated; empty where nothing was driven."""
+    """The change of the held-out error, and whether it is validated; empty without free runs."""
     if v.fit is None or v.fit.improvement is None:
         return ""
     if not v.fit.corrected:

@@ -22,7 +22,7 @@ DRIFT = {
 
 
 def to_record(part: str, *, grade: bool) -> str:
-    """What would show the cause of a part of the budget, where slopes were recorded or not."""
+    """The signal to record for finding the cause of a budget part, with or without recorded slopes."""
     if part == "unknown":
         return RECORD_MORE
     if part == "left_over":
@@ -57,17 +57,17 @@ def of_parameter(name: str, change: float) -> str:
 
 
 def not_recorded(inputs: Sequence[str]) -> str:
-    """Inputs are missing."""
+    """Some inputs are missing."""
     return f"not recorded: {', '.join(map(spoken, inputs))}"
 
 
 def good(error: float, horizon_s: float) -> str:
-    """The simulator drives as the truck."""
+    """The simulator agrees with the truck."""
     return f"{off(error, horizon_s)}, and nothing that matters is left"
 
 
 def good_enough(error: float, horizon_s: float) -> str:
-    """The effects found do not matter for driving."""
+    """The effects found have little influence on the motion."""
     return f"{off(error, horizon_s)}: what is missing hardly matters"
 
 
@@ -82,13 +82,13 @@ def without_faults(error: float, horizon_s: float) -> str:
 
 
 def off(error: float, horizon_s: float, own: float | None = None) -> str:
-    """The error of the simulator, and its `own` one of a learned simulator."""
+    """The error of the simulator, and for a learned simulator its `own` error on its held-out recordings."""
     there = "" if own is None else f", on the simulator's own recordings by {own:.2g} m/s"
     return f"free runs of {horizon_s:.0f} s on held-out drives are off by {error:.2g} m/s{there}"
 
 
 def better(before: float, after: float, *, refit: bool) -> str:
-    """The offered simulator improves."""
+    """The offered simulator reduces the error."""
     by = " with parameters refitted alone" if refit else ""
     return f"the held-out speed error falls from {before:.2g} to {after:.2g} m/s{by}"
 
@@ -129,5 +129,5 @@ def percent(share: float) -> str:
 
 
 def opened(sentence: str) -> str:
-    """The text with a capital letter."""
+    """The text beginning with a capital letter."""
     return sentence[:1].upper() + sentence[1:]

@@ -1,4 +1,3 @@
-"""A simulator and prepared recordings come in; the residual goes out.
-
-With it go its noise and the signals that may explain it.
+"""Computes the residual of a simulator along prepared recordings, with its noise and the signals that may
+explain it.
 """

@@ -1,4 +1,6 @@
-"""Delays, lags and rate limits on the way of a command, step by step; the same that residual reruns."""
+"""Delays, lags and rate limits in the command path, step by step; `rerun` of the evidence uses the
+same code.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ LIMITED = ("rate", "soft", "shaped", "climb", "drop")
 
 
 def changed(p: Prepared, name: str, amount: float) -> Array:
-    """The commands as another path had delivered them; `name` is WHAT_WHICH, e.g. delay_all, rate_brake."""
+    """The commands as another path would deliver them; `name` is WHAT_WHICH, e.g. delay_all, rate_brake."""
     what, which = name.split("_")
     out = p.u.copy()
     for i, channel in enumerate(p.recording.interface.u):
@@ -44,8 +46,8 @@ def changed(p: Prepared, name: str, amount: float) -> Array:
 
 
 def limits(what: str, rate: float, dt: float) -> tuple[float, float, float]:
-    """The largest steps up and down of a rate limit, and the share of the distance to its target that a
-    command moves in a step if no rate limits it."""
+    """The largest steps up and down of a rate limit, and the share of the distance to its target by which a
+    command moves in a step without it."""
     step, eased = rate * dt, float(1.0 - np.exp(-dt / SOFT_S))
     up = np.inf if what == "drop" else step
     down = {"climb": np.inf, "shaped": FASTER_DOWN * step}.get(what, step)
@@ -88,8 +90,8 @@ def _limit_rate(x: Array, up: float, down: float, share: float) -> Array:
 
 
 class CommandPath:
-    """A chain of (path name, amount, share): each moves the command by `share` of what the full path does; a
-    share is that of all rows of a batch, or of each (batch,)."""
+    """A chain of (path name, amount, share): each moves the command by `share` of the full path's change; a
+    share is common to all rows of a batch, or one per row (batch,)."""
 
     def __init__(
         self, paths: Sequence[tuple[str, float, float | Array]], channels: tuple[str, ...], dt: float
@@ -98,7 +100,7 @@ class CommandPath:
         self._channels, self._dt = channels, dt
 
     def begin(self) -> Any:
-        """Empty memory; each path fills its own at the first step."""
+        """Empty memory; each path fills its part at the first step."""
         return [None] * len(self._paths)
 
     def step(self, memory: Any, u: Array) -> tuple[Array, Any]:

@@ -1,8 +1,8 @@
-"""What the simulated acceleration is made of: read from a physics truck, asked of a deep one.
+"""Components of the simulated acceleration: reported by a physics truck, estimated for a learned one.
 
-A deep truck cannot be opened. Its answers are split by regression on what was recorded beside them; where
-nothing recorded gives the engine's force, the engine command of the last LOOK_BACK_S is silenced, and the
-change of the answer is the engine's share.
+A learned truck does not report components. Its responses are split by regression on recorded signals; if none
+of these gives the engine's force, the engine command of the last LOOK_BACK_S is set to zero, and the change
+of the response is the engine's share.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ MODELLED_TORQUE = "modelled_torque"  # only simulators that report their own for
 
 @dataclass(frozen=True)
 class Shares:
-    """Maps over speed knots (m/s): force = command * gain(speed); engine turns per metre; drag; rolling."""
+    """Maps over speed knots (m/s): force = command * gain(speed); engine angle per distance; drag; rolling
+    resistance."""
 
     speed: list[float]
     engine_gain: list[float]
@@ -48,7 +49,7 @@ class Shares:
 
     @classmethod
     def if_unreported(cls, e: Evidence) -> Shares | None:
-        """The maps of a simulator that does not report its own forces; None where it does."""
+        """The maps of a simulator that does not report its forces; None if it does."""
         return None if MODELLED_TORQUE in e.signals else cls.of(e)
 
     @classmethod
@@ -84,7 +85,7 @@ class Shares:
         )
 
     def now(self, speed: Array, u: Array) -> dict[str, Array]:
-        """The signals mechanisms ask for, at this speed (batch,) and these commands (batch, n_u)."""
+        """The signals that mechanisms need, at this speed (batch,) and these commands (batch, n_u)."""
         out = {
             "engine": np.interp(speed, self.speed, self.engine_gain) * u[:, 0],
             "brake": np.interp(speed, self.speed, self.brake_gain) * u[:, 1]
@@ -133,8 +134,8 @@ def signals(
     grid: Grid,
     mass_kg: float | None = None,
 ) -> tuple[dict[str, Array], float, bool]:
-    """The stacked signals mechanisms are made of, the mass (kg) that turns specific forces into N, and
-    whether it is known: stated, or reported by the simulator."""
+    """The stacked signals that mechanisms need, the mass (kg) that converts specific forces to N, and whether
+    it is known: stated, or reported by the simulator."""
     out: dict[str, Array] = {
         "speed": grid.stack([p.y[:, SPEED] for p in prepared]),
         "acceleration": grid.stack([p.observed for p in prepared]),
@@ -172,7 +173,7 @@ def _places(grid: Grid, parts: Sequence[Array]) -> Array:
 
 
 def reports_forces(run: Run) -> bool:
-    """Whether a simulator says what acts inside it: its physics is somebody's, and was not learned."""
+    """Whether a simulator reports its forces, which shows that its physics was modelled and not learned."""
     return "traction_force" in run.inside
 
 
@@ -184,14 +185,15 @@ def _known(name: str, prepared: Sequence[Prepared], grid: Grid) -> bool:
 
 
 def force_of(parameter: str, brake_unit: str | None) -> Expression:
-    """What +100 % of a parameter adds, m/s^2. A brake command that is a deceleration is a force per mass,
-    which stays as it is where the mass is another."""
+    """The acceleration due to +100 % of a parameter, m/s^2. A brake command that is a deceleration is a force
+    per mass, which does not change with the mass."""
     by_mass = parameter == "mass" and brake_unit == HELD_UNIT
     return with_effective_mass(DRAG - ENGINE if by_mass else PER_PARAMETER[parameter])
 
 
 def sensitivity(e: Evidence, name: str) -> Array:
-    """Change of acceleration for +100 % of a parameter, from the components (used where it cannot be run)."""
+    """Change of acceleration for +100 % of a parameter, from the components (used if the simulator cannot be
+    run with it)."""
     return force_of(name, e.command_units.get("brake_command")).rows(e)
 
 

@@ -1,7 +1,7 @@
-"""The effective-mass gain: the acceleration that a force on the truck gives is less than force per mass.
+"""The effective-mass gain: the acceleration due to a force on the truck is less than force over mass.
 
-Wheels and engine turn with the truck, the more the lower the gear; and brakes that hold a commanded
-deceleration compensate any other force within a second.
+Wheels and engine accelerate with the truck, with more inertia in lower gears; and brakes that hold a
+commanded deceleration compensate any other force within a second.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ MADE_UP = Signal("made up", missing=0.0)  # the share of a steady force that the
 
 @dataclass(frozen=True, eq=False)
 class WithEffectiveMass(Expression):
-    """The acceleration that a force per mass gives, (n,).
+    """The acceleration that a force per mass causes, (n,).
 
-    `effective_mass_gain` is that of a steady force. What changes while brakes hold
-    a deceleration acts until these have compensated it.
+    `effective_mass_gain` is that of a steady force. A force that changes while brakes hold a deceleration
+    acts until they have compensated it.
     """
 
     inputs: tuple[Expression, ...]
@@ -77,13 +77,13 @@ def _late(held_force: Array, e: Evidence) -> Array:
 
 
 def with_effective_mass(force: Expression) -> Expression:
-    """What a force per mass gives on the truck along a recording or in a simulation."""
+    """The acceleration that a force per mass causes, along a recording or in a simulation."""
     return WithEffectiveMass((force, EFFECTIVE_MASS_GAIN, HOLDS, MADE_UP))
 
 
 def acceleration_of(x: Expression, column: Array, e: Evidence) -> tuple[Array, Callable[[Array], Array]]:
-    """The force (n,) of an expression whose rows are `column`, and what makes an acceleration of any such;
-    of what is an acceleration already, itself."""
+    """The force (n,) of an expression with rows `column`, and the function from such a force to acceleration;
+    the identity if the expression is already an acceleration."""
     if not isinstance(x, WithEffectiveMass):
         return column, lambda force: force
     force, *others = rows_of(x.inputs, e)
@@ -91,16 +91,17 @@ def acceleration_of(x: Expression, column: Array, e: Evidence) -> tuple[Array, C
 
 
 def free(inside: Mapping[str, Array]) -> Array | None:
-    """Mass over mass with all that turns, where a simulator's inside gives it."""
+    """Ratio of the mass to the effective mass with rotating inertia, if the simulator reports what it
+    needs."""
     return inside["mass"] / inside["effective_mass"] if "effective_mass" in inside else None
 
 
 def holds(simulator: Simulator) -> bool:
     """Whether the brakes hold a commanded deceleration, and so compensate other forces.
 
-    A command in m/s^2 may also be a force under another unit. So a truck with a rolling resistance is tested:
-    does it slow harder with more of it? One without, but with a slope as input: does it uphill? Any other
-    truck with such a command is taken to hold.
+    A command in m/s^2 may also be a force in another unit, so the truck is tested: whether it decelerates
+    more with more rolling resistance, or, if it has none but takes slope as an input, on an uphill slope. Any
+    other truck with such a command is assumed to hold the deceleration.
     """
     interface, own = simulator.interface, simulator.parameters().get("rolling_resistance")
     if interface.brake_unit != HELD_UNIT or (own is None and not interface.grade):
@@ -127,7 +128,7 @@ def holds(simulator: Simulator) -> bool:
 
 
 def held(holds: bool) -> Expression:
-    """Share of a force that brakes leave: one where they hold no deceleration."""
+    """Share of a force that is not compensated by brakes: one if they hold no deceleration."""
     if not holds:
         return lift(1.0)
     braking = Signal("brake_command") > BRAKED
@@ -138,8 +139,8 @@ def held(holds: bool) -> Expression:
 
 
 def holding(holds: bool, signals: Mapping[str, Array], left: Array) -> dict[str, Array]:
-    """The signals of brakes that hold a deceleration, (n,) each; none where they do not, or are not recorded.
-    `left` is what `held` gives."""
+    """The signals of brakes that hold a deceleration, (n,) each; none if they do not, or are not recorded.
+    `left` is the result of `held`."""
     if not holds:
         return {}
     braking = np.nan_to_num(signals["brake_command"]) > BRAKED
@@ -147,8 +148,9 @@ def holding(holds: bool, signals: Mapping[str, Array], left: Array) -> dict[str,
 
 
 def rows(simulator: Simulator, e: Evidence, turning: Array, held_by_brakes: bool) -> Array:
-    """Acceleration for a force per mass of one along the recordings, (n,); `turning` is what the brakes
-    leave alone. While they hold a deceleration, as the simulator answers more rolling resistance."""
+    """Acceleration for a unit force per mass along the recordings, (n,); `turning` is the gain without the
+    action of the brakes. While the brakes hold a deceleration it follows the simulator's response to more
+    rolling resistance."""
     out: Array = turning * held(held_by_brakes).rows(e)
     change, own = e.sensitivity.get("rolling_resistance"), simulator.parameters().get("rolling_resistance")
     if not held_by_brakes or change is None or not own:

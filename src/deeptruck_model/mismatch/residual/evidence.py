@@ -1,4 +1,4 @@
-"""The data of the comparison, stacked over the recordings at one period."""
+"""The data of the comparison, stacked over the recordings with one sample period."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ SLOW_NOISE_S = 10.0  # length of the means whose sd is the slow noise
 
 
 def turns(engine_speed: Array, speed: Array) -> Array:
-    """Turns per metre, rad/m, (n,); NaN where the engine speed is not known."""
+    """Engine angle per distance, rad/m, (n,); NaN if the engine speed is not known."""
     ratio = engine_speed / np.maximum(speed, 0.5)
     out: Array = np.where(np.isfinite(ratio), np.clip(ratio, 0.0, MOST_TURNS), np.nan)
     return out
 
 
 def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
-    """The turns per metre (rad/m) around which driving clusters, ascending; none without driving."""
+    """The engine angles per distance (rad/m) around which driving clusters, ascending; none without
+    driving."""
     left = np.log(ratio[np.isfinite(ratio) & (ratio > 0.1) & (speed > CLUTCH_CLOSED)])
     count, found = len(left), []
     while len(left) > max(SELDOM * count, 20):
@@ -46,10 +47,10 @@ def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
 
 
 def overall_ratio(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
-    """The turns per metre of the gear, near one of the `known`.
+    """The engine angle per distance (rad/m) of the gear, near one of the `known` values.
 
-    Elsewhere a clutch slips: then it is that `in_gear`, where a simulator reports it, or the measured ratio,
-    at most that of the lowest gear.
+    While a clutch slips it is `in_gear`, if a simulator reports that, or the measured ratio, at most that of
+    the lowest gear.
     """
     if not known:
         return ratio
@@ -92,30 +93,32 @@ UNITS_OF = {  # of names that begin so
 
 
 def unit(name: str, commands: Mapping[str, str]) -> str:
-    """The unit of a signal; `commands` maps the truck's commands to their units. Empty if it has none."""
+    """The unit of a signal; `commands` maps the truck's commands to their units. Empty if dimensionless."""
     starts = (u for start, u in UNITS_OF.items() if name.startswith(start))
     return printed(commands.get(name.removeprefix("change of "), "")) or UNITS.get(name) or next(starts, "")
 
 
 @dataclass(frozen=True)
 class ForceUnit:
-    """How forces are reported: `scale` of them is one m/s^2. Without a mass they are per kilogram."""
+    """Unit in which forces are reported: `scale` units are one m/s^2. Without a mass forces are per
+    kilogram."""
 
     name: str
     scale: float
 
     @property
     def symbol(self) -> str:
-        """Of such a force in an equation."""
+        """Symbol of such a force in an equation."""
         return "F" if self.scale > 1.0 else "F/m"
 
     def worded(self, acceleration: float, sign: str = "") -> str:
-        """A force per mass (m/s^2) with its unit; `sign` as in a format, "+" for always."""
+        """A force per mass (m/s^2) as text with its unit; `sign` as in a format specification, "+" to always
+        show it."""
         digits = 0 if self.scale > 1.0 else 3
         return f"{acceleration * self.scale:{sign}.{digits}f} {self.name}"
 
     def of(self, unit: str) -> str:
-        """The unit of a size that `unit` says in newtons."""
+        """The unit in which a size is reported whose `unit` is given in newtons."""
         return unit if self.scale > 1.0 else self.name if unit == "N" else f"{unit}/kg"
 
 
@@ -131,7 +134,7 @@ BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveli
 
 @dataclass(frozen=True)
 class Stretch:
-    """Where one recording stands in the stacked arrays: rows start..stop, its name, its start in the bag."""
+    """Position of one recording in the stacked arrays: rows start..stop, its name, its start in the bag."""
 
     name: str
     start: int
@@ -148,11 +151,11 @@ class Stretch:
 class Evidence:
     """Stacked signals (n,) at period `dt`. Forces are specific (m/s^2, that is N per kg of `mass`).
 
-    `residual` is observed minus simulated acceleration with the simulator forced along the recording;
-    `disagreement` the sd of the simulator under its own input noise; `sensitivity` the change of the
-    residual's prediction for a 100 % change of each simulator parameter. `signals` holds what mechanisms are
-    made of, NaN or absent where unknown. `rerun(name, amount)` returns the change of the simulated
-    acceleration under a changed command path.
+    `residual` is observed minus simulated acceleration, with the simulator forced along the recording;
+    `disagreement` the sd of the simulator under its own input noise; `sensitivity` the change of the residual
+    for a 100 % change of each simulator parameter. `signals` holds the signals in mechanisms, NaN or absent
+    where unknown. `rerun(name, amount)` returns the change of the simulated acceleration under a changed
+    command path.
     """
 
     dt: float
@@ -186,12 +189,12 @@ class Evidence:
         return replace(self, valid=self.valid & ~self.held_out, whole=self.valid)
 
     def everywhere(self) -> Evidence:
-        """The same evidence with the held-out recordings."""
+        """The same evidence, with all recordings to be fitted, held-out ones included."""
         return self if self.whole is None else replace(self, valid=self.whole, whole=None)
 
     @property
     def gears(self) -> tuple[float, ...]:
-        """Turns of the engine per metre, rad/m, in the gears that were driven; none where not known."""
+        """Engine angles per distance, rad/m, of the gears that were driven; none if not known."""
         return gears(self.signals["ratio"], self.signals["speed"]) if "ratio" in self.signals else ()
 
     def total_change(self, parameter: str, further: float) -> float:
@@ -210,11 +213,11 @@ class Evidence:
 
     @property
     def unit(self) -> ForceUnit:
-        """In which forces are reported."""
+        """The unit in which forces are reported."""
         return ForceUnit("N", self.mass) if self.mass_known else PER_KILOGRAM
 
     def newtons(self, acceleration: Array) -> Array:
-        """The forces that give these accelerations, (n,); too small where the brakes compensate them."""
+        """The forces that cause these accelerations, (n,); too small where the brakes compensate them."""
         gain = self.signals.get("effective_mass_gain", np.ones(len(self)))
         out: Array = acceleration * self.mass / np.maximum(gain, Limits.least_effective_mass_gain)
         return out
@@ -227,7 +230,7 @@ class Evidence:
 
     @property
     def record(self) -> Indices:
-        """Index of the stretch each row belongs to, (n,)."""
+        """Index of each row's stretch, (n,)."""
         return np.repeat(np.arange(len(self.stretches)), [s.stop - s.start for s in self.stretches])
 
     @property
@@ -235,14 +238,16 @@ class Evidence:
         return np.array([s.held_out for s in self.stretches])[self.record]
 
     def series(self, sigma: float, only: Mask | None = None) -> Series:
-        """The regression target, with blocks where the simulator disagrees with itself given less weight."""
+        """The regression target; segments in which the simulator is sensitive to input noise have less
+        weight."""
         relative = self.doubt(sigma)
         valid = self.valid if only is None else self.valid & only
         slow = float(np.sqrt(self.dt / SLOW_NOISE_S)) / self.slow_noise
         return Series(np.where(valid, self.residual, 0.0), valid, self.starts, relative, slow, self.rules)
 
     def doubt(self, sigma: float) -> Array:
-        """Factor >= 1 by which a sample is less certain, (n,), where the simulator disagrees with itself."""
+        """Factor >= 1 on the standard deviation of each sample, (n,), for the simulator's spread under input
+        noise."""
         near = maximum_filter1d(self.disagreement, 2 * DOUBT_ROWS + 1)
         out: Array = np.sqrt(1.0 + (self.rules.tolerance * near / max(sigma, 1e-9)) ** 2)
         return out

@@ -1,4 +1,4 @@
-"""A simulator driven along recordings: at every step it receives the recorded response."""
+"""Runs a simulator forced along recordings: every step starts from the recorded response."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ ALIKE = 0.8  # of the longest drive's length, for drives that are run at once
 
 
 def forced(simulator: Simulator, prepared: Sequence[Prepared], us: Sequence[Array]) -> list[Run]:
-    """Runs (1, T) along every drive with the commands `us`, each (T, n_u), of one drive each.
+    """Runs (1, T) along every drive with the commands `us`, one array (T, n_u) for each drive.
 
-    Those of about one length are run at once: what is stepped in Python, as a corrected truck, takes as long
-    for many as for one. A shorter one goes on as it ends, which is cut off."""
+    Drives of similar length are run in one batch, because simulators stepped in Python, such as a corrected
+    truck, take as long for many rows as for one. Shorter drives are extended by their last sample; the
+    extension is cut off.
+    """
     runs: dict[int, Run] = {}
     lengths = [len(u) for u in us]
     for together in _alike(lengths):
@@ -37,8 +39,8 @@ def forced(simulator: Simulator, prepared: Sequence[Prepared], us: Sequence[Arra
 
 
 def forgotten(simulator: Simulator, prepared: Sequence[Prepared]) -> float:
-    """By what share (rms) its own acceleration changes where a simulator without `force` starts anew at each
-    response of a free run; 0 for one that has `force`."""
+    """Relative change (rms) of a simulator's acceleration if it is reset at each response of its own free
+    run; shows how much a simulator without `force` loses by it. 0 for one with `force`."""
     if not getattr(simulator, "starts_anew", False):
         return 0.0
     p = max(prepared, key=lambda p: int(p.valid.sum()))

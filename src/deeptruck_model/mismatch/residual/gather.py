@@ -1,4 +1,4 @@
-"""Drive the simulator along the recordings and collect residual, uncertainty and sensitivities."""
+"""Runs the simulator along the recordings and collects residual, uncertainty and sensitivities."""
 
 from __future__ import annotations
 
@@ -44,11 +44,13 @@ def gather(
     mass_kg: float | None = None,
     reruns_held_out: bool = True,
 ) -> Evidence:
-    """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters.
+    """Run the simulator forced along every drive: as given, with perturbed inputs, and with changed
+    parameters.
 
-    `moved` are relative changes already made to parameters the simulator was given with. `mass_kg` is stated
-    for a simulator that does not report its mass; else the recordings or its training data may. Where not
-    `reruns_held_out`, other command paths are run along the fitted drives alone, and are zero along others.
+    `moved` are relative changes already made to the parameters as given. `mass_kg` is stated for a simulator
+    that does not report its mass; otherwise the recordings or its training data may. Unless
+    `reruns_held_out`, other command paths are run along the fitted drives only, and their change is zero
+    along others.
     """
     driven = _driven(simulator, prepared, held_out)
     along = [reruns_held_out or not out for out in held_out]

@@ -1,4 +1,4 @@
-"""Block averages: one row of the comparison for every few samples of the recordings."""
+"""Block averages: each row of the comparison is the mean of a few samples of the recordings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Grid:
         return self.stretches[-1].stop
 
     def stack(self, parts: Sequence[Array]) -> Array:
-        """Block means; a block with an invalid sample is NaN only where all are."""
+        """Block means over valid samples; NaN if a block has none."""
         return np.concatenate([self._blocks(p).mean(axis=1) for p in parts])
 
     def last(self, parts: Sequence[Array]) -> Array:
@@ -41,7 +41,7 @@ class Grid:
         return np.concatenate([self._blocks(p)[:, -1] for p in parts])
 
     def any(self, parts: Sequence[Mask]) -> Mask:
-        """Blocks with a marked sample."""
+        """Blocks that contain a marked sample."""
         return np.concatenate([self._blocks(p).any(axis=1) for p in parts])
 
     def valid(self) -> Mask:

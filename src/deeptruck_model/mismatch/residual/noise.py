@@ -1,8 +1,8 @@
-"""Bayesian regression under the noise a residual really has: coloured, heavy-tailed, of uneven weight.
+"""Bayesian regression with coloured, heavy-tailed noise of varying weight, as residuals have it.
 
 Model: y = X b + n, with b ~ N(mean, sd^2) and n an autoregression whose innovations are Student-t with scale
-sigma * relative(t). Autoregression and scale are fitted again for every X: one noise model taken from a
-contaminated residual would hide slow effects and turn fast ones into each other.
+sigma * relative(t). Autoregression and scale are fitted again for every X: one noise model from a
+contaminated residual would absorb slow effects and confuse fast ones.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ ORDINARY = 3.0  # robust sds of the residual beyond which it counts less for the
 class Series:
     """The observed residual y (n,), which samples count, and the relative uncertainty of each.
 
-    `starts` (n,) is True at the first sample of each contiguous stretch; `relative` >= 1 widens the
-    innovations where the simulator disagrees with itself. `slow` bounds slow noise: the autoregression's
-    coefficients add up to no more than 1 - sigma * slow.
+    `starts` (n,) is True at the first sample of each contiguous segment; `relative` >= 1 widens the
+    innovations where the simulator is sensitive to input noise. `slow` bounds slow noise: the
+    autoregression's coefficients add up to no more than 1 - sigma * slow.
     """
 
     y: Array
@@ -44,13 +44,14 @@ class Series:
     rules: Rules = field(default_factory=Rules)
 
     def usable(self) -> Mask:
-        """Samples whose ORDER predecessors are valid and of the same stretch."""
+        """Samples whose ORDER predecessors are valid and in the same segment."""
         return _after(self.valid, self.starts)
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Independent normal priors, each (k,); `sign` is +1 where a coefficient must not be negative, else 0."""
+    """Independent normal priors, each (k,); `sign` is +1 for a coefficient that must not be negative,
+    else 0."""
 
     mean: Array
     sd: Array
@@ -58,17 +59,16 @@ class Prior:
 
     @staticmethod
     def join(*parts: Prior) -> Prior:
-        """The priors side by side, in order."""
+        """Several priors concatenated, in order."""
         return Prior(*(np.concatenate([getattr(p, f) for p in parts]) for f in ("mean", "sd", "sign")))
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Posterior of the coefficients (k,), covariance (k, k), log evidence in nats, and the noise found.
+    """Posterior of the coefficients (k,), covariance (k, k), log evidence in nats, and the fitted noise.
 
-    `between` (k,) is the sd of the coefficients as far as recordings disagree; zero where they are too few.
-    `innovations` (n,) is in units of sigma and NaN where a sample does not count; `pointwise` (n,) its log
-    density.
+    `between` (k,) is the sd of the coefficients between recordings; zero if these are too few. `innovations`
+    (n,) are in units of sigma and NaN where a sample does not count; `pointwise` (n,) their log densities.
     """
 
     b: Array
@@ -82,9 +82,9 @@ class Fit:
 
 
 def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit:
-    """Posterior mode and Laplace evidence. Coefficients that break their sign are set to zero.
+    """Posterior mode and Laplace evidence. Coefficients that violate their sign are set to zero.
 
-    X (n, k) may have k = 0. `start` gives the noise to begin with; white noise otherwise.
+    X (n, k) may have k = 0. `start` gives the initial noise model; white noise by default.
     """
     use = series.usable()
     if not use.any():
@@ -128,8 +128,8 @@ def _occam(X: Array, weight: Array, left: Array, b: Array, prior: Prior) -> floa
 def log_orthant(mean: Array, covariance: Array) -> float:
     """Log probability that a normal vector (k,) has no negative entry.
 
-    One entry after the other is cut off at zero, and the rest is taken as normal with the moments that
-    leaves (Mendell and Elston, Biometrics 30, 1974); the least likely goes first.
+    One entry after another is truncated at zero, and the rest is approximated by a normal distribution with
+    the resulting moments (Mendell and Elston, Biometrics 30, 1974); the least probable entry goes first.
     """
     mean, covariance, out = mean.copy(), covariance.copy(), 0.0
     left = list(range(len(mean)))
@@ -211,8 +211,8 @@ def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> A
 
 
 def whiten(x: Array, ar: Array, rows: Rows, weight: Array | None = None) -> Array:
-    """Some rows (m,) of x (n,) or (n, k) through the inverse of the autoregression `ar` (ORDER,), times
-    `weight` (m,). No row may be among the first ORDER, which have no past."""
+    """Filter rows (m,) of x (n,) or (n, k) by the inverse of the autoregression `ar` (ORDER,), and multiply
+    by `weight` (m,). The first ORDER rows have no past and must not be among them."""
     wide = np.ascontiguousarray(x.reshape(len(x), -1), dtype=np.float64)
     out = np.empty((len(rows), wide.shape[1]))
     _whiten(wide, ar, rows, np.ones(len(rows)) if weight is None else weight, out)
@@ -230,8 +230,8 @@ def _whiten(x: Array, ar: Array, rows: Rows, weight: Array, out: Array) -> None:
 
 
 def ridge(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]:
-    """Coefficients (k,) by ridge regression of y (n,) on X (n, k) with a sign for some of them, and which are
-    not zero: worst offenders are dropped until none is left."""
+    """Coefficients (k,) by ridge regression of y (n,) on X (n, k) with sign constraints on some, and which
+    are not zero: the largest violations are removed until none is left."""
     root = np.sqrt(weight)
     Xr = X * root[:, None]
     H = Xr.T @ Xr + np.diag(1 / prior.sd**2)

@@ -1,4 +1,4 @@
-"""Samples in which a simulator drives in another gear than was recorded, and says nothing of forces."""
+"""Finds samples in which a simulator that reports no forces uses another gear than was recorded."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def other_gear(
     numbered_alike: bool = False,
     held_out: Sequence[bool] = (),
 ) -> tuple[list[Mask], list[Mask]]:
-    """Native samples (n,) of each recording where the simulator's gear is another one; for long, and at all.
+    """Native samples (n,) of each recording in which the simulator's gear differs: for long, and at all.
 
-    By the recorded gear, else by the recorded engine speed; all False where neither is recorded.
+    Compared by the recorded gear, else by the recorded engine speed; all False if neither is recorded.
     """
     apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
     if apart is None and "engine_speed" in runs[0].inside:
@@ -54,8 +54,8 @@ def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
 
 
 def with_predicted_gears(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:
-    """Runs whose inside is a learned simulator's prediction of gear and engine speed, where it was trained on
-    these. Most of its error arises in the wrong gear."""
+    """Runs that include a learned simulator's predicted gear and engine speed, if it was trained on these.
+    Most of its error arises in the wrong gear."""
     outputs = getattr(simulator, "auxiliary_outputs", None)
     longest = max(len(p.recording) for p in prepared)
     parts = [(p.u, p.w, fed(simulator, p.y)) for p in prepared]

@@ -27,7 +27,7 @@ SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at 
 
 
 def accepted(simulator: Simulator, changes: Mapping[str, float], near: float = 0.0) -> dict[str, float]:
-    """The relative changes, each halved until the simulator takes the value, and those `near` it on both
+    """The relative changes, each halved until the simulator accepts the value, and values `near` it on both
     sides (relative)."""
     return {name: _accepted(simulator, name, change, near) for name, change in changes.items()}
 

@@ -1,7 +1,7 @@
-"""Nuisance terms for ordinary sensors and loggers, which record a response late, smoothed or ringing.
+"""Nuisance terms for ordinary sensors and loggers, which delay or smooth a response or make it oscillate.
 
 They are in every model and never a finding. Without them a filter of 0.1 s gains a hundred nats at the shifts
-of low gears, and sloshing loads and friction compensate for it.
+of low gears, and effects such as sloshing loads and friction would be fitted to it.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def _late_slope(e: Evidence) -> list[Array]:
 
 
 def rows(e: Evidence) -> int:
-    """Rows before and after a sample that a filter reaches; none where rows are too far apart for one, as for
-    a learned simulator."""
+    """Rows before and after a sample that a filter reaches; none if the sample period is too long for one, as
+    for a learned simulator."""
     return int(REACH_S / e.dt + ROUNDING)
 
 

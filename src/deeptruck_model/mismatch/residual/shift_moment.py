@@ -1,4 +1,4 @@
-"""The moment of a shift within a sample: a truck with finer steps than its simulator shifts sooner."""
+"""The time of a shift within a sample: a truck with finer steps than its simulator shifts earlier."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ FEWEST = 5  # such rows, to estimate the moment by
 
 
 def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid: Grid) -> Array:
-    """The change of the simulated acceleration (n,) if the truck decides a sample sooner.
+    """The change of the simulated acceleration (n,) if the truck decides to shift one sample earlier.
 
-    A truck that steps finer than its simulator always shifts before it, and that is no missing physics.
+    A truck with finer steps than its simulator always shifts before it; this difference is no missing
+    physics.
     """
     us = [p.u for p in prepared]
     after, before = (
@@ -40,10 +41,10 @@ def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid:
 
 
 def samples_apart(residual: Array, sooner: Array, valid: Mask) -> float:
-    """How far apart the two shifts may be: the residual over its change by a sample sooner, by a median
-    weighted by that change, so that no force behind each shift is taken for it. As `sooner` is half of the
-    difference between a sample later and one sooner, this is twice the offset in samples, capped at 1: half a
-    sample is the most that is distinguished."""
+    """How far apart the two shifts may be: the median ratio of the residual to its change by one sample,
+    weighted by that change, so that a force at each shift does not affect it. As `sooner` is half of the
+    difference between one sample later and one earlier, this is twice the offset in samples, limited to 1:
+    half a sample is the most that is distinguished."""
     informative = valid & (np.abs(sooner) > LEAST_CHANGE)
     if informative.sum() < FEWEST:
         return 0.0
@@ -54,7 +55,7 @@ def samples_apart(residual: Array, sooner: Array, valid: Mask) -> float:
 
 
 def at_another_moment(y: Array, later_s: float | Array, acceleration: Array) -> Array:
-    """Responses (..., T, n_y) whose speed is that of a moment so much later, with this acceleration (T,)."""
+    """Responses (..., T, n_y) whose speed is shifted by `later_s`, given the acceleration (T,)."""
     y = y.copy()
     y[..., SPEED] = np.maximum(y[..., SPEED] + later_s * acceleration, 0.0)
     return y

@@ -1,1 +1,1 @@
-"""Roads: places by positions or slopes, and recovered slopes of one or several vehicles."""
+"""Roads: positions along shared roads, by GPS or slope, and recovered slopes of one or several vehicles."""

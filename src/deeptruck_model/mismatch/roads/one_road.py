@@ -1,7 +1,7 @@
-"""Where drives are along the roads that they share: by their positions, else by how far they have come.
+"""Positions of drives along the roads that they share: by GPS, else by distance driven.
 
-A force that depends on the road position acts on every drive that passes. Places are metres along all
-roads, one after the other; whoever comes by once more, the same way, is at the places of whoever came first.
+A force that depends on the road position acts on every drive that passes. Positions are metres along all
+roads, one after the other; a later pass in the same direction has the positions of the first one.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ LAP_M = 200.0  # a road that is met again sooner was not left
 
 
 def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
-    """The drives with their `road`, NOWHERE along those without positions; unchanged where fewer than two
-    have positions."""
+    """The drives with their `road`, NOWHERE for those without GPS positions; unchanged if fewer than two have
+    positions."""
     ways = [_way(p, _position(p)) if _positions(p) else None for p in drives]
     placed = [p for p, way in zip(drives, ways, strict=True) if way is not None and _as_driven(way)]
     if len(placed) < min(2, len(drives)):
@@ -64,12 +64,12 @@ def _between(driven: Array, own: Array) -> Array:
 
 
 def without_a_place(drives: Sequence[Prepared]) -> list[str]:
-    """Names of the drives whose positions are missing or implausible, where others have valid ones."""
+    """Names of the drives whose positions are missing or implausible, if others have valid ones."""
     return [p.recording.name for p in drives if p.road is not None and (p.road == NOWHERE).all()]
 
 
 def on_a_road_of_its_own(drives: Sequence[Prepared]) -> list[str]:
-    """Names of the drives that meet no other drive by their positions, where at least two others do."""
+    """Names of the drives whose positions meet no other drive, if at least two others do."""
     placed = [p for p in drives if p.road is not None and (p.road != NOWHERE).any()]
     passed = [set(np.floor_divide(p.place(), STEP_M).tolist()) for p in placed]
     apart = [
@@ -87,7 +87,7 @@ def _positions(p: Prepared) -> bool:
 
 def headed(p: Prepared) -> Array | None:
     """Latitude, longitude and heading (clockwise from north), degrees, every STEP_M of a drive (k, 3); None
-    without positions, and where they do not go as far as was driven."""
+    without positions, or if their length differs from the distance driven."""
     if not _positions(p):
         return None
     about = _position(p)
@@ -135,8 +135,8 @@ def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
 
 
 def driven_by_positions(p: Prepared) -> Array:
-    """Metres by the recorded speed for each metre by positions, over every PIECE_M of a drive, (m,);
-    none where it has no positions. Chords are not smoothed, which would cut bends short."""
+    """Ratio of the distance by recorded speed to that by positions, over every PIECE_M of a drive, (m,);
+    empty without positions. Chords are not smoothed, because that would cut bends short."""
     if not _positions(p):
         return np.zeros(0)
     track = _track(p, _position(p), CHORD_M)

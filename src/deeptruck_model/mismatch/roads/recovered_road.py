@@ -1,7 +1,7 @@
-"""The recovered slope as the grade of its recordings.
+"""Uses the recovered slope as the grade of its recordings.
 
-A learned truck that was trained without slopes has absorbed part of them, so adding the slope to it does not
-help. A truck that is trained again with these recordings has the slope as an input.
+A learned truck trained without slopes has absorbed part of them, so adding the slope to it does not help. A
+truck trained again with these recordings has the slope as an input.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ Array = NDArray[np.float64]
 
 
 class Slopes(Protocol):
-    """Recovered slopes; `advice` is for recordings they do not belong to."""
+    """Recovered slopes; `advice` is shown for recordings to which they do not belong."""
 
     advice: ClassVar[str]
 
     def along(self, recording: Recording) -> Array | None:
-        """Slope (n,) of a recording, NaN where it is not known; None where next to none is."""
+        """Slope (n,) of a recording, NaN where unknown; None if hardly any is known."""
 
 
 @dataclass(frozen=True)
 class RecoveredSlope:
-    """The slope recovered along a recording, (m,) each: seconds since its bag began, metres since the
-    recording began, and the slope."""
+    """The slope recovered along a recording: time since its bag began (s), distance since the recording began
+    (m), and slope, (m,) each."""
 
     time: Array
     distance: Array
@@ -44,7 +44,7 @@ class RecoveredSlope:
 
 @dataclass(frozen=True)
 class Roads:
-    """The slopes that were recovered, by the recording's name."""
+    """The recovered slopes, by the recording's name."""
 
     slopes: Mapping[str, RecoveredSlope]
     advice: ClassVar[str] = "give those that mismatch was run on"
@@ -53,7 +53,8 @@ class Roads:
     def read(found: Path) -> Roads:
         """The slopes in profiles.csv of a folder that `mismatch` wrote.
 
-        Raises InputError where there are none."""
+        Raises InputError if there are none.
+        """
         check_road(found)
         try:
             with (found / "profiles.csv").open(newline="") as file:
@@ -73,7 +74,7 @@ class Roads:
         return Roads(slopes)
 
     def along(self, recording: Recording) -> Array | None:
-        """Slope (n,) of a recording, interpolated where none was recovered; None where next to none was."""
+        """Slope (n,) of a recording, interpolated over gaps; None if hardly any was recovered."""
         if recording.name not in self.slopes:
             return None
         time, slope = self.slopes[recording.name].time, self.slopes[recording.name].slope
@@ -89,7 +90,7 @@ class Roads:
 def with_road(roads: Slopes, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
     """The recordings with their slope as grade, and the names of those for which none was recovered.
 
-    Raises InputError where a recording has a grade, two are of different trucks, or none has a slope.
+    Raises InputError if a recording has a grade, two are of different trucks, or none has a slope.
     """
     signals = [replace(r.interface, name="", mass_kg=None) for r in recordings]
     others = [r.name for r, own in zip(recordings, signals, strict=True) if own != signals[0]]

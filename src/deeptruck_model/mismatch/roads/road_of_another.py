@@ -1,6 +1,6 @@
-"""The slope recovered from one vehicle's residual, as the grade of another vehicle's recordings.
+"""Uses the slope recovered from one vehicle's residual as the grade of another vehicle's recordings.
 
-Both slopes were recovered without a recorded grade. Where they agree over 6 km better than chance, the other
+Both slopes were recovered without a recorded grade. If they agree over 6 km better than by chance, the other
 vehicle drove the same road, and its slope there is evidence independent of this vehicle's residual.
 """
 
@@ -34,8 +34,8 @@ NEAR = 5  # steps by which places may differ that are one: wheels and curves mea
 
 @dataclass(frozen=True)
 class Shared:
-    """Windows that lie on another vehicle's road: their indices (a,), the other's slope as felt in this
-    direction (a, WIDTH), and whether the other drove the opposite direction (a,)."""
+    """Windows that lie on another vehicle's road: their indices (a,), the other's slope in this driving
+    direction (a, WIDTH), and whether the other drove in the opposite direction (a,)."""
 
     windows: Indices
     slope: Array
@@ -62,11 +62,11 @@ class Covered:
 
 
 def shared(own: Windows, other: Windows) -> Shared:
-    """Where `own` windows are found in `other`.
+    """Find the windows of `own` in those of `other`.
 
-    Each window votes for the place that it agrees with best, if it does so better than any does in the two
-    comparisons that no road can make alike. On a road that both drove, one window after the other votes for
-    the same distance between the two; Limits.road_shared says how many are more than chance gives.
+    Each window votes for the position with which it agrees best, if the agreement exceeds the largest one of
+    the two comparisons that no road can cause. On a shared road, successive windows vote for the same offset;
+    Limits.road_shared is the number of votes beyond chance.
     """
     a, b = own.centred(), other.centred()
     if not len(a) or not len(b):
@@ -82,7 +82,7 @@ def shared(own: Windows, other: Windows) -> Shared:
 
 
 class Votes:
-    """For each window (a,): the place where it agrees best, the agreement there, and the number of other
+    """For each window (a,): the position of best agreement, the agreement there, and the number of other
     windows that vote for the same offset."""
 
     def __init__(self, own: Windows, other: Windows, alike: Array, way: float) -> None:
@@ -94,7 +94,7 @@ class Votes:
         self._same = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
 
     def votes(self, limit: float) -> Indices:
-        """(a,); of windows that agree no better than `limit` none counts, and none has any."""
+        """Votes (a,), counted only among windows that agree better than `limit`; others have none."""
         counts = self.best > limit
         out: Indices = np.bincount(self._same, weights=counts)[self._same].astype(np.intp) * counts
         return out
@@ -103,11 +103,11 @@ class Votes:
 def with_road_of_another(
     roads: Roads, other: Roads, recordings: Sequence[Recording]
 ) -> tuple[list[Recording], list[Covered]]:
-    """The pieces of `recordings` whose road the other vehicle drove too, with its slope there as their grade;
-    and how much of each recording that is.
+    """The pieces of `recordings` on roads that the other vehicle drove too, with its slope as their grade;
+    and the covered distance of each recording.
 
-    `roads` are the recordings' own recovered slopes, by which places are found. Raises InputError where a
-    recording has a grade of its own, no slope was recovered for any, or no stretch is shared.
+    `roads` are the recordings' own recovered slopes, by which positions are found. Raises InputError if a
+    recording has a grade, no slope was recovered for any, or no road is shared.
     """
     graded = [r.name for r in recordings if "grade" in r.channels]
     if graded:

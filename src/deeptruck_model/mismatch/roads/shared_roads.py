@@ -1,4 +1,4 @@
-"""Slopes of roads that several trucks drove, by cells that are the same for every vehicle: roads.csv."""
+"""roads.csv: slopes of roads that several trucks drove, by cells that are equal for every vehicle."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class SharedRoads:
 
     @staticmethod
     def read(path: Path) -> SharedRoads:
-        """Read roads.csv. Raises InputError for a file of another content."""
+        """Read roads.csv. Raises InputError for a file with other content."""
         rows = csv.DictReader(io.StringIO(reading.text(path, FLEET_FIRST)))
         possible, slopes = channel_of("grade"), dict[Cell, float]()
         try:
@@ -70,8 +70,8 @@ class SharedRoads:
         return SharedRoads(slopes)
 
     def along(self, recording: Recording) -> Array | None:
-        """Slope (n,) of a recording, interpolated over gaps and NaN off the shared roads; None where less
-        than Limits.least_road_km of it is known, or it has no positions."""
+        """Slope (n,) of a recording, interpolated over gaps and NaN off the shared roads; None if less than
+        Limits.least_road_km of it is known, or it has no positions."""
         p = prepare(recording, False)
         places = headed(p)
         if places is None:
@@ -88,11 +88,11 @@ class SharedRoads:
 
 
 def named(text: str) -> Cell:
-    """The cell of its name as in roads.csv. Raises ValueError for another text."""
+    """The cell for a name in roads.csv. Raises ValueError for other text."""
     row, column, way = text.split(":")
     return int(row), int(column), way
 
 
 def name(cell: Cell) -> str:
-    """Of a cell in roads.csv."""
+    """The name of a cell in roads.csv."""
     return ":".join(map(str, cell))

@@ -1,9 +1,9 @@
-"""Stretches of road that were driven again, found by the slope or slow force along them and without GPS.
+"""Finds roads that were driven again by the slope or slow force along them, without GPS.
 
-A window of the profile is laid over all other driving: as it is for a pass the same way, and turned round
-with the other sign for a pass the other way, as only a slope does that. How well windows agree by chance is
-seen from the two comparisons that no road can cause: the same way with the other sign, and turned round with
-the same sign.
+A window of the profile is compared with all other driving: as it is for a pass in the same direction, and
+reversed with the opposite sign for a pass in the other direction, as for slopes. Chance agreement is
+estimated from the two comparisons that no road can cause: same direction with the opposite sign, and reversed
+with the same sign.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WIDTH = int(LENGTH_M / STEP_M)
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of profiles (m, WIDTH), the profile that each is of, and where it begins there (m)."""
+    """Windows of profiles (m, WIDTH), the index of each one's profile, and where it begins there (m)."""
 
     values: Array
     profile: Indices
@@ -44,24 +44,24 @@ class Windows:
         return Windows(np.concatenate(parts), np.concatenate(which), np.concatenate(at))
 
     def centred(self) -> Array:
-        """Without their means, which differ between recordings: sensors and loads shift them."""
+        """The windows minus their means, which sensors and loads change between recordings."""
         out: Array = self.values - self.values.mean(axis=1, keepdims=True)
         return out
 
 
 def steps(distance: Array) -> Array:
-    """Places STEP_M apart over a distance (n,), m."""
+    """Positions STEP_M apart over a distance (n,), m."""
     return np.arange(distance[0], distance[-1], STEP_M) if len(distance) else np.zeros(0)
 
 
 def turned(windows: Array) -> Array:
-    """Windows (m, k) of slopes as a truck feels them that drives there the other way."""
+    """Windows (m, k) of slopes as seen in the opposite driving direction."""
     return -windows[:, ::-1]
 
 
 def similarity(sought: Array, among: Array) -> Array:
-    """How well windows (a, k) agree with others (b, k), both without means, (a, b): 1 for the same, 0 for no
-    similarity, as size counts too."""
+    """Agreement of windows (a, k) with others (b, k), both without means, (a, b): 1 if equal, 0 if unrelated;
+    size counts too."""
     size = np.sum(sought**2, axis=1)[:, None] + np.sum(among**2, axis=1)[None]
     out: Array = 2.0 * (sought @ among.T) / (size + 1e-12)
     return out
