@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from deeptruck_model.signals import TruckInterface
@@ -17,6 +17,7 @@ BY_SWITCH = (
     ", or write 'brake_command: {derive: deceleration, gate: brake_switch}' in COLUMNS where only the "
     "brake's switch is recorded"
 )
+BY_GEARBOX = "; without '?gear=recorded' behind its name a truck chooses its own gear"
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def misfits(taken: Taken, given: Given) -> list[str]:
     if lacking:
         found.append(
             f"{given.name} has no {', '.join(lacking)}, which {taken.name} needs; record it or use another "
-            f"simulator{BY_SWITCH if 'brake_command' in lacking else ''}"
+            f"simulator{how_without(lacking)}"
         )
     for name in channels:
         here, there = given.unit(name), taken.interface.unit(name)
@@ -66,3 +67,9 @@ def misfits(taken: Taken, given: Given) -> list[str]:
                 f"import it with the simulator's unit{how}"
             )
     return found
+
+
+def how_without(lacking: Collection[str]) -> str:
+    """How to do without channels that were not recorded, behind a sentence that names them; may be empty."""
+    by_switch = BY_SWITCH if "brake_command" in lacking else ""
+    return by_switch + (BY_GEARBOX if "gear" in lacking else "")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import checks, simulators, trucks
+from deeptruck_model.compatibility import Given, Taken, misfits
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
@@ -125,6 +126,13 @@ def test_all_misfits_come_in_one_line(tmp_path: Path) -> None:
         "bar has brake_command in bar, the simulator truck:trucksim takes percent",
     ):
         assert words in line
+
+
+def test_a_truck_that_follows_a_gear_that_was_not_recorded_may_choose_its_own() -> None:
+    taken = Taken("the truck", TruckInterface("t", gear=True), 0.1)
+    (line,) = misfits(taken, Given("drive", lambda name: name == "gear", lambda name: None))
+    assert line.startswith("drive has no gear, which the truck needs; record it or use another simulator; ")
+    assert line.endswith("without '?gear=recorded' behind its name a truck chooses its own gear")
 
 
 def mapped(**units: str) -> checks.Mapped:

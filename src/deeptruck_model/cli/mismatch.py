@@ -124,7 +124,7 @@ def _show(found: Mismatch, out: Path, units: str) -> None:
     """Print the verdict's first sentences, speeds in `units`."""
     from deeptruck_model.mismatch import summary
 
-    print(f"{found.result.kind}: see {out / 'report.html'}")
+    print(f"see {out / 'report.html'}")
     print(*(speeds_in(units, line) for line in summary(found)), sep="\n")
     if found.result.validated:
         print(f"    {folders.apply_command(out)}")

@@ -205,18 +205,23 @@ def _calibrated(found: Calibration) -> Iterator[str]:
     if found.before is None or found.after is None or found.better is None:
         yield "note: the held-out recordings are too short for free runs; nothing shows what this is worth"
     else:
-        low, high = found.better
-        change = f"smaller by {100 * low:.0f} to {100 * high:.0f} %"
-        if low < 0.0:
-            change = f"between {-100 * low:.0f} % larger and {abs(100 * high):.0f} % "
-            change += "smaller" if high >= 0.0 else "larger"
         yield (
             f"speed error of free runs of {found.horizon_s:.0f} s on {', '.join(found.held_out)}: "
-            f"{found.before.speed:.3g} -> {found.after.speed:.3g} m/s ({change}, 95 %)"
+            f"{found.before.speed:.3g} -> {found.after.speed:.3g} m/s ({_change(*found.better)}, 95 %)"
         )
         if not found.validated:
             yield "note: it drives held-out recordings no better; 'deeptruck-model mismatch' looks further"
     yield from (f"note: {caveat}" for caveat in found.caveats)
+
+
+def _change(low: float, high: float) -> str:
+    """The interval of an error's relative improvement, in words."""
+    low, high = 100.0 * low, 100.0 * high
+    if low >= 0.0:
+        return f"smaller by {low:.0f} to {high:.0f} %"
+    if high >= 0.0:
+        return f"between {-low:.0f} % larger and {high:.0f} % smaller"
+    return f"larger by {-high:.0f} to {-low:.0f} %"
 
 
 def register(app: typer.Typer) -> None:

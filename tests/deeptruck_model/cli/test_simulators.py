@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from deeptruck_model import simulators
+from deeptruck_model.cli.simulators import _change
 
 Script = Callable[..., tuple[int, str, str]]
 
@@ -67,3 +68,15 @@ def test_evaluate_drives_it(script: Script, shuttle: Path, bag: Callable[..., Pa
     code, said, errors = script("evaluate", text, friday, "--out", "out", "--trials", "3", "--horizon", "20")
     assert code == 0, errors
     assert "3 free runs of 20 s" in said and Path("out/metrics.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [
+        (0.06, 0.29, "smaller by 6 to 29 %"),
+        (-0.1, 0.2, "between 10 % larger and 20 % smaller"),
+        (-2.57, -1.48, "larger by 148 to 257 %"),
+    ],
+)
+def test_a_change_of_the_error_is_said_with_its_direction(low: float, high: float, says: str) -> None:
+    assert _change(low, high) == says

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_model.compatibility import how_without
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
@@ -40,7 +41,7 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
         if missing:
             raise InputError(
                 f"recording '{r.name}' has no valid {', '.join(missing)}, which the simulator needs; "
-                "record it or use another simulator"
+                f"record it or use another simulator{how_without(missing)}"
             )
         for name in ("engine_command", BRAKE):
             here, there = r.interface.unit(name), simulator.interface.unit(name)

@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.report.wording import (
     percent,
     spoken,
 )
-from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.result import Answer, Conclusion, Finding, Kind, Verdict
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN, Node
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
@@ -25,7 +25,7 @@ HEADLINES = {
     Conclusion.NOTHING: "Nothing that matters is missing",
     Conclusion.UNDETERMINED: "Undetermined: no cause is sure",
 }
-GOOD_ENOUGH = "the simulator is good enough as it is"
+GOOD_ENOUGH = "the simulator is good enough"
 MUCH_LARGER = 2.0  # times the share of what is said first
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
@@ -44,19 +44,33 @@ class Light(NamedTuple):
 
 
 def headline(v: Verdict) -> str:
-    """What is missing, in which drives, its share of the error, and the next step."""
+    """What is missing, in which drives, its share of the error, and the next step; no name where the simulator
+    is good enough."""
     if not v.findings:
         besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
         step = f": {_next_step(v)}" if v.validated else ""
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides + step
     f = v.findings[0]
+    if _good_enough(v):
+        own = next((one for one in v.findings if one.effect == UNKNOWN and one.in_drives), None)
+        what = f"{_in_drives(own)}; otherwise {GOOD_ENOUGH}" if own is not None else GOOD_ENOUGH
+        return opened(what) + (f"; better still: {_next_step(v)}" if v.validated else "")
+    return f"{opened(_in_drives(f))}{_larger(v)}: {_next_step(v)}"
+
+
+def _good_enough(v: Verdict) -> bool:
+    """Whether what was found does not matter for driving, and no sensor is to be repaired."""
+    good = v.advice.get("simulator")
+    sound = all(f.kind is not Kind.SENSOR for f in v.findings)
+    return sound and good is not None and good.answer is Answer.YES
+
+
+def _in_drives(f: Finding) -> str:
+    """A finding with the drives in which it acts and its share of the error."""
     drives = ", ".join(_drive(f, name) for name in f.in_drives)
     what = f"in {drives} alone, {_what(f)}" if drives else _what(f) + _by_drive(f)
     share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
-    step = _next_step(v)
-    if step == GOOD_ENOUGH:
-        return f"{opened(step)}: {what}{share}"
-    return f"{opened(what)}{share}{_larger(v)}: {step}"
+    return what + share
 
 
 def _larger(v: Verdict) -> str:
@@ -106,9 +120,6 @@ def _next_step(v: Verdict) -> str:
         return "apply the refitted parameters" if v.fit.offered == REFIT else "apply the correction"
     if any(f.kind is Kind.SENSOR for f in v.findings):
         return "repair the sensor"
-    good = v.advice.get("simulator")
-    if good is not None and good.answer == "yes":
-        return GOOD_ENOUGH
     if v.findings[0].effect == UNKNOWN:
         return v.findings[0].separating_manoeuvre
     if "recording" in v.findings[0].depends_on:

@@ -75,7 +75,7 @@ def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
     assert list(lines.what_to_do(v)) == ["Apply the refitted parameters alone."]
 
 
-def test_a_good_simulator_is_said_to_be_first_and_a_larger_part_without_a_name() -> None:
+def test_a_good_simulator_has_no_name_in_its_first_line_and_a_larger_part_is_said() -> None:
     f = replace(PAYLOAD, effect="shift_interruption", family="engine_driveline", share_of_error=0.21)
     f = replace(f, stated="shift_interruption", depends_on=("gear",))
     load, rest = (Part(n, x, x, x, 1.0, np.zeros(0)) for n, x in (("load", 0.59), ("left_over", 0.2)))
@@ -87,8 +87,22 @@ def test_a_good_simulator_is_said_to_be_first_and_a_larger_part_without_a_name()
     smaller = replace(off, budget=Budget(40.0, 9, 0.5, (replace(load, share=0.4), rest)))
     assert "more is load" not in lines.headline(smaller)
     good = replace(off, advice={"simulator": Advice(Answer.YES, "off by 0.1 m/s")})
-    assert lines.headline(good) == (
-        "The simulator is good enough as it is: shift interruption is missing, 21 % of the squared error"
+    assert lines.headline(good) == "The simulator is good enough"
+    fit = FitResult(("d",), 40.0, 3, (), validated=True, offered=REFIT)
+    better = lines.headline(replace(good, fit=fit))
+    assert better == "The simulator is good enough; better still: apply the refitted parameters"
+
+
+def test_a_drive_that_differs_is_in_the_first_line_of_a_good_simulator() -> None:
+    own = replace(
+        PAYLOAD, effect="unknown", says="a constant force", in_drives=("c",), share_of_error=0.52,
+        parameters={"force[c]": Size(-223.4, "N", (-250.0, -200.0))},
+    )  # fmt: skip
+    good = {"simulator": Advice(Answer.YES, "off by 0.1 m/s")}
+    v = Verdict(Conclusion.PHYSICS, (replace(PAYLOAD, share_of_error=0.1), own), advice=good)
+    assert lines.headline(v) == (
+        "In c (-223 N) alone, a constant force, 52 % of the squared error; otherwise the simulator is good "
+        "enough"
     )
 
 
