@@ -44,8 +44,8 @@ class Light(NamedTuple):
 
 
 def headline(v: Verdict) -> str:
-    """What is missing, in which drives, its share of the error, and the next step; no name where the simulator
-    is good enough."""
+    """What is missing, in which drives, its share of the error, and the next step; no name where the
+    simulator is good enough."""
     if not v.findings:
         besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
         step = f": {_next_step(v)}" if v.validated else ""
