@@ -1,4 +1,4 @@
-"""What a training run depends on, besides the data."""
+"""Arguments of a training run."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ FASTEST = 1e30  # beyond, the optimiser's own numbers overflow
 
 @dataclass(frozen=True)
 class Arguments:
-    """What a training run depends on, besides the data. H is the LSTM and D the decoder of `network`, K and M
-    the paper's symbols for the lengths that they stand at."""
+    """Settings of a training run, apart from the data. H is the LSTM and D the decoder of `network`; K and M
+    are the paper's symbols for the sequence lengths in whose comments they stand."""
 
     seed: int = 0
     """member m starts from seed + m"""
@@ -86,10 +86,10 @@ class Arguments:
 
 
 def default_updates(samples: int) -> int:
-    """Gradient steps for an amount of data: the 85 % of 4 h at 10 Hz that are trained on get 10,200, about a
-    minute of one core.
+    """Number of gradient steps for an amount of data: the 85 % of 4 h at 10 Hz used for training get 10,200,
+    about a minute of one core.
 
-    It is one for every 12 samples, 1,500 at least and 12,000 at most: beyond, the training drive is learned
-    better and better, and other drives no more.
+    One step for every 12 samples, at least 1,500 and at most 12,000: with more steps the training drives are
+    fitted ever more closely, but other drives no better.
     """
     return min(max(samples // 12, 1500), 12000)

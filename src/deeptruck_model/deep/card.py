@@ -1,4 +1,4 @@
-"""The last step of training and of calibrating: statistics, MODEL_CARD.md, and the finished directory."""
+"""The last step of training and of calibration: statistics, MODEL_CARD.md, and the finished directory."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ LISTED = 20  # recordings named in the card
 
 
 def git_hash() -> str | None:
-    """Commit of the source this runs from; None outside a checkout."""
+    """Commit of the source checkout in use; None outside a checkout."""
     try:
         found = subprocess.run(
             ["git", "rev-parse", "HEAD"],
@@ -81,7 +81,7 @@ def complete(
 ) -> None:
     """Write all files of a simulator directory into `working`, and set the intervals of `truck`.
 
-    The resume point goes last: until then the work can be gone on with.
+    The resume point is removed last, so that the work can be continued until then.
     """
     io.write(truck, working)
     again = simulators.load(working)
@@ -96,7 +96,8 @@ def complete(
 
 
 def lost_metrics(source: Path) -> str:
-    """One line where a simulator has lost its metrics; else none. Trucks that never had any are not meant."""
+    """One line if a simulator has lost its metrics; else none. Trucks that never had metrics are not
+    reported."""
     if (source / METRICS_FILE).exists():
         return ""
     promised = METRICS_FILE in io.promised(simulators.read_manifest(source))
@@ -106,9 +107,10 @@ def lost_metrics(source: Path) -> str:
 def publish_calibrated(
     truck: DeepTruck, recordings: Sequence[Recording], source: Path, out: Path, overwrite: bool = False
 ) -> None:
-    """Write `out`: `source` with the intervals of `truck`, which `recordings` set, and its card and metrics.
+    """Write `out`: `source` with the intervals of `truck`, which were calibrated on `recordings`, and its
+    card and metrics.
 
-    The errors in them stay right: only the intervals are others.
+    The errors in these remain valid, because only the intervals change.
     """
     with CALIBRATED.replacing(out, overwrite=overwrite) as folder:
         metrics = [METRICS_FILE] if (source / METRICS_FILE).exists() else []
@@ -119,7 +121,8 @@ def publish_calibrated(
 
 
 def with_intervals(source: Path, recordings: Sequence[Recording]) -> str:
-    """The card in `source`, which older versions wrote without that chapter, with what set the intervals."""
+    """The card in `source`, with a section on the recordings that set the intervals; older versions wrote
+    cards without it."""
     says = f"The 90 % intervals were set by `deeptruck-model calibrate` on {listed(recordings)}."
     path = source / FILE
     card = path.read_text() if path.exists() else f"# Deep truck: {source.name}\n"
@@ -129,7 +132,7 @@ def with_intervals(source: Path, recordings: Sequence[Recording]) -> str:
 
 
 def listed(recordings: Sequence[Recording]) -> str:
-    """Names and lengths of recordings, pieces of one bag together."""
+    """Names and lengths of recordings, with the pieces of one bag combined."""
     hours: dict[str, float] = {}
     for r in recordings:
         name = r.name.partition("#")[0]
@@ -145,7 +148,8 @@ def written(
     validation: Sequence[Recording],
     metrics: dict[str, Any],
 ) -> str:
-    """What the truck was trained on, how far off it is on held-out data, and where not to trust it."""
+    """The model card: what the truck was trained on, its errors on held-out data, and where its predictions
+    are not reliable."""
     interface, run, config = truck.interface, truck.details["training"], truck.details["config"]
     seeds = ", ".join(map(str, truck.details["seeds"]))
     signals = [

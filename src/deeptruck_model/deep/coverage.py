@@ -1,4 +1,4 @@
-"""What a deep truck was trained on: a histogram of its driving, and the samples it learned from."""
+"""Coverage of a deep truck: a histogram of its training data, and the samples it learned from."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Coverage:
     counts: NDArray[np.int64]
 
     def covers(self, y: Array, w: Array) -> NDArray[np.bool_]:
-        """True where a sample, or a bin beside its own, was driven. y (..., n_y), w (..., n_w)."""
+        """True if the bin of a sample, or an adjacent one, has training data. y (..., n_y), w (..., n_w)."""
         grade = w[..., 0] if w.shape[-1] else np.zeros(y.shape[:-1])
         position = np.stack([y[..., SPEED], y[..., ACCELERATION], grade], axis=-1)
         bins = np.floor((position - self.low) / self.size)
@@ -49,7 +49,7 @@ class Coverage:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Coverage:
-        """Inverse of to_dict. Raises KeyError, TypeError or ValueError for what is something else."""
+        """Inverse of to_dict. Raises KeyError, TypeError or ValueError for invalid data."""
         low, size = (tuple(map(float, data[key])) for key in ("low", "size"))
         counts = np.asarray(data["counts"], dtype=np.int64)
         if len(low) != 3 or len(size) != 3 or counts.ndim != 3 or not counts.size > 0:
@@ -87,17 +87,19 @@ def _grown(counts: NDArray[np.int64]) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Driven:
-    """Which speeds, commands and slopes a deep truck was trained on; beyond them its response is a guess.
+    """Speeds, commands and slopes on which a deep truck was trained; beyond them its response is an
+    extrapolation.
 
-    `samples` (n, k) float32 of speed, u and w, each divided by what counts as near; `near` (k,). The response
-    is left out on purpose: a truck that answers the same commands otherwise is what is looked for.
+    `samples` (n, k) float32 of speed, u and w, each divided by the distance that counts as near; `near` (k,).
+    The response is omitted on purpose, because the coverage must include trucks that respond differently to
+    the same commands.
     """
 
     samples: Rows
     near: Rows
 
     def covers(self, speed: Rows, u: Rows, w: Rows) -> NDArray[np.bool_]:
-        """True where the truck learned from driving alike. speed (n,), u (n, n_u), w (n, n_w)."""
+        """True near samples of the training data. speed (n,), u (n, n_u), w (n, n_w)."""
         rows = np.column_stack([speed, u, w]) / self.near
         tree = cKDTree(self.samples)
         least = min(len(self.samples), round(LEAST_S * PER_S))
@@ -106,7 +108,7 @@ class Driven:
 
 
 def measure_driven(recordings: Sequence[Recording], before: Driven | None = None) -> Driven:
-    """What the recordings drove through, and what was driven `before` by a truck that is adapted to them."""
+    """The samples of the recordings, and those `before` of the truck that is adapted to them."""
     rows = np.concatenate([_driven_rows(r) for r in recordings])
     rows = rows[np.isfinite(rows).all(axis=1)]
     if before is not None:

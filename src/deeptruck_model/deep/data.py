@@ -1,4 +1,6 @@
-"""Recordings into K-step sequences: common interface, cutting at invalid inputs, time split, batches."""
+"""Turns recordings into K-step sequences: common interface, cuts at invalid inputs, split by time,
+batches.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ class Scales:
     """Normalisation inside the network: (x - mean) / scale for the columns [u, w, y, auxiliary targets], each
     (columns,).
 
-    `top_speed` m/s is where the speed code ends.
+    `top_speed` m/s is the upper end of the speed code.
     """
 
     mean: FloatArray
@@ -43,7 +45,7 @@ class Scales:
 
 
 def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
-    """The channels that (nearly) all of the driving has; fuel where any has it. Raises InputError where
+    """The channels present in (nearly) all of the driving; fuel if any recording has it. Raises InputError if
     units or dt differ."""
     if not recordings:
         raise InputError("no recording to train on: give at least one bag with a drive in it")
@@ -81,15 +83,15 @@ def _nearly_all(recordings: Sequence[Recording], channel: str) -> bool:
 
 
 def has(recording: Recording, channel: str) -> bool:
-    """Whether a recording has a channel with anything valid in it."""
+    """Whether a recording has a channel with valid samples."""
     return channel in recording.channels and bool(np.isfinite(recording.channels[channel]).any())
 
 
 def unexplained(recording: Recording, interface: TruckInterface) -> NDArray[np.bool_]:
-    """Rows, (n,), in which the truck must have braked by something that `interface` does not show.
+    """Rows, (n,), in which the truck must have braked by means that `interface` does not show.
 
-    Only where no brake is recorded and the engine command is a fuel flow, which cannot retard: there a
-    deceleration beyond BRAKED, freed of the grade, has no cause in the inputs.
+    Only if no brake is recorded and the engine command is a fuel flow, which cannot retard: then a
+    deceleration beyond BRAKED, minus the effect of grade, has no cause in the inputs.
     """
     if interface.brake_unit is not None or interface.engine_unit not in ("g/s", "cm^3/s"):
         return np.zeros(len(recording), bool)
@@ -98,7 +100,8 @@ def unexplained(recording: Recording, interface: TruckInterface) -> NDArray[np.b
 
 
 def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:
-    """The segments with every input of `interface` valid and no row unexplained, from a valid speed on."""
+    """Segments in which every input of `interface` is valid and no row is unexplained, beginning at a valid
+    speed."""
     missing = {name: np.full(len(recording), np.nan) for name in (*interface.u, *interface.w, *interface.y)}
     channels = {**missing, **recording.channels}
     whole = replace(recording, interface=interface, channels=channels)
@@ -115,10 +118,10 @@ def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:
 
 
 def consistent(recording: Recording) -> Recording:
-    """The acceleration with its slow part replaced by that of the speed.
+    """The recording with the slow part of its acceleration replaced by that of its speed.
 
-    An accelerometer that feels the grade, or is biased, would fight the constraint v(k+1) = v(k) + a dt;
-    what it says within CONSISTENCY_S is kept. Data that already keep the constraint are unchanged.
+    An accelerometer that measures grade, or is biased, would conflict with the constraint v(k+1) = v(k) + a
+    dt; its changes within CONSISTENCY_S are kept. Data that already satisfy the constraint are unchanged.
     """
     acceleration, speed = recording.channels["acceleration"], recording.channels["speed"]
     gained = np.full(len(recording), np.nan)
@@ -137,10 +140,10 @@ def consistent(recording: Recording) -> Recording:
 def time_split(
     pieces: Sequence[Recording], held_out: float = HELD_OUT
 ) -> tuple[list[Recording], list[Recording]]:
-    """Training and validation pieces. A long piece gives its last part; of short ones every 1/held_out-th
-    goes whole.
+    """Training and validation pieces. Of a long piece the last part is held out; of short pieces, one in
+    1/held_out.
 
-    A single short piece is split all the same; one too short for that is used for both.
+    A single short piece is split in the same way; one too short for that is used for both.
     """
     training: list[Recording] = []
     validation: list[Recording] = []
@@ -158,9 +161,10 @@ def time_split(
 
 @dataclass(frozen=True)
 class Sequences:
-    """All samples one after another; `bounds` (pieces, 2) says where each piece starts and stops.
+    """All samples concatenated; `bounds` (pieces, 2) are the start and stop of each piece.
 
-    x (n, n_u + n_w) is normalised, y (n, n_y) in units; negative speeds (sensor noise at rest) are 0.
+    x (n, n_u + n_w) is normalised, y (n, n_y) in physical units; negative speeds (sensor noise at rest) are
+    0.
     """
 
     x: FloatArray
@@ -169,7 +173,7 @@ class Sequences:
 
     @classmethod
     def of(cls, pieces: Sequence[Recording], scales: Scales, auxiliary: tuple[str, ...] = ()) -> Sequences:
-        """Stack the pieces; the auxiliary targets lie behind y, NaN where a piece does not have them."""
+        """Stack the pieces; auxiliary targets follow y, NaN where a piece lacks them."""
         inputs = pieces[0].u.shape[1] + pieces[0].w.shape[1]
         x = np.concatenate([np.concatenate([p.u, p.w], axis=1) for p in pieces])
         y = np.concatenate([np.concatenate([p.y, _columns(p, auxiliary)], axis=1) for p in pieces])
@@ -180,8 +184,8 @@ class Sequences:
         return cls(scaled.astype(np.float32), y.astype(np.float32), bounds)
 
     def starts(self, steps: int, rng: np.random.Generator) -> NDArray[np.int64]:
-        """Starts that tile every piece once from a random phase, in random order; each has at least steps/4
-        ahead."""
+        """Starts that tile every piece once from a random phase, in random order, with at least steps/4
+        samples after each."""
         found = []
         for start, stop in self.bounds:
             phase = rng.integers(0, max(1, min(steps, (stop - start) // 4)))
@@ -190,7 +194,7 @@ class Sequences:
         return rng.permutation(starts[np.isfinite(self.y[starts, SPEED])])
 
     def draw(self, count: int, steps: int, rng: np.random.Generator) -> NDArray[np.int64]:
-        """`count` starts: as many random tilings of all pieces as that takes."""
+        """`count` starts, from as many random tilings of all pieces as necessary."""
         drawn: list[NDArray[np.int64]] = []
         while sum(map(len, drawn)) < count:
             drawn.append(self.starts(steps, rng))
@@ -201,8 +205,8 @@ class Sequences:
         return np.concatenate(drawn)[:count]
 
     def gather(self, starts: NDArray[np.int64], steps: int) -> tuple[FloatArray, FloatArray]:
-        """x (..., K, batch, n_x) and target (..., K+1, batch, n_y) for starts (..., batch); NaN behind a
-        piece's end."""
+        """x (..., K, batch, n_x) and target (..., K+1, batch, n_y) for starts (..., batch); NaN beyond the
+        end of a piece."""
         stop = self.bounds[np.searchsorted(self.bounds[:, 1], starts, side="right"), 1]
         index = starts[..., None, :] + np.arange(steps + 1)[:, None]
         beyond = index >= stop[..., None, :]
@@ -213,9 +217,8 @@ class Sequences:
 
 
 def auxiliary_targets(pieces: Sequence[Recording]) -> tuple[str, ...]:
-    """Signals inside the truck that are recorded in most of the data: a network that has to give them too
-    learns the state behind them.
-    """
+    """Internal signals of the truck that are recorded in most of the data: a network trained to output them
+    also learns the states that determine them."""
     total = sum(len(p) for p in pieces)
     known = {
         c: sum(int(np.isfinite(p.channels[c]).sum()) for p in pieces if c in p.channels) for c in AUXILIARY
@@ -229,8 +232,8 @@ def _columns(piece: Recording, channels: tuple[str, ...]) -> Array:
 
 
 def measure_scales(pieces: Sequence[Recording], auxiliary: tuple[str, ...] = ()) -> Scales:
-    """Mean and standard deviation of [u, w, y, auxiliary targets]; a channel that hardly moves is not blown
-    up."""
+    """Mean and standard deviation of [u, w, y, auxiliary targets]; the scale of a nearly constant channel is
+    bounded below."""
     data = np.concatenate([np.concatenate([p.u, p.w, p.y, _columns(p, auxiliary)], axis=1) for p in pieces])
     known = np.ma.masked_invalid(data)  # type: ignore[no-untyped-call]
     mean, deviation = (np.ma.filled(x, 0.0) for x in (known.mean(axis=0), known.std(axis=0)))
@@ -247,9 +250,8 @@ def measure_scales(pieces: Sequence[Recording], auxiliary: tuple[str, ...] = ())
 def loss_weights(
     scales: Scales, n_y: int, auxiliary: int, speed_s: float, fuel: float, inside: float
 ) -> FloatArray:
-    """(n_y + auxiliary,): squared acceleration errors count by its variance, speed errors as acceleration
-    held for `speed_s`, fuel and auxiliary targets by their variance times a factor.
-    """
+    """Weights (n_y + auxiliary,) of squared errors: acceleration by its variance, speed as acceleration held
+    for `speed_s`, fuel and auxiliary targets by their variances times a factor."""
     variance = scales.scale[-n_y - auxiliary :].astype(np.float64) ** 2
     return np.array(
         [
@@ -263,7 +265,7 @@ def loss_weights(
 
 
 def unexcited(pieces: Sequence[Recording], interface: TruckInterface) -> tuple[str, ...]:
-    """One line for each input that never varies, from which nothing is learned; none where all of them do."""
+    """One line for each input that never varies, so that its effect cannot be learned; empty if all vary."""
     constant = [name for name in (*interface.u, *interface.w) if not _varies(pieces, name)]
     lines = [f"{_says(name, pieces)}: {EFFECTS[name]} is not learned from it" for name in constant]
     if interface.brake_unit is None:

@@ -37,7 +37,7 @@ RUNS = 600  # overlapping ones: fewer would throw data away
 
 @dataclass(frozen=True)
 class Trials:
-    """Free runs and the recordings that they start from: u (trials, T, n_u), w, measured and modelled y
+    """Free runs and the recordings from which they start: u (trials, T, n_u), w, measured and modelled y
     (trials, T, n_y).
 
     Measured samples are NaN where the recording is invalid. Column 0 of time is the common start.
@@ -62,7 +62,7 @@ class Trials:
 
 
 def check(simulator: Simulator, recordings: Sequence[Recording]) -> None:
-    """Raises InputError where a recording has a signal of the simulator in another unit or rate, or all lack
+    """Raises InputError if a recording has a signal of the simulator in another unit or rate, or if all lack
     it."""
     taken = Taken("the simulator", simulator.interface, simulator.dt)
     for recording in recordings:
@@ -83,8 +83,7 @@ def trials(
     horizon_s: float = HORIZON_S,
     seed: int = 0,
 ) -> Trials:
-    """`count` free runs of `horizon_s` (shorter where no segment is that long) from random recorded
-    starts."""
+    """`count` free runs of `horizon_s` (shorter if no segment is that long) from random recorded starts."""
     if not simulator.dt <= horizon_s < np.inf:
         raise InputError(f"a horizon of {horizon_s:g} s is none; give seconds, such as {HORIZON_S:g}")
     check(simulator, recordings)
@@ -121,7 +120,7 @@ def trials(
 
 
 def statistics(runs: Trials) -> dict[str, Any]:
-    """Figures of merit in plain numbers; each channel in its unit, `at_end` at the end of the horizon."""
+    """Error statistics as plain numbers; each channel in its unit, `at_end` at the end of the horizon."""
     result: dict[str, Any] = {
         "schema": 1,
         "trials": len(runs.measured),
@@ -152,7 +151,7 @@ def _channel(error: Array) -> dict[str, float | None]:
 
 
 def against_time(runs: Trials) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean and standard deviation of the error over trials, each (T, n_y); NaN where nothing was measured."""
+    """Mean and standard deviation of the error over trials, each (T, n_y); NaN without measurements."""
     error = runs.error
     known = np.isfinite(error)
     count = known.sum(axis=0)
@@ -163,11 +162,12 @@ def against_time(runs: Trials) -> tuple[NDArray[np.float64], NDArray[np.float64]
 
 
 def baselines(runs: Trials, interface: TruckInterface, simulated: object = None) -> list[dict[str, Any]]:
-    """Statistics of both over the same runs, each with its 'name'.
+    """Statistics of the baselines (constant speed and physics truck) over the same runs, each with its
+    'name'.
 
-    The physics truck is the one with the smallest speed error, as published and with the mass of the
-    recordings where it is stated; none where the signals are not those of a physics truck. `simulated` is the
-    simulator itself, which is no baseline of its own.
+    The physics truck is the one with the smallest speed error, as published and, if the recordings state a
+    mass, with that mass; none if the signals are not those of a physics truck. `simulated` is the simulator,
+    which is not its own baseline.
     """
     found = [_named(CONSTANT, statistics(replace(runs, modelled=_held(runs))))]
     drawn = [_physics(runs, interface, name) for name in trucks.pool() if not _same(simulated, name)]
@@ -205,9 +205,10 @@ def _physics(runs: Trials, interface: TruckInterface, name: str) -> dict[str, An
 
 
 def calibrate(truck: DeepTruck, held_out: Sequence[Recording]) -> dict[str, Any]:
-    """Factors from free runs on data that did not train the truck; lists have one entry a response channel.
+    """Interval factors from free runs on data that did not train the truck; lists have one entry per response
+    channel.
 
-    Few minutes of held-out data are few independent runs: Student's t widens the intervals accordingly.
+    A few minutes of held-out data hold few independent runs; Student's t widens the intervals accordingly.
     """
     runs = trials(truck, held_out, RUNS, HORIZON_S, seed=1)
     spread = truck.spread(runs.u, runs.w, runs.modelled[:, 0])[:, 1:]
@@ -221,14 +222,14 @@ def calibrate(truck: DeepTruck, held_out: Sequence[Recording]) -> dict[str, Any]
 
 
 def calibrated(truck: DeepTruck, recordings: Sequence[Recording]) -> DeepTruck:
-    """The same truck with intervals from drives it was not trained on: hours of them set the intervals better
-    than the part that its own training held out."""
+    """The same truck with intervals from drives on which it was not trained: hours of them give better
+    intervals than the part held out in training."""
     entry = {**calibrate(truck, recordings), "recordings": [r.name for r in recordings]}
     return truck.with_details({"calibration": entry})
 
 
 def inside(truck: DeepTruck, runs: Trials) -> dict[str, float]:
-    """Share of the measured points of free runs that lie in the truck's intervals, by channel."""
+    """Share of the measured points of free runs inside the truck's intervals, by channel."""
     predicted = truck.predict(runs.u, runs.w, runs.modelled[:, 0])
     measured, low, high = (y[:, 1:] for y in (runs.measured, predicted.low, predicted.high))
     held = (measured >= low) & (measured <= high)

@@ -1,6 +1,7 @@
-"""A deep truck as a simulator directory: JSON and safetensors, nothing that executes when it is read.
+"""Reads and writes a deep truck as a simulator directory of JSON and safetensors, which contain no executable
+code.
 
-What was lost or damaged is refused with one line.
+Missing or damaged files are refused with one line.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ MOST_S = 3600.0  # of driving: enough to know an error by, small enough to carry
 
 
 class Trained(Protocol):
-    """The parts of a deep truck that are saved."""
+    """The saved parts of a deep truck."""
 
     network: TruckNetwork
     coverage: Coverage | None
@@ -62,14 +63,14 @@ class Trained(Protocol):
 
 
 def save(truck: Trained, path: Path, *, overwrite: bool = False) -> None:
-    """Write `path` as a whole or not at all; only with `overwrite` is an older deep truck replaced."""
+    """Write `path` completely or not at all; an older deep truck is replaced only with `overwrite`."""
     with DEEP_TRUCK.replacing(path, overwrite=overwrite) as folder:
         write(truck, folder)
 
 
 def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
-    """Write the files of a deep truck into an existing folder; the manifest comes last. It names them, and
-    those that were put there before (`beside`), so that one which gets lost is missed."""
+    """Write the files of a deep truck into an existing folder; the manifest comes last. It lists them and the
+    files already there (`beside`), so that a missing one is detected."""
     network = truck.network
     weights = {name: getattr(network, name).detach().contiguous() for name in WEIGHTS}
     # not by save_file: that leaves files which nobody else may read
@@ -108,8 +109,8 @@ def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
 
 
 def current(manifest: dict[str, Any]) -> dict[str, Any]:
-    """A manifest with the keys that this version writes; one of schema 1 has others for what it was trained
-    on besides the response."""
+    """The manifest converted from schema 1, which has other keys for the training data besides the
+    response."""
     if manifest.get("schema") != 1:
         return manifest
     by_part = {key: _renamed(part) if isinstance(part, dict) else part for key, part in manifest.items()}
@@ -121,8 +122,7 @@ def _renamed(part: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def promised(manifest: dict[str, Any]) -> list[str]:
-    """Files that a manifest lists. Older ones do not say, but what was trained
-    had COVERAGE_FILE."""
+    """Files that a manifest lists. Older manifests have no list, but trained trucks had COVERAGE_FILE."""
     listed = manifest.get("files")
     if not isinstance(listed, list):
         listed = [COVERAGE_FILE] if "training" in manifest else []
@@ -130,7 +130,7 @@ def promised(manifest: dict[str, Any]) -> list[str]:
 
 
 class Stored(NamedTuple):
-    """What a simulator directory holds, in the order in which `DeepTruck` takes it."""
+    """The content of a simulator directory, in the order of `DeepTruck`'s arguments."""
 
     network: TruckNetwork
     interface: TruckInterface
@@ -141,8 +141,8 @@ class Stored(NamedTuple):
 
 
 def read(path: Path, manifest: dict[str, Any]) -> Stored:
-    """The files of the deep truck under `path`. Raises InputError with one line where one is missing,
-    damaged or does not fit."""
+    """Read the deep truck under `path`. Raises InputError with one line if a file is missing, damaged or
+    inconsistent."""
     manifest = current(manifest)
     if manifest.get("schema") != SCHEMA:
         raise InputError(
@@ -243,7 +243,7 @@ def _coverage(path: Path) -> Coverage | None:
 def save_reference(recordings: Sequence[Recording], folder: Path) -> None:
     """Write at most MOST_S of the recordings, float32, into `folder`.
 
-    They were not trained on: whoever compares the truck with new recordings must know its own error.
+    The truck was not trained on them; they give its error for comparisons with new recordings.
     """
     tensors: dict[str, Array] = {}
     heads: list[dict[str, object]] = []
@@ -263,8 +263,7 @@ def save_reference(recordings: Sequence[Recording], folder: Path) -> None:
 
 
 def load_reference(folder: Path) -> tuple[Recording, ...]:
-    """The recordings kept in `folder`; none where it has no such file. Raises InputError for a damaged
-    one."""
+    """The recordings kept in `folder`; empty if it has no such file. Raises InputError for a damaged one."""
     path = folder / REFERENCE_FILE
     if not path.exists():
         return ()
@@ -309,7 +308,7 @@ def _read_driven(path: Path) -> Driven:
 
 
 def load_driven(folder: Path, columns: int) -> Driven | None:
-    """What is kept in `folder`, of `columns` signals; None where it has no such file. Raises InputError for a
+    """The `Driven` in `folder`, of `columns` signals; None if it has no such file. Raises InputError for a
     damaged one."""
     path = folder / DRIVEN_FILE
     if not path.exists():
@@ -325,9 +324,9 @@ def load_driven(folder: Path, columns: int) -> Driven | None:
 
 
 def tensors(path: Path, load: Callable[[Path], Any]) -> Any:
-    """Load a file of safetensors by `load`. Raises InputError where it is missing or damaged.
+    """Load a file of safetensors by `load`. Raises InputError if it is missing or damaged.
 
-    A weight that changed is not noticed here; `reading.check_saved` compares the file's hash.
+    A changed weight is not detected here; `reading.check_saved` compares the file's hash.
     """
     try:
         reading.check_file(path, reading.SAVE_AGAIN)

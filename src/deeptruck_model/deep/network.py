@@ -2,9 +2,9 @@
 
 x(k+1) = H(u(k), w(k) | x(k), y(k)),   y(k) = C(D(x(k))),   v(k+1) = v(k) + a(k+1) dt
 
-`members` independent models lie stacked in the leading dimension of every parameter, so that one gradient
+`members` independent models are stacked in the leading dimension of every parameter, so that one gradient
 trains all seeds and one step runs an ensemble. This file is the readable reference and the differentiable
-truck; `kernels` computes the same numbers faster, and a test holds the two together.
+truck; `kernels` is a faster implementation, and a test compares the two.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ WEIGHTS = ("input", "recurrent", "bias", "decoder", "decoder_bias", "output", "o
 class Shape:
     """Sizes of a network; `responses` is 2 (acceleration, speed) or 3 (with fuel rate).
 
-    `code` is the number of features that repeat the speed on a logarithmic scale, `auxiliary` the number of
+    `code` is the number of features that encode the speed on a logarithmic scale, `auxiliary` the number of
     auxiliary targets: signals inside the truck (gear, engine speed ...) that the decoder D outputs besides
-    the response. The paper's network has neither.
+    the response. The paper's network has no code and no auxiliary targets.
     """
 
     controls: int
@@ -60,7 +60,8 @@ class Shape:
 
     @property
     def factors(self) -> int:
-        """What D multiplies by gains: u, w and the engine command over the speed; 0 without gains."""
+        """Number of signals that gains multiply: u, w and the engine command over the speed; 0
+        without gains."""
         return self.controls + self.conditions + 1 if self.gains else 0
 
     @property
@@ -76,8 +77,7 @@ class Shape:
 
 class State(NamedTuple):
     """Hidden h and cell c, (members, batch, hidden), the response to feed back, (members, batch, n_y), and
-    what D gives for the auxiliary targets, (members, batch, auxiliary).
-    """
+    the auxiliary outputs of D, (members, batch, auxiliary)."""
 
     h: Tensor
     c: Tensor
@@ -86,7 +86,7 @@ class State(NamedTuple):
 
 
 class TruckNetwork(nn.Module):
-    """`shape.members` stacked copies of C(D(H)). Gates lie in the order input, forget, cell, output."""
+    """`shape.members` stacked copies of C(D(H)). The order of gates is input, forget, cell, output."""
 
     mean: Tensor
     scale: Tensor
@@ -110,7 +110,7 @@ class TruckNetwork(nn.Module):
             self.register_parameter(name, nn.Parameter(torch.stack([m[name] for m in members])))
 
     def member(self, index: int) -> TruckNetwork:
-        """A copy of one member as a network of its own."""
+        """A copy of one member as a separate network."""
         scales = Scales(self.mean.numpy(), self.scale.numpy(), self.top_speed)
         alone = TruckNetwork(replace(self.shape, members=1), scales, self.dt)
         for name in WEIGHTS:
@@ -124,8 +124,8 @@ class TruckNetwork(nn.Module):
         return State(zeros, zeros, y0.expand(self.shape.members, *y0.shape), auxiliary)
 
     def step(self, state: State, u: Tensor, w: Tensor) -> State:
-        """One step. u (members, batch, n_u) or (batch, n_u), w likewise; the response is in the new state's
-        y."""
+        """One step. u (members, batch, n_u) or (batch, n_u), w likewise; the new state's y is the
+        response."""
         conditions = torch.cat([u, w], dim=-1).expand(self.shape.members, -1, -1)
         signals = self.shape.signals
         x = (torch.cat([conditions, state.y], dim=-1) - self.mean[:signals]) / self.scale[:signals]
@@ -159,12 +159,11 @@ class TruckNetwork(nn.Module):
         return torch.stack(responses, dim=2)
 
     def forced(self, own: Tensor, recorded: Tensor) -> Tensor:
-        """What is fed of a response `own` (.., n_y) beside a recorded one, which replaces it where it is
-        finite.
+        """The fed-back response: the recorded one where it is finite, else `own` (.., n_y).
 
-        Where C holds the truck, v' = 0 and a = -v / dt. Training at rest feeds v = 0 and so a = 0. Beside a
-        recorded speed, which need not be 0, a is 0 too: -v / dt would be a fall to rest that did not happen,
-        and would answer itself.
+        Where C keeps the truck at rest, v' = 0 and a = -v / dt. In training, a truck at rest is fed v = 0 and
+        therefore a = 0. With a recorded speed, which need not be 0, a is 0 too: -v / dt would feed back a
+        stop that did not happen.
         """
         fed = torch.where(torch.isnan(recorded), own, recorded)
         overruled = (own[..., SPEED] == 0) & ~torch.isnan(recorded[..., SPEED])

@@ -1,8 +1,8 @@
 """One step of a deep truck as an ONNX graph, for controllers and HIL rigs without Python.
 
-Inputs h, c (members, batch, hidden), y (members, batch, n_y), u (batch, n_u), w (batch, n_w); outputs
-h_next, c_next, y_next and `response`, the mean over members. A run starts with h = c = 0 and y = y0 for
-every member; h_next, c_next and y_next are what the next step is fed.
+Inputs h, c (members, batch, hidden), y (members, batch, n_y), u (batch, n_u), w (batch, n_w); outputs h_next,
+c_next, y_next and `response`, the mean over members. A run starts with h = c = 0 and y = y0 for every member;
+h_next, c_next and y_next are the next step's inputs.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ _GREY = """
 def export(truck: DeepTruck, path: Path) -> ModelProto:
     """Write one step of `truck` to `path` (.onnx) and return the model; the interface is in its metadata.
 
-    Raises InputError where the file cannot be written; then none is left.
+    Raises InputError if the file cannot be written, and then leaves none.
     """
     model = build(truck)
     with files.new_file(path) as draft:

@@ -1,4 +1,4 @@
-"""How the weights move, and which are kept: optimisers, learning rate, gradient guard, the best so far.
+"""Optimisers, learning rate, gradient clipping, and selection of the best weights.
 
 Paper mode: Adagrad. Default mode: Muon for the matrices, AdamW for the rest.
 """
@@ -28,10 +28,10 @@ VALIDATION_RUNS = 64
 
 
 class Muon(torch.optim.Optimizer):
-    """Momentum made orthogonal (Jordan 2024): a step moves all directions of a matrix alike.
+    """Orthogonalised momentum (Jordan 2024): a step changes all directions of a matrix equally.
 
-    torch.optim.Muon takes single matrices; here the members lie stacked in a parameter (members, rows,
-    columns), each moving as if it were alone, and a gate is a matrix of its own.
+    torch.optim.Muon takes single matrices; here the members are stacked in a parameter (members, rows,
+    columns) and updated independently, each gate as a separate matrix.
     """
 
     def __init__(self, network: TruckNetwork, lr: float) -> None:
@@ -53,7 +53,8 @@ class Muon(torch.optim.Optimizer):
 
 
 def orthogonal(matrices: Tensor) -> Tensor:
-    """Nearest to `matrices` (members, rows, columns) with singular values about 1, scaled to RMS an entry."""
+    """The matrices nearest to `matrices` (members, rows, columns) with singular values of about 1, scaled to
+    a fixed RMS per entry."""
     size = max(matrices.shape[1:])
     x = matrices / (matrices.flatten(1).norm(dim=1)[:, None, None] + 1e-12)
     tall = x.shape[1] > x.shape[2]
@@ -65,7 +66,7 @@ def orthogonal(matrices: Tensor) -> Tensor:
 
 
 def default_optimizers(network: TruckNetwork, lr: float, weight_decay: float) -> list[torch.optim.Optimizer]:
-    """Muon and AdamW, which share out the parameters."""
+    """Muon and AdamW, each for its share of the parameters."""
     rest = [p for name, p in network.named_parameters() if name not in MATRICES]
     return [Muon(network, lr), torch.optim.AdamW(rest, lr=lr, weight_decay=weight_decay)]
 
@@ -79,13 +80,13 @@ def optimizers(network: TruckNetwork, arguments: Arguments) -> list[torch.optim.
 
 
 def peak_rate(arguments: Arguments) -> float:
-    """The highest rate of a run: the one given, or the mode's own."""
+    """The highest learning rate of a run: the given one, or the default of the mode."""
     own = PAPER_RATE if arguments.mode == "paper" else ADAPTING_RATE if arguments.start else RATE
     return arguments.learning_rate or own
 
 
 def largest_gradient(arguments: Arguments) -> float:
-    """To which norm a member's gradient is clipped; the paper says nothing of clipping."""
+    """The norm to which a member's gradient is clipped; the paper does not mention clipping."""
     return arguments.clip or (math.inf if arguments.mode == "paper" else CLIP)
 
 
@@ -101,7 +102,7 @@ def learning_rate(arguments: Arguments, done: int, updates: int) -> float:
 
 
 def guard(network: TruckNetwork, losses: np.ndarray[Any, Any], limit: float) -> None:
-    """Clip each member's gradient to `limit`; one that is not finite becomes zero."""
+    """Clip each member's gradient to `limit`; a gradient that is not finite is set to zero."""
     gradients = [p.grad for p in network.parameters() if p.grad is not None]
     norm = torch.stack([g.flatten(1).square().sum(1) for g in gradients]).sum(0).sqrt()
     finite = torch.isfinite(norm) & torch.as_tensor(np.isfinite(losses))
@@ -119,8 +120,8 @@ class Best:
         self.weights: dict[str, Tensor] = {n: getattr(network, n).detach().clone() for n in WEIGHTS}
 
     def keep(self, scores: np.ndarray[Any, Any], network: TruckNetwork) -> None:
-        """Take over the members that improved. Weights may overflow where the responses, squeezed by tanh,
-        do not: such a member has diverged, whatever its score."""
+        """Store the weights of members that improved. A member whose weights are not finite has diverged,
+        whatever its score, since tanh keeps the responses finite."""
         for m in np.flatnonzero((scores < self.scores) & finite(network)):
             self.scores[m] = scores[m]
             for name in WEIGHTS:
@@ -133,7 +134,7 @@ class Best:
 
 
 def finite(network: TruckNetwork) -> np.ndarray[Any, Any]:
-    """True for members, (members,), all of whose weights are numbers."""
+    """Whether all weights of each member are finite, (members,)."""
     weights = [getattr(network, name).detach().flatten(1) for name in WEIGHTS]
     return np.asarray(torch.isfinite(torch.cat(weights, dim=1)).all(dim=1).numpy())
 

@@ -1,4 +1,4 @@
-"""What a training run needs of its recordings, in the order it is made."""
+"""Prepares recordings for a training run, step by step."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from deeptruck_model.simulators import read_manifest
 
 @dataclass(frozen=True)
 class Prepared:
-    """Pieces that train and pieces that judge, and both as sequences in the network's units."""
+    """Training and validation pieces, and both as sequences in the network's units."""
 
     interface: TruckInterface
     training: list[Recording]
@@ -66,16 +66,16 @@ class Prepared:
 
     @property
     def samples(self) -> int:
-        """Rows that train."""
+        """Number of training rows."""
         return sum(len(p) for p in self.training)
 
     def steps(self, wanted: int) -> int:
-        """K: `wanted`, or what the longest piece allows."""
+        """Sequence length K: `wanted`, or the length of the longest piece if that is less."""
         return min(wanted, max(len(p) for p in self.training) - 1)
 
 
 def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
-    """Cut, mend and split the recordings. Raises InputError where nothing can be trained on."""
+    """Cut, correct and split the recordings. Raises InputError if there is nothing to train on."""
     remarks.refuse_twice(recordings)
     for _, pieces_of in groupby(recordings, lambda r: r.name.partition("#")[0]):
         plausibility.refuse(list(pieces_of))

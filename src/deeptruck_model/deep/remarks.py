@@ -1,5 +1,6 @@
-"""What makes an evaluation worth less than it looks: overlapping runs, other driving, another truck,
-recordings that trained the truck."""
+"""Remarks that limit an evaluation: overlapping runs, other driving conditions, another truck,
+training data.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ OPTIMISTIC = "its errors there are optimistic"
 def remarks(
     simulator: Simulator, recordings: Sequence[Recording], metrics: dict[str, Any], horizon_s: float = 0.0
 ) -> list[str]:
-    """One line for each remark; none where the figures need none. `horizon_s` is the requested one."""
+    """One line per remark; empty if the figures need none. `horizon_s` is the requested one."""
     found = [_shorter(metrics, horizon_s), _overlap(recordings, metrics)]
     if is_deep(simulator):
         found += [_outside(simulator, recordings), _other(simulator, recordings, metrics)]
@@ -39,7 +40,7 @@ def remarks(
 
 
 def few_runs(truck: DeepTruck, recordings: Sequence[Recording]) -> str:
-    """One line where the recordings are too little driving to set intervals by; else none."""
+    """One line if the recordings are too short to set intervals by; else none."""
     driven, horizon = sum(len(r) * r.dt for r in recordings), truck.details["calibration"]["horizon_s"]
     if driven >= ENOUGH_S:
         return ""
@@ -96,15 +97,15 @@ def _other(truck: DeepTruck, recordings: Sequence[Recording], metrics: dict[str,
 
 
 def speed_hash(recording: Recording) -> str:
-    """SHA-256 of the speed, so that a bag that was renamed or copied, or read by another topic map, is still
-    known."""
+    """SHA-256 of the speed, by which a bag is recognised even if it was renamed, copied, or read with another
+    topic map."""
     speed = np.ascontiguousarray(recording.channels["speed"], dtype="<f8")
     return hashlib.sha256(np.where(np.isnan(speed), np.nan, speed).tobytes()).hexdigest()
 
 
 def refuse_twice(recordings: Sequence[Recording]) -> None:
-    """Raises InputError where a drive occurs twice, under any name: a copy in the training data would leak
-    the held-out one, and the drive would count twice."""
+    """Raises InputError if a drive occurs twice, under any name: the copy would leak held-out data into
+    training, and the drive would count twice."""
     seen: dict[str, str] = {}
     for r in recordings:
         if len(r) * r.dt < BY_CHANCE_S or not np.any(r.channels["speed"] > 0.0):
@@ -126,9 +127,9 @@ def _content(recording: Recording) -> str:
 
 
 def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:
-    """Names of those recordings that trained `truck`, or the truck that it was adapted from.
+    """Names of the recordings that trained `truck`, or the truck from which it was adapted.
 
-    Trucks of versions that did not store this know none; and one standstill is like another.
+    Older versions did not store this. Recordings at standstill cannot be distinguished.
     """
     known = set(truck.details.get(KEY, ()))
     moving = [r for r in recordings if np.any(r.channels["speed"] > 0.0)]
@@ -136,7 +137,7 @@ def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:
 
 
 def warning(truck: DeepTruck, recordings: Sequence[Recording], so: str = OPTIMISTIC) -> str:
-    """A warning in one line; empty where the truck was trained on none of these recordings."""
+    """A warning in one line; empty if the truck was trained on none of these recordings."""
     names = trained_on(truck, recordings)
     if not names:
         return ""
@@ -145,6 +146,6 @@ def warning(truck: DeepTruck, recordings: Sequence[Recording], so: str = OPTIMIS
 
 
 def is_deep(simulator: Simulator) -> TypeGuard[DeepTruck]:
-    """Whether it is a deep truck; then its library is loaded already."""
+    """Whether the simulator is a deep truck, found without importing torch for others."""
     room = sys.modules.get("deeptruck_model.deep.truck")
     return room is not None and isinstance(simulator, room.DeepTruck)

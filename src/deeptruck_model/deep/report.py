@@ -1,4 +1,4 @@
-"""Open-loop evaluation written to a folder: metrics.json and the paper's figures."""
+"""Writes an open-loop evaluation to a folder: metrics.json and the paper's figures."""
 
 from __future__ import annotations
 
@@ -46,10 +46,11 @@ def evaluate(
     overwrite: bool = False,
     named: str = "the simulator",
 ) -> dict[str, Any]:
-    """Open-loop error statistics of any simulator: metrics.json, PNG figures and a page of both in `out`.
+    """Open-loop error statistics of any simulator: writes metrics.json, PNG figures and a page of both to
+    `out`.
 
-    All of them or none. An older evaluation there is replaced with `overwrite` only. `named` is what the page
-    calls the simulator. A simulator may be named as `load` does, recordings by paths of bags.
+    All files or none are written. An older evaluation there is replaced only with `overwrite`. `named` is the
+    simulator's name on the page. A simulator may be named as for `load`, recordings by paths of bags.
     """
     folder = calls.path(out, "out")
     calls.integer(count, "count", 1)
@@ -70,7 +71,7 @@ def evaluate_into(
     seed: int = 0,
     named: str = "the simulator",
 ) -> dict[str, Any]:
-    """The same files in an existing folder of the caller's own."""
+    """The same files in an existing folder of the caller."""
     runs = trials(simulator, recordings, count, horizon_s, seed)
     metrics = {**statistics(runs), "seed": seed, "recordings": [r.name for r in recordings]}
     if is_deep(simulator) and simulator.details.get("calibration"):
@@ -97,9 +98,10 @@ FIGURES = {
 
 
 def page(metrics: dict[str, Any], folder: Path, named: str, notes: Sequence[str]) -> str:
-    """evaluation.html: the numbers of metrics.json, and the figures that stand in the folder.
+    """evaluation.html: the numbers of metrics.json, and the figures in the folder.
 
-    `notes` say where the errors are less certain than they look."""
+    `notes` explain where the errors are less certain than they appear.
+    """
     evaluated = {name: x for name, x in metrics.items() if isinstance(x, dict)}
     kinds = {key: words for key, words in FIGURES.items() if any(key in x for x in evaluated.values())}
     rows = [
@@ -125,7 +127,7 @@ def page(metrics: dict[str, Any], folder: Path, named: str, notes: Sequence[str]
 
 
 def judgement(metrics: dict[str, Any]) -> str:
-    """The speed error in one sentence, beside the baselines."""
+    """The speed error in one sentence, compared with the baselines."""
     if "speed" not in metrics:
         return "No speed was recorded to judge the simulator by."
     ours = metrics["speed"]["rmse"]
@@ -144,7 +146,7 @@ def judgement(metrics: dict[str, Any]) -> str:
 
 
 def opened(named: str) -> str:
-    """The name as a sentence begins; what is a path or a spec stays as it is."""
+    """The name with a capital letter; a path or specification stays as it is."""
     return f"{named[:1].upper()}{named[1:]}" if " " in named else named
 
 
@@ -181,7 +183,7 @@ def _legend_above(axis: Any) -> None:
 
 @styled()
 def scenario_figure(runs: Trials) -> Figure:
-    """What the trials visited: initial speed, speed over time, grade over time."""
+    """The conditions of the trials: initial speed, speed over time, grade over time."""
     panels = 3 if runs.w.shape[2] else 2
     figure = Figure(figsize=(WIDTH_IN, 2.2 * panels))
     axes = figure.subplots(panels, 1)
@@ -203,8 +205,8 @@ def _density(axis: Any, time: np.ndarray[Any, Any], values: np.ndarray[Any, Any]
 
 @styled()
 def sample_figure(runs: Trials, shown: int = 4) -> Figure:
-    """Measured and modelled responses of the best trial, the worst and evenly ranked ones between, by largest
-    speed error."""
+    """Measured and modelled responses of the best and the worst trial and evenly ranked ones between, by
+    largest speed error."""
     worst = np.nanmax(np.abs(runs.error[..., SPEED]), axis=1)
     order = np.argsort(worst)
     places = np.linspace(0, len(order) - 1, min(shown, len(order))).astype(int)

@@ -1,4 +1,4 @@
-"""Where a killed training run goes on, and whether a run is another one's continuation.
+"""Saves and restores the state of a training run, and checks that a run continues the saved one.
 
 Weights, optimiser and best weights are kept in safetensors, replaced atomically.
 """
@@ -38,7 +38,7 @@ def save(
     best: Best,
     done: int,
 ) -> None:
-    """Write the whole state after `done` updates; the file before it stays until this one is complete."""
+    """Write the whole state after `done` updates; the previous file is kept until the new one is complete."""
     tensors: dict[str, Tensor] = {f"weight.{n}": getattr(network, n).detach() for n in WEIGHTS}
     tensors |= {f"best.{n}": best.weights[n] for n in WEIGHTS}
     for which, optimizer in enumerate(optimizers):
@@ -60,9 +60,9 @@ def load(
     optimizers: Sequence[torch.optim.Optimizer],
     best: Best,
 ) -> int:
-    """Restore what `save` wrote and return the updates done; 0 where there is nothing to go on from.
+    """Restore what `save` wrote and return the number of updates done; 0 if nothing was saved.
 
-    Raises InputError where the folder holds another run (other data or arguments) or a damaged file.
+    Raises InputError if the folder holds another run (other data or arguments) or a damaged file.
     """
     if not (folder / FILE).exists():
         return 0
@@ -92,7 +92,7 @@ def load(
 
 
 def identity_of(data: Prepared, arguments: Arguments) -> dict[str, Any]:
-    """What a resumed run must have in common with the killed one."""
+    """The properties that a resumed run must share with the interrupted one."""
     steps = data.steps(arguments.steps)
     batches = max(1, data.samples // (steps * arguments.sequences))
     chosen = PAPER_PASSES * batches if arguments.mode == "paper" else default_updates(data.samples)
@@ -106,7 +106,7 @@ def identity_of(data: Prepared, arguments: Arguments) -> dict[str, Any]:
 
 
 def identity_in(folder: Path) -> dict[str, Any] | None:
-    """The identity of the finished run in a simulator directory; None where there is none."""
+    """The identity of the finished run in a simulator directory; None if there is none."""
     if not (folder / MANIFEST).exists():
         return None
     manifest = current(read_manifest(folder))
@@ -116,7 +116,7 @@ def identity_in(folder: Path) -> dict[str, Any] | None:
 
 
 def differences(stored: Mapping[str, Any], given: Mapping[str, Any]) -> str:
-    """In words, what `given` has other than the `stored` identity: 'seed was 0, given 5'."""
+    """The differences between the `stored` identity and the one `given`, in words: 'seed was 0, given 5'."""
     old, new = stored.get("arguments") or {}, given["arguments"]
     found = [
         f"{OPTIONS.get(name, name)} was {_value(old.get(name))}, given {_value(new[name])}"

@@ -1,4 +1,4 @@
-"""Deep trucks over a grid of settings and seeds, each a simulator directory of its own, and their ranking."""
+"""Trains deep trucks over a grid of settings and seeds, one simulator directory each, and ranks them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SHOWN = ("speed", "acceleration")
 
 
 class Job(NamedTuple):
-    """One truck to train; plain values, as it travels to another process."""
+    """One truck to train; plain values, because a job is sent to another process."""
 
     bags: tuple[str, ...]
     folder: str
@@ -50,13 +50,13 @@ def sweep(
     overwrite: bool = False,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
-    """Train every combination of `grid` (a setting, as the command line calls it: values) with seeds 0 to
-    `seeds` - 1; one row for each combination, the best on held-out data first.
+    """Train every combination of `grid` (command-line setting: values) with seeds 0 to `seeds` - 1; returns
+    one row per combination, the best on held-out data first.
 
-    The trucks are `out`/SETTINGS/seed-N; `out` also gets sweep.json and sweep.md, all at the end and
-    together. A killed sweep, or a finished one with more settings or seeds, goes on with `resumes`: what is
-    finished is never trained again, nor after a worker was killed. `overwrite` begins anew. The workers of a
-    Ray cluster must reach `bags`, `out` and `topic_map`, which as `clock` is that of `recordings.read`.
+    The trucks are `out`/SETTINGS/seed-N; `out` also gets sweep.json and sweep.md, both at the end. With
+    `resumes` a killed sweep continues, and a finished one can be extended by settings or seeds: finished
+    trucks are not trained again, also after a worker was killed. `overwrite` starts again. The workers of a
+    Ray cluster need access to `bags`, `out` and `topic_map`, which like `clock` is that of `recordings.read`.
     Raises InputError for an unknown setting or value, or data that cannot be trained on.
     """
     chosen = combinations(grid)
@@ -91,7 +91,7 @@ def sweep(
 
 
 def combinations(grid: Mapping[str, Sequence[Any]]) -> list[sweeps.Settings]:
-    """Every choice of one value for each setting. Raises InputError for what no training can have."""
+    """Every combination of one value per setting. Raises InputError for an invalid setting."""
     if "seed" in grid:
         raise InputError("the seeds are counted by --seeds, not set")
     chosen = list(sweeps.combinations(grid, Arguments, "the deep truck", OPTIONS))
@@ -114,8 +114,8 @@ def _take_over(finished: Path, draft: Path) -> None:
 
 
 def train_one(job: Job) -> str:
-    """Train a job's truck, or what is left of it, in whichever process; returns its folder, and what became
-    of it where that is not a truck."""
+    """Train or continue a job's truck, in any process; returns its folder, and the error if there is no
+    truck."""
     from deeptruck_model.deep.training import DivergedError, train
 
     drives = recordings.read_all(job.bags, topic_map=job.topic_map, clock=job.clock, msg=job.msg)

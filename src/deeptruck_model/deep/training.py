@@ -1,4 +1,4 @@
-"""Train a deep truck, read top to bottom: arguments, data, loop, save, evaluate from disk."""
+"""Training of a deep truck in one file: arguments, data, loop, saving, evaluation from disk."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ Observer = Callable[[int, TruckNetwork], None]
 
 
 class DivergedError(InputError):
-    """A training of which no weights can be used."""
+    """A training run that left no usable weights."""
 
 
 @threadpool_limits.wrap(limits=1)  # the matrices are small: a second thread only waits, at full load
@@ -55,14 +55,13 @@ def train(
     observe: Observer | None = None,
     overwrite: bool = False,
 ) -> DeepTruck:
-    """Train on `recordings`, write the simulator directory `out`, return it as read back from there.
+    """Train on `recordings`, write the simulator directory `out`, and return the truck as read back from it.
 
-    Recordings may be named by paths of bags.
-    `observe` is called with the updates done and the network after every round. Same data, arguments and
-    machine give the same weights, resumed after a kill or not. What a killed run left is gone on with by
-    `resumes`; `overwrite` sets it aside and begins anew, and replaces an older deep truck once the new one is
-    whole. Raises InputError for data that cannot be trained on, an `out` that is something else, or a resume
-    of another run.
+    Recordings may be given as paths of bags. `observe` is called with the number of updates and the network
+    after every round. Same data, arguments and machine give the same weights, resumed after a kill or not.
+    With `resumes` a killed run is continued; `overwrite` sets it aside and starts again, and replaces an
+    older deep truck once the new one is complete. Raises InputError for data that cannot be trained on, an
+    `out` that holds something else, or a resume of another run.
     """
     began, out = time.monotonic(), calls.path(out, "out")
     calls.instance(arguments, Arguments, "arguments", "such as Arguments(hidden=32)")
@@ -129,7 +128,7 @@ def _work(
 
 
 def finished(recordings: Sequence[Recording], out: Path, arguments: Arguments) -> bool:
-    """Whether `out` already holds the truck that `train` would give. Raises InputError as `train` does for
+    """Whether `out` already holds the truck that `train` would return. Raises InputError as `train` does for
     the recordings."""
     return identity_in(out) == identity_of(prepare(recordings, arguments), arguments)
 

@@ -23,7 +23,8 @@ from deeptruck_model.simulators import Array, Run
 
 
 class DeepState(NamedTuple):
-    """h, c (members, batch, hidden) float32; y (members, batch, n_y) the response each member is fed next."""
+    """h, c (members, batch, hidden) float32; y (members, batch, n_y) is each member's next fed-back
+    response."""
 
     h: NDArray[np.float32]
     c: NDArray[np.float32]
@@ -41,10 +42,10 @@ class Prediction(NamedTuple):
 
 
 class DeepTruck:
-    """The ensemble mean of `network.shape.members` models, each running on its own response.
+    """The mean of an ensemble of `network.shape.members` models, each fed its own response.
 
-    `details` is what the manifest holds besides: config, seeds, data hash, calibration. `reference` are
-    recordings it was not fitted to, by which its own error is known; `driven` is what it learned from.
+    `details` are the other entries of the manifest: config, seeds, data hash, calibration. `reference` are
+    held-out recordings that give its error; `driven` holds samples of the training data.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class DeepTruck:
 
     @property
     def interface(self) -> TruckInterface:
-        """Which u, w and y the truck has."""
+        """The channels of u, w and y."""
         return self._interface
 
     @property
@@ -88,7 +89,8 @@ class DeepTruck:
         return DeepState(h, c, y), mean
 
     def force(self, state: DeepState, y: Array) -> DeepState:
-        """Every member is fed the recorded y (batch, n_y) next; where it is NaN, its own response."""
+        """The state in which every member is next fed the recorded y (batch, n_y), or its own response where
+        that is NaN."""
         recorded = np.ascontiguousarray(y, np.float64)
         return state._replace(y=inference.force(state.y, recorded))
 
@@ -99,7 +101,7 @@ class DeepTruck:
     def predict(self, u: Array, w: Array, y0: Array) -> Prediction:
         """Free run with calibrated 90 % intervals and the coverage flag.
 
-        Raises InputError where the truck was never calibrated (training does it).
+        Raises InputError if the truck was never calibrated (training calibrates it).
         """
         calibration = self.details.get("calibration")
         if calibration is None:
@@ -111,9 +113,8 @@ class DeepTruck:
         return Prediction(mean, mean - half, mean + half, self.covers(mean, w))
 
     def auxiliary_outputs(self, u: Array, w: Array, recorded: Array) -> dict[str, Array]:
-        """What the truck gives for its auxiliary targets (gear, engine speed, torque: those its recordings
-        had) along forced runs: by name, (batch, T). u (batch, T, n_u), w (batch, T, n_w), recorded (batch, T,
-        n_y)."""
+        """The auxiliary outputs (those of gear, engine speed and torque that were recorded in training) along
+        forced runs: by name, (batch, T). u (batch, T, n_u), w (batch, T, n_w), recorded (batch, T, n_y)."""
         names: list[str] = self.details.get("auxiliary", [])
         y = np.concatenate([self._start(recorded[:, 0])[:, None], recorded[:, 1:]], axis=1)
         commands, conditions, fed = (
@@ -130,13 +131,13 @@ class DeepTruck:
         return self._run(u, w, y0, None)[1]
 
     def covers(self, y: Array, w: Array) -> NDArray[np.bool_]:
-        """True where speed, acceleration and grade of y (..., n_y), w (..., n_w) were driven in training."""
+        """True where the training data have speed, acceleration and grade near y (..., n_y), w (..., n_w)."""
         if self.coverage is None:
             return np.ones(y.shape[:-1], bool)
         return self.coverage.covers(y, w)
 
     def inside(self, state: DeepState) -> dict[str, Array]:
-        """Nothing inside has a name."""
+        """Empty: a deep truck has no named internal signals."""
         return {}
 
     def parameters(self) -> dict[str, float]:
@@ -144,7 +145,7 @@ class DeepTruck:
         return {}
 
     def with_parameters(self, values: Mapping[str, float]) -> DeepTruck:
-        """Raises InputError for any name."""
+        """Raises InputError for any name, because a deep truck has no physical parameters."""
         if values:
             raise InputError(
                 f"a deep truck has no parameter '{next(iter(values))}'; it is retrained, not tuned"
@@ -152,7 +153,7 @@ class DeepTruck:
         return self
 
     def with_details(self, details: Mapping[str, Any]) -> DeepTruck:
-        """The same truck with other entries in its manifest."""
+        """The same truck with other manifest entries."""
         return DeepTruck(
             self.network,
             self.interface,
@@ -163,9 +164,10 @@ class DeepTruck:
         )
 
     def save(self, path: Path, *, overwrite: bool = False) -> None:
-        """Write a simulator directory: simulator.json, model.safetensors and what it learned from.
+        """Write a simulator directory: simulator.json, model.safetensors and the coverage of its training
+        data.
 
-        Only with `overwrite` is an older deep truck replaced. Raises InputError as `files.Result.check` does.
+        An older deep truck is replaced only with `overwrite`. Raises InputError as `files.Result.check` does.
         """
         io.save(self, path, overwrite=overwrite)
 

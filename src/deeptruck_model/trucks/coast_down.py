@@ -1,6 +1,6 @@
 """Coast-down coefficients: the road load of a truck in neutral on a level road, F = A + B v + C v^2.
 
-They are what a coast-down by SAE J1263 or J2263 gives, and what certificates print.
+They are measured by coast-down tests (SAE J1263 or J2263) and printed in certificates.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ class CoastDown:
 
     @staticmethod
     def of(values: Mapping[str, float]) -> CoastDown:
-        """Of a physics truck's parameters. Losses between gearbox and wheels are not in it."""
+        """Coefficients from a physics truck's parameters. Losses between gearbox and wheels are not
+        included."""
         weight = values["mass"] * values["gravity"]
         return CoastDown(
             values["rolling_resistance"] * weight,
@@ -40,7 +41,7 @@ class CoastDown:
 
     @staticmethod
     def read(entry: Any, source: str) -> CoastDown:
-        """From a table such as EXAMPLE. Raises InputError."""
+        """Coefficients from a table such as EXAMPLE. Raises InputError."""
         if not isinstance(entry, Mapping) or set(entry) != {"a", "b", "c", "unit"}:
             raise InputError(f"{source}: '{KEY}' needs a, b, c and unit, such as {EXAMPLE}")
         if entry["unit"] not in UNITS:
@@ -59,12 +60,12 @@ class CoastDown:
         return CoastDown(a * force, b * force / speed, c * force / speed**2)
 
     def printed(self, unit: str) -> tuple[float, float, float]:
-        """A, B and C in one of UNITS."""
+        """A, B and C in the given one of UNITS."""
         force, speed = UNITS[unit]
         return self.a / force, self.b * speed / force, self.c * speed**2 / force
 
     def parameters(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Those of REPLACES that give this road load to a truck with the other `values`."""
+        """Values of the parameters REPLACES that give this road load to a truck with the other `values`."""
         weight = values["mass"] * values["gravity"]
         found = (2.0 * self.c / values["air_density"], self.a / weight, self.b / weight)
         return dict(zip(REPLACES, found, strict=True))

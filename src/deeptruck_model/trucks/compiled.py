@@ -22,10 +22,11 @@ def _stamp(folder: Path, *extra: Path) -> str:
 
 
 def entry(function: Function) -> Function:
-    """Compile a function Python calls, with an on-disk cache so that later processes start fast.
+    """Compile a function that Python calls, with an on-disk cache so that later processes start fast.
 
-    numba's own cache looks at the file of the function alone; a change in a part it calls would go unseen, so
-    the stamp is a hash of all parts. Where no cache folder is writable the function is compiled each time.
+    numba's own cache checks only the function's file and would miss a change in a part that it calls; the
+    stamp is therefore a hash of all parts. If no cache folder is writable, the function is compiled in every
+    process.
     """
     if numba.config.DISABLE_JIT:
         return function

@@ -1,4 +1,4 @@
-"""Where others add physics of their own, from outside: forces at the road, and filters on the commands."""
+"""Hooks for a user's own physics: forces at the road, and filters on the commands."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Force(Protocol):
 
 @runtime_checkable
 class CommandFilter(Protocol):
-    """What happens to commands between sender and truck: delay, rate limit, quantisation."""
+    """Change of commands between sender and truck: delay, rate limit, quantisation."""
 
     def reset(self, batch: int) -> None:
         """Start anew for a batch of trucks."""
@@ -76,7 +76,7 @@ class CommandFilter(Protocol):
 
 
 def total_force(forces: tuple[Force, ...], view: View, dt: float) -> Array:
-    """Sum of all forces, (batch,). Raises InputError where one returns another shape."""
+    """Sum of all forces, (batch,). Raises InputError if one returns another shape."""
     total = np.zeros(len(view.speed))
     for force in forces:
         value = force.force(view, dt)

@@ -1,6 +1,6 @@
-"""A truck of the user's own, from what a data sheet says: the other parameters are a reference truck's.
+"""A user's own truck from its data sheet; parameters that a sheet lacks are those of a reference truck.
 
-`Sheet` is what is asked, `specification` the truck. What cannot be true together is refused.
+`Sheet` holds the entries, `specification` makes the truck. Contradictory entries are refused.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TYRE = re.compile(r"\s*(\d{3})\s*/\s*(\d{2,3})\s*R\s*(\d{2}(?:\.\d)?)\s*", re.IG
 
 @dataclass(frozen=True)
 class Entry:
-    """One number of the sheet: what is asked, its unit, and the range that a truck can have."""
+    """One number of the sheet: the question, its unit, and the range that a truck can have."""
 
     name: str
     asks: str
@@ -52,7 +52,7 @@ NUMBERS = (
 
 @dataclass(frozen=True)
 class Sheet:
-    """What a data sheet says of a truck. `tyres` is a size such as 315/80R22.5, or the rolling radius, m."""
+    """Entries of a truck's data sheet. `tyres` is a size such as 315/80R22.5, or the rolling radius, m."""
 
     mass_kg: float
     gear_ratios: tuple[float, ...]
@@ -67,7 +67,7 @@ class Sheet:
 
     @property
     def wheel_radius(self) -> float:
-        """Rolling radius, m. Raises InputError for a size that is none."""
+        """Rolling radius, m. Raises InputError for an invalid size."""
         return radius(self.tyres)
 
     @property
@@ -103,7 +103,7 @@ def _number(text: str) -> float | None:
 
 
 def number(entry: Entry, value: Any) -> float:
-    """A value of the sheet. Raises InputError for one that is no number in the entry's range."""
+    """A value of the sheet. Raises InputError if it is not a number in the entry's range."""
     found = _number(str(value)) if not isinstance(value, bool) else None
     unit = f" {entry.unit}" if entry.unit else ""
     if found is None or not np.isfinite(found):
@@ -114,7 +114,8 @@ def number(entry: Entry, value: Any) -> float:
 
 
 def ratios(value: Any) -> tuple[float, ...]:
-    """Gear ratios, first gear first, from a list or from '12.7, 9.3, ...'. Raises InputError for others."""
+    """Gear ratios, first gear first, from a list or from '12.7, 9.3, ...'. Raises InputError for anything
+    else."""
     parts = value.replace(",", " ").split() if isinstance(value, str) else value
     found = [_number(str(x)) for x in parts] if isinstance(parts, list | tuple) else []
     known = [x for x in found if x is not None]
@@ -126,7 +127,8 @@ def ratios(value: Any) -> tuple[float, ...]:
 
 
 def sheet(data: Mapping[str, Any], source: str) -> Sheet:
-    """A sheet from YAML. Raises InputError, which names the source, for what is missing, unknown or wrong."""
+    """A sheet from YAML. Raises InputError, which names the source, for missing, unknown or invalid
+    entries."""
     names = [f.name for f in fields(Sheet)]
     for key in data:
         if key not in names:
@@ -146,7 +148,7 @@ def sheet(data: Mapping[str, Any], source: str) -> Sheet:
 
 
 def contradictions(s: Sheet) -> list[str]:
-    """What of a sheet cannot be true together, a line each."""
+    """Contradictory entries of a sheet, one line each."""
     out = []
     rpm = CRUISE * s.overall_ratios[-1] / RPM
     if not CRUISE_RPM[0] <= rpm <= CRUISE_RPM[1]:
@@ -164,7 +166,7 @@ def contradictions(s: Sheet) -> list[str]:
 
 
 def specification(s: Sheet, name: str) -> Specification:
-    """The truck. Raises InputError with all that cannot be true together."""
+    """The truck. Raises InputError with all contradictions."""
     if wrong := contradictions(s):
         raise InputError("; ".join(wrong))
     base = from_pool(CONVERTER if s.converter else CLUTCH)
@@ -205,7 +207,7 @@ HEAD = """# {name}: a physics truck from its data sheet; 'truck:{file}' loads it
 
 
 def text(s: Sheet, truck: Specification, file: str, learned: Sequence[str] = ()) -> str:
-    """The truck file as YAML; a comment has the sheet it came from and what was `learned` of recordings."""
+    """The truck file as YAML; a comment holds its data sheet and the values `learned` from recordings."""
     said = ", ".join(f"{f.name} {getattr(s, f.name)}" for f in fields(Sheet))
     head = HEAD.format(
         name=truck.name,

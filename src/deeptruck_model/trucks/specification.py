@@ -27,8 +27,8 @@ RECORDED_GEAR = "?gear=recorded"
 
 @dataclass(frozen=True)
 class Specification:
-    """Everything that makes a truck. `full_load` is (engine speeds rad/s, flywheel torques N m), `pedal`
-    (pedal %, share of the torque there is), where the engine command is a pedal."""
+    """All data of a truck. `full_load` is (engine speeds rad/s, flywheel torques N m); `pedal`, if the engine
+    command is a pedal, is (pedal %, share of the available torque)."""
 
     name: str
     interface: TruckInterface
@@ -119,9 +119,9 @@ def _check_structure(truck: Specification) -> None:
 
 
 def flatten(data: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """Parameters and structure by their own names, whether or not nested under their part.
+    """Parameters and structure by their own names, nested under their part or not.
 
-    Raises InputError naming what was probably meant where a key is unknown.
+    Raises InputError for an unknown key, with the name that was probably meant.
     """
     flat: dict[str, Any] = {}
     for key, value in data.items():
@@ -188,7 +188,7 @@ def _overridden(truck: Specification, data: Mapping[str, Any], source: str) -> S
 
 
 def specification_from_dict(data: Mapping[str, Any], source: str) -> Specification:
-    """Inverse of Specification.to_dict. Raises InputError on unknown, missing or impossible entries."""
+    """Inverse of Specification.to_dict. Raises InputError for unknown, missing or impossible entries."""
     with reading.of(source):
         return _specified(data, source)
 
@@ -209,7 +209,7 @@ def _specified(data: Mapping[str, Any], source: str) -> Specification:
 
 
 def read_yaml(path: Path) -> Mapping[str, Any]:
-    """A YAML table; empty for an empty file. Raises InputError where it is missing, damaged or no table."""
+    """A YAML table; empty for an empty file. Raises InputError if it is missing, damaged or no table."""
     if not reading.text(path, OVERRIDES).strip():
         return {}
     return reading.yaml_mapping(path, OVERRIDES)
@@ -232,7 +232,7 @@ def from_pool(name: str) -> Specification:
 
 
 def follows_recorded_gear(text: str) -> tuple[str, bool]:
-    """What stands behind `truck:` without RECORDED_GEAR, and whether that was there.
+    """The text after `truck:` without RECORDED_GEAR, and whether it contained that.
 
     Raises InputError for another '?'.
     """
@@ -243,7 +243,7 @@ def follows_recorded_gear(text: str) -> tuple[str, bool]:
 
 
 def is_truck_file(text: str) -> bool:
-    """Whether what stands behind `truck:` is a truck file, and no name with or without overrides."""
+    """Whether the text after `truck:` is a truck file, and not a name with or without overrides."""
     return text.endswith((".yaml", ".yml")) and ":" not in text
 
 

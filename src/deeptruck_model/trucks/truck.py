@@ -39,7 +39,8 @@ DT = (1e-3, 60.0)  # s, steps that a manifest may have
 
 @dataclass(frozen=True)
 class TruckState:
-    """Everything a truck remembers: `records` (batch,) of STATE, and its own copies of forces and filters."""
+    """Complete state of trucks: `records` (batch,) of STATE, and copies of the forces' and filters'
+    states."""
 
     records: NDArray[Any]
     forces: tuple[Force, ...] = ()
@@ -53,7 +54,8 @@ class TruckState:
 
 
 class PhysicsTruck:
-    """A batched truck with engine, gearbox, brakes and road load; 100 Hz inside, `dt` seconds outside.
+    """A batched truck with engine, gearbox, brakes and road load; internal steps at 100 Hz, external steps of
+    `dt` seconds.
 
     `forces` and `command_filters` come from outside the package (see forces.py and docs/trucks.md).
     """
@@ -114,7 +116,7 @@ class PhysicsTruck:
         return state, y
 
     def force(self, state: TruckState, y: Array) -> TruckState:
-        """The same internal state at a recorded acceleration and speed."""
+        """The same internal state with a recorded acceleration and speed."""
         state = state.copy()
         kernel.force(state.records, self.record, np.ascontiguousarray(y, np.float64))
         return state
@@ -155,18 +157,19 @@ class PhysicsTruck:
         return PhysicsTruck(self.specification, forces=forces, command_filters=command_filters, dt=self._dt)
 
     def with_grade_input(self) -> PhysicsTruck:
-        """The same truck with the grade in w; for callers that set it for a truck without a grade sensor."""
+        """The same truck with the grade in w; for callers that know the grade of a truck without a grade
+        sensor."""
         return self._with(replace(self.specification, interface=replace(self.interface, grade=True)))
 
     def with_recorded_gear(self) -> PhysicsTruck:
-        """The same truck with the recorded gear in w: it changes when the recorded truck did.
+        """The same truck with the recorded gear in w, so that it shifts when the recorded truck did.
 
-        Where that gear is NaN or below 0.5, the truck chooses itself.
+        Where that gear is NaN or below 0.5, the truck selects the gear.
         """
         return self._with(replace(self.specification, interface=replace(self.interface, gear=True)))
 
     def with_dt(self, dt: float) -> PhysicsTruck:
-        """The same truck stepped by dt seconds from outside."""
+        """The same truck with external steps of dt seconds."""
         return PhysicsTruck(
             self.specification, forces=self.forces, command_filters=self.command_filters, dt=dt
         )
@@ -174,7 +177,8 @@ class PhysicsTruck:
     def rollout(
         self, u: Array, w: Array, y0: Array, recorded: Array | None = None, *, inside: bool = True
     ) -> Run:
-        """A whole run: simulators.free_run (recorded None) or forced_run; `inside=False` saves its memory."""
+        """A whole run: simulators.free_run (recorded None) or forced_run; `inside=False` saves the memory of
+        internal signals."""
         u = np.ascontiguousarray(u, np.float64)
         if u.ndim != 3 or u.shape[2] != 2:
             raise InputError(f"u has shape {u.shape}, expected (batch, T, 2)")
@@ -197,9 +201,10 @@ class PhysicsTruck:
         return Run(y, {name: seen[:, :, j] for j, name in enumerate(INSIDE)} if inside else {})
 
     def save(self, path: Path, *, overwrite: bool = False) -> None:
-        """Write a simulator directory; only with `overwrite` is an older one of a physics truck replaced.
+        """Write a simulator directory; an older one of a physics truck is replaced only with `overwrite`.
 
-        Raises InputError as `files.Result.check` does, and for a truck with forces: code is not data.
+        Raises InputError as `files.Result.check` does, and for a truck with forces, because code cannot be
+        saved.
         """
         if self.forces or self.command_filters or len(self.record) > 1:
             raise InputError("a truck with forces, command filters or batch parameters cannot be saved")
@@ -236,7 +241,7 @@ class PhysicsTruck:
         return columns.get("grade", np.zeros(shape)), columns.get("gear", np.zeros((*shape[:-1], 0)))
 
     def advance(self, state: TruckState, u: Array, grade: Array, y: Array) -> None:
-        """One step in place, for loops that keep the state to themselves; y (batch, n_y) is filled."""
+        """One step in place, for loops that do not share the state; y (batch, n_y) is filled."""
         if not state.forces and not state.filters:
             _refuse(kernel.step(state.records, self.record, u, grade, self.substeps, self.substep, y))
             return
@@ -284,7 +289,7 @@ def _refuse(row: int, what: str = "a command or grade") -> None:
 
 
 def load(name: str, overrides: str | None = None, *, dt: float = 0.1) -> PhysicsTruck:
-    """A reference truck, with parameters replaced from a YAML file where one is named. Raises InputError."""
+    """A reference truck, with parameters replaced from a YAML file if one is given. Raises InputError."""
     calls.path(name, "a truck")
     specification = from_pool(name)
     if overrides is not None:
@@ -293,8 +298,8 @@ def load(name: str, overrides: str | None = None, *, dt: float = 0.1) -> Physics
 
 
 def load_text(text: str) -> PhysicsTruck:
-    """The truck that `truck:TEXT` names: NAME, NAME:overrides.yaml or the truck file FILE.yaml, each with
-    `?gear=recorded` behind it where the truck is to follow the recorded gear."""
+    """The truck named by `truck:TEXT`: NAME, NAME:overrides.yaml or the truck file FILE.yaml, each followed
+    by `?gear=recorded` if the truck is to follow the recorded gear."""
     named, follows = follows_recorded_gear(text)
     if is_truck_file(named):
         truck = PhysicsTruck(from_file(Path(named)))
@@ -305,7 +310,7 @@ def load_text(text: str) -> PhysicsTruck:
 
 
 def load_directory(path: Path, manifest: Mapping[str, Any]) -> PhysicsTruck:
-    """The truck a simulator directory of kind 'physics' holds."""
+    """The truck in a simulator directory of kind 'physics'."""
     source = str(path / MANIFEST)
     if not isinstance(manifest.get("truck"), Mapping):
         raise InputError(f"{source} has no truck; save the simulator again")
