@@ -1,4 +1,6 @@
-"""From a truck simulator to a following controller: environment, training, baselines, shield, evaluation."""
+"""Trains a following controller on a truck simulator: environment, trainers, baselines, shield and
+evaluation.
+"""
 
 import sys
 from importlib import import_module

@@ -47,7 +47,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help=files.OVERWRITE_HEL
 
 
 class Trainer(StrEnum):
-    """Ways to train."""
+    """The training methods."""
 
     analytic = "analytic"
     trpo = "trpo"
@@ -58,7 +58,7 @@ LARGEST_SEED = 2**31 - 1
 
 
 class Engine(StrEnum):
-    """Where a sweep trains."""
+    """Where the runs of a sweep are executed."""
 
     processes = "processes"
     ray = "ray"

@@ -1,4 +1,5 @@
-"""What drives: trained policies and classical laws of following.
+"""Controllers: trained policies and classical car-following laws.
 
-In: leader speed, speed, gap, target time gap and grade. Out: engine and brake commands in the truck's units.
+Input: leader speed, speed, gap, target time gap and grade. Output: engine and brake commands in the truck's
+units.
 """

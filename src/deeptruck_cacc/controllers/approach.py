@@ -1,4 +1,4 @@
-"""The ideal follower: which speed suits a gap behind this leader."""
+"""The speed with which an ideal follower closes a gap."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import Any
 
 
 def approach(far: Any, time_gap: Any, rate: float) -> tuple[Any, Any]:
-    """Speed above the leader's (m/s) that suits a gap `far` (m) longer than the leader's speed asks for, and
-    how it grows with `far` (1/s).
+    """Speed above the leader's (m/s) for a gap that is `far` (m) too long, and its derivative with respect to
+    `far` (1/s).
 
-    Near the right gap it is far / time_gap, with which the time gap itself is right, whatever the leader
-    does. Further off it is the speed that `rate` (m/s^2) takes back on the way that is left: following the
-    time gap alone would brake to a stand behind a vehicle that cuts in. Where both meet they have one slope.
-    numpy arrays and torch tensors alike.
+    Near the desired gap it is far / time_gap, which keeps the time gap whatever the leader does. Farther away
+    it is the speed from which a deceleration of `rate` (m/s^2) stops closing at the desired gap: a law on the
+    time gap alone would brake to a stop behind a vehicle that cuts in. The two parts join with equal slope.
+    Accepts numpy arrays and torch tensors.
     """
     knee = rate * time_gap**2
     most = (2 * rate * abs(far).clip(min=knee) - (rate * time_gap) ** 2) ** 0.5

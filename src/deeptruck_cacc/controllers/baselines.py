@@ -21,16 +21,16 @@ Array = NDArray[np.float64]
 def acc(seen: Seen) -> Array:
     """PATH-type ACC: Milanes and Shladover (2014), Transp. Res. C 48, gains 0.23 1/s^2 and 0.07 1/s.
 
-    Far behind, `Baseline` bounds what this asks for: 40 m beyond the gap it is 9 m/s^2.
+    40 m beyond the gap it requests 9 m/s^2; far behind, `Baseline` limits this.
     """
     return 0.23 * seen.gap_error + 0.07 * (seen.leader_speed - seen.speed)
 
 
 def cacc(seen: Seen) -> Array:
-    """PATH-type CACC: gap error and its rate (0.45, 0.25), the leader's acceleration fed forward.
+    """PATH-type CACC: gap error and its rate (0.45, 0.25), with feed-forward of the leader's acceleration.
 
-    Gains as Milanes and Shladover (2014) print them for the speed-step form, read as an acceleration law.
-    Bounded far behind, as `acc` is.
+    Gains as Milanes and Shladover (2014) print them for the speed-step form, used as an acceleration law.
+    Limited far behind, as `acc` is.
     """
     return 0.45 * seen.gap_error + 0.25 * (seen.leader_speed - seen.speed) + seen.leader_acceleration
 
@@ -38,7 +38,7 @@ def cacc(seen: Seen) -> Array:
 def idm(seen: Seen) -> Array:
     """Intelligent driver model, Treiber, Hennecke and Helbing (2000): a 1.0, b 1.5 m/s2, s0 0 m, v0 40 m/s.
 
-    Its equilibrium gap is wider than v Tg by 1 / sqrt(1 - (v/v0)^4); that is the model, not a tuning error.
+    Its equilibrium gap exceeds v Tg by the factor 1 / sqrt(1 - (v/v0)^4), which is a property of the model.
     """
     closing = seen.speed - seen.leader_speed
     wanted = seen.target_gap + np.maximum(0.0, seen.speed * closing / (2 * np.sqrt(1.5)))
@@ -46,7 +46,7 @@ def idm(seen: Seen) -> Array:
 
 
 def pi(seen: Seen) -> Array:
-    """PI on the gap with speed error and leader acceleration fed forward."""
+    """PI control of the gap with feed-forward of speed error and leader acceleration."""
     error = np.clip(seen.gap_error, -10.0, 10.0)
     speed_error = seen.leader_speed - seen.speed
     return 0.12 * error + 0.5 * speed_error + 0.02 * seen.integral + 0.7 * seen.leader_acceleration
@@ -64,9 +64,10 @@ LAWS: dict[str, Law] = {"acc": acc, "cacc": cacc, "idm": idm, "pi": pi, "mpc": m
 
 @dataclass
 class Baseline:
-    """A law of following over a pedal map, with a slow correction of the acceleration it did not get.
+    """A following law with a pedal map, and a slow correction for acceleration that the truck did not reach.
 
-    Far behind, no law closes in faster than it can slow down again by `approach`, whatever the engine can do.
+    Far behind, `approach` limits the closing speed of every law to one from which it can decelerate in time,
+    whatever the engine can do.
     """
 
     law: Law

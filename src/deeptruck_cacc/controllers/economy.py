@@ -1,8 +1,8 @@
-"""Following with little fuel on a road that is known: a dynamic programme over the next 2 km.
+"""Fuel-saving following on a known road, by dynamic programming over the next 2 km.
 
-Its stages are spans of road, not of time. The state is the truck's speed and its lag: by how many seconds it
-passes a place later than its leader did. So a stage has one grade, and of a leader that keeps its speed
-nothing else need be known. What a pedal does is looked up in an EnergyMap. docs/cacc.md has the equations.
+The stages are segments of road. The state is the truck's speed and its lag: how many seconds after its leader
+it passes a position. A stage therefore has one grade, and no further state is needed for a leader of constant
+speed. An EnergyMap gives the effect of the pedals. docs/cacc.md has the equations.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ COMFORT = (-3.5, 1.0)  # m/s^2; the shield, not the follower, brakes harder
 
 
 class Economy(SignedPedal):
-    """Plans one signed pedal (1 full engine, -1 full brake) in a band of time gaps.
+    """Plans one signed pedal (1 full engine, -1 full brake) within a range of time gaps.
 
-    The observation's `grade_ahead` (batch, n) is the road as far as it is known, every AHEAD_M metres from
-    the truck on; beyond it, and where it is absent or NaN, the road counts as flat. `least_gap` (batch,), m,
-    bounds the band from below. Where `set_speed` (batch,), m/s, is given and the gap is NaN, there is no
-    leader: the truck cruises in a band of speeds. Raises InputError for a simulator without fuel.
+    The observation's `grade_ahead` (batch, n) is the known road, every AHEAD_M metres from the truck; beyond
+    it, and where it is absent or NaN, the road is assumed flat. `least_gap` (batch,), m, bounds the gap from
+    below. If `set_speed` (batch,), m/s, is given and the gap is NaN, there is no leader: the truck cruises
+    within a range of speeds. Raises InputError for a simulator without fuel.
     """
 
     _past: _Past | None
@@ -63,8 +63,8 @@ class Economy(SignedPedal):
         self.map = EnergyMap.measure(self.simulator)
 
     def act(self, observation: Observation) -> tuple[Array, Array]:
-        """(engine_command, brake_command) in the interface's units, each (batch,); NaN where an observation
-        is that is needed."""
+        """(engine_command, brake_command) in the interface's units, each (batch,); NaN if a required
+        observation is NaN."""
         alone = np.isnan(observation["gap"]) & np.isfinite(observation.get("set_speed", np.nan))
         if np.any(alone):  # as behind a leader of the set speed
             late = 0.0 if self._past is None else self._past.late

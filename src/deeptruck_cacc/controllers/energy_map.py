@@ -1,4 +1,4 @@
-"""What a truck's pedals give at a steady speed: acceleration and fuel, measured on a simulator of it."""
+"""Acceleration and fuel rate for each pedal at steady speed, measured on a simulator of the truck."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ compiled: Any = numba.njit(cache=True, error_model="numpy")
 @dataclass(frozen=True)
 class EnergyMap:
     """Tables (grade, speed, pedal) over GRADES, SPEEDS and PEDALS of the settled acceleration (m/s^2), which
-    grows with the pedal, and of the fuel rate (cm^3/s)."""
+    increases with the pedal, and of the fuel rate (cm^3/s)."""
 
     acceleration: Array
     fuel: Array
@@ -43,8 +43,8 @@ class EnergyMap:
     def measure(cls, simulator: Simulator) -> EnergyMap:
         """Hold each pedal at each speed and grade until gear and boost have settled.
 
-        A simulator without grade in its conditions is measured on the flat; slopes then add their share of
-        gravity. Raises InputError for one without fuel.
+        A simulator without grade input is measured on the flat, and the effect of slopes is added by gravity.
+        Raises InputError for one without fuel.
         """
         interface = simulator.interface
         if not interface.fuel:
@@ -81,12 +81,12 @@ class EnergyMap:
         return cls(rising, _convex(rising, least))
 
     def rows(self, speed: Array, grade: Array) -> tuple[Array, Array]:
-        """Acceleration and fuel rate at every one of PEDALS, (batch, pedals), at speed and grade (batch,)."""
+        """Acceleration and fuel rate for each of PEDALS, (batch, pedals), at speed and grade (batch,)."""
         return _rows(self.acceleration, speed, grade), _rows(self.fuel, speed, grade)
 
     def prices(self, speed: Array) -> tuple[Array, Array]:
-        """What a second (cm^3/s) and a m/s (cm^3) are worth, (batch,), to a truck that chose to cruise at a
-        speed (batch,) on the flat."""
+        """Fuel values of one second (cm^3/s) and of 1 m/s (cm^3), (batch,), for which cruising on the flat at
+        the given speed (batch,) would be optimal."""
         fuel_per_m = []
         for near in (speed - PRICE_SPAN, speed + PRICE_SPAN):
             acceleration, fuel = self.rows(near, np.zeros(len(near)))
@@ -125,7 +125,8 @@ def _above(x: Array, y: Array, before: int, between: int, after: int) -> bool:
 
 @compiled
 def at(table: Array, grade: float, speed: float, pedal: int) -> float:
-    """A table at grade, speed and number of a pedal, linear in the first two; their ends are continued."""
+    """A table interpolated linearly in grade and speed, constant beyond their ends, for the pedal of an
+    index."""
     a = min(max((grade - GRADES[0]) / (GRADES[1] - GRADES[0]), 0.0), len(GRADES) - 1.0)
     b = min(max((speed - SPEEDS[0]) / (SPEEDS[1] - SPEEDS[0]), 0.0), len(SPEEDS) - 1.0)
     i, j = min(int(a), len(GRADES) - 2), min(int(b), len(SPEEDS) - 2)

@@ -1,4 +1,6 @@
-"""ONNX export: signals in physical units in, commands in the interface's units out, memory included."""
+"""ONNX export of a policy: signals in physical units as input, commands in the interface's units as output,
+and memory.
+"""
 
 from __future__ import annotations
 
@@ -61,11 +63,11 @@ class _Graph:
 
 
 def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
-    """Write `policy` as ONNX (opset 17, float32) into a new file, whole or not at all.
+    """Write `policy` as ONNX (opset 17, float32) into a new file, completely or not at all.
 
-    Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch,
-    3, 6 or 9), which starts as [0, NaN, NaN(, NaN, 0, 0(, NaN, NaN, NaN))]. Outputs (batch, 1):
-    engine_command, brake_command; and memory_next like memory. Raises InputError for a file that exists or
+    Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch, 3, 6
+    or 9), which starts as [0, NaN, NaN(, NaN, 0, 0(, NaN, NaN, NaN))]. Outputs (batch, 1): engine_command,
+    brake_command; and memory_next with the shape of memory. Raises InputError for a file that exists or
     cannot be written.
     """
     g = _Graph()

@@ -1,4 +1,4 @@
-"""A law of following: from what is seen of leader and truck to the requested acceleration."""
+"""Following laws: requested acceleration from signals of leader and truck."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ LEAST_GAP_M = 5.0  # which predictive controllers keep wherever the pedals allow
 
 @dataclass(frozen=True)
 class Seen:
-    """Inputs of a following law, each (batch,), SI; `integral` is that of the clipped gap error, m s."""
+    """Inputs of a following law, each (batch,), SI; `integral` is the integral of the clipped gap
+    error, m s."""
 
     leader_speed: Array
     speed: Array
@@ -41,7 +42,7 @@ class Seen:
         return np.asarray(self.target_gap / np.maximum(self.speed, LEAST_SPEED))
 
     def leader(self, time: Array) -> tuple[Array, Array]:
-        """Expected speed (m/s) and distance (m) of the leader after `time` (n,), s; each (batch, n)."""
+        """Predicted speed (m/s) and distance (m) of the leader after `time` (n,), s; each (batch, n)."""
         speed, pull = self.leader_speed[:, None], self.leader_acceleration[:, None]
         gone = LEADER_S * (1 - np.exp(-time / LEADER_S))
         distance = np.maximum(speed * time + pull * LEADER_S * (time - gone), 0.0)
@@ -53,7 +54,8 @@ Law = Callable[[Seen], Array]
 
 @dataclass
 class Perception:
-    """From observations, one each `dt` (s), to what a law may use; it remembers the past for rates."""
+    """Computes the inputs of a law from observations `dt` (s) apart; it stores past samples to estimate
+    rates."""
 
     dt: float
     _memory: Array | None = field(default=None, repr=False)
@@ -63,7 +65,7 @@ class Perception:
 
     @property
     def slow_s(self) -> float:
-        """Time constant of the accelerations seen, s."""
+        """Time constant of the estimated accelerations, s."""
         return self._features.slow_s
 
     def reset(self) -> None:

@@ -1,4 +1,4 @@
-"""From a name or a directory to a controller; what is damaged is said in one line. No torch, no pickle."""
+"""Loads a controller by name or directory; damaged files give one line. Needs no torch and no pickle."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ PLANNER, ECONOMY = "planner:", "?economy"
 
 def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Policy:
     """A policy directory written by `deeptruck-cacc train`, a policy as ONNX, `baseline:NAME`, or
-    `planner:SIM`, which plans on the simulator SIM, with little fuel as `planner:SIM?economy`.
+    `planner:SIM`, a planner on the simulator SIM (`planner:SIM?economy`: with little fuel).
 
-    `interface` is the truck a baseline is to drive (default: engine torque in N m, brake in percent), and is
-    checked against that of a trained policy or of a planner's simulator. Raises InputError where the path, a
-    file or the interface is wrong.
+    `interface` is that of the truck a baseline is to drive (default: engine torque in N m, brake in percent);
+    that of a trained policy or of a planner's simulator is compared with it. Raises InputError if the path, a
+    file or the interface is invalid.
     """
     text = str(path)
     if interface is not None and not isinstance(interface, TruckInterface):
@@ -86,7 +86,7 @@ AGAIN = "train the policy again"
 
 
 def load_trained(path: Path) -> MlpPolicy:
-    """A trained policy from its directory. Raises InputError where a file is missing or damaged."""
+    """A trained policy from its directory. Raises InputError if a file is missing or damaged."""
     manifest = read_manifest(path)
     try:
         hidden = list(manifest["hidden"])
@@ -157,7 +157,7 @@ def _impossible(policy: MlpPolicy) -> list[str]:
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """policy.json as a dict. Raises InputError where it is missing, damaged or of unknown kind."""
+    """policy.json as a dict. Raises InputError if it is missing, damaged or of unknown kind."""
     if not (path / MANIFEST).exists():
         if files.unfinished(path).is_dir():
             raise InputError(f"the training of {path} is not finished; repeat its command with --resume")

@@ -1,7 +1,7 @@
-"""A small model predictive controller: ten accelerations of 0.5 s, one quadratic programme a step (OSQP).
+"""A small model predictive controller: ten accelerations of 0.5 s, one quadratic programme per step (OSQP).
 
-It foresees where gap and speed go while the leader's acceleration dies away, weighs both errors against
-harsh pedals, and keeps `LEAST_GAP_M` wherever the limits of the pedals allow.
+It predicts gap and speed while the leader's acceleration decays, weighs their errors against changes of the
+commands, and keeps `LEAST_GAP_M` whenever the limits of the pedals allow.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _LOWER = np.tril_indices(STEPS)
 
 
 def mpc(seen: Seen) -> Array:
-    """Acceleration to ask for, m/s^2, (batch,); NaN where an observation is."""
+    """Requested acceleration, m/s^2, (batch,); NaN if an observation is NaN."""
     hessian, linear, room = _programmes(seen)
     out = np.full(len(room), np.nan)
     for k in np.flatnonzero(np.isfinite(linear).all(axis=1) & np.isfinite(room).all(axis=1)):

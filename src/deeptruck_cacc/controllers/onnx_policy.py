@@ -1,4 +1,4 @@
-"""A policy that comes as ONNX: what `export` wrote, or anybody's network with the same inputs and outputs."""
+"""Policies as ONNX: files written by `export`, and other networks with the same inputs and outputs."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ AGAIN = "export the policy again"
 @dataclass
 class OnnxPolicy:
     """A Policy whose `session` (an onnxruntime.InferenceSession) takes the signals of OBSERVED, (batch, 1)
-    each, and gives both commands. `start` (k,) is its memory before the first observation; empty without.
-    Commands are held within `scale`, as those of a policy of ours are."""
+    each, and returns both commands. `start` (k,) is its initial memory, empty without memory. Commands are
+    limited to `scale`."""
 
     session: Any
     interface: TruckInterface
@@ -44,8 +44,8 @@ class OnnxPolicy:
         self._memory = None
 
     def act(self, observation: Observation) -> tuple[Array, Array]:
-        """(engine_command, brake_command) in the interface's units, each (batch,); NaN of what is not seen,
-        whatever the network makes of it, and there its memory begins anew."""
+        """(engine_command, brake_command) in the interface's units, each (batch,). NaN if a signal is NaN,
+        whatever the network returns; the memory is then reset."""
         signals = observed(observation).astype(np.float32)
         fed = {name: signals[:, k : k + 1] for k, name in enumerate(OBSERVED)}
         unseen: NDArray[np.bool_] = np.asarray(np.isnan(signals).any(axis=1))
@@ -67,9 +67,9 @@ class OnnxPolicy:
 
 
 def load_onnx(path: Path) -> OnnxPolicy:
-    """The policy in an ONNX file, which says in its metadata what its numbers mean.
+    """The policy in an ONNX file, whose metadata define its inputs and outputs.
 
-    Raises InputError where the file is missing, damaged or of another kind.
+    Raises InputError if the file is missing, damaged or of another kind.
     """
     reading.check_file(path, AGAIN)
     import onnxruntime

@@ -1,4 +1,4 @@
-"""From a wanted acceleration to engine and brake commands: the lower level under every classical baseline."""
+"""Pedal map: engine and brake commands for a requested acceleration; used by every classical baseline."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PedalMap:
-    """Tables over speed (n,): the acceleration each command gives on a flat road, straight between its ends.
+    """Acceleration due to each command on a flat road, tabulated over speed (n,) and interpolated linearly
+    between no command and full command.
 
-    `coast` is the acceleration with neither pedal, `full` at the highest engine command, `brake` at the
-    full brake. The nominal map is a 20 t truck of 300 kW whose gearbox holds the engine near its best
-    speed.
+    `coast` is the acceleration without commands, `full` at the highest engine command, `brake` at full brake.
+    The nominal map is that of a 20 t truck of 300 kW whose gearbox keeps the engine near its best speed.
     """
 
     speed: Array
@@ -32,7 +32,7 @@ class PedalMap:
 
     @classmethod
     def nominal(cls, interface: TruckInterface) -> PedalMap:
-        """A textbook truck, for use before any simulator of the real one exists."""
+        """A generic truck, for use before a simulator of the real one exists."""
         speed = np.linspace(0.0, 35.0, 36)
         mass, power, force = 20e3, 270e3, 60e3
         resistance = 0.006 * ROUNDED_GRAVITY + 0.5 * 1.2 * 6.0 * speed**2 / mass
@@ -41,7 +41,7 @@ class PedalMap:
 
     @classmethod
     def calibrate(cls, simulator: Simulator, *, settle_s: float = 4.0) -> PedalMap:
-        """Measure the tables: hold each pedal from each speed and take the settled acceleration."""
+        """Measure the tables: hold each pedal from each speed and use the settled acceleration."""
         scale = ActionScale.of(simulator)
         speed: Array = np.arange(2.0, 33.0, 2.0, dtype=float)
         pedals = np.array(
@@ -61,7 +61,7 @@ class PedalMap:
         return cls(speed, coast, np.maximum(full, coast + 0.05), np.minimum(brake, coast - 0.05), scale)
 
     def commands(self, acceleration: Array, speed: Array, grade: Array) -> tuple[Array, Array]:
-        """(engine_command, brake_command), each (batch,), for a wanted acceleration on a grade."""
+        """(engine_command, brake_command), each (batch,), for a requested acceleration on a grade."""
         wanted = acceleration + ROUNDED_GRAVITY * grade
         coast, full, brake = (np.interp(speed, self.speed, t) for t in (self.coast, self.full, self.brake))
         throttle = np.clip((wanted - coast) / (full - coast), 0.0, 1.0)

@@ -1,11 +1,11 @@
-"""A planner: model predictive control over a simulator of the truck, its gear changes and lags included.
+"""Model predictive control on a simulator of the truck, including its gear changes and lags.
 
-Every step it runs the simulator HORIZON_S ahead, takes the derivatives of that run by the pedal at KNOTS_S
-and goes one Gauss-Newton step from its last plan: the real-time iteration of Diehl, Bock and Schlöder (2005),
-SIAM J. Control Optim. 43(5). The derivatives are differences between runs side by side in one batch, so that
-any simulator will do and the compiled step of a deep truck is used. Where the truck does not feel a small
-change of the pedal, as in its dead travel or at full load, there is no derivative to follow, and the way to a
-lower gear leads through a second without torque: pedals held for the whole horizon are tried too.
+Every step it runs the simulator over HORIZON_S, differentiates that run with respect to the pedal at KNOTS_S,
+and takes one Gauss-Newton step from its last plan: the real-time iteration of Diehl, Bock and Schlöder
+(2005), SIAM J. Control Optim. 43(5). Derivatives are finite differences between runs in one batch, so that
+any simulator can be used and a deep truck's compiled step is used. A small pedal change may have no effect,
+as in dead travel or at full load, and a downshift begins with a second without torque; pedals held constant
+over the horizon are therefore tried too.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ CORRECTION_S = 0.5  # time constant of the acceleration that the truck has beyon
 
 
 class Planner(SignedPedal):
-    """Plans one signed pedal (1 full engine, -1 full brake) on `simulator` and drives its beginning.
+    """Plans one signed pedal (1 full engine, -1 full brake) on `simulator` and applies its beginning.
 
-    The simulator runs beside the truck: it is fed the measured speed and the commands given, and what
-    acceleration it then lacks is added to all of its plans.
+    The simulator runs along with the truck: it is fed the measured speed and the commands given, and the
+    difference of its acceleration is added to all plans.
     """
 
     _past: _Past | None
@@ -97,7 +97,8 @@ class Planner(SignedPedal):
         return np.asarray(tried[np.arange(len(plan)), best])
 
     def residuals(self, plans: Array, now: _Now) -> Array:
-        """What the cost is the sum of squares of, (batch, ROWS, n), from plans (batch, ROWS, knots)."""
+        """The residuals whose squares add up to the cost, (batch, ROWS, n), for plans (batch, ROWS,
+        knots)."""
         pedals, state, speeds = plans @ self._basis.T, now.state, []
         for k in range(len(self._time)):
             state, speed = self._step(state, pedals[:, :, k], now.grade)

@@ -1,4 +1,4 @@
-"""A policy: what it is, the trained network behind it, and how it is kept. No torch, no pickle."""
+"""The policy protocol, the trained network behind it, and its files. Needs no torch and no pickle."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Policy(Protocol):
     """A car-following controller. Call `act` every `dt` seconds; `reset` before a new run.
 
     The observation has leader_speed, speed (m/s), gap (m), target_time_gap (s) and grade (ratio; optional),
-    each a scalar or (batch,). Commands come back as (batch,) arrays in the units of `interface`. A NaN in
-    the observation gives a NaN command: `guard.Guard` is what bridges missing signals.
+    each a scalar or (batch,). Commands are (batch,) arrays in the units of `interface`. A NaN in the
+    observation gives a NaN command; `guard.Guard` bridges missing signals.
     """
 
     @property
@@ -60,11 +60,11 @@ class Policy(Protocol):
 
 @dataclass
 class MlpPolicy:
-    """The mean of the paper's MLP Gaussian between a feature map and an action scale.
+    """The mean of the paper's Gaussian MLP, with a feature map before it and an action scale after it.
 
-    `layers` holds (weight (out, in), bias (out,)) pairs; tanh between them, none behind the last.
-    `coverage` gives the (low, high) that training saw of each signal; `card` is the model card (config,
-    seed, simulator hash...).
+    `layers` holds (weight (out, in), bias (out,)) pairs, with tanh between them and none after the last.
+    `coverage` is the (low, high) of each signal in training; `card` is the model card (config, seed,
+    simulator hash...).
     """
 
     layers: list[tuple[Array, Array]]
@@ -104,9 +104,9 @@ class MlpPolicy:
         return hidden @ weight.T + bias
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write a policy directory (policy.json, policy.safetensors), whole or not at all.
+        """Write a policy directory (policy.json, policy.safetensors), completely or not at all.
 
-        Raises InputError where it cannot be written, and where `path` holds a policy, without `overwrite`.
+        Raises InputError if it cannot be written, and if `path` holds a policy and `overwrite` is not set.
         """
         with POLICY.replacing(Path(path), overwrite=overwrite) as draft:
             self._write(draft)
@@ -114,7 +114,7 @@ class MlpPolicy:
     def write_into(self, draft: Path) -> None:
         """Write policy.json and policy.safetensors into the folder of an unfinished training.
 
-        Raises InputError where they cannot be written.
+        Raises InputError if they cannot be written.
         """
         try:
             self._write(draft)

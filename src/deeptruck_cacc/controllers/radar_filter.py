@@ -1,7 +1,7 @@
-"""The radar's noise taken out before it reaches the pedals: a Kalman filter that tracks the leader.
+"""Kalman filter that tracks the leader, so that radar noise does not reach the pedals.
 
-A policy that holds a gap to 0.1 s turns 0.1 m of noise in one reading into a tenth of the truck's power. The
-filter knows what the truck itself did, so it delays nothing but the news of what the leader does.
+A policy that keeps a gap to 0.1 s turns 0.1 m of noise in one reading into a tenth of the truck's power. The
+truck's own motion is an input of the filter, so that only changes of the leader are delayed.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RadarFilter:
-    """Steady-state Kalman filter for a leader whose acceleration wanders.
+    """Steady-state Kalman filter for a leader whose acceleration is a random walk.
 
-    Bar-Shalom, Li and Kirubarajan (2001), Estimation with Applications to Tracking and Navigation, 6.3.3:
-    the discrete Wiener process acceleration model, with the truck's own speed as a known input. A track
-    (batch, 3) is gap (m), leader speed (m/s) and leader acceleration (m/s^2) as they are expected at the next
-    reading; NaN means 'none yet'. A reading further from it than `lost_m` or `lost_speed` begins a new track:
-    another vehicle, or a leader that brakes harder than the filter could follow.
+    Bar-Shalom, Li and Kirubarajan (2001), Estimation with Applications to Tracking and Navigation, 6.3.3: the
+    discrete Wiener process acceleration model, with the truck's own speed as a known input. A track (batch,
+    3) is the predicted gap (m), leader speed (m/s) and leader acceleration (m/s^2) at the next reading; NaN
+    means 'none yet'. A reading that differs from it by more than `lost_m` or `lost_speed` begins a new track,
+    for another vehicle or a leader that brakes harder than the filter can follow.
     """
 
     gain: tuple[tuple[float, float], ...]  # (3, 2): of the track, by the errors of gap and leader speed
@@ -36,10 +36,11 @@ class RadarFilter:
     def steady(
         cls, dt: float = 0.1, *, range_sd: float = 0.1, speed_sd: float = 0.05, wander: float = 0.1
     ) -> RadarFilter:
-        """The gain to which the Riccati recursion settles.
+        """The steady-state gain of the Riccati recursion.
 
-        `range_sd` (m) and `speed_sd` (m/s) are the radar's noise in one reading, those of the leader node;
-        the leader's acceleration changes by `wander` (m/s^2, sd) in a second. Only their ratios matter.
+        `range_sd` (m) and `speed_sd` (m/s) are the radar's noise in one reading, with the values of the
+        leader node; the leader's acceleration changes by `wander` (m/s^2, sd) in a second. Only their ratios
+        matter.
         """
         noise, step = np.diag([range_sd**2, speed_sd**2]), np.eye(3) + dt * np.eye(3, k=1)
         expected = np.diag([range_sd**2, speed_sd**2, 1.0])
@@ -51,7 +52,7 @@ class RadarFilter:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> RadarFilter:
-        """Of what dataclasses.asdict and JSON make of it."""
+        """Inverse of dataclasses.asdict, also after JSON."""
         return cls(**{**data, "gain": tuple((float(a), float(b)) for a, b in data["gain"])})
 
     def __call__(self, signals: Array, track: Array) -> tuple[Array, Array]:

@@ -19,7 +19,8 @@ AHEAD = 81  # of them: from here to 2 km ahead
 class Road:
     """Grades (rise over run) of a batch of roads, (batch, n): one every `spacing_m` metres from the start.
 
-    Straight between them; the ends are continued. Raises InputError for another shape or what is not finite.
+    Linear between them, constant beyond the ends. Raises InputError for another shape or values that are not
+    finite.
     """
 
     grade: Array
@@ -40,5 +41,5 @@ class Road:
         return np.asarray(before + (place - k) * (after - before))
 
     def ahead(self, position: Array, count: int = AHEAD) -> Array:
-        """Grades (batch, count) every AHEAD_M metres from positions (batch,) on."""
+        """Grades (batch, count) every AHEAD_M metres, beginning at positions (batch,)."""
         return self.at(position[:, None] + AHEAD_M * np.arange(count))

@@ -1,4 +1,4 @@
-"""What a policy's network sees and says: the linear maps between the paper's signals and numbers near one."""
+"""Maps between the signals and a policy network: features of order one as input, scaled actions as output."""
 
 from __future__ import annotations
 
@@ -91,20 +91,20 @@ REMEMBERED = {"closing_s": 2.0, "closing_share": 0.1}
 class FeatureMap:
     """x = matrix @ signals + offset, and, with `memory`, three slow features of the past.
 
-    Memory (batch, 3) is [integral of the clipped gap error (m s), slow leader speed, slow ego speed]; NaN
-    in the slow speeds means 'not started'. The features are the scaled integral and the two speeds' rates
-    of change, which the paper's memoryless policy cannot know: they remove steady error and see a leader
-    that brakes.
+    Memory (batch, 3) is [integral of the clipped gap error (m s), slow leader speed, slow ego speed]; NaN in
+    the slow speeds means 'not started'. The features are the scaled integral and the rates of change of the
+    two speeds, which the paper's memoryless policy cannot know: they remove the steady-state error and detect
+    a braking leader.
 
-    With `power` as well, seven features say what it takes to follow the ideal follower (see _power). With
-    `approach` it has the speed that suits the gap, and comes back from far off at no more than that. Without,
-    its speed is remembered: v' = (v_leader - v) / Tg from the leader's own speed on, the one of all that hold
-    the time gap in which nothing is left to decay with Tg. Memory (batch, 6) and features end with the slow
-    actions: beside the power that came of them they show load and wind. The gap error then counts less in the
-    integral the further it lies beyond `knee_m`, so that closing a gap does not wind it up.
+    With `power`, seven further features give the power needed to follow the ideal follower (see _power). With
+    `approach`, the ideal follower has the speed of `approach` for the gap. Otherwise its speed is a state, v'
+    = (v_leader - v) / Tg, started at the leader's speed: the only solution that keeps the time gap without a
+    transient that decays with Tg. Memory (batch, 6) and features end with the slow actions: together with the
+    resulting power they show load and wind. Gap errors beyond `knee_m` then count less in the integral, so
+    that closing a gap does not wind it up.
 
-    With `radar`, which needs `power`, all features are taken of what that filter makes of gap and leader
-    speed. Memory (batch, 9) ends with its track.
+    With `radar`, which needs `power`, all features use the filtered gap and leader speed. Memory (batch, 9)
+    ends with the filter's track.
     """
 
     matrix: Array
@@ -126,10 +126,10 @@ class FeatureMap:
     def default(
         cls, *, memory: bool = True, dt: float = 0.1, power: bool = False, late: bool = False
     ) -> FeatureMap:
-        """The map described at the top of this module. `power` needs memory and brings the radar's filter.
+        """The map described at the top of this module. `power` needs memory and includes the radar filter.
 
-        `late` is for commands that come up to 0.2 s late: the ideal follower is then the remembered one,
-        and its errors go more slowly, or the brake pulses.
+        `late` is for commands that arrive up to 0.2 s late: the ideal follower's speed is then a state, and
+        its errors decay more slowly, which avoids pulsing of the brake.
         """
         power = power and memory
         radar = RadarFilter.steady(dt) if power else None
@@ -145,7 +145,7 @@ class FeatureMap:
 
     @property
     def remembered(self) -> int:
-        """Columns of memory."""
+        """Number of memory columns."""
         return 9 if self.radar else 6 if self.power else 3 if self.memory else 0
 
     def start(self, batch: int) -> Array:
@@ -179,7 +179,7 @@ class FeatureMap:
         return np.hstack(parts), np.column_stack([integral, slow, kept])
 
     def remember(self, memory: Array, action: Array) -> Array:
-        """Memory after an action (batch, 2): the slow actions have moved."""
+        """Memory after an action (batch, 2), which updates the slow actions."""
         slow = memory[:, 4:6]
         change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
         return np.hstack([memory[:, :4], slow + self.dt / self.slow_s * change, memory[:, 6:]])
@@ -223,7 +223,7 @@ class FeatureMap:
         return np.column_stack([accelerations[0], behind, far / GAP_UNIT, late, accelerations[1], *power])
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for policy.json."""
+        """Content for policy.json."""
         return {**asdict(self), "matrix": self.matrix.tolist(), "offset": self.offset.tolist()}
 
     @classmethod
@@ -246,9 +246,10 @@ _BRAKE_REACH = {"percent": 100.0, "m/s^2": 6.0, "bar": 8.0, None: 0.0}
 
 @dataclass(frozen=True)
 class ActionScale:
-    """From actions in [-1, 1] to commands in the interface's units: the engine's range, brake above zero.
+    """Maps actions in [-1, 1] to commands in the interface's units: the engine's range, and the brake for
+    positive values.
 
-    Where `exclusive`, what engine and brake have in common is taken from both, so that never both act.
+    If `exclusive`, the common part of engine and brake is subtracted from both, so that never both act.
     """
 
     engine_low: float
@@ -258,7 +259,7 @@ class ActionScale:
 
     @classmethod
     def of(cls, simulator: Any) -> ActionScale:
-        """Reach of a simulator (or a bare TruckInterface): its `command_range` where it has one."""
+        """Range of a simulator (or a bare TruckInterface): its `command_range`, if it has one."""
         interface: TruckInterface = getattr(simulator, "interface", simulator)
         low, high = _ENGINE_REACH[interface.engine_unit]
         stated = getattr(simulator, "command_range", {})
@@ -268,7 +269,7 @@ class ActionScale:
 
     @property
     def possible(self) -> bool:
-        """Whether a truck can have it."""
+        """Whether the ranges are possible for a truck."""
         ends = (self.engine_low, self.engine_high, self.brake_high)
         return all(map(math.isfinite, ends)) and self.engine_low < self.engine_high and self.brake_high >= 0
 
@@ -287,7 +288,7 @@ class ActionScale:
         return (self.engine_low, 0.0), (self.engine_high, self.brake_high)
 
     def within(self, commands: Array) -> Array:
-        """Commands (batch, 2) cut to their reach."""
+        """Commands (batch, 2) limited to their ranges."""
         return np.clip(commands, *self.limits)
 
     def actions(self, commands: Array) -> Array:

@@ -1,5 +1,6 @@
-"""What controllers that plan over a simulator of the truck share: one signed pedal, 1 full engine, -1 full
-brake."""
+"""Base of controllers that plan on a simulator of the truck: one signed pedal, 1 full engine, -1 full
+brake.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class SignedPedal(ABC):
-    """A policy that asks `_pedal` for a signed pedal. Same contract as Policy."""
+    """A policy whose subclasses implement `_pedal`, which returns a signed pedal. Same contract as Policy."""
 
     simulator: Simulator
     _past: Any = field(default=None, repr=False)
@@ -33,7 +34,7 @@ class SignedPedal(ABC):
 
     @property
     def interface(self) -> TruckInterface:
-        """The simulator's."""
+        """The interface of the simulator."""
         return self.simulator.interface
 
     def reset(self) -> None:
@@ -42,8 +43,8 @@ class SignedPedal(ABC):
         self._past = None
 
     def act(self, observation: Observation) -> tuple[Array, Array]:
-        """(engine_command, brake_command) in the interface's units, each (batch,); NaN where an observation
-        is."""
+        """(engine_command, brake_command) in the interface's units, each (batch,); NaN if an observation is
+        NaN."""
         seen, grade = self._perceive(observation)
         known = np.isfinite(seen.speed + seen.gap + seen.leader_speed + seen.target_gap)
         pedal = self._pedal(observation, seen, grade, known)

@@ -1,4 +1,5 @@
-"""A simulated truck behind a leader.
+"""Environments: a simulated truck behind a leader.
 
-In: a simulator, a scene (leader, road, radar) and pedal commands. Out: observations, rewards and traces.
+Input: a simulator, a scene (leader, road, radar) and pedal commands. Output: observations, rewards and
+traces.
 """

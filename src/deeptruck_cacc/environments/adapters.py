@@ -1,9 +1,7 @@
-"""Thin faces of the batched environment: Gymnasium, Gymnasium vector, and Stable-Baselines3.
+"""Adapters of the batched environment for Gymnasium, Gymnasium vector, and Stable-Baselines3.
 
-Importing this module registers `deeptruck/Cacc-v0`.
-
-Actions are in [-1, 1]^2 (see ActionScale) and observations are the features of FeatureMap, clipped to
-+-REACH.
+Importing this module registers `deeptruck/Cacc-v0`. Actions are in [-1, 1]^2 (see ActionScale) and
+observations are the features of FeatureMap, clipped to +-REACH.
 """
 
 from __future__ import annotations
@@ -89,12 +87,12 @@ class CaccGymEnv(_Face, gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Start a path; a seed makes it and all that follow reproducible."""
+        """Start a path; with a seed, it and all following paths are reproducible."""
         super().reset(seed=seed)
         return self._start(int(self.np_random.integers(2**31)))[0], {}
 
     def step(self, action: NDArray[Any]) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """One dt. A crash is in info and in the reward; the path is truncated after `steps`."""
+        """One dt. A crash is reported in info and reduces the reward; the path is truncated after `steps`."""
         seen, reward, info = self._act(np.asarray(action)[None])
         return seen[0], float(reward[0]), False, self.cacc.done, {name: v[0] for name, v in info.items()}
 
@@ -142,8 +140,8 @@ class CaccVectorEnv(_Face, VectorEnv):
 class CaccSb3VecEnv(_Face, VecEnv):
     """The batch as a Stable-Baselines3 VecEnv.
 
-    `last_info` holds the step's arrays, `last_returns` those of the last paths; per-member dicts are filled
-    only at the end of a path.
+    `last_info` holds the step's arrays, `last_returns` those of the last paths; the dicts per member are
+    filled only at the end of a path.
     """
 
     def __init__(
@@ -164,14 +162,14 @@ class CaccSb3VecEnv(_Face, VecEnv):
         VecEnv.__init__(self, num_envs, self.one_observation, self.one_action)
 
     def reset(self) -> Floats:
-        """Start a path in every member; a seed given to `seed` before is used once."""
+        """Start a path in every member; a seed set by `seed` is used once."""
         seed = self._seeds[0] if self._seeds else None
         self._reset_seeds()
         self._return[:] = 0.0
         return self._start(seed)
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions for step_wait."""
+        """Store the actions for step_wait."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Floats, NDArray[Any], NDArray[np.bool_], list[dict[str, Any]]]:
@@ -193,24 +191,24 @@ class CaccSb3VecEnv(_Face, VecEnv):
         return self._start(None), reward.astype(np.float32), done, infos
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Does nothing; the environment has no open resources."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The attribute once for each index."""
+        """The attribute, repeated for each index."""
         value = getattr(self, attr_name, None)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set it for the whole batch."""
+        """Set the attribute for the whole batch."""
         setattr(self, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call it once on the batch."""
+        """Call the method once on the batch."""
         result = getattr(self, method_name)(*args, **kwargs)
         return [result for _ in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """Members are not wrapped."""
+        """False for every member."""
         return [False for _ in self._get_indices(indices)]
 
 

@@ -1,4 +1,4 @@
-"""Two trucks on a road: the paper's environment equations for a whole batch over any Simulator."""
+"""The paper's environment of two trucks on a road, for a whole batch and any Simulator."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class CaccEnv:
     """The paper's CACC environment, batched, in physical units.
 
     p_leader += v_leader dt, v_leader += a_leader dt, p_ego += v_ego dt, v_ego = f_DT,v(u, w | state): Euler
-    steps as printed. Only the gap matters, so the positions are not kept. A crash costs alpha_crash at
-    every step and does not end the path, as in the paper; all paths of a batch end together after `steps`.
+    steps as printed. Only the gap matters, so positions are not stored. A crash costs alpha_crash at every
+    step and does not end the path, as in the paper; all paths of a batch end together after `steps`.
     """
 
     simulator: Simulator
@@ -47,7 +47,7 @@ class CaccEnv:
         self._has_grade = bool(self.simulator.interface.w)
 
     def reset(self, scene: Scene | None = None, *, seed: int | None = None) -> dict[str, Array]:
-        """Start a path, on `scene` or on a drawn one, and return the first observation."""
+        """Start a path on `scene`, or on a random one, and return the first observation."""
         if seed is not None:
             self._rng = np.random.default_rng(seed)
         self.scene = self.draw(self._rng, self.batch, self.steps, self.dt) if scene is None else scene
@@ -68,16 +68,17 @@ class CaccEnv:
 
     @property
     def done(self) -> bool:
-        """Whether the path has ended (for the whole batch)."""
+        """Whether the paths of the batch have ended."""
         return self.k >= self.steps
 
     @property
     def time_gap_error(self) -> Array:
-        """gap / v - Tg, s, (batch,); below 1 m/s the speed counts as 1 m/s."""
+        """gap / v - Tg, s, (batch,), with v of at least 1 m/s."""
         return self.gap / np.maximum(self.speed, 1.0) - self.scene.time_gap
 
     def observe(self) -> dict[str, Array]:
-        """What the controller sees now, each (batch,): the paper's signals through the scene's radar."""
+        """The controller's present observation, each (batch,): the paper's signals through the
+        scene's radar."""
         scene, k = self.scene, min(self.k, self.steps - 1)
         gap, leader_speed = self.gap, self.leader_speed
         if scene.seen_gap_offset is not None:
@@ -106,9 +107,9 @@ class CaccEnv:
     def step(self, commands: Array) -> tuple[dict[str, Array], Array, dict[str, Array]]:
         """One step under commands (batch, 2) in the interface's units: observation, reward (batch,), info.
 
-        info, each (batch,): acceleration, jerk, fuel (cm^3/s, NaN where the truck does not measure it), gap,
-        ttc (s, inf when not closing), time_gap_error (s), speed_error (m/s), crash. The reward is taken
-        after the step, so an action is paid for what it causes.
+        info, each (batch,): acceleration, jerk, fuel (cm^3/s, NaN if the truck does not measure it), gap, ttc
+        (s, inf when not closing), time_gap_error (s), speed_error (m/s), crash. The reward is computed after
+        the step, so that it includes the effect of the action.
         """
         y = self._advance(commands)
         jerk = (y[:, ACCELERATION] - self.acceleration) / self.dt

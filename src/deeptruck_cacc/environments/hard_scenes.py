@@ -1,4 +1,4 @@
-"""Scenes that separate good from very good: stops, cut-ins, radar faults, descents, recorded leaders."""
+"""Difficult scenes: stops, cut-ins, radar faults, descents, recorded leaders."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 
 
 def settled(batch: int, steps: int, speed: float | Array, time_gap: float) -> Scene:
-    """Both trucks at one speed and at the wanted gap, on a flat road."""
+    """Both trucks at equal speed and at the desired gap, on a flat road."""
     v = np.broadcast_to(np.asarray(speed, float), (batch,)).copy()
     still = np.zeros((batch, steps))
     return Scene(v, v.copy(), v * time_gap, np.full(batch, time_gap), still, still.copy())
 
 
 def stop(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """The leader brakes at -6 m/s2 to a stand between 5 and 15 s; time gaps 2..5 s."""
+    """The leader brakes at -6 m/s2 to a standstill between 5 and 15 s; time gaps 2..5 s."""
     scene = paper(rng, batch, steps, dt)
     begin = rng.integers(round(5 / dt), round(15 / dt), batch)
     braking = np.arange(steps) >= begin[:, None]
@@ -40,7 +40,7 @@ def ramps(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
 
 
 def cut_in(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """At 20 s a vehicle of the leader's speed +-1 m/s moves in at 35 to 60 % of the gap."""
+    """At 20 s a vehicle with the leader's speed +-1 m/s cuts in at 35 to 60 % of the gap."""
     scene = paper(rng, batch, steps, dt)
     at = min(round(20 / dt), steps - 1)
     gap_jump, speed_jump = np.zeros((batch, steps)), np.zeros((batch, steps))
@@ -50,7 +50,7 @@ def cut_in(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene
 
 
 def cut_out(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """At 20 s the leader leaves; the next vehicle is 15 to 40 m further and up to 2 m/s slower."""
+    """At 20 s the leader leaves; the next vehicle is 15 to 40 m farther away and up to 2 m/s slower."""
     scene = paper(rng, batch, steps, dt)
     at = min(round(20 / dt), steps - 1)
     gap_jump, speed_jump = np.zeros((batch, steps)), np.zeros((batch, steps))
@@ -60,7 +60,7 @@ def cut_out(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scen
 
 
 def dropout(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """A moving leader on hills, lost by the radar for 0.3 to 1.5 s about every 10 s."""
+    """A leader of varying speed on hills, lost by the radar for 0.3 to 1.5 s about every 10 s."""
     scene = moving(rng, batch, steps, dt)
     seen = np.ones((batch, steps), bool)
     for row in seen:
@@ -71,7 +71,8 @@ def dropout(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scen
 
 
 def radar_jump(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """For 1 to 3 s from 20 s on, the radar reports a vehicle 20 to 40 m further and up to 3 m/s faster."""
+    """For 1 to 3 s from 20 s on, the radar reports a vehicle 20 to 40 m farther away and up to 3 m/s
+    faster."""
     scene = paper(rng, batch, steps, dt)
     begin = round(20 / dt)
     during = np.arange(steps)[None] - begin
@@ -91,14 +92,15 @@ def descent(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scen
 
 
 def gap_closing(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """The paper's field run: 2 m/s faster than a steady leader, 1 s too far behind, wanted time gap 1.5 s."""
+    """The paper's field run: 2 m/s faster than a steady leader, at a gap 1 s too long, desired time gap 1.5
+    s."""
     scene = settled(batch, steps, rng.uniform(17, 21, batch), 1.5)
     speed = scene.leader_speed + 2.0
     return replace(scene, speed=speed, gap=speed * 2.5)
 
 
 class LaneChange(NamedTuple):
-    """A lane change of the paper's field run: for a while the radar sees another vehicle than the leader."""
+    """A lane change of the paper's field run, during which the radar detects another vehicle."""
 
     at_s: float = 63.0
     duration_s: float = 2.0
@@ -110,7 +112,7 @@ LANE_CHANGE = LaneChange()
 
 
 def long_following(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """The paper's field run: an arbitrary leader at time gap 1.5 s, and LANE_CHANGE."""
+    """The paper's field run: a leader of arbitrary speed at time gap 1.5 s, and LANE_CHANGE."""
     scene = settled(batch, steps, rng.uniform(17, 21, batch), 1.5)
     t = dt * np.arange(steps)[None]
     pull = np.zeros((batch, steps))
@@ -128,14 +130,14 @@ def long_following(rng: np.random.Generator, batch: int, steps: int, dt: float) 
 
 
 def recorded(speeds: Array, time_gap: float) -> Scene:
-    """Scenes behind recorded leaders, speeds (batch, T + 1) in m/s at the simulator's dt of 0.1 s."""
+    """Scenes with recorded leaders, speeds (batch, T + 1) in m/s at the simulator's dt of 0.1 s."""
     pull = np.diff(speeds, axis=1) / 0.1
     start = settled(len(speeds), pull.shape[1], speeds[:, 0], time_gap)
     return replace(start, leader_acceleration=pull)
 
 
 def data_folder() -> Path:
-    """The folder of real recordings: $DEEPTRUCK_REAL_DATA, or ../shared/data beside the checkout."""
+    """The folder of real recordings: $DEEPTRUCK_REAL_DATA, or ../shared/data next to the checkout."""
     default = Path(__file__).parents[4] / "shared" / "data"
     return Path(os.environ.get("DEEPTRUCK_REAL_DATA", default))
 
@@ -146,8 +148,8 @@ RECORDED_CARS = {"human": 5, "acc": 6}  # cars of each recording, in their order
 def recorded_leaders(name: str, seconds: float = 80.0, *, car: int = 0) -> Array:
     """Speeds (batch, T + 1) at 10 Hz of recorded leaders: 'human' (fhwa_pav) or 'acc' (openacc).
 
-    Contiguous pieces above 5 m/s of one car, 1 being the first; without `car` of the first vehicle (human)
-    or of the last car under ACC. Raises InputError where the recording is absent or holds no such piece.
+    Contiguous pieces above 5 m/s of one car, the first car being 1; without `car`, of the first vehicle
+    (human) or of the last car under ACC. Raises InputError if the recording is absent or holds no such piece.
     """
     files = {
         "human": ("fhwa_pav/data_example.csv", 0, f"Speed{car or 1}"),

@@ -1,7 +1,7 @@
-"""The environment's name in gymnasium.
+"""Registers the environment's name in gymnasium.
 
-Importing deeptruck_cacc after gymnasium calls `register`, which loads nothing else; so does
-`gymnasium.make("deeptruck_cacc:deeptruck/Cacc-v0")`.
+Importing deeptruck_cacc after gymnasium calls `register`, and so does
+`gymnasium.make("deeptruck_cacc:deeptruck/Cacc-v0")`. Nothing else is loaded.
 """
 
 from __future__ import annotations

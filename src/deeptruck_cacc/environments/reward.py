@@ -1,4 +1,4 @@
-"""The paper's reward, with the shape that trains."""
+"""The paper's reward, and a shaped form of it that trains better."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Reward:
-    """The paper's reward, with h in place of the plain square.
+    """The paper's reward, with h in place of the square.
 
-    r = -alpha_p h(gap - v Tg) - alpha_v h(v_leader - v) - alpha_e e^2 - alpha_b b^2
-        - alpha_crash [gap <= d_safety]
+    r = -alpha_p h(gap - v Tg) - alpha_v h(v_leader - v) - alpha_e e^2 - alpha_b b^2 - alpha_crash [gap <=
+    d_safety]
 
-    e and b are the commands as fractions of their reach. h(x) = 2 d^2 (sqrt(1 + (x/d)^2) - 1) is x^2 near
-    zero and linear, with slope 2 d, far away; d = inf is the paper's plain square. Works on numpy arrays and
-    torch tensors alike.
+    e and b are the commands as fractions of their ranges. h(x) = 2 d^2 (sqrt(1 + (x/d)^2) - 1) is x^2 near
+    zero and linear, with slope 2 d, far away; d = inf is the paper's square. Accepts numpy arrays and torch
+    tensors.
     """
 
     alpha_p: float = 0.2
@@ -32,8 +32,8 @@ class Reward:
 
     @classmethod
     def paper(cls, alpha_crash: float = 100.0) -> Reward:
-        """The plain quadratic form as printed. The paper gives no constants: the policies of
-        docs/results/paper.md were trained with `alpha_crash` 100, and the others are the shaped form's."""
+        """The quadratic form as printed. The paper gives no constants: the policies of docs/results/paper.md
+        were trained with `alpha_crash` 100; the other constants are those of the shaped form."""
         return cls(alpha_crash=alpha_crash, knee_gap_m=np.inf, knee_speed=np.inf)
 
     def tracking(self, gap_error: Any, speed_error: Any) -> Any:
@@ -42,7 +42,7 @@ class Reward:
         return gap + self.alpha_v * shaped_square(speed_error, self.knee_speed)
 
     def effort(self, engine: Any, brake: Any) -> Any:
-        """Cost of the commands, given as fractions of their reach."""
+        """Cost of the commands, given as fractions of their ranges."""
         return self.alpha_e * engine**2 + self.alpha_b * brake**2
 
     def __call__(self, gap: Any, gap_error: Any, speed_error: Any, engine: Any, brake: Any) -> Any:

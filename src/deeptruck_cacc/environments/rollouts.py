@@ -1,4 +1,4 @@
-"""Rollouts: a policy on a simulator in a scene, every signal kept."""
+"""Rollouts: a policy on a simulator in a scene, with all signals recorded."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Trace:
 
 
 def roll_out(simulator: Simulator, policy: Policy, scene: Scene, reward: Reward | None = None) -> Trace:
-    """Drive `policy` through `scene` from a reset and keep what happened.
+    """Drive `policy` through `scene` from a reset and record all signals.
 
     Signals: everything in the environment's info, and speed, leader_speed, engine_command, brake_command,
     reward, acted (1 where a guard overrode the policy, 0 for a bare policy).

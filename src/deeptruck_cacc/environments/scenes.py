@@ -1,4 +1,4 @@
-"""A scene: where the trucks start and what leader, road and radar do, for a whole batch at once."""
+"""Scenes: initial states of the trucks and histories of leader, road and radar, for a whole batch."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ LATE_S = 0.2  # what a bus and the controllers behind it take at most
 class Scene:
     """Everything outside the ego truck: (batch,) initial values and (batch, T) histories over the path.
 
-    `gap_jump` moves the true gap (cut-in, cut-out) at the start of a step, `leader_speed_jump` the leader's
-    speed with it. `seen_gap_offset` and `seen_speed_offset` falsify what the radar says, `seen` False is a
-    dropout (NaN). `hidden_grade` is slope the truck feels and no sensor reports. Commands reach the truck
-    `command_delay` (batch,) steps late, as over a bus. Absent histories are None.
+    `gap_jump` changes the true gap (cut-in, cut-out) at the start of a step, `leader_speed_jump` the leader's
+    speed with it. `seen_gap_offset` and `seen_speed_offset` are errors of the radar, `seen` False is a
+    dropout (NaN). `hidden_grade` is a slope that acts on the truck and that no sensor reports. Commands reach
+    the truck `command_delay` (batch,) steps late, as over a bus. Absent histories are None.
 
-    With a `road` the grade is where the truck is, and `grade` is not used; of `known_road`, its map, the
-    controller sees what lies ahead.
+    With a `road` the grade is that at the truck's position, and `grade` is not used; the controller gets the
+    part of `known_road`, its map, that lies ahead.
     """
 
     leader_speed: Array
@@ -77,7 +77,8 @@ def graded(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene
 
 
 def moving(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """Moving leader and road together: 0.5 m/s2 sine with period 10..20 s, grade a slow walk within +-3 %."""
+    """Leader of varying speed on a graded road: 0.5 m/s2 sine with period 10..20 s, grade a slow random walk
+    within +-3 %."""
     scene = paper(rng, batch, steps, dt)
     t = dt * np.arange(steps)
     period = rng.uniform(10.0, 20.0, (batch, 1))
@@ -91,7 +92,8 @@ def moving(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene
 def rolling_road(
     rng: np.random.Generator, batch: int, steps: int, dt: float, speed: Array, limit: float = 0.03
 ) -> Array:
-    """Grade (batch, steps): two hills of 0.3..2 km wavelength met at the initial speed, within +-limit."""
+    """Grade (batch, steps) of two hills of 0.3..2 km wavelength, passed at the initial speed, within
+    +-limit."""
     distance = np.atleast_1d(speed)[:, None] * dt * np.arange(steps)
     grade = np.zeros((batch, steps))
     for share in (0.65, 0.35):
@@ -101,12 +103,13 @@ def rolling_road(
 
 
 def wide(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """Training mix past the paper: wider errors, moving leaders, hills, and trucks that are not as simulated.
+    """Training mix beyond the paper: larger errors, leaders of varying speed, hills, and trucks that differ
+    from the simulator.
 
-    A third of the rollouts is the paper's own scene, a tenth closes a wide gap; of the others each leader
-    drives sines, steps or brakes hard. Half have a radar that is noisy by up to 0.2 m and 0.1 m/s (sd).
-    The hidden slope (+-1 %) and the command gains (1/1.7..1.7) stand for what the simulator
-    does not know: payload, wind, a grade sensor's bias, a weaker engine.
+    A third of the rollouts is the paper's own scene, a tenth closes a wide gap; in the others the leader's
+    speed is a sine, has steps or includes hard braking. Half have a radar with noise of up to 0.2 m and 0.1
+    m/s (sd). The hidden slope (+-1 %) and the command gains (1/1.7..1.7) represent what the simulator does
+    not know: payload, wind, a grade sensor's bias, a weaker engine.
     """
     scene = moving(rng, batch, steps, dt)
     calm, off = rng.random(batch) < 1 / 3, rng.random(batch) < 0.3
@@ -138,7 +141,7 @@ def wide(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
 
 
 def late(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """`wide` over a bus: each truck has its commands between at once and LATE_S later."""
+    """`wide` with commands delayed by between 0 and LATE_S, constant for each truck, as over a bus."""
     scene = wide(rng, batch, steps, dt)
     return replace(scene, command_delay=delays(rng, batch, dt))
 
@@ -166,7 +169,7 @@ def _braking(rng: np.random.Generator, speed: Array, steps: int, dt: float) -> A
 
 
 def reach(scene: Scene) -> dict[str, tuple[float, float]]:
-    """Lowest and highest of each observed signal at the start of a scene (and of grade over it)."""
+    """Lowest and highest value of each observed signal at the start of a scene (and of grade over it)."""
     values = {
         "leader_speed": scene.leader_speed,
         "speed": scene.speed,

@@ -1,4 +1,4 @@
-"""The shield as a Gymnasium wrapper, in the form that users of control barrier functions know."""
+"""The shield as a Gymnasium wrapper with the interface of a control barrier function filter."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ Floats = NDArray[np.float32]
 
 
 class ShieldedEnv(gymnasium.Wrapper[Floats, NDArray[Any], Floats, NDArray[Any]]):
-    """`deeptruck/Cacc-v0` behind the shield of docs/cacc_shield.md: what is unsafe is filtered, not punished.
+    """`deeptruck/Cacc-v0` behind the shield of docs/cacc_shield.md: unsafe actions are filtered instead of
+    penalised.
 
     `info` of each step has three commands, each (2,) [engine, brake] in the interface's units:
 
-    - `u_nom`: nominal, what the action asks for,
-    - `u_safe`: filtered, what the shield lets through; reward and next observation are of this one,
-    - `u_applied`: what reached the truck, after the gain and delay of commands of the scene;
+    - `u_nom`: nominal, requested by the action,
+    - `u_safe`: filtered by the shield; reward and next observation result from this one,
+    - `u_applied`: the command at the truck, after the scene's command gain and delay;
 
-    and `shield_acted` (u_safe is not u_nom) and `shield_braking` (full braking is all that is safe).
+    and `shield_acted` (u_safe is not u_nom) and `shield_braking` (only full braking is safe).
 
-    The promise is the one given, else the one measured for a truck of this name, else the cautious default.
+    The promise is the given one, else the one measured for a truck of this name, else the cautious default.
     Raises InputError for an environment that is not CaccGymEnv, and for a truck without a brake command.
     """
 
@@ -47,12 +48,12 @@ class ShieldedEnv(gymnasium.Wrapper[Floats, NDArray[Any], Floats, NDArray[Any]])
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Start a path; the brakes count as cold."""
+        """Start a path with cold brakes."""
         self._shield.reset()
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: NDArray[Any]) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """One dt under what the shield makes of the action."""
+        """One dt under the filtered action."""
         scale, seen = self._cacc.scale, self._cacc.observe()
         nominal = scale.commands(np.asarray(action, float)[None])
         safe = np.column_stack(

@@ -1,4 +1,6 @@
-"""Evaluation: the paper's sets and field runs, harder roads, baselines, platoons; tables and figures."""
+"""Evaluation of controllers: the paper's scenes and field runs, harder roads, baselines, platoons; tables and
+figures.
+"""
 
 from typing import TYPE_CHECKING, Any
 

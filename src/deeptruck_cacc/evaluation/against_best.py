@@ -1,8 +1,8 @@
-"""A policy against the best of the baselines, scene by scene, with an interval over rollouts and seeds.
+"""Compares a policy with the best baseline, scene by scene, with intervals over rollouts and seeds.
 
-What counts in a rollout is its worst time-gap error after 10 s where the engine could have held the gap; in a
-scene their mean. The best baseline has the fewest crashes, then the least error. It is chosen on the rollouts
-on which it is compared, which favours it.
+The error of a rollout is its worst time-gap error after 10 s, over times at which the engine could have kept
+the gap; that of a scene is the mean over rollouts. The best baseline has the fewest crashes, then the least
+error. It is selected on the rollouts on which it is compared, which favours it.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ LEVEL = 0.95
 
 
 def against_best(results: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """By scene: policy and best baseline, each mean error (s) and crashes, and the mean difference, s, with
-    the ends of its interval. Scenes that no baseline drove, or nobody could hold, are not in it."""
+    """By scene: mean error (s) and crashes of the policy and of the best baseline, and the mean difference,
+    s, with its interval. Scenes that no baseline drove, or in which the gap could not be kept, are omitted.
+    """
     out: dict[str, dict[str, Any]] = {}
     for name, row in results["sets"].items():
         rows = {law: sets[name] for law, sets in results["baselines"].items() if EACH in sets.get(name, {})}
@@ -46,7 +47,8 @@ def against_best(results: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def interval(differences: Array) -> tuple[float, float]:
-    """Bootstrap interval of LEVEL for the mean of differences (seeds, rollouts); both are drawn anew."""
+    """Bootstrap interval of LEVEL for the mean of differences (seeds, rollouts); both dimensions are
+    resampled."""
     rng, (seeds, rollouts) = np.random.default_rng(0), differences.shape
     row = rng.integers(seeds, size=(DRAWS, seeds, 1))
     column = rng.integers(rollouts, size=(DRAWS, 1, rollouts))

@@ -1,4 +1,4 @@
-"""Figures in the form of the paper's."""
+"""Figures in the style of the paper."""
 
 from __future__ import annotations
 

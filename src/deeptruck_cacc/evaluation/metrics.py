@@ -1,4 +1,4 @@
-"""Numbers from rollouts."""
+"""Statistics of rollouts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ def over_time(values: Array) -> dict[str, Array]:
 
 
 def error(values: Array) -> dict[str, float]:
-    """What is left of an error, (T, batch): bias, sd, extremes, mean and worst magnitude, 99 % quantile."""
+    """Statistics of a residual error, (T, batch): bias, sd, extremes, mean and worst magnitude, 99 %
+    quantile."""
     size = np.abs(values)
     return {
         "mean": float(values.mean()),
@@ -43,7 +44,7 @@ def error(values: Array) -> dict[str, float]:
 
 
 def settling_time(trace: Trace, time_gap_s: float, speed: float) -> Array:
-    """Time after which both errors stay within their bounds, (batch,); inf where they never do."""
+    """Time after which both errors stay within their bounds, (batch,); inf if they never do."""
     outside = (np.abs(trace["time_gap_error"]) > time_gap_s) | (np.abs(trace["speed_error"]) > speed)
     last = len(outside) - 1 - np.argmax(outside[::-1], axis=0)
     last = np.where(outside.any(axis=0), last + 1, 0)
@@ -51,10 +52,10 @@ def settling_time(trace: Trace, time_gap_s: float, speed: float) -> Array:
 
 
 def within_reach(scene: Scene, pedals: PedalMap, dt: float, memory_s: float = 10.0) -> NDArray[np.bool_]:
-    """Where the truck could have held the time gap, (T, batch): a question to the scene, not to the policy.
+    """When the truck could have kept the time gap, (T, batch); depends on the scene and not on the policy.
 
-    The ideal follower v' = (v_leader - v) / Tg is within reach where it asks for no more than full engine
-    gives on that grade; what it could not reach counts for `memory_s` afterwards.
+    The ideal follower v' = (v_leader - v) / Tg is within reach if it needs no more than full engine power on
+    that grade; a phase that is out of reach also excludes the following `memory_s`.
     """
     pull = np.cumsum(scene.leader_acceleration.T, axis=0) * dt
     leader, speed = np.maximum(scene.leader_speed + pull, 0.0), scene.speed.copy()
@@ -72,8 +73,9 @@ def within_reach(scene: Scene, pedals: PedalMap, dt: float, memory_s: float = 10
 def summary(trace: Trace, reach: NDArray[np.bool_] | None = None) -> dict[str, Any]:
     """Errors after the paper's times, safety, comfort and fuel of a set of rollouts.
 
-    With `reach` (T, batch) also the worst time-gap error where the truck had the power to avoid it, its 99 %
-    quantile, the worst of each rollout, and in how many rollouts it stayed within 0.1 s.
+    With `reach` (T, batch) also the worst time-gap error at times when the truck had enough power to avoid
+    it, its 99 % quantile, the worst of each rollout, and the number of rollouts in which it stayed within 0.1
+    s.
     """
     late, steady = round(10.0 / trace.dt), round(25.0 / trace.dt)
     distance_km = float(trace["speed"].sum() * trace.dt / 1e3)

@@ -1,4 +1,4 @@
-"""What an evaluation writes, by name. Nothing here needs a figure or a truck."""
+"""Names and checks of an evaluation's output files; imports neither figures nor trucks."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def check(
     overwrite: bool = False,
     planner: str = "",
 ) -> None:
-    """Called before anything is driven. No torch. Raises InputError with all that cannot be: an `out` that
-    holds something else, or an evaluation without `overwrite`; a policy or simulator that is none, or that do
-    not fit one another; no seeds with `all_seeds`."""
+    """Check the arguments before anything is driven, without torch. Raises InputError with all errors: an
+    `out` that holds something else, or an evaluation without `overwrite`; a missing policy or simulator, or
+    two that do not fit; no seeds with `all_seeds`."""
 
     def policies() -> list[str]:
         return [str(path) for path in seed_folders(Path(policy))] if all_seeds else [policy]
@@ -64,13 +64,13 @@ def check(
 
 
 def check_dt(driver: Policy, dt: float) -> None:
-    """Raises InputError where a policy acts at other times than a simulator of step `dt` (s)."""
+    """Raises InputError if the time step of a policy differs from the simulator's `dt` (s)."""
     if abs(driver.dt - dt) > 1e-9:
         raise InputError(f"the policy acts every {driver.dt:g} s, the simulator steps by {dt:g} s")
 
 
 def seed_folders(policy: Path) -> list[Path]:
-    """The policies of every seed under `policy`. Raises InputError where it has none."""
+    """The policies of all seeds under `policy`. Raises InputError if there are none."""
     folders = sorted(p for p in (policy / "seeds").glob("*") if (p / "policy.json").exists())
     if not folders:
         raise InputError(

@@ -1,4 +1,4 @@
-"""All scenes, and the baselines in them, side by side: a row each, for the terminal and for the page."""
+"""Comparison of all scenes and baselines, one row each, for terminal and page."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PLATOON: Row = ("eight trucks", "speed amplification, worst", "at (Hz)")
 
 
 def rows(results: Mapping[str, Any]) -> list[Row]:
-    """A row a scene of the policy, then of each baseline that was driven."""
+    """One row per scene for the policy, then for each baseline that was driven."""
     scenes = dict(results["sets"])
     for law, sets in results.get("baselines", {}).items():
         scenes |= {f"{law}: {name}": numbers for name, numbers in sets.items()}
@@ -69,7 +69,7 @@ def _number(value: float | None, digits: int) -> str:
 
 
 def best_rows(results: Mapping[str, Any]) -> list[Row]:
-    """A row a scene: the policy, the best baseline, and how much worse the policy is."""
+    """One row per scene: the policy, the best baseline, and by how much the policy is worse."""
     return [
         (
             name,
@@ -86,7 +86,8 @@ def best_rows(results: Mapping[str, Any]) -> list[Row]:
 
 
 def platoon_rows(results: Mapping[str, Any]) -> list[Row]:
-    """Who drives all eight trucks, and by how much a truck at most enlarges the speed of the one before."""
+    """For each controller that drives all eight trucks, the largest amplification of speed from one truck to
+    the next."""
     out: list[Row] = []
     for driver, run in results.get("platoon", {}).items():
         most = max(run["worst_speed_amplification"])

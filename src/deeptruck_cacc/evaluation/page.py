@@ -1,4 +1,4 @@
-"""evaluation.html: how a policy drives, its numbers and figures on one page."""
+"""evaluation.html: numbers and figures of an evaluation on one page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ PICTURES = {
 
 
 def page(results: Mapping[str, Any], folder: Path) -> str:
-    """Three numbers and a picture first, then all scenes side by side; each scene and its figure folded."""
+    """The page: three numbers and a picture first, then all scenes in a table, and each scene with its
+    figure, collapsed."""
     scenes = results["sets"]
     about = f"Policy {results['policy']} on {results['simulator']}."
     shield = ["The shield stood before policy and baselines."] if results["shield"] else []
@@ -48,7 +49,8 @@ def page(results: Mapping[str, Any], folder: Path) -> str:
 
 
 def judgement(results: Mapping[str, Any]) -> str:
-    """Time-gap error, smallest gap and crashes over all scenes in one sentence, beside the ACC baseline."""
+    """One sentence on time-gap error, smallest gap and crashes over all scenes, compared with the ACC
+    baseline."""
     scenes = results["sets"]
     gap = f"{_mean_error(scenes):.3f} s"
     baseline = results.get("baselines", {}).get("acc")

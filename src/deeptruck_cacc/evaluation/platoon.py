@@ -1,4 +1,4 @@
-"""Platoons: each truck follows the one before it; how a disturbance grows or dies along the string."""
+"""Platoons: each truck follows the one before it; amplification of a disturbance along the string."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def drive(
 ) -> list[Trace]:
     """The traces of `trucks` trucks in a row behind the leader of `first`.
 
-    Followers do not act on those before them, so the trucks are driven one after the other, exactly.
-    Without V2V pass a `radar` generator: leader speed then carries 0.1 m/s and gap 0.2 m of noise (sd).
+    Followers do not affect the trucks before them, so simulating the trucks one after another is exact.
+    Without V2V pass a `radar` generator: leader speed then has 0.1 m/s and gap 0.2 m of noise (sd).
     """
     traces: list[Trace] = []
     scene = first
@@ -46,7 +46,7 @@ def drive(
 
 
 def behind(scene: Scene, trace: Trace) -> Scene:
-    """The scene of the truck behind the one that drove `trace` in `scene`, with a radar of its own."""
+    """The scene of a truck that follows the truck of `trace`, with its own radar noise."""
     speed = np.vstack([scene.speed, trace["speed"]]).T
     pull = np.diff(speed, axis=1) / trace.dt
     return replace(
@@ -73,11 +73,11 @@ def string_stability(
     """Amplification of speed and gap error from truck to truck at `frequencies` (n,), Hz, the worst of the
     string, and of speed from the leader to the last truck.
 
-    The leader's speed is a sine of `amplitude` m/s about `speed`; the response is read by its Fourier
-    coefficient over whole periods in the second half of the run. Gap errors start with truck 1, so theirs
-    compares 2..n. Without V2V each frequency is driven with `draws` of radar noise and the coefficients are
-    averaged: what a truck makes of its own radar's noise is no amplification of the truck before it. Eight
-    draws leave up to 0.01 of it beside an amplitude of 0.2 m/s, 64 a third of that.
+    The leader's speed is a sine of `amplitude` m/s about `speed`; the response is its Fourier coefficient
+    over whole periods in the second half of the run. Gap errors begin with truck 1, so their amplification
+    compares trucks 2..n. Without V2V each frequency is driven with `draws` of radar noise and the
+    coefficients are averaged, because a response to a truck's own radar noise is no amplification. Eight
+    draws leave a contribution of up to 0.01 at an amplitude of 0.2 m/s, 64 draws a third of that.
     """
     dt, steps = simulator.dt, round(200.0 / simulator.dt)
     t = dt * np.arange(steps)

@@ -1,4 +1,4 @@
-"""One evaluation: drive, measure, draw, write metrics.json."""
+"""Runs one evaluation: drives, measures, draws, and writes metrics.json."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Extent:
-    """What an evaluation drives and draws; see `evaluate`."""
+    """The scenes and figures of an evaluation; see `evaluate`."""
 
     rollouts: int = 100
     seed: int = 1000
@@ -73,14 +73,14 @@ def evaluate(
 ) -> dict[str, Any]:
     """Drive a policy and write `out`/metrics.json and figures; the metrics are returned as well.
 
-    Always: the paper's set, a moving leader on hills and the two field runs, by the policy and by every
-    baseline (on a pedal map of this simulator). `full` adds the scenes of hard_scenes.HARD, heavier and
-    lighter trucks where the simulator has a mass, recorded leaders where the data is present, and platoons.
-    `planner` is a simulator on which a planner plans, one more baseline.
-    `shield` puts the guard before policy and baselines, with a promise measured on the simulator.
-    `draw` False leaves the scenes' figures out; `say` is called with each step.
-    `out` is written as a whole or not at all, and replaces an older evaluation only with `overwrite`.
-    Raises InputError for an `out` that cannot be written, and a policy for another truck.
+    Always: the paper's set, a leader of varying speed on hills and the two field runs, by the policy and by
+    every baseline (on a pedal map of this simulator). `full` adds the scenes of hard_scenes.HARD, heavier and
+    lighter trucks if the simulator has a mass, recorded leaders if the data are present, and platoons.
+    `planner` is a simulator for a planner, as a further baseline. `shield` puts the guard after policy and
+    baselines, with a promise measured on the simulator. `draw` False omits the scenes' figures; `say` is
+    called with each step. `out` is written completely or not at all, and an older evaluation is replaced only
+    with `overwrite`. Raises InputError for an `out` that cannot be written, and for a policy of another
+    truck.
     """
     extent = Extent(rollouts, seed, shield, full, draw, say, planner)
     with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
@@ -136,10 +136,10 @@ def _evaluate(
 def evaluate_seeds(
     policy: str | Path, simulator: str, out: str | Path, *, overwrite: bool = False, **options: Any
 ) -> dict[str, Any]:
-    """`evaluate` for every policy under `policy`/seeds, each into `out`/K, and their worst together.
+    """Run `evaluate` for every policy under `policy`/seeds, each into `out`/K, and combine the worst results.
 
-    In 'sets', numbers of the worst seed for each entry; in 'seeds', what each seed reached. Raises
-    InputError where `policy` has no seeds.
+    'sets' has the numbers of the worst seed for each entry; 'seeds' the results of each seed. Raises
+    InputError if `policy` has no seeds.
     """
     folders = seed_folders(Path(policy))
     with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:

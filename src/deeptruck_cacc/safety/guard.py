@@ -1,4 +1,6 @@
-"""What the controller node runs: policy, tracker for missing radar, hand-over to a baseline, shield."""
+"""The guard that the controller node runs: policy, tracker for missing radar readings, hand-over to a
+baseline, shield.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Measure on a simulator what a Promise assumes of the truck: emergency stops from many states."""
+"""Measures on a simulator the truck capabilities that a Promise assumes, by emergency stops from many
+states.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,10 @@ PREPARE_S, STOP_S = 4.0, 14.0
 def measure(
     simulator: Simulator, *, worst_grade: float = -0.03, reserve: float = 0.05, base: Promise | None = None
 ) -> Promise:
-    """`base` with braking, response_s and the accelerations of this truck, each worse by the share `reserve`,
-    and the brake command that slows it down by `mild_braking`.
+    """`base` with braking, response_s and accelerations measured on this truck, each made worse by the share
+    `reserve`, and with the brake command that decelerates it by `mild_braking`.
 
-    Full braking from 4..30 m/s on the steepest descent meant, out of 0..4 s of idle, half and full engine,
+    Full braking from 4..30 m/s on the steepest descent covered, after 0..4 s of idle, half and full engine,
     so that boost, gear and shifts differ. Raises InputError for a truck that has no brake or does not brake.
     """
     if simulator.interface.brake_unit is None:
@@ -63,8 +65,8 @@ def measure(
 
 
 def bridged_time_gap(promise: Promise) -> float:
-    """Least time gap (s, by 0.1) from which a steady leader may vanish for `bridged_s` at 5 to 29 m/s without
-    braking beyond `mild_braking`. Raises InputError where 10 s do not suffice."""
+    """Smallest time gap (s, by 0.1) at which a steady leader may be lost for `bridged_s` at 5 to 29 m/s
+    without braking beyond `mild_braking`. Raises InputError if 10 s do not suffice."""
     speed: Array = np.arange(5.0, 30.0, dtype=float)
     for tenths in range(5, 101):
         hardest = hardest_braking_when_lost(promise, speed, tenths / 10, promise.bridged_s)
@@ -125,7 +127,7 @@ TABLE = Path(__file__).with_name("promises.json")
 
 
 def known(interface: TruckInterface) -> Promise | None:
-    """The promise kept for a truck of this name in promises.json, or None."""
+    """The promise stored for a truck of this name in promises.json, or None."""
     table = json.loads(TABLE.read_text())
     return Promise(**table[interface.name]) if interface.name in table else None
 

@@ -1,4 +1,4 @@
-"""Trainers. `train` picks one; both write the same policy directory."""
+"""Training: `train` calls one of two trainers; both write the same policy directory."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def train(
 ) -> MlpPolicy:
     """Train a policy on a simulator with 'analytic' or 'trpo' into the policy directory `out`; return it.
 
-    A run that dies leaves `files.unfinished(out)`, in which `resume` goes on; what it gives is what an
-    undisturbed run gives. `overwrite` replaces an older policy once the new one is whole. The analytic
-    trainer takes a deep truck's own gradient, and lends one to every other simulator. `source` names the
-    simulator in checkpoints and card; `progress(done, total, line)` is called each iteration. Imported on
-    use: torch stays out of a controller's process. Raises InputError as `check`, and where another run
-    trains into `out`.
+    An interrupted run leaves `files.unfinished(out)`, which `resume` continues with the same result as an
+    uninterrupted run. `overwrite` replaces an older policy once the new one is complete. The analytic trainer
+    uses a deep truck's own gradient, and an approximate one (`lent_gradient`) for every other simulator.
+    `source` names the simulator in checkpoints and card; `progress(done, total, line)` is called each
+    iteration. The trainer is imported on use, so that a controller's process does not load torch. Raises
+    InputError as `check` does, and if another run trains into `out`.
     """
     out, config = Path(out), config or default(trainer)
     if check(out, trainer=trainer, config=config, source=source, resume=resume, overwrite=overwrite):
@@ -92,9 +92,10 @@ def check(
 
 
 def check_place(out: Path, *, resume: bool = False, overwrite: bool = False) -> None:
-    """Whether a policy can be trained into `out`; with `resume` a finished one is left to `check`.
+    """Check that a policy can be trained into `out`; with `resume` a finished one is left to `check`.
 
-    Raises InputError for an older policy without `overwrite`, or an unfinished training without either.
+    Raises InputError for an older policy without `overwrite`, or an unfinished training without `resume` or
+    `overwrite`.
     """
     if resume and not begun(out) and (out / MANIFEST).exists():
         return
@@ -102,7 +103,7 @@ def check_place(out: Path, *, resume: bool = False, overwrite: bool = False) -> 
 
 
 def begun(out: Path) -> bool:
-    """Whether a training into `out` was stopped after its first checkpoint."""
+    """Whether an interrupted training into `out` has a checkpoint."""
     return POLICY.begun(out)
 
 

@@ -1,8 +1,8 @@
 """Training by the analytic gradient: back-propagation through windows of the differentiable truck.
 
-Read top to bottom: settings, one loop, validation, saving. Several seeds run in one batch; the best is
-chosen on validation rollouts over fresh scenes on the same simulator, never on the truck it will be tested
-on.
+In order: settings, the training loop, validation, saving. Several seeds run in one batch; the best is
+selected on validation rollouts over fresh scenes on the same simulator, never on the truck on which it will
+be tested.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ def train(
 ) -> MlpPolicy:
     """Train, keep the best seed in `out` and every seed in `out`/seeds/K, and return the best.
 
-    `simulator` needs `torch_module()`: a deep truck has it, `lent_gradient` lends it to any other.
+    `simulator` needs `torch_module()`: a deep truck has it, `lent_gradient` provides it for any other.
     `progress(done, total, line)` is called each iteration. Raises InputError for a simulator without
-    gradients, an unknown scene, or a foreign checkpoint.
+    gradients, an unknown scene, or a checkpoint of another run.
     """
     if not hasattr(simulator, "torch_module"):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Whether a training goes on with another: what both must have in common, and what differs if not."""
+"""Decides whether a training continues another one, by the properties that both must share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ CHECKPOINT = Path("checkpoint") / "state.safetensors"
 
 
 def identity_of(trainer: str, config: Any, source: str) -> dict[str, Any]:
-    """What a resumed run must have in common with the killed one; part of its checkpoints and cards."""
+    """The properties that a resumed run must share with the interrupted one; part of its checkpoints and
+    cards."""
     return {
         "trainer": trainer,
         "config": asdict(config),
@@ -31,9 +32,10 @@ def identity_of(trainer: str, config: Any, source: str) -> dict[str, Any]:
 
 
 def differences(stored: Mapping[str, Any], given: Mapping[str, Any]) -> str:
-    """In words, what `given` has other than the `stored` identity: 'seeds was 3, given 5'; '' for nothing.
+    """The differences between the `stored` identity and the one `given`, in words: 'seeds was 3, given 5'; ''
+    if there are none.
 
-    Checkpoints of earlier versions know nothing of trainer and simulator; theirs pass for the same.
+    Checkpoints of earlier versions do not store trainer and simulator, which then count as equal.
     """
     if stored.get("trainer", given["trainer"]) != given["trainer"]:
         return f"trainer was {stored['trainer']}, given {given['trainer']}"
@@ -50,7 +52,7 @@ def differences(stored: Mapping[str, Any], given: Mapping[str, Any]) -> str:
 
 
 def refuse_another(out: Path, differs: str) -> None:
-    """Raises InputError where anything differs."""
+    """Raises InputError if there are differences."""
     if differs:
         raise InputError(
             f"{out} is another run ({differs}); repeat that one, choose another --out, or begin anew with"
@@ -59,7 +61,7 @@ def refuse_another(out: Path, differs: str) -> None:
 
 
 def finished(out: Path, given: Mapping[str, Any]) -> bool:
-    """Whether `out` holds what `given` would train. Raises InputError where it holds only another run's."""
+    """Whether `out` holds the result of `given`. Raises InputError if it holds only that of another run."""
     if not (out / MANIFEST).exists():
         return False
     differs = differences(read_manifest(out).get("card", {}), given)
@@ -71,7 +73,7 @@ def finished(out: Path, given: Mapping[str, Any]) -> bool:
 
 
 def facts_of(draft: Path) -> dict[str, Any]:
-    """What the checkpoint says of its run, its tensors unread. Raises InputError where it is damaged."""
+    """The facts in a checkpoint, without its tensors. Raises InputError if it is damaged."""
     path = draft / CHECKPOINT
     try:
         with safe_open(path, "np") as file:
@@ -88,7 +90,8 @@ def _value(value: Any) -> str:
 
 
 def simulator_hash(path: str) -> str:
-    """SHA-256 over the files of a directory or an outside simulator, or over the name of a physics truck."""
+    """SHA-256 over the files of a simulator directory or an outside simulator, or over the name of a physics
+    truck."""
     digest = hashlib.sha256()
     if is_outside(path):
         return hashlib.sha256(json.dumps(refer(path).to_dict()).encode()).hexdigest()

@@ -1,8 +1,8 @@
-"""A gradient for simulators that have none: physics trucks and corrected trucks.
+"""Approximate gradients for simulators without gradients: physics trucks and corrected trucks.
 
-Every step is the simulator's own. Only the way back is lent by a simple truck: the simulator's calibrated
-pedal map behind a first-order lag, which starts every step from what the simulator really did. So its errors
-bend the gradient and do not add up along the path, and the cost that training lowers is the true one.
+Every forward step is the simulator's. Only the backward pass uses a simple truck: the simulator's calibrated
+pedal map and a first-order lag, started at every step from the simulator's true state. Its errors therefore
+affect the gradient but do not accumulate along the path, and training minimises the true cost.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LAG_S = 0.4  # of engine and brakes together; the gradient need not know it well
 
 
 class LentState(NamedTuple):
-    """The simulator's own state, and acceleration and speed (batch,) with their history."""
+    """The simulator's state, and acceleration and speed (batch,) with their gradient history."""
 
     inner: Any
     acceleration: Tensor
@@ -31,7 +31,7 @@ class LentState(NamedTuple):
 
 @dataclass(frozen=True)
 class LentGradient:
-    """A Simulator with the `torch_module()` that the analytic trainer asks for."""
+    """A Simulator with the `torch_module()` that the analytic trainer requires."""
 
     simulator: Simulator
 
@@ -40,7 +40,7 @@ class LentGradient:
 
     @property
     def interface(self) -> TruckInterface:
-        """The simulator's."""
+        """The interface of the simulator."""
         return self.simulator.interface
 
     def torch_module(self) -> LentModule:
@@ -49,12 +49,12 @@ class LentGradient:
 
 
 def with_gradient(simulator: Simulator) -> Simulator:
-    """The simulator itself where it is differentiable, else with a lent gradient."""
+    """The simulator if it is differentiable, else the simulator with an approximate gradient."""
     return simulator if hasattr(simulator, "torch_module") else LentGradient(simulator)
 
 
 class LentModule(torch.nn.Module):
-    """See LentGradient. u (batch, n_u), w (batch, n_w), y (batch, n_y), float32."""
+    """Module of LentGradient. u (batch, n_u), w (batch, n_w), y (batch, n_y), float32."""
 
     def __init__(self, simulator: Simulator) -> None:
         super().__init__()

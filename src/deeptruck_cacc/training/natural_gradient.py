@@ -1,6 +1,7 @@
-"""One trust-region step for a stack of Gaussian policies: natural gradient and line search, seed by seed.
+"""One trust-region step for a stack of Gaussian policies: natural gradient and line search, separately for
+each seed.
 
-The divergence is the mean over states and actions, as in sb3-contrib, where textbooks add the actions up.
+The divergence is the mean over states and actions, as in sb3-contrib; textbooks sum over actions.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ class Gaussian:
 def improve(
     policy: Gaussian, seen: Tensor, actions: Tensor, advantages: Tensor, some: Tensor, most_kl: float
 ) -> Gaussian:
-    """The policies after one step of at most `most_kl`; a seed for which no step is better stays.
+    """The policies after one step of at most `most_kl`; a seed without an improving step is unchanged.
 
-    seen (seeds, n, features), actions (seeds, n, 2), advantages (seeds, n); `some` (seeds, m) are the
-    states on which the curvature is taken.
+    seen (seeds, n, features), actions (seeds, n, 2), advantages (seeds, n); `some` (seeds, m) are the states
+    at which the curvature is computed.
     """
     old, inputs = policy.net.forward(policy.mean, seen)
     sd = policy.log_std.exp()[:, None]

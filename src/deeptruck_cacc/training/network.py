@@ -1,4 +1,4 @@
-"""Policies in torch: several seeds of the paper's MLP at once, with the same maps as the numpy policy."""
+"""Policies in torch: the paper's MLP for several seeds at once, with the same maps as the numpy policy."""
 
 from __future__ import annotations
 
@@ -80,10 +80,10 @@ class SeedBatch(torch.nn.Module):
 
     @torch.no_grad()
     def start_as_follower(self, pedals: PedalMap) -> None:
-        """Begin as what a textbook would write down, so that no seed must find following by chance.
+        """Initialise the policies as a simple following law, so that no seed must find following by chance.
 
-        The first unit of each layer carries the wanted power to the engine, the second the wanted
-        acceleration to the brake, both as the pedal map has them between 8 and 24 m/s.
+        The first unit of each layer carries the required power to the engine, the second the required
+        acceleration to the brake, both as in the pedal map between 8 and 24 m/s.
         """
         if not self.features.power:
             return
@@ -102,7 +102,7 @@ class SeedBatch(torch.nn.Module):
         self.biases[-1][:, :, 1] = float(coast.mean()) / braking
 
     def start(self, rows: int) -> Tensor:
-        """Memory before the first observation, (rows, memory)."""
+        """Initial memory, (rows, memory)."""
         return torch.tensor(self.features.start(rows), dtype=torch.float32)
 
     def forward(self, signals: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
@@ -122,7 +122,7 @@ class SeedBatch(torch.nn.Module):
         return action, memory
 
     def observe(self, signals: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """FeatureMap in torch."""
+        """FeatureMap in torch: features and next memory."""
         f, track = self.features, memory[:, 6:]
         if f.radar:
             signals, track = _filtered(f.radar, signals, track)
@@ -172,8 +172,8 @@ class SeedBatch(torch.nn.Module):
         return torch.stack(columns, dim=1)
 
     def asked(self, action: Tensor) -> tuple[Tensor, Tensor]:
-        """What an action asks of engine and brake, shares of their reach; the brake's dead half leads its
-        gradient back."""
+        """Engine and brake shares of their ranges that an action requests; in the brake's inactive half the
+        gradient points back to the active one."""
         brake: Tensor = _ClipInward.apply(action[:, 1], 0.0, 1.0)  # type: ignore[no-untyped-call]
         return (action[:, 0] + 1) / 2, brake
 

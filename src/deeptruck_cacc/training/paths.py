@@ -1,4 +1,4 @@
-"""Batches of paths for many seeds at once, and what they say about actions."""
+"""Batches of paths for many seeds at once, and advantages of their actions."""
 
 from __future__ import annotations
 
@@ -47,15 +47,14 @@ def drive(
 
 
 def draw(rngs: list[np.random.Generator], count: int, share: float) -> Tensor:
-    """Some of `count` states of every seed in random order, (seeds, n)."""
+    """`count` states of every seed in random order, (seeds, n)."""
     some = [rng.choice(count, max(1, round(share * count)), replace=False) for rng in rngs]
     return torch.from_numpy(np.stack(some))
 
 
 def advantage(rewards: Tensor, values: Tensor, gamma: float, gae_lambda: float) -> Tensor:
-    """Generalised advantage (..., T) of rewards (..., T) and values (..., T + 1) of paths that are cut, not
-    ended.
-    """
+    """Generalised advantage (..., T) of rewards (..., T) and values (..., T + 1) of paths that are truncated
+    and not terminated."""
     errors = rewards + gamma * values[..., 1:] - values[..., :-1]
     out = torch.empty_like(errors)
     after = torch.zeros_like(errors[..., 0])

@@ -1,4 +1,4 @@
-"""What every training run leaves behind: checkpoint, learning curve, TensorBoard, model card."""
+"""Records of a training run: checkpoint, learning curve, TensorBoard, model card."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from deeptruck_model.progress_bar import board
 
 
 def save_checkpoint(out: Path, tensors: dict[str, Tensor], facts: dict[str, Any]) -> None:
-    """Tensors and plain facts in one file, so that a kill leaves either the old checkpoint or the new one."""
+    """Write tensors and facts to one file, so that a kill leaves either the old checkpoint or the new one."""
     whole = {name: t.detach().contiguous() for name, t in tensors.items()}
     content = to_bytes(whole, {"facts": json.dumps(facts)})
     files.write(out / CHECKPOINT, content, GO_ON)
 
 
 def load_checkpoint(out: Path, identity: dict[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
-    """The last checkpoint under `out`, or None. Raises InputError for a damaged or a foreign one."""
+    """The last checkpoint under `out`, or None. Raises InputError for a damaged one or one of another run."""
     path = out / CHECKPOINT
     if not path.exists():
         return None
@@ -69,7 +69,7 @@ def git_hash() -> str:
 
 
 class Log:
-    """TensorBoard scalars under `out`/tensorboard and the same numbers in learning_curve.jsonl."""
+    """Writes TensorBoard scalars to `out`/tensorboard and the same numbers to learning_curve.jsonl."""
 
     def __init__(self, out: Path, start: int) -> None:
         out.mkdir(parents=True, exist_ok=True)
@@ -79,7 +79,7 @@ class Log:
         self._path.write_text("".join(line + os.linesep for line in kept))
 
     def write(self, iteration: int, values: dict[str, Any]) -> None:
-        """One line and one point each; of a list (a value for each seed) the mean is charted."""
+        """Write one line and one point of each value; for lists (one value per seed) the mean is charted."""
         try:
             with self._path.open("a") as file:
                 file.write(json.dumps({"iteration": iteration, **values}) + "\n")

@@ -1,9 +1,9 @@
-"""What a path was expected to return from each of its states: what an action is compared with in TRPO.
+"""Baselines of TRPO: the expected return from each state of a path, with which an action is compared.
 
-`linear` is least squares on returns, whatever their size, as in RLLab, with which the paper trained. RLLab
-takes the batch before (`linear-before`); after a crash in that one it misses by many times what it explains,
-so ours takes the batch itself: a dozen weights of 20,000 steps. `network` is sb3-contrib's, whose steps of
-fixed length returns of thousands leave behind.
+`linear` is a least-squares fit to returns of any size, as in RLLab, with which the paper trained. RLLab fits
+it to the previous batch (`linear-before`); after a crash in that batch its error is many times what it
+explains, so ours is fitted to the current batch: a dozen weights to 20,000 steps. `network` is that of
+sb3-contrib, whose fixed step size is too slow for returns of several thousand.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ FEATURE_REACH, TIME_STEPS, RIDGE = 10.0, 100.0, 1e-5  # RLLab's
 
 
 class Baseline(Protocol):
-    """Values of the states of every seed."""
+    """Value function for the states of every seed."""
 
     def values(self, seen: Tensor, rewards: Tensor) -> Tensor:
         """Expected returns (seeds, environments, T + 1) from observed features (.., T + 1, features) and
         rewards (.., T)."""
 
     def learn(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
-        """From the targets of TD(lambda), (seeds, environments, T), once the policy has changed."""
+        """Fit to the TD(lambda) targets, (seeds, environments, T), after the policy was updated."""
 
     def tensors(self) -> dict[str, Tensor]:
-        """What a resumed run needs."""
+        """The state that a resumed run needs."""
 
     def restore(self, tensors: dict[str, Tensor]) -> None:
         """Inverse of `tensors`."""
 
 
 def baseline(config: TrpoConfig, width: int, generators: list[torch.Generator]) -> Baseline:
-    """The one that the settings name, for states of `width` features."""
+    """The baseline selected by the settings, for states of `width` features."""
     if config.baseline == "network":
         return Network(config, width, generators)
     weights = torch.zeros(len(generators), 2 * width + 4, 1, dtype=torch.float64)
@@ -48,16 +48,16 @@ def baseline(config: TrpoConfig, width: int, generators: list[torch.Generator]) 
 
 
 class Linear:
-    """Features, their squares and time to the third power, fitted to discounted returns.
+    """Linear in the features, their squares and time to the third power, fitted to discounted returns.
 
-    Time belongs to it: a path ends at its last step, so late steps have less left to return.
+    Time is a feature because a path ends at its last step, so that less return remains later.
     """
 
     def __init__(self, gamma: float, weights: Tensor, *, before: bool) -> None:
         self.gamma, self.weights, self.before = gamma, weights, before
 
     def values(self, seen: Tensor, rewards: Tensor) -> Tensor:
-        """Zero at the end of a path."""
+        """Expected returns; zero at the end of a path."""
         terms = _terms(seen)
         fitted = self._fitted(terms[:, :, :-1].flatten(1, 2), rewards)
         weights, self.weights = self.weights if self.before else fitted, fitted
@@ -72,7 +72,7 @@ class Linear:
         return torch.linalg.solve(square, terms.transpose(1, 2) @ returns)
 
     def learn(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
-        """Nothing: returns are all it needs."""
+        """Does nothing; `values` fits the returns."""
 
     def tensors(self) -> dict[str, Tensor]:
         """The weights."""
@@ -84,7 +84,7 @@ class Linear:
 
 
 class Network:
-    """The policy's own shape, by Adam on the squared error over shuffled pieces of the batch."""
+    """A network of the policy's shape, trained by Adam on the squared error over shuffled minibatches."""
 
     def __init__(self, config: TrpoConfig, width: int, generators: list[torch.Generator]) -> None:
         self.config, self.net = config, StackedMlp((width, *HIDDEN, 1))
@@ -92,11 +92,11 @@ class Network:
         self.adam = torch.optim.Adam([self.parameters], lr=config.value_rate)
 
     def values(self, seen: Tensor, rewards: Tensor) -> Tensor:
-        """As the network has it; the end of a path is a state like others."""
+        """Output of the network, also at the end of a path."""
         return self.net.forward(self.parameters, seen.flatten(1, 2))[0].view(seen.shape[:3])
 
     def learn(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
-        """Some passes over a share of the states, drawn anew for each."""
+        """A few epochs over a random share of the states, redrawn each time."""
         c, rows = self.config, torch.arange(len(seen))[:, None]
         states, wanted = seen[:, :, :-1].flatten(1, 2), targets.flatten(1)
         for _ in range(c.value_passes):
@@ -108,7 +108,7 @@ class Network:
                 self.adam.step()
 
     def tensors(self) -> dict[str, Tensor]:
-        """Parameters, and the optimiser's memory."""
+        """Parameters and the optimiser's state."""
         return {"value": self.parameters} | progress.adam_tensors(self.adam)
 
     def restore(self, tensors: dict[str, Tensor]) -> None:

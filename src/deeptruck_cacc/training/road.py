@@ -19,7 +19,8 @@ from deeptruck_model.simulators import Simulator
 
 
 class Traffic(NamedTuple):
-    """State of a batch between windows; `truck` is the simulator's own, `sent` what is on its way to it."""
+    """State of a batch between windows; `truck` is the simulator's state, `sent` the commands that have not
+    yet arrived."""
 
     k: int
     truck: Any
@@ -31,7 +32,7 @@ class Traffic(NamedTuple):
 
 
 class Window(NamedTuple):
-    """What a window cost each row and how it went, each (rows,) or (steps, rows)."""
+    """Cost of a window for each row, and its trajectories, each (rows,) or (steps, rows)."""
 
     cost: Tensor
     time_gap_error: Tensor
@@ -44,7 +45,7 @@ class Window(NamedTuple):
 
 @dataclass
 class Road:
-    """One batch of scenes, driven by a SeedBatch over simulator.torch_module()."""
+    """A batch of scenes, driven by a SeedBatch over simulator.torch_module()."""
 
     simulator: Simulator
     reward: Reward
@@ -73,7 +74,7 @@ class Road:
         return Traffic(0, self.module.reset(y0), speed, gap, policy.start(scene.batch), idle, ())
 
     def drive(self, scene: Scene, policy: SeedBatch, state: Traffic, steps: int) -> tuple[Traffic, Window]:
-        """`steps` steps from `state`; gradients reach the policy through every one of them."""
+        """Drive `steps` steps from `state`; gradients reach the policy through all of them."""
         leader, ideal, seen, felt, time_gap, gain = self._given(scene)
         gap_noise, speed_noise = self._radar(scene)
         low, high = (torch.tensor(x) for x in policy.scale.limits)
@@ -173,7 +174,7 @@ def _arrived(commands: Tensor, sent: tuple[Tensor, ...], delay: Tensor) -> tuple
 
 
 def detach(state: Any) -> Any:
-    """The same state without its history, whatever tuples and tensors it is made of."""
+    """The same state without gradient history; any nesting of tuples and tensors."""
     if isinstance(state, Tensor):
         return state.detach()
     if isinstance(state, tuple):

@@ -1,4 +1,4 @@
-"""Settings of the trainers, and what they may be: refused before anything is driven or written. No torch."""
+"""Settings of the trainers and their limits, checked before anything is driven or written. Needs no torch."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BaselineName = Literal["linear", "linear-before", "network"]
 
 @dataclass(frozen=True)
 class AnalyticConfig:
-    """Settings of a run."""
+    """Settings of an analytic training run."""
 
     seed: int = 0
     """first seed; the others follow"""
@@ -61,7 +61,7 @@ class AnalyticConfig:
 
 @dataclass(frozen=True)
 class TrpoConfig:
-    """Settings of a run. The paper gives batch, path, discount and network; the others are ours."""
+    """Settings of a TRPO run. Batch, path, discount and network are the paper's; the others are ours."""
 
     seed: int = 0
     """first seed, of network, exploration and scenes; the others follow"""
@@ -114,13 +114,14 @@ Config = AnalyticConfig | TrpoConfig
 
 
 def settled(config: AnalyticConfig) -> AnalyticConfig:
-    """The config with its default learning rate in place of 0."""
+    """The config with the default learning rate if it is 0."""
     rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)
     return replace(config, learning_rate=rate)
 
 
 def check(config: Config, limits: Mapping[str, tuple[float, float]]) -> None:
-    """Raises InputError for settings outside their (least, most) and an unknown scene, all in one line."""
+    """Raises InputError for settings outside their (least, most) limits and an unknown scene, all in one
+    line."""
     values = asdict(config)
     wrong = [
         _outside(name, values[name], *reach)

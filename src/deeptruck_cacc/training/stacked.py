@@ -1,7 +1,7 @@
-"""Networks of several seeds as one: stacked MLPs with their derivatives by hand, on flat parameter vectors.
+"""MLPs of several seeds as one stack, with explicit derivatives, on flat parameter vectors.
 
-A natural gradient needs the same products with the Jacobian many times over; written out, they cost two
-matrix products a layer and no graph.
+A natural gradient needs the same products with the Jacobian many times; explicit derivatives cost two matrix
+products per layer and need no graph.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class StackedMlp:
         return out
 
     def forward(self, parameters: Tensor, x: Tensor) -> tuple[Tensor, list[Tensor]]:
-        """Outputs (seeds, n, out), and the inputs of every layer for the derivatives."""
+        """Outputs (seeds, n, out), and the inputs of every layer, which the derivatives need."""
         inputs, layers = [], self.layers(parameters)
         for k, (weight, bias) in enumerate(layers):
             inputs.append(x)
@@ -51,7 +51,7 @@ class StackedMlp:
         return x, inputs
 
     def push(self, parameters: Tensor, inputs: list[Tensor], change: Tensor) -> Tensor:
-        """How outputs change with parameters along `change` (seeds, size): the Jacobian times it."""
+        """Jacobian-vector product: change of the outputs for the parameter change `change` (seeds, size)."""
         moved: Tensor | None = None
         pairs = list(zip(self.layers(parameters), self.layers(change), strict=True))
         for k, ((weight, _), (d_weight, d_bias)) in enumerate(pairs):
@@ -63,7 +63,8 @@ class StackedMlp:
         return moved
 
     def pull(self, parameters: Tensor, inputs: list[Tensor], back: Tensor) -> Tensor:
-        """Gradient (seeds, size) of what has the gradient `back` (seeds, n, out) at the outputs."""
+        """Vector-Jacobian product: parameter gradient (seeds, size) for the output gradient `back` (seeds, n,
+        out)."""
         parts: list[Tensor] = []
         layers = self.layers(parameters)
         for k in range(len(layers) - 1, -1, -1):

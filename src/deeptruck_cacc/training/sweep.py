@@ -1,4 +1,4 @@
-"""Train over a grid of settings and seeds, in processes or on a Ray cluster, and rank what comes out."""
+"""Trains policies over a grid of settings and seeds, in processes or on a Ray cluster, and ranks them."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def sweep(
     overwrite: bool = False,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
-    """Train every combination of `grid` (setting: values) into a folder of its own; best validation first.
+    """Train every combination of `grid` (setting: values) into its own folder; best validation first.
 
-    Writes `out`/sweep.json and sweep.md. `simulator` is a path for simulators.load, which every worker must
-    reach. A sweep that dies leaves `files.unfinished(out)`, in which `resume` goes on; a combination whose
-    worker was killed goes on by itself; see `sweeps.run` for `workers` and `engine`. Raises InputError as
-    `check`, and without Ray where it is the engine.
+    Writes `out`/sweep.json and sweep.md. `simulator` is a path for simulators.load that every worker can
+    access. An interrupted sweep leaves `files.unfinished(out)`, which `resume` continues; a combination whose
+    worker was killed is continued automatically; see `sweeps.run` for `workers` and `engine`. Raises
+    InputError as `check` does, and if Ray is selected but not installed.
     """
     out = Path(out).absolute()
     chosen = check(simulator, out, grid, trainer=trainer, resume=resume, overwrite=overwrite)
@@ -64,7 +64,7 @@ def check(
     resume: bool = False,
     overwrite: bool = False,
 ) -> dict[str, Settings]:
-    """What will be trained, by the name of its folder; called before anything is loaded. No torch.
+    """The settings to train, by folder name; called before anything is loaded, without torch.
 
     Raises InputError for an unknown trainer, setting or value (all of them in one line), an older sweep
     without `overwrite`, and an unfinished one without `resume` or `overwrite`, or of another simulator.

@@ -1,10 +1,9 @@
-"""TRPO in the paper's setting, for any number of seeds: all their trucks in one batch, all their networks in
-one stack.
+"""TRPO in the paper's setting, for any number of seeds: all trucks in one batch, all networks in one stack.
 
 Batches of 20,000 steps, paths of 800, gamma 0.9999, a Gaussian over an MLP of 3 x 25. Whole returns are
-compared with a linear baseline (return_baselines.py). The curvature is that of a random share of the states,
-as the TRPO paper has it: neighbours a tenth of a second apart say much the same. The trust region falls along
-a line to nothing, so that the end is kept. A seed's result does not depend on the other seeds.
+compared with a linear baseline (return_baselines.py). The curvature is computed on a random share of the
+states, as in the TRPO paper, because states a tenth of a second apart are similar. The trust region decreases
+linearly to zero, so that the final policy is kept. A seed's result does not depend on the other seeds.
 """
 
 from __future__ import annotations
@@ -46,9 +45,9 @@ def train(
 ) -> MlpPolicy:
     """Train every seed, keep each at its best validation in `out`/seeds/K and the best of them in `out`.
 
-    `reward` gives way to `Reward.paper()` where the config asks for the printed one.
-    Each iteration begins with fresh paths and its own random numbers, so a resumed run equals an unbroken
-    one. Raises InputError for an unknown scene or a foreign checkpoint.
+    `Reward.paper()` replaces `reward` if the config selects the printed one. Each iteration begins with fresh
+    paths and its own random numbers, so a resumed run equals an uninterrupted one. Raises InputError for an
+    unknown scene or a checkpoint of another run.
     """
     paid = Reward.paper() if config.printed_reward else reward
     return _Run(simulator, Path(out), config, paid, source).train(resume, progress)

@@ -1,4 +1,4 @@
-"""Validation during training: fresh scenes on the simulator it trains on, never on the test truck."""
+"""Validation during training: fresh scenes on the simulator used for training, never on the test truck."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ SETTLED_S, STEADY_S = 10.0, 25.0  # the paper's times for the time gap and for t
 def exam(seed: int, dt: float, *, copies: int = 1, late: bool = False) -> Scene:
     """40 paths of 40 s, the same rows `copies` times.
 
-    16 are the paper's, 16 moving leaders on hills, 8 close a gap; half of each with command gains that no
-    one sees. With `late` commands come with the delays of scene `late`.
+    16 are the paper's, 16 have leaders of varying speed on hills, 8 close a gap; half of each have unobserved
+    command gains. With `late`, commands have the delays of scene `late`.
     """
     rng = np.random.default_rng([seed, 2**31])
     drawn = ((scenes.paper, 16), (scenes.moving, 16), (gap_closing, 8))
@@ -42,10 +42,10 @@ def exam(seed: int, dt: float, *, copies: int = 1, late: bool = False) -> Scene:
 
 
 def scores(scene: Scene, dt: float, time_gap_error: Array, speed_error: Array, crashed: Array) -> Array:
-    """Score of each row, worst over time; smaller is better. Errors (T, rows), crashed (rows,).
+    """Score of each row, its worst value over time; smaller is better. Errors (T, rows), crashed (rows,).
 
-    Time-gap error (s) after 10 s, and after 25 s the speed error (m/s) behind steady leaders: behind a
-    moving one a speed error of Tg a is what holding the time gap takes. A crash adds 10.
+    The time-gap error (s) after 10 s, and the speed error (m/s) after 25 s behind steady leaders: behind a
+    leader of varying speed, keeping the time gap requires a speed error of Tg a. A crash adds 10.
     """
     steady = ~np.any(scene.leader_acceleration, axis=1)
     worst = np.abs(time_gap_error[round(SETTLED_S / dt) :]).max(axis=0)
