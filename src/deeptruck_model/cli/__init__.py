@@ -1,4 +1,4 @@
-"""`deeptruck-model`: the console script. Commands live beside this file, one module for each room."""
+"""`deeptruck-model`: the console script. The modules in this folder hold its commands."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ SEVERAL = ("--recordings", "--held-out")  # options that take a list: --recordin
 
 
 def spread(arguments: list[str]) -> list[str]:
-    """`--recordings A B` and `--recordings=A B` as `--recordings=A --recordings=B`, which the parser knows.
+    """`--recordings A B` and `--recordings=A B` as `--recordings=A --recordings=B`, which the parser
+    understands.
 
-    One without a value stays empty, and is refused as such.
+    An option without a value stays without one, so that the parser refuses it.
     """
     out: list[str] = []
     current = ""
@@ -47,7 +48,7 @@ def spread(arguments: list[str]) -> list[str]:
 
 @functools.cache
 def whole() -> typer.Typer:
-    """`app` with all commands, registered once however often a process runs one."""
+    """`app` with all commands, registered only once per process."""
     from deeptruck_model.cli import comparing, data, deep, fleet, mismatch, new, simulators
 
     for module in (data, comparing, deep, simulators, new, mismatch, fleet):

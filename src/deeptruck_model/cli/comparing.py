@@ -1,4 +1,4 @@
-"""`deeptruck-model compare`: recordings, simulators and policies side by side."""
+"""`deeptruck-model compare`: compares recordings, simulators and policies."""
 
 from __future__ import annotations
 

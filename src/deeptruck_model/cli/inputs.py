@@ -1,4 +1,4 @@
-"""Inputs of the deep truck's commands: bags, and a simulator directory."""
+"""Inputs of the commands for deep trucks: bags, and a simulator directory."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ MessageFiles = Annotated[
 
 
 def present(*paths: Path, cure: str = "") -> None:
-    """Raises InputError for a missing path, before libraries are loaded that take seconds."""
+    """Raises InputError for a missing path, before slow imports."""
     for path in paths:
         if not path.exists():
             raise InputError(f"{path} does not exist{cure}")
 
 
 def deep_truck(simulator: str) -> DeepTruck:
-    """The deep truck in a simulator directory, which `checks.deep_simulator` looked at before."""
+    """The deep truck in a simulator directory that `checks.deep_simulator` has checked."""
     from deeptruck_model import simulators
     from deeptruck_model.deep import DeepTruck
 
@@ -65,7 +65,7 @@ def deep_truck(simulator: str) -> DeepTruck:
 
 
 def mapped(topic_map: Path | None) -> Mapped | None:
-    """The topic map, None without one. Raises InputError where the file is missing or no topic map."""
+    """The topic map, None without one. Raises InputError if the file is missing or no topic map."""
     if topic_map is None:
         return None
     from deeptruck_model.recordings.topic_map import facts
@@ -79,7 +79,8 @@ def read(
     clock: Clock | None = None,
     msg: list[Path] | None = None,
 ) -> list[Recording]:
-    """The recordings of all bags, in their order; shows their accounts. Raises InputError as `read` does."""
+    """The recordings of all bags, in the order of the bags; prints their accounts. Raises InputError as
+    `read` does."""
     from deeptruck_model.recordings import read_all
 
     recordings = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ())
@@ -88,7 +89,7 @@ def read(
 
 
 def show_accounts(recordings: Iterable[Recording]) -> None:
-    """On stderr, what was set aside or remarked when the recordings were read, once for each source."""
+    """Print omitted samples and remarks of the readers on stderr, once for each source."""
     for account in {id(r.account): r.account for r in recordings if r.account is not None}.values():
         if account.total.left_out or account.remarks or any(account.channel_lines()):
             for line in account.lines():

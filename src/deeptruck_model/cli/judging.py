@@ -1,4 +1,4 @@
-"""`deeptruck-model evaluate` and `calibrate`: a simulator beside recordings."""
+"""`deeptruck-model evaluate` and `calibrate`: a simulator compared with recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`deeptruck-model new`: a physics truck of one's own from a data sheet, typed in or read from a file."""
+"""`deeptruck-model new`: a user's physics truck from a data sheet, typed in or read from a file."""
 
 from __future__ import annotations
 

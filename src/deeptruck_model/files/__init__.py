@@ -1,7 +1,7 @@
-"""The one rule of every command that writes: whole or not there, and nothing of the user's is lost.
+"""Output files of all commands: a result is complete or absent, and no file of the user is lost.
 
-`results` is the rule for folders, `ledger` says whose each file is, `lock` holds a folder for one run,
-`places` names what is unfinished, `single` writes one file. Standard library only.
+`results` writes folders, `ledger` records who wrote each file, `lock` holds a folder for one run, `places`
+names unfinished work, `single` writes one file. Standard library only.
 """
 
 from deeptruck_model.files.ledger import LEDGER, check_new, check_outside, is_as_written, renew, rewrite

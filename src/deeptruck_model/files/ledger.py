@@ -2,8 +2,8 @@
 
     {"what": "a mismatch result", "files": {"verdict.json": {"bytes": 1234, "sha256": "..."}}}
 
-A listed file with other content is the user's. While a command works in the folder, `at_work` is true or the
-prints are null: there a file is known by its name.
+A listed file with other content belongs to the user. While a command works in the folder, `at_work` is true
+or size and hash are null; files are then identified by name.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ Print = dict[str, Any]  # of a file: its bytes and its sha256
 
 @dataclass(frozen=True)
 class Ledger:
-    """What a folder is, and the print of each file; None for one that is known by its name only.
+    """The command that made a folder, and size and hash of each file; None for a file that is identified by
+    name only.
 
-    While the command is `at_work`, its files are those that `Result.names` says, and `prints` are of files
-    that it writes more than once.
+    While the command is `at_work`, its files are those in `Result.names`, and `prints` are those of files
+    that it writes repeatedly.
     """
 
     what: str
@@ -38,31 +39,31 @@ class Ledger:
 
     @property
     def files(self) -> Mapping[str, Print | None] | None:
-        """The files that the folder consists of; None where that is not known yet."""
+        """The files of the folder; None if not yet known."""
         return None if self.at_work else self.prints
 
     @property
     def whole(self) -> bool:
-        """Whether the content of the files is known, as of a folder that was finished."""
+        """Whether size and hash of all files are known, as for a finished folder."""
         return not self.at_work and any(self.prints.values())
 
     def changed(self, folder: Path) -> str | None:
-        """The first listed file in `folder` that is not as it was written; None where there is none."""
+        """The first listed file in `folder` that differs from what was written; None if there is none."""
         known = ((name, one) for name, one in (self.files or {}).items() if one and (folder / name).is_file())
         return next((name for name, one in known if print_of(folder / name) != one), None)
 
     def to_bytes(self) -> bytes:
-        """The content of its file."""
+        """The content of the ledger's file."""
         content = {"what": self.what, "files": self.prints} | ({"at_work": True} if self.at_work else {})
         return (json.dumps(content, indent=1) + "\n").encode()
 
     def put(self, folder: Path) -> None:
-        """Write it into a folder. Raises InputError where that fails."""
+        """Write the ledger into a folder. Raises InputError if that fails."""
         write(folder / LEDGER, self.to_bytes())
 
 
 def read(folder: Path) -> Ledger | None:
-    """The ledger in `folder`; None where there is none that can be read."""
+    """The ledger in `folder`; None if there is no readable one."""
     path = folder / LEDGER
     try:
         if path.is_symlink() or not path.is_file():
@@ -89,21 +90,21 @@ def prints_of(folder: Path, names: Iterable[str]) -> dict[str, Print | None]:
 
 
 def listed_inside(folder: Path) -> set[str]:
-    """The files that ledgers further inside a folder list, and these ledgers, relative to it."""
+    """The files listed by ledgers in subfolders, and these ledgers, as paths relative to the folder."""
     inner = ((p.parent, read(p.parent)) for p in folder.rglob(LEDGER) if p.parent != folder)
     listed = ((place, (*known.files, LEDGER)) for place, known in inner if known and known.files is not None)
     return {(place / name).relative_to(folder).as_posix() for place, names in listed for name in names}
 
 
 def is_as_written(path: Path) -> bool:
-    """Whether the ledger of a finished folder knows this file as it is."""
+    """Whether a finished folder's ledger lists this file with its present content."""
     known = read(path.absolute().parent)
     listed = (known.files or {}).get(path.name) if known is not None else None
     return listed is not None and listed == print_of(path)
 
 
 def renew(path: Path) -> None:
-    """Update the ledgers above a file that this tool has changed. Raises InputError where that fails."""
+    """Update the ledgers above a file that this tool has changed. Raises InputError if that fails."""
     changed = [path.absolute()]  # and the ledgers that list it, which those further up list too
     for folder in path.absolute().parents:
         known = read(folder)
@@ -114,8 +115,9 @@ def renew(path: Path) -> None:
 
 
 def rewrite(path: Path, content: bytes) -> None:
-    """Write a file of work that goes on. What stands there and is not as this command left it is the user's:
-    it is kept beside the folder, which is printed. Raises InputError where it cannot be written."""
+    """Write a file of unfinished work. An existing file that this command did not leave in its present state
+    belongs to the user: it is moved next to the folder, and a message is printed. Raises InputError if the
+    file cannot be written."""
     known = read(path.parent)
     known = known if known is not None and known.at_work else None
     last = known.prints.get(path.name) if known else None
@@ -128,14 +130,14 @@ def rewrite(path: Path, content: bytes) -> None:
 
 
 def check_new(path: Path) -> None:
-    """Raises InputError where the single file `path` exists, cannot be written, or would be new in a finished
-    result; nothing is touched."""
+    """Raises InputError if the single file `path` exists, cannot be written, or would be added to a finished
+    result; nothing is changed."""
     check_free(path)
     check_outside(path, RENAME)
 
 
 def check_outside(path: Path, elsewhere: str = ELSEWHERE) -> None:
-    """Raises InputError where `path` is a part of a finished result, or would be something new in one."""
+    """Raises InputError if `path` is a part of a finished result, or would be added to one."""
     place = path.absolute()
     for folder in place.parents:
         known, inside = read(folder), place.relative_to(folder).as_posix()

@@ -1,4 +1,4 @@
-"""One run at a time: a folder, or a name under which nothing stands yet, held against other runs."""
+"""Locks a folder, or a name that does not exist yet, against other runs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ ELSEWHERE = "choose another --out"
 
 @contextmanager
 def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
-    """Hold an existing folder against other runs; the hold ends with the block, or with the process.
+    """Lock an existing folder against other runs, until the end of the block or of the process.
 
-    Raises InputError where another run holds it.
+    Raises InputError if another run holds it.
     """
     with _held(folder, f"another run is at work in {folder}; wait until it has ended, or {elsewhere}"):
         yield
@@ -27,7 +27,7 @@ def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
 
 @contextmanager
 def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
-    """As `writing`, for a name under which nothing stands yet: against runs of this user on this machine."""
+    """Like `writing`, for a name that does not exist yet: against runs of this user on this machine."""
     name = hashlib.sha256(os.fsencode(os.path.realpath(out))).hexdigest()
     place = Path(tempfile.gettempdir()) / f"deeptruck-{os.getuid()}" / name
     place.parent.mkdir(mode=0o700, exist_ok=True)
@@ -37,7 +37,7 @@ def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
 
 
 def free(folder: Path, elsewhere: str = ELSEWHERE) -> None:
-    """Raises InputError where a run writes into the folder; one that is not there is free."""
+    """Raises InputError if a run is writing into the folder; a missing folder is free."""
     if os.access(folder, os.R_OK) and folder.is_dir():
         with writing(folder, elsewhere):
             pass

@@ -1,12 +1,11 @@
-"""The names of drafts, older and newer results beside a result.
+"""Names of drafts and of older and newer results next to a result.
 
-.NAME.unfinished         work that --resume goes on with
-.NAME.????????.tmp       a draft, which takes the place of NAME when it is whole
-.NAME.PID.new            a recording that takes the place of an older NAME when it is whole
-.NAME.PID.old            an older NAME, for the moment in which the new one is renamed
-.NAME.PID.unfinished     work that was set aside, because the user began anew
-NAME.new                 a whole result, in whose place something else lay at the end
-NAME.old                 an older NAME that was never finished, so that whose its files are is not known
+.NAME.unfinished         work that --resume goes on with .NAME.????????.tmp       a draft, which takes the
+place of NAME when it is whole .NAME.PID.new            a recording that takes the place of an older NAME when
+it is whole .NAME.PID.old            an older NAME, for the moment in which the new one is renamed
+.NAME.PID.unfinished     work that was set aside, because the user began anew NAME.new                 a whole
+result, in whose place something else lay at the end NAME.old                 an older NAME that was never
+finished, so that whose its files are is not known
 """
 
 from __future__ import annotations
@@ -36,28 +35,30 @@ _printed: set[str] = set()  # by this process: several checks look at one bag
 
 
 def straight(out: Path) -> Path:
-    """The same place without '..': 'a/../a' leads nowhere in the moment in which a is renamed."""
+    """The same path without '..', because 'a/../a' does not exist while a is being renamed."""
     return Path(os.path.realpath(out.parent)) / out.name if ".." in out.parent.parts else out
 
 
 def unfinished(out: Path) -> Path:
-    """Where work that can be gone on with is kept until `out` can be written whole."""
+    """Path of the work that can be resumed, until `out` can be written completely."""
     return out.parent / f".{out.name}.unfinished"  # '.' has no name that could be exchanged
 
 
 def beside(out: Path, suffix: str) -> Path:
-    """A free name beside `out`, with this process's number; a killed run may have had the same."""
+    """A free name next to `out`, with this process's number, since a killed run may have had the same
+    number."""
     names = (out.with_name(f".{out.name}.{os.getpid() + number}.{suffix}") for number in itertools.count())
     return next(name for name in names if not os.path.lexists(name))
 
 
 def final(path: Path) -> Path:
-    """The name that a draft is to get; of any other path itself."""
+    """The final name of a draft; any other path is returned unchanged."""
     return path.with_name(DRAFT.sub(r"\1", path.name))
 
 
 def left_beside(out: Path) -> list[str]:
-    """What killed runs left beside `out` that a user may want back, a sentence each; all of it stays."""
+    """One sentence for each file of a killed run next to `out` that a user may want to recover; no file is
+    removed."""
     return [
         f"{place} is {text.format(name=out.name)}"
         for suffix, text in _BESIDE.items()
@@ -67,7 +68,7 @@ def left_beside(out: Path) -> list[str]:
 
 
 def print_left_beside(out: Path) -> None:
-    """Print `left_beside` on standard error, each once in a process."""
+    """Print `left_beside` on standard error, each sentence once per process."""
     for line in left_beside(out):
         if line not in _printed:
             _printed.add(line)

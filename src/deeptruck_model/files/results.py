@@ -1,8 +1,8 @@
-"""A folder that one command writes: whole or not there, and never in the place of anything of the user's.
+"""Result folders: complete or absent, and never in place of a user's file.
 
-A result is written into a draft in the same folder and renamed at the end. An older result is replaced only
-where the user says --overwrite, only after all else was checked, and only where its ledger says that the same
-command wrote each file of it, as it is now.
+A result is written to a draft in the same folder and renamed at the end. An older result is replaced only
+with --overwrite, only after all other checks, and only if its ledger shows that the same command wrote every
+file in its present state.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ OVERWRITE_HELP = "Replace what this command wrote there, once the new one is who
 class Result:
     """The kind of a folder that one command writes.
 
-    `what` names it in messages, with its article: "a mismatch result"; no two commands have the same.
-    `names` are the files that it may hold while the command is at work. They are relative to the folder; `*`
-    stands for any part of one name, never for a '/'. `elsewhere` is how messages advise another place.
-    `resumes_from` are the files by any of which unfinished work goes on; without one it begins anew.
+    `what` is its name in messages, with article: "a mismatch result"; it is unique among commands. `names`
+    are the files that the folder may hold while the command is at work, relative to the folder; `*` stands
+    for any part of one name, never for a '/'. `elsewhere` is the advice in messages to choose another path.
+    `resumes_from` are files from any of which unfinished work can be resumed.
     """
 
     what: str
@@ -43,11 +43,11 @@ class Result:
     resumes_from: tuple[str, ...] = ("**/*",)
 
     def check(self, out: Path, *, overwrite: bool = False) -> bool:
-        """Whether an older result of this kind stands at `out`; called before anything is computed or read.
+        """Whether an older result of this kind exists at `out`; called before anything is computed or read.
 
-        Raises InputError for a link, a file, a place that cannot be written, a folder without a ledger or
-        with that of another command, a file that this command did not write or that has changed since
-        (named), an older result without `overwrite`, or another run that is writing there.
+        Raises InputError for a link, a file, a path that cannot be written, a folder without a ledger or with
+        that of another command, a file that this command did not write or that has changed since (named), an
+        older result without `overwrite`, or another run that is writing there.
         """
         out = places.straight(out)
         free(out, self.elsewhere)
@@ -55,10 +55,10 @@ class Result:
 
     @contextmanager
     def replacing(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
-        """A draft folder that takes the place of `out` when the block ends well, and vanishes when not.
+        """A draft folder that replaces `out` if the block succeeds, and is removed otherwise.
 
-        `out` is held against other runs until then. Raises InputError as `check`, on a full disk, and where
-        something else came to `out` meanwhile: then the new result is kept as NAME.new.
+        `out` is locked against other runs until then. Raises InputError as `check` does, on a full disk, and
+        if something else appeared at `out` meanwhile; the new result is then kept as NAME.new.
         """
         out = places.straight(out)
         draft = out.with_name(f".{out.name}.{secrets.token_hex(4)}.tmp")
@@ -69,11 +69,11 @@ class Result:
 
     @contextmanager
     def going_on(self, out: Path, *, overwrite: bool = False, resume: bool = True) -> Iterator[Path]:
-        """As `replacing`, but where the block fails or is killed the draft stays, to be gone on with.
+        """Like `replacing`, but if the block fails or is killed the draft is kept, to be resumed.
 
-        It stays if it holds a file of `resumes_from`, and after a kill in any case. Its name is
-        `unfinished(out)`; a file of somebody else in it refuses the run, by name. What a killed run left
-        there is set aside unless `resume`.
+        It is kept if it holds a file of `resumes_from`, and always after a kill. Its name is
+        `unfinished(out)`; a file that the command did not write in it causes a refusal that names the file.
+        Unfinished work of a killed run is set aside unless `resume`.
         """
         out = places.straight(out)
         draft = unfinished(out)
@@ -90,8 +90,8 @@ class Result:
 
     @contextmanager
     def in_place(self, out: Path) -> Iterator[None]:
-        """Hold `out` for work that continues there from run to run, and whose files are each complete by
-        themselves. Raises InputError as `check`, except for an older result, with which the work
+        """Lock `out` for work that continues there from run to run, with files that are complete
+        individually. Raises InputError as `check` does, except for an older result, with which the work
         continues."""
         with self._held(out, overwrite=True):
             if not any(out.iterdir()):
@@ -102,11 +102,11 @@ class Result:
     def recording(
         self, out: Path, *, overwrite: bool = False, whole: Callable[[Path], bool]
     ) -> Iterator[Path]:
-        """Where a writer may work whose unfinished work is worth keeping, as that of a recorder.
+        """A folder for a writer whose unfinished work is worth keeping, such as a recorder.
 
-        It is `out` itself, or beside an older result that stands there until the new one is `whole`. Whoever
-        writes holds the folder and signs it. A new one that is not whole is kept, which is said. Raises
-        InputError as `check`.
+        It is `out`, or a folder next to an older result that is kept until the new one is `whole`. The writer
+        locks and signs the folder. A new result that is incomplete is kept, and a message says so. Raises
+        InputError as `check` does.
         """
         out = places.straight(out)
         older = self.check(out, overwrite=overwrite)
@@ -131,10 +131,10 @@ class Result:
                     )
 
     def clear(self, folder: Path, *inside: str) -> None:
-        """Remove what this command wrote in `folder`, or in these folders inside it.
+        """Remove the files that this command wrote in `folder`, or in the given subfolders.
 
-        Raises InputError for a folder that it has not claimed, or a file of somebody else, by its name; then
-        nothing is removed.
+        Raises InputError for a folder that it has not claimed, or, naming it, for a file that it did not
+        write; then nothing is removed.
         """
         if os.path.lexists(folder):
             _, found = self._claimed(folder)
@@ -142,7 +142,7 @@ class Result:
             _remove(folder, [name for name in found if not within or name.startswith(within)])
 
     def forget(self, draft: Path) -> None:
-        """Remove what this command wrote in a draft; what else is there stays, which is printed."""
+        """Remove the files that this command wrote in a draft; other files stay, and a message is printed."""
         if draft.is_dir() and not _remove(draft, self._written(draft) | {LEDGER}):
             _note(f"{draft} keeps what this command did not write")
 
@@ -153,23 +153,23 @@ class Result:
 
     def claim(self, folder: Path, *files: str) -> None:
         """Write the ledger of a folder in which this command is at work: these `files`, or all of `names`.
-        Raises OSError, of which the result's own place is said."""
+        Raises OSError with the path of the result."""
         begun = Ledger(self.what, dict.fromkeys(sorted({*files} - {LEDGER})), at_work=not files)
         (folder / LEDGER).write_bytes(begun.to_bytes())
 
     def sign(self, folder: Path) -> None:
-        """Write the ledger of a finished folder. Raises InputError where it cannot be written."""
+        """Write the ledger of a finished folder. Raises InputError if it cannot be written."""
         Ledger(self.what, ledger.prints_of(folder, self._written(folder))).put(folder)
 
     def begun(self, out: Path) -> bool:
-        """Whether a run that was to write `out` left work that can be gone on with."""
+        """Whether an earlier run for `out` left work that can be resumed."""
         return _holds(unfinished(out), self.resumes_from)
 
     def check_start(self, out: Path, *, resume: bool = False, overwrite: bool = False) -> None:
-        """As `check`, for a command whose unfinished work can be gone on with; nothing is touched.
+        """Like `check`, for a command whose unfinished work can be resumed; nothing is changed.
 
-        Raises InputError for such work without `resume` or `overwrite` too, and for what is in its folder of
-        somebody else or has changed since, by its name.
+        Also raises InputError for such work without `resume` or `overwrite`, and for files in its folder that
+        the command did not write or that have changed since, by their names.
         """
         self.check(out, overwrite=overwrite)
         draft = unfinished(out)

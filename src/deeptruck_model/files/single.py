@@ -1,4 +1,6 @@
-"""Single files: written to a draft in the same folder and renamed; drafts are removed at a kill."""
+"""Single files: written to a draft in the same folder and renamed; drafts are removed if the process is
+killed by a signal.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ _removals: list[Callable[[], object]] = []
 
 @contextmanager
 def removing(remove: Callable[[], object]) -> Iterator[None]:
-    """`remove()` at the end of the block, or before, where the process ends without unwinding its stack."""
+    """Call `remove()` at the end of the block, or before if the process ends without unwinding its stack."""
     _removals.append(remove)
     try:
         yield
@@ -34,20 +36,20 @@ def removing(remove: Callable[[], object]) -> Iterator[None]:
 
 
 def remove_all() -> None:
-    """Remove what all open blocks have begun, the innermost first; for whoever ends the process at once."""
+    """Call `remove` of all open blocks, innermost first; for code that ends the process at once."""
     while _removals:
         with suppress(Exception):
             _removals.pop()()
 
 
 def advice(error: BaseException, where_full: str = ADVICE, else_where: str = ELSEWHERE) -> str:
-    """The remedy for an error of writing: room helps a full disk only."""
+    """The remedy for a write error: space, if the disk is full."""
     return where_full if getattr(error, "errno", None) in FULL else else_where
 
 
 def check_writable(path: Path, draft: str, elsewhere: str = ELSEWHERE) -> None:
-    """Raises InputError where `path`, or a file in the same folder with the longer name `draft`, could not be
-    written; nothing is touched."""
+    """Raises InputError if `path`, or a file in the same folder with the longer name `draft`, could not be
+    written; nothing is changed."""
     above = next(p for p in path.absolute().parents if os.path.lexists(p))
     if not above.is_dir():
         raise InputError(f"cannot write {path}: {above} is no folder; {elsewhere}")
@@ -63,7 +65,7 @@ def check_writable(path: Path, draft: str, elsewhere: str = ELSEWHERE) -> None:
 
 
 def check_free(path: Path) -> None:
-    """Raises InputError where the single file `path` exists or cannot be written; nothing is touched."""
+    """Raises InputError if the single file `path` exists or cannot be written; nothing is changed."""
     if os.path.lexists(path):
         raise InputError(f"{path} exists already; {RENAME} or remove it")
     check_writable(path, f"..{path.stem}12345678{path.suffix}", RENAME)
@@ -71,11 +73,11 @@ def check_free(path: Path) -> None:
 
 @contextmanager
 def new_file(path: Path) -> Iterator[Path]:
-    """A draft that becomes the single file `path` when the block ends well; it never replaces another.
+    """A draft that becomes the single file `path` if the block succeeds; it never replaces a file.
 
-    Where another came meanwhile, the new one is kept as NAME.new, which the error says. Drafts of killed runs
-    stay, and are named on standard error. Raises InputError where it exists or cannot be written, and on a
-    full disk.
+    If another file appeared meanwhile, the new one is kept as NAME.new, which the error says. Drafts of
+    killed runs are kept and named on standard error. Raises InputError if `path` exists or cannot be written,
+    and on a full disk.
     """
     check_free(path)
     for other in sorted(path.parent.glob(f".{glob.escape(path.stem)}.????????{glob.escape(path.suffix)}")):
@@ -100,16 +102,17 @@ def new_file(path: Path) -> Iterator[Path]:
 
 
 def aside(wanted: Path) -> Path:
-    """The wanted name, or the next free one."""
+    """The desired name, or the next free one."""
     names = (wanted.with_name(f"{wanted.name}{number or ''}") for number in itertools.count())
     return next(name for name in names if not os.path.lexists(name))
 
 
 def write(path: Path, content: bytes, where_full: str = ADVICE) -> None:
-    """Write a draft and rename it to `path`, folders made: a full disk or a kill leaves what was there.
+    """Write a draft and rename it to `path`, creating folders: a full disk or a kill leaves the previous
+    file.
 
-    For files inside a command's own folder. Raises InputError with one line where it cannot be written; it
-    ends with `where_full` on a full disk.
+    For files inside a command's own folder. Raises InputError with one line if it cannot be written; on a
+    full disk the line ends with `where_full`.
     """
     draft = path.with_name(f".{path.name}.tmp")
     try:

@@ -1,1 +1,1 @@
-"""A fleet: recordings of many trucks read, compared, pooled and shown, each stage able to go on."""
+"""Fleet analysis: extracts, compares and pools recordings of many trucks, in stages that can be resumed."""

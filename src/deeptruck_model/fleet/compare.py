@@ -1,4 +1,4 @@
-"""Compare: one task a truck. Whole drives are held out, and the mismatch tool's result is kept."""
+"""Compare stage: one task per truck. Whole drives are held out, and the mismatch tool's result is kept."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ LEAST_DRIVES = 2  # one to fit and one to hold out
 
 @dataclass(frozen=True)
 class Comparison:
-    """A truck to be compared; plain values, as it travels to another process. `drives` are entries of the
-    index, `hours` the most that are used of them (None: all), `units` those of speeds on the page."""
+    """A truck to be compared; plain values, because it is sent to another process. `drives` are entries of
+    the index, `hours` the maximum used of them (None: all), `units` those of speeds on the page."""
 
     truck: str
     drives: tuple[Mapping[str, Any], ...]
@@ -49,7 +49,7 @@ class Comparison:
 
     @property
     def folder(self) -> str:
-        """Folder of the result."""
+        """Folder of this truck's result."""
         return folder(self.truck)
 
 
@@ -68,8 +68,8 @@ def simulator_key(text: str) -> str:
 
 
 def chosen(drives: Sequence[Mapping[str, Any]], hours: float | None) -> list[Mapping[str, Any]]:
-    """Drives that add up to at most `hours`, or one more, spread over the time: of the sorted ones every
-    second, then every second of the rest. In the order of their dates."""
+    """Drives of at most `hours` in total, or one more, spread over time: every second drive by date, then
+    every second of the rest. Returned in the order of their dates."""
     ordered = sorted(drives, key=lambda d: (d["date"], d["name"]))
     if hours is None:
         return ordered
@@ -88,7 +88,7 @@ def compare(job: Comparison) -> dict[str, Any]:
     """Compare one truck with its simulator; write the result's folder, then its receipt, and return the
     receipt.
 
-    A truck that cannot be compared has a receipt that says why; where the storage failed it has none.
+    The receipt of a truck that cannot be compared states the reason; after a storage failure there is none.
     """
     begun, cpu = time.monotonic(), time.process_time()
     receipt: dict[str, Any] = {"truck": job.truck, "key": job.key}
@@ -110,7 +110,7 @@ def compare(job: Comparison) -> dict[str, Any]:
 
 
 def lost(job: Comparison, why: str) -> dict[str, Any]:
-    """The receipt of a truck whose process was killed at each attempt."""
+    """The receipt of a truck whose process was killed in every attempt."""
     receipt = {"truck": job.truck, "key": job.key, "quarantined": why}
     job.target.write_json(f"{job.folder}/{DONE}", receipt)
     return receipt
@@ -200,7 +200,7 @@ def _by_week(found: Any, drives: Sequence[Mapping[str, Any]]) -> dict[str, float
 
 
 def receipts(target: Place) -> list[dict[str, Any]]:
-    """Of all trucks, by name. Raises InputError where none was compared."""
+    """Receipts of all trucks, by name. Raises InputError if none was compared."""
     paths = [f.path for f in target.list(VERDICTS) if f.path.endswith(f"/{DONE}")]
     found = [target.read_json(path) for path in sorted(paths)]
     if all("quarantined" in r for r in found):
@@ -209,7 +209,7 @@ def receipts(target: Place) -> list[dict[str, Any]]:
 
 
 def is_done(job: Comparison) -> dict[str, Any] | None:
-    """The receipt of a truck whose comparison is already done."""
+    """The receipt of a truck that has already been compared, else None."""
     path = f"{job.folder}/{DONE}"
     if not job.target.exists(path):
         return None

@@ -1,7 +1,8 @@
-"""Extract: one task a file. Its recordings become one Parquet file, and its account is kept.
+"""Extract stage: one task per file. Its recordings become one Parquet file, and its account is kept.
 
-What was done to a file is its receipt, named by the file's path, size and time of change, by how it is read,
-and by the code that reads: a restart does what has no receipt. A receipt holds the SHA-256 of the content.
+A receipt is written for each file. Its name depends on the file's path, size and modification time, on how
+the file is read, and on the version of the code that reads it; a restart processes the files without a
+receipt. A receipt holds the SHA-256 of the content.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ MEASURED = ("seconds", "cpu_seconds")  # of a receipt: unlike in every run
 
 @dataclass(frozen=True)
 class Reading:
-    """How files are read: a topic map, or COLUMNS, as data; and what the simulator of a class takes."""
+    """How files are read: a topic map or COLUMNS, as data, and the channels that the simulator of the class
+    takes."""
 
     topic_map: Mapping[str, Any] | None
     columns: Mapping[str, Any] | None
@@ -46,14 +48,14 @@ class Reading:
 
     @property
     def key(self) -> str:
-        """Key that is equal where the same rows would be read."""
+        """Key that is equal for readings that give the same rows."""
         interface = self.taken.interface.to_dict()
         return key(self.topic_map, self.columns, interface, self.taken.dt, code(*ROOMS))
 
 
 @dataclass(frozen=True)
 class Extraction:
-    """A file to be extracted; plain values, as it travels to another process."""
+    """A file to be extracted; plain values, because it is sent to another process."""
 
     drive: Drive
     reading: Reading
@@ -62,16 +64,16 @@ class Extraction:
 
     @property
     def receipt(self) -> str:
-        """The path of its receipt."""
+        """Path of its receipt."""
         file = self.drive.file
         return f"{RECEIPTS}/{key(file.path)}-{key(file.size, file.changed_ns, self.reading.key)}.json"
 
 
 def extract(job: Extraction) -> dict[str, Any]:
-    """Read one file, write its recordings and its receipt, and return that.
+    """Read one file, write its recordings and its receipt, and return the receipt.
 
-    A file that cannot be used is quarantined: its receipt says why. Where the storage failed there is no
-    receipt, and `failed` says so.
+    A file that cannot be used is quarantined: its receipt states the reason. After a storage failure no
+    receipt is written, and `failed` says so.
     """
     begun, cpu = time.monotonic(), time.process_time()
     drive, file = job.drive, job.drive.file
@@ -103,7 +105,7 @@ def extract(job: Extraction) -> dict[str, Any]:
 
 
 def lost(job: Extraction, why: str) -> dict[str, Any]:
-    """The receipt of a file whose reader was killed at each attempt: the file is quarantined."""
+    """The receipt of a file whose reader was killed in every attempt: the file is quarantined."""
     drive, file = job.drive, job.drive.file
     receipt = {"path": file.path, "truck": drive.truck, "date": drive.date, "bytes": file.size}
     receipt |= {"quarantined": why, "sha256": None}
@@ -112,10 +114,10 @@ def lost(job: Extraction, why: str) -> dict[str, Any]:
 
 
 def index(receipts: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What came of all files: each truck's recordings, the accounts added up, and what was left out.
+    """The result of all files: each truck's recordings, the sum of the accounts, and what was omitted.
 
-    It is the same whatever the order or the number of runs. A file that is there twice, by its content,
-    counts once: the second is left out.
+    It does not depend on the order or the number of runs. Of two files with equal content the second is
+    omitted.
     """
     by_truck: dict[str, list[dict[str, Any]]] = {}
     quarantined, seen = {}, dict[str, str]()
@@ -144,7 +146,7 @@ def index(receipts: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, A
 
 
 def summed(accounts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Accounts of many files as one for each kind of item: read, used, and set aside by reason."""
+    """Accounts of many files summed for each kind of item: read, used, and omitted by reason."""
     out: dict[str, Any] = {}
     for account in accounts:
         entry = out.setdefault(
@@ -166,7 +168,7 @@ def _add(sums: dict[str, int], aside: Mapping[str, Any]) -> None:
 
 
 def load(place: Place, path: str) -> list[Recording]:
-    """The recordings of a Parquet file that `extract` wrote. Raises InputError where it is damaged."""
+    """The recordings in a Parquet file that `extract` wrote. Raises InputError if it is damaged."""
     try:
         table = parquet.read_table(pa.BufferReader(place.read(path)))
         pieces = json.loads(table.schema.metadata[META])

@@ -1,4 +1,4 @@
-"""The page of a fleet, and of any folder of verdicts: trucks by families and by weeks. Decides nothing."""
+"""The page of a fleet, or of any folder of verdicts: trucks by families and by weeks. It decides nothing."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ NOTHING = ("nothing_missing", "undetermined")
 
 
 def show(target: Place) -> str:
-    """Write fleet.html into a fleet's result, or into a folder of verdicts, and return its place. Raises
-    InputError where there is no result, and where a file of that name was not written by this command."""
+    """Write fleet.html into a fleet's result, or into a folder of verdicts, and return its path. Raises
+    InputError if there is no result, or if a file of that name was not written by this command."""
     content = _fleet(target) if target.exists(POOLED) else _folder(target)
     if target.exists(PAGE) and MARK.encode() not in target.read(PAGE):
         raise InputError(f"{target.name}/{PAGE} was not written by 'fleet show'; rename it")

@@ -1,4 +1,4 @@
-"""The plan of a fleet: truck and date of every file, class and simulator of every truck."""
+"""The input of a fleet analysis: truck and date of every file, class and simulator of every truck."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ YES, NO = ("yes", "true", "1"), ("no", "false", "0")
 
 @dataclass(frozen=True)
 class Drive:
-    """A file of the source: its `truck`, and its `date` as the path has it, or NO_DATE."""
+    """A file of the source: its `truck`, and its `date` from the path, or NO_DATE."""
 
     file: Stored
     truck: str
@@ -31,14 +31,14 @@ class Drive:
 
     @property
     def name(self) -> str:
-        """Of its recordings: unlike that of any other drive of the truck."""
+        """The name of its recordings, unique among the drives of the truck."""
         return f"{self.date}/{posixpath.basename(self.file.path).partition('.')[0]}"
 
 
 @dataclass(frozen=True)
 class Truck:
-    """A row of trucks.csv: the `kind` of truck is its class; `sound` is None where nobody says; `traits` are
-    the other columns, such as build or load."""
+    """A row of trucks.csv: `kind` is the truck's class; `sound` is None if not stated; `traits` are the other
+    columns, such as build or load."""
 
     name: str
     kind: str = ONE_CLASS
@@ -47,10 +47,10 @@ class Truck:
 
 
 def drives(source: Place, layout: str) -> list[Drive]:
-    """The files that a layout such as '{truck}/{date}/*.mcap' matches, by name.
+    """The files that match a layout such as '{truck}/{date}/*.mcap', by name.
 
-    `*` stands for any part of a name, `**` for any folders, and `{other}` for any name that is not needed.
-    Raises InputError for a layout without {truck}, and one that matches nothing.
+    `*` stands for any part of a name, `**` for any folders, and `{other}` for a name that is not used. Raises
+    InputError for a layout without {truck}, and one without matches.
     """
     pattern = _pattern(layout)
     listed = source.list()
@@ -88,7 +88,7 @@ def _pattern(layout: str) -> re.Pattern[str]:
 
 
 def week(day: str) -> str | None:
-    """The ISO week of a date such as 2026-03-31 or 20260331, as '2026-W14'; None where it is no date."""
+    """The ISO week of a date such as 2026-03-31 or 20260331, as '2026-W14'; None for an invalid date."""
     try:
         year, number, _ = date.fromisoformat(day).isocalendar()
     except ValueError:
@@ -97,8 +97,8 @@ def week(day: str) -> str | None:
 
 
 def trucks(table: Path | None) -> dict[str, Truck]:
-    """The rows of trucks.csv by truck. Its columns are `truck`, and as they are there `class`, `sound` (yes
-    or no, by inspection) and any others. Raises InputError for a table that is none."""
+    """The rows of trucks.csv by truck. Its columns are `truck`, optionally `class` and `sound` (yes or no, by
+    inspection), and any others. Raises InputError for an invalid table."""
     if table is None:
         return {}
     cure = "give a CSV file with a column 'truck'"
@@ -122,8 +122,8 @@ def trucks(table: Path | None) -> dict[str, Truck]:
 
 
 def simulators(text: str, kinds: Sequence[str]) -> dict[str, str]:
-    """The simulator of each class: one for all, or by a YAML file `class: SIM`. Raises InputError where a
-    class has none, and for one that is not there."""
+    """The simulator of each class: one for all, or from a YAML file with lines `class: SIM`. Raises
+    InputError if a class has none, or if a simulator does not exist."""
     if not _is_mapping(text):
         checks.simulator(text)
         return dict.fromkeys(kinds, text)
@@ -141,8 +141,8 @@ def _is_mapping(text: str) -> bool:
 
 
 def mapping(path: Path | None, columns: bool) -> dict[str, Any] | None:
-    """A topic map or COLUMNS.yaml, checked, as it travels to workers. Raises InputError for one that is
-    none."""
+    """A topic map or COLUMNS.yaml, checked, in the form sent to workers. Raises InputError for an invalid
+    one."""
     if path is None:
         return None
     from deeptruck_model.recordings.columns import load_columns

@@ -34,7 +34,7 @@ OF_A_PLACE = "distance along the road"  # what a size depends on that is not of 
 
 
 def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, Any]:
-    """Everything of pool.json, which is written too. Raises InputError where no truck was compared."""
+    """Write pool.json and return its content. Raises InputError if no truck was compared."""
     there, every = {f.path for f in target.list(VERDICTS)}, receipts(target)
     compared = {r["truck"]: r for r in every if "quarantined" not in r}
     verdicts = {truck: target.read_json(f"{folder(truck)}/{VERDICT}") for truck in compared}
@@ -77,7 +77,8 @@ def pool(target: Place, trucks: Mapping[str, Truck], level: float) -> dict[str, 
 
 
 def headline(pooled: Mapping[str, Any]) -> tuple[str, str]:
-    """What stands out among the trucks, and what of it is established: two sentences, without full stops."""
+    """Two sentences, without full stops: the main result among the trucks, and what of it is statistically
+    established."""
     entries, level = pooled["trucks"], f"{pooled['level']:g}"
     tested, references = (
         {n: e for n, e in entries.items() if e["role"] == role} for role in (TESTED, REFERENCE)

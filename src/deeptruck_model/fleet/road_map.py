@@ -1,4 +1,4 @@
-"""A map of shared roads as SVG: each cell a stroke along its heading, coloured by its slope."""
+"""Map of shared roads as SVG: each cell is a stroke along its heading, coloured by its slope."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ LEAST_STROKE, ASIDE = 4.0, 1.5  # units: a cell is drawn so long at least, and s
 
 
 def road_map(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What the page draws of the rows of roads.csv: its `size`, a path for each colour, and its `km` from
-    west to east and from north to south. At a scale at which cells fall on each other, each stroke is drawn
-    once."""
+    """The data of the map for rows of roads.csv: its `size`, a path for each colour, and its `km` from west
+    to east and from north to south. At a scale at which cells overlap, each stroke is drawn once."""
     first = rows[0]["longitude"]
     cos_latitude = math.cos(math.radians(sum(r["latitude"] for r in rows) / len(rows)))
     x = [((r["longitude"] - first + 180.0) % 360.0 - 180.0) * cos_latitude for r in rows]

@@ -1,9 +1,9 @@
-"""Roads: slopes that several trucks recovered on the same cells of road, merged. roads.csv and roads.json.
+"""Merges the slopes that several trucks recovered on the same road cells, into roads.csv and roads.json.
 
-A simulator without a grade input leaves the slope in its residual. What one truck's residual has in a cell,
-over its passages, is one estimate of the slope there; its errors of mass, drag and rolling resistance are
-another truck's with another size, so that trucks are pooled as studies of different means are (DerSimonian
-and Laird, Controlled Clinical Trials 7, 1986).
+A simulator without a grade input leaves the slope in its residual. The residual of one truck in a cell, over
+its passages, gives one estimate of the slope there. It includes the effects of that truck's errors in mass,
+drag and rolling resistance, which differ between trucks; trucks are therefore pooled as studies with
+different means (DerSimonian and Laird, Controlled Clinical Trials 7, 1986).
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ EARLIER = "it was compared by an earlier version, which kept no slopes"
 
 
 def merged(trucks: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[dict[str, Any]]:
-    """Rows as MERGED of the cells that at least LEAST_TRUCKS of these drove, from each truck's rows as
-    SLOPES."""
+    """Rows with columns MERGED for the cells that at least LEAST_TRUCKS of the trucks drove, from each
+    truck's rows with columns SLOPES."""
     by_cell: dict[str, dict[str, list[Mapping[str, Any]]]] = {}
     for truck, rows in sorted(trucks.items()):
         for row in rows:
@@ -55,8 +55,8 @@ def merged(trucks: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[dict[str, 
 
 
 def roads(target: Place) -> dict[str, Any]:
-    """Pool the slopes of all trucks and write roads.csv, then roads.json, whose content is returned. Nothing
-    is written again where the receipts have not changed. Raises InputError where no truck was compared."""
+    """Pool the slopes of all trucks and write roads.csv, then roads.json, whose content is returned. Files
+    are not rewritten if the receipts have not changed. Raises InputError if no truck was compared."""
     compared = {r["truck"]: r for r in receipts(target) if "quarantined" not in r}
     own = key(code(), sorted((truck, r["key"]) for truck, r in compared.items()))
     if target.exists(ROADS) and target.exists(TABLE) and (known := target.read_json(ROADS))["key"] == own:
@@ -85,7 +85,7 @@ def roads(target: Place) -> dict[str, Any]:
 
 
 def said(found: Mapping[str, Any]) -> str:
-    """One sentence of roads.json: the length of shared road, counting both directions, or why there is
+    """The main sentence of roads.json: the length of shared road, counting both directions, or why there is
     none."""
     left_out = "; ".join(
         f"{n} truck{'s' * (n > 1)} left out, each because {why}"

@@ -1,4 +1,4 @@
-"""The stages in order: finished work is skipped, the rest goes to processes or to Ray."""
+"""Runs the stages in order: finished work is skipped, the rest is done by processes or by Ray."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Workers:
         jobs: Sequence[Any],
         lost: Callable[[Any, str], Any] | None = None,
     ) -> Iterator[Any]:
-        """Results as they come; see `sweeps.run`."""
+        """Results in the order of completion; see `sweeps.run`."""
         return sweeps.run(
             work, jobs, workers=self.count, engine=ENGINES[self.engine], lost=lost, address=self.address
         )
@@ -87,7 +87,8 @@ class Fleet:
         topic_map: Path | None = None,
         columns: Path | None = None,
     ) -> Fleet:
-        """Raises InputError for whatever does not fit together, before a file is read."""
+        """The fleet from command-line arguments. Raises InputError for arguments that do not fit together,
+        before a file is read."""
         if topic_map is not None and columns is not None:
             raise InputError("give --topic-map for bags or --columns for tables, not both")
         table = plan.trucks(trucks)
@@ -104,7 +105,7 @@ class Fleet:
         return Fleet(source, target, drives, table, by_class, readings)
 
     def jobs(self) -> list[Extraction]:
-        """One for each file."""
+        """One extraction per file."""
         return [
             Extraction(d, self.readings[_kind(self.trucks, d.truck)], self.source, self.target)
             for d in self.drives
@@ -116,8 +117,8 @@ def _kind(trucks: Mapping[str, Truck], name: str) -> str:
 
 
 def extract(fleet: Fleet, workers: Workers) -> dict[str, Any]:
-    """Read what was not read so far; writes and returns the index. Raises InputError where of a class none of
-    the first files can be used, before anything else is read."""
+    """Read files not read so far; writes and returns the index. Raises InputError if none of the first files
+    of a class can be used, before others are read."""
     jobs = fleet.jobs()
     there = {f.path for f in fleet.target.list(RECEIPTS)}
     to_do = [job for job in jobs if job.receipt not in there]
@@ -160,8 +161,8 @@ def _probed(jobs: Sequence[Extraction]) -> tuple[list[Extraction], list[dict[str
 def compare(
     target: Place, workers: Workers, hours: float | None = None, units: str = "m/s"
 ) -> list[dict[str, Any]]:
-    """Compare what was not compared so far, pages with speeds in `units`; the receipts of all trucks. Raises
-    InputError where nothing was extracted."""
+    """Compare trucks not compared so far, pages with speeds in `units`; returns the receipts of all trucks.
+    Raises InputError if nothing was extracted."""
     if not target.exists(INDEX):
         raise InputError(f"{target.name} has no {INDEX}; run 'deeptruck-model fleet extract' first")
     index = target.read_json(INDEX)

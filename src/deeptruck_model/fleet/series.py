@@ -1,9 +1,9 @@
-"""The series: which trucks were discovered as drives came in, over all runs of `pool`. series.json.
+"""series.json: the trucks discovered in repeated runs of `pool`, as new drives arrive.
 
-A fleet that is looked at every week is tested many times. Each run is a batch of the tested trucks that have
-new drives and were not discovered before; its level follows Zrnic, Jiang, Ramdas and Jordan (The power of
-batching in multiple hypothesis testing, AISTATS 2020, for batches of positively dependent p-values), so that
-of all discoveries of the series at most the stated share is false on average.
+Testing a fleet every week is multiple testing. Each run is a batch of the tested trucks that have new drives
+and were not discovered before. Its level follows Zrnic, Jiang, Ramdas and Jordan (The power of batching in
+multiple hypothesis testing, AISTATS 2020, for batches of positively dependent p-values), so that on average
+at most the stated share of all discoveries in the series is false.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ SERIES = "series.json"
 def advance(
     target: Place, p: Mapping[str, float], receipts: Mapping[str, Mapping[str, Any]], level: float
 ) -> list[dict[str, Any]]:
-    """The batches of the present series, the new one last. `p` are those of the tested trucks, `receipts` of
-    `compare`. Without new drives nothing is tested; another simulator or level begins another series, and
-    the earlier ones are kept."""
+    """The batches of the present series, the new one last. `p` are the p-values of the tested trucks,
+    `receipts` those of `compare`. Nothing is tested without new drives; another simulator or level begins a
+    new series, and earlier series are kept."""
     kept = target.read_json(SERIES)["series"] if target.exists(SERIES) else []
     named = {"level": level, "simulators": sorted({r["simulator"] for r in receipts.values()})}
     own = next((s for s in kept if {name: s[name] for name in named} == named), None)

@@ -32,10 +32,11 @@ ONCE = (
 
 
 def slopes(e: Evidence, drives: Sequence[Prepared]) -> list[dict[str, Any]]:
-    """Slope of each cell by each drive, as COLUMNS: minus the residual force over the weight, averaged over
-    the metres in the cell. The variance is that between passages of this truck over a cell, of all cells.
+    """Slope of each cell by each drive, with columns COLUMNS: minus the residual force over the weight,
+    averaged over the distance in the cell. The variance is that between passages of this truck through a
+    cell, pooled over cells.
 
-    Raises InputError with the reason where the truck has no slope to share.
+    Raises InputError with the reason if the truck's slopes cannot be used.
     """
     if "grade" in drives[0].recording.interface.w:
         raise InputError(HAS_GRADE)
@@ -69,7 +70,7 @@ def slopes(e: Evidence, drives: Sequence[Prepared]) -> list[dict[str, Any]]:
 
 
 def mean_heading(degrees: NDArray[np.float64]) -> float:
-    """Of headings, degrees (n,)."""
+    """Circular mean of headings (n,), degrees."""
     return float(np.degrees(np.angle(np.exp(1j * np.radians(degrees)).sum())) % 360.0)
 
 

@@ -1,11 +1,11 @@
-"""Which trucks differ from their siblings, with false discoveries controlled. Numbers in, numbers out.
+"""Tests which trucks differ from their siblings, with control of false discoveries.
 
-Trucks are screened by the evidence on their fitted drives, and tested by that on drives held out, which
-the screening did not see: candidates are judged by the rank of their held-out evidence among trucks that are
-sound (conformal p-values: Bates, Candès, Lei, Romano and Sesia, Annals of Statistics 51, 2023, first as
-arXiv:2104.08279). Benjamini and Hochberg's procedure keeps the false discovery rate, as such p-values depend
-on each other positively. Families and names are tested within what was discovered, at a level that is
-lowered by the share discovered (Benjamini and Bogomolov, JRSS B 76, 2014).
+Trucks are screened by the evidence on their fitted drives, and tested by that on held-out drives, which the
+screening did not use: candidates are judged by the rank of their held-out evidence among sound trucks
+(conformal p-values: Bates, Candès, Lei, Romano and Sesia, Annals of Statistics 51, 2023, first as
+arXiv:2104.08279). These p-values are positively dependent, so that Benjamini and Hochberg's procedure
+controls the false discovery rate. Families and names are tested within discovered trucks, at a level lowered
+by the share discovered (Benjamini and Bogomolov, JRSS B 76, 2014).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DECAY = 1.6  # of the levels of a series of batches, as Ramdas and others (SAFFR
 @dataclass(frozen=True)
 class Seen:
     """A truck's evidence (nats by name) on its fitted and on its held-out drives, the hours held out, and
-    whether it is known to be sound (None: nobody says)."""
+    whether it is known to be sound (None: not stated)."""
 
     fitted: Nats
     held_out: Nats
@@ -43,8 +43,9 @@ class Seen:
 
 @dataclass(frozen=True)
 class Tested:
-    """What came of one truck. `role` is 'reference', 'tested' or why it was neither. `p` and `q` (adjusted by
-    Benjamini and Hochberg) are those of the truck, `families` and `names` those of discoveries within it."""
+    """Test result of one truck. `role` is 'reference', 'tested' or why it was neither. `p` and `q` (adjusted
+    by Benjamini and Hochberg) are those of the truck, `families` and `names` those of discoveries within it.
+    """
 
     role: str
     fitted: float
@@ -67,7 +68,8 @@ def total(nats: Nats, names: Sequence[str] | None = None) -> float:
 
 
 def p_value(value: float, references: Sequence[float]) -> float:
-    """Of one exchangeable with the references being at least as large; at least 1 / (n + 1)."""
+    """Conformal p-value: the probability that a truck exchangeable with the references has at least this
+    value; at least 1 / (n + 1)."""
     return (1 + int(np.sum(np.asarray(references) >= value))) / (len(references) + 1)
 
 
@@ -86,7 +88,7 @@ def level_of_batch(level: float, batch: int, tested: int, discoveries: int) -> f
 
 
 def least_references(tested: int, found: int, level: float) -> int:
-    """How many references it takes for `found` of `tested` trucks to be discoverable at a level."""
+    """Number of references needed so that `found` of `tested` trucks can be discovered at a level."""
     return math.ceil(tested / (level * found) - 1 - 1e-9)
 
 
@@ -95,9 +97,9 @@ def siblings(
 ) -> dict[str, Tested]:
     """Test the trucks of one class against each other; `family` is that of each name.
 
-    References are the trucks stated to be sound, where LEAST_SIBLINGS or more are; all others are tested.
-    Otherwise trucks whose fitted evidence lies more than OUTLYING deviations above the median, and those
-    stated not to be sound, are tested, and the rest are references.
+    If at least LEAST_SIBLINGS trucks are stated to be sound, they are the references and all others are
+    tested. Otherwise trucks whose fitted evidence exceeds the median by more than OUTLYING deviations, and
+    those stated not to be sound, are tested, and the rest are references.
     """
     hours = float(np.median([t.hours for t in trucks.values()])) if trucks else 0.0
     out: dict[str, Tested] = {}
@@ -175,7 +177,7 @@ def share(found: int, of: int) -> tuple[float, float, float]:
 @dataclass(frozen=True)
 class Pooled:
     """Sizes of one kind over trucks: their mean with its standard error, the sd between trucks, and each
-    truck's size as it was fitted (`raw`) and drawn towards the mean by its own uncertainty (`shrunk`)."""
+    truck's size as fitted (`raw`) and shrunk towards the mean according to its uncertainty (`shrunk`)."""
 
     mean: float
     error: float

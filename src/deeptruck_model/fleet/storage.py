@@ -1,4 +1,4 @@
-"""Where files are: a folder, or a bucket that pyarrow reaches. Whole files in, whole files out."""
+"""File storage: a local folder, or a bucket through pyarrow. Files are read and written as a whole."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ BUCKETS = ("s3", "gcs")  # which have no folders to make
 
 @dataclass(frozen=True)
 class Stored:
-    """A file as its storage lists it: `path` below the place, bytes, and time of change in ns."""
+    """A file listed by its storage: `path` relative to the place, size in bytes, and modification
+    time in ns."""
 
     path: str
     size: int
@@ -52,8 +53,8 @@ class Place:
         return posixpath.join(self.path, path)
 
     def list(self, below: str = "") -> list[Stored]:
-        """All files below, by name. Raises InputError where the storage refuses, and where `below` is none
-        nothing is listed."""
+        """All files below, by name; none if `below` does not exist. Raises InputError if the storage
+        refuses."""
         selector = fs.FileSelector(
             self.at(below) if below else self.path, recursive=True, allow_not_found=True
         )
@@ -67,12 +68,12 @@ class Place:
         return sorted((f for f in kept if not _hidden(f.path)), key=lambda f: f.path)
 
     def exists(self, path: str) -> bool:
-        """Whether a file is there."""
+        """Whether a file exists."""
         info = self._tried(path, lambda: self.files.get_file_info(self.at(path)))
         return bool(info.type == fs.FileType.File)
 
     def read(self, path: str) -> bytes:
-        """The content of a small file. Raises InputError where it cannot be read."""
+        """The content of a small file. Raises InputError if it cannot be read."""
 
         def content() -> bytes:
             with self.files.open_input_stream(self.at(path)) as stream:
@@ -81,7 +82,7 @@ class Place:
         return bytes(self._tried(path, content))
 
     def read_json(self, path: str) -> dict[str, Any]:
-        """A JSON object. Raises InputError where it cannot be read, or is none."""
+        """A JSON object. Raises InputError if it cannot be read, or is not one."""
         try:
             data = json.loads(self.read(path))
         except ValueError:
@@ -93,8 +94,8 @@ class Place:
     def read_table(
         self, path: str, columns: Collection[str], numbers: Collection[str]
     ) -> tuple[dict[str, Any], ...]:
-        """The rows of a CSV file by its header; columns in `numbers` as float. Raises InputError where it
-        cannot be read, a row lacks one of the columns, or a number is none."""
+        """The rows of a CSV file by its header; columns in `numbers` as float. Raises InputError if it cannot
+        be read, a row lacks one of the columns, or a value is not a number."""
         where, rows = f"{self.name}/{path}", list[dict[str, Any]]()
         cure = "restore it, or start a new result"
         try:
@@ -110,7 +111,7 @@ class Place:
         return tuple(rows)
 
     def write(self, path: str, content: bytes) -> None:
-        """A whole file: written under a temporary name, then renamed. Raises InputError where that fails."""
+        """Write a file under a temporary name, then rename it. Raises InputError if that fails."""
         draft = f"{posixpath.dirname(path)}/.{posixpath.basename(path)}.{secrets.token_hex(4)}".lstrip("/")
 
         def put() -> None:
@@ -128,18 +129,18 @@ class Place:
                     self.files.delete_file(self.at(draft))
 
     def write_json(self, path: str, data: Any) -> None:
-        """As JSON, the same bytes for the same data."""
+        """Write JSON, with equal bytes for equal data."""
         self.write(path, (json.dumps(data, indent=1, sort_keys=True) + "\n").encode())
 
     def delete(self, path: str) -> None:
-        """Remove a file that this command wrote; one that is gone is no error."""
+        """Remove a file that this command wrote; a missing file is no error."""
         with suppress(FileNotFoundError):
             self._tried(path, lambda: self.files.delete_file(self.at(path)))
 
     @contextmanager
     def copied(self, path: str) -> Iterator[tuple[Path, str]]:
-        """A local copy of a file for the length of a block, by its own name, and its SHA-256. Each byte is
-        read once, unless the storage fails. Raises InputError where it cannot be read."""
+        """A local copy of a file, with its name, for the duration of a block, and its SHA-256. Each byte is
+        read once, unless the storage fails. Raises InputError if it cannot be read."""
         with TemporaryDirectory(prefix="deeptruck-fleet-") as folder:
             copy = Path(folder) / posixpath.basename(path)
 
@@ -167,13 +168,13 @@ class Place:
 
 
 class StorageError(InputError):
-    """The storage failed or refused, so nothing is known of the file; a later run tries again."""
+    """The storage failed or refused; the state of the file is unknown, and a later run tries again."""
 
 
 def place(uri: str, endpoint: str | None = None) -> Place:
-    """A folder, `file://`, `s3://` or `gs://`; `endpoint` is that of another S3 server than Amazon's.
+    """A folder, `file://`, `s3://` or `gs://`; `endpoint` is that of an S3 server other than Amazon's.
 
-    Nothing is read. Raises InputError for what is no such address.
+    Nothing is read. Raises InputError for any other address.
     """
     try:
         if "://" not in uri:
@@ -197,8 +198,8 @@ def place(uri: str, endpoint: str | None = None) -> Place:
 
 @cache
 def code(*rooms: str) -> str:
-    """Version and SHA-256 of this package's source, of these rooms alone where some are named: work of other
-    code is done again. Of the same source it is the same on every machine."""
+    """Version and SHA-256 of this package's source, or of the named subpackages only: results of another
+    version are computed again. Equal for equal source on every machine."""
     from importlib.metadata import version
 
     root = Path(__file__).parents[1]

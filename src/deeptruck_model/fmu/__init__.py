@@ -1,7 +1,7 @@
-"""FMUs, both ways: somebody else's simulator comes in as one, a simulator of ours goes out as one.
+"""FMUs: imports other simulators, and exports simulators of this package.
 
-`make` turns a .fmu file and what its variables mean into an object that `outside` takes for a simulator;
-`export` writes one. FMPy and PythonFMU3, extra 'fmu', are loaded when they are needed.
+`make` turns a .fmu file and the meaning of its variables into an object that `outside` accepts as a
+simulator; `export` writes an FMU. FMPy and PythonFMU3, extra 'fmu', are loaded when they are needed.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a .fmu file is, before anything of it runs: its description, and why it cannot be used here."""
+"""The description of a .fmu file, read before any of its code runs, and reasons why it cannot be used."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ EXPORT_AGAIN = "export it again as FMI 2 or 3 for co-simulation"
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of the FMU; `unit`, `start`, `low` and `high` are None where it does not state them.
+    """A variable of the FMU; `unit`, `start`, `low` and `high` are None if not stated.
 
-    `held`: it keeps its value while the FMU runs. `calculated`: its start follows from other variables.
+    `held`: constant while the FMU runs. `calculated`: its start value follows from other variables.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Description:
-    """What the FMU says of itself. `step` is the one communication step that it takes, None for any (s)."""
+    """The description in the FMU. `step` is its only permitted communication step (s), None for any."""
 
     file: Path
     name: str
@@ -52,7 +52,7 @@ class Description:
 
 
 def described(file: Path) -> Description:
-    """The description of an FMU. Raises InputError for a file that is none, or none that runs here."""
+    """The description of an FMU. Raises InputError for any other file, or an FMU that cannot run here."""
     reading.check_file(file, "give the path of an FMU")
     if not zipfile.is_zipfile(file):
         raise InputError(f"it is no zip archive, so no FMU; {EXPORT_AGAIN}")

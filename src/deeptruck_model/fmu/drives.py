@@ -1,8 +1,8 @@
-"""Which instance of an FMU is where on which drive, so that any state can be gone on from.
+"""Provides an FMU in any of its past states, by tracking which drive each instance has followed.
 
-An FMU runs forward only. A state here is a drive (a start, and all inputs since) and how far along it; an
-instance that stands there goes on. Where none does, one is set to a state it saved, or started, and drives
-the inputs again: the same thing, as an FMU is deterministic.
+An FMU only runs forward. A state is represented by a drive (a start, and all inputs since) and a position in
+it. The next step is done by an instance at that position. If there is none, an instance is set to a saved
+state, or started, and driven with the same inputs; the result is the same because an FMU is deterministic.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ FEWEST = 8  # instances, before one is taken from a drive that may still go on
 
 
 class Drive:
-    """A start and the inputs since. It only grows at its end; from any other place a new one branches off."""
+    """A start and all inputs since. It grows only at its end; a step from any earlier position creates a new
+    drive."""
 
     __slots__ = ("__weakref__", "start", "steps")
 
@@ -31,7 +32,7 @@ class Drive:
 
 
 class RunningInstance:
-    """An instance, and where it stands."""
+    """An instance, and its present position in a drive."""
 
     def __init__(self, instance: Instance) -> None:
         self.instance, self.length = instance, 0
@@ -40,7 +41,7 @@ class RunningInstance:
         self.used = 0
 
     def begin(self, drive: Drive) -> list[float]:
-        """Start on a drive."""
+        """Start a drive."""
         self.forget()
         self.drive, self.length = _nowhere, 0  # should the start fail
         out = self.instance.start(drive.start)
@@ -48,13 +49,13 @@ class RunningInstance:
         return out
 
     def forget(self) -> None:
-        """Let go of all saved states."""
+        """Release all saved states."""
         for state in self.saved.values():
             self.instance.forget(state)
         self.saved = {}
 
     def step(self, inputs: Sequence[float], can_save: bool) -> list[float]:
-        """One step on."""
+        """Advance by one step."""
         if can_save and self.length % SAVE_EVERY == 0 and self.length not in self.saved:
             self.saved[self.length] = self.instance.save_state()
             if len(self.saved) > MAX_SAVED:
@@ -69,8 +70,8 @@ def _nowhere() -> Drive | None:
 
 
 class Instances:
-    """All instances of one FMU. `make` gives a new one; `can_save` says whether one can save its state and be
-    set back to it, and `only_once` whether a process may have only one."""
+    """All instances of one FMU. `make` gives a new one; `can_save` says whether one can save and restore its
+    state, and `only_once` whether a process may have only one."""
 
     def __init__(self, make: Callable[[], Instance], can_save: bool, only_once: bool) -> None:
         self._make, self._can_save, self._only_once = make, can_save, only_once
@@ -79,7 +80,7 @@ class Instances:
         weakref.finalize(self, _close, self._running)
 
     def room_for(self, batch: int) -> None:
-        """Keep instances for batches of so many rows."""
+        """Keep enough instances for batches of this many rows."""
         self._wanted = max(self._wanted, 2 * batch)
 
     def begin(self, drive: Drive) -> list[float]:
@@ -90,8 +91,8 @@ class Instances:
         return running.begin(drive)
 
     def step(self, drive: Drive, length: int, inputs: Sequence[float]) -> tuple[Drive, list[float]]:
-        """One step after the first `length` steps of a drive: the drive with that step, and the outputs. A
-        drive that has gone on otherwise is branched."""
+        """One step after the first `length` steps of a drive: the drive with that step, and the outputs. If
+        the drive already has other inputs there, a new drive is created."""
         running = self._at(drive, length)
         if length < len(drive.steps):
             drive = Drive(drive.start, drive.steps[:length])
@@ -101,7 +102,7 @@ class Instances:
         return drive, out
 
     def alone(self) -> Instance:
-        """An instance for a whole run, which nobody comes back to."""
+        """An instance for a whole run without return to earlier states."""
         running = self._free()
         running.forget()
         running.drive = _nowhere

@@ -1,6 +1,7 @@
-"""A simulator of ours as an FMU for co-simulation, FMI 3: what `deeptruck-model export --fmu` writes.
+"""Exports a simulator of this package as an FMU for co-simulation, FMI 3: `deeptruck-model export --fmu`.
 
-PythonFMU3 puts its own library around `slave.py`. So the FMU needs a Python with deeptruck where it runs.
+PythonFMU3 wraps `slave.py` with its own library. The FMU therefore needs a Python with deeptruck on the
+machine that runs it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ MISSING = "exporting an FMU needs PythonFMU3; install it with \"pip install 'dee
 
 
 def check(simulator: str) -> None:
-    """Raises InputError where PythonFMU3 is missing, or `simulator` is somebody else's."""
+    """Raises InputError if PythonFMU3 is missing, or `simulator` is not of this package."""
     try:
         import pythonfmu3  # noqa: F401
     except ImportError:
@@ -41,7 +42,8 @@ def check(simulator: str) -> None:
 
 
 def export(simulator: str, out: Path) -> None:
-    """Write the FMU `out`, whole or not at all. Raises InputError as `check`, `load` and `files.new_file`."""
+    """Write the FMU `out`, completely or not at all. Raises InputError as `check`, `load` and
+    `files.new_file` do."""
     check(simulator)
     from pythonfmu3 import FmuBuilder
 

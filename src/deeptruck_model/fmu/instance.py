@@ -1,4 +1,4 @@
-"""One running instance of an FMU: FMI 2 and 3 behind one face, with numbers only."""
+"""One running instance of an FMU: a common interface to FMI 2 and 3, for numbers only."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FLOATS = (ctypes.c_double, ctypes.c_float)
 
 
 class Unpacked:
-    """An FMU's files in a folder of their own, which goes when the program ends."""
+    """An FMU's files in a temporary folder, removed when the program ends."""
 
     def __init__(self, description: Description) -> None:
         from fmpy import extract
@@ -51,7 +51,7 @@ class Unpacked:
 
 
 class Block:
-    """Variables that are written or read together: one call for each type that they have."""
+    """Variables that are written or read together, with one call per type."""
 
     def __init__(self, fmu: Any, version: int, variables: Sequence[Variable]) -> None:
         self._fmu, self._size, self._three = fmu, len(variables), version == 3
@@ -64,13 +64,13 @@ class Block:
             self._parts.append((put, get, references, (c * len(at))(), at, c in FLOATS))
 
     def write(self, numbers: Sequence[float]) -> None:
-        """Give the FMU these numbers."""
+        """Write these numbers to the FMU."""
         for put, _, references, values, at, real in self._parts:
             values[:] = [numbers[i] for i in at] if real else [round(numbers[i]) for i in at]
             self._call(put, references, values)
 
     def read(self) -> list[float]:
-        """The present values of the variables."""
+        """Read the present values of the variables."""
         out = [0.0] * self._size
         for _, get, references, values, at, _ in self._parts:
             self._call(get, references, values)
@@ -87,7 +87,7 @@ class Block:
 
 
 class Instance:
-    """An instance. `start` may be called again at any time; `step` goes on from there."""
+    """An instance. `start` may be called again at any time, to restart it; `step` advances it."""
 
     def __init__(
         self,
@@ -172,7 +172,7 @@ class Instance:
             self._instantiate()
 
     def step(self, numbers: Sequence[float]) -> list[float]:
-        """Drive dt with these inputs; what it has then."""
+        """Advance by dt with these inputs and return the outputs."""
         with self._asked("step"):
             self._in.write(numbers)
             for k in range(self._substeps):
@@ -182,24 +182,24 @@ class Instance:
             return self._out.read()
 
     def save_state(self) -> tuple[Any, int]:
-        """Its whole state, to come back to by `restore`; free it by `forget`."""
+        """Save its whole state for `restore`; release it by `forget`."""
         with self._asked("give its state"):
             get = self._fmu.getFMUstate if self._d.version == 2 else self._fmu.getFMUState
             return get(), self._steps
 
     def restore(self, saved: tuple[Any, int]) -> None:
-        """Back to a state that it gave."""
+        """Restore a saved state."""
         with self._asked("take its state"):
             (self._fmu.setFMUstate if self._d.version == 2 else self._fmu.setFMUState)(saved[0])
             self._steps = saved[1]
 
     def forget(self, saved: tuple[Any, int]) -> None:
-        """Let a state go."""
+        """Release a saved state."""
         with suppress(Exception):
             (self._fmu.freeFMUstate if self._d.version == 2 else self._fmu.freeFMUState)(saved[0])
 
     def close(self) -> None:
-        """End it; it may hold a licence."""
+        """End the instance; it may hold a licence."""
         with suppress(Exception):
             self._fmu.terminate()
         with suppress(Exception):

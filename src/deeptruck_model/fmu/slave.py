@@ -1,4 +1,4 @@
-"""The script of an exported FMU; the export copies it there, with the simulator's directory.
+"""The script of an exported FMU; the export copies it there, together with the simulator's directory.
 
 PythonFMU3 creates an object of the class in this file for each instance of the FMU, and again at a reset. The
 Python that runs the FMU must have deeptruck installed; the FMU contains no other file of this package.
@@ -46,7 +46,7 @@ def loaded(resources: str) -> simulators.Simulator:
 
 
 class Truck(Fmi3Slave):
-    """One truck. While `measured` is set, the measured response takes the place of its own at every step."""
+    """One truck. While `measured` is set, the measured response replaces the simulated one at every step."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -130,11 +130,11 @@ class Truck(Fmi3Slave):
         return float(self.seen[name][0])
 
     def setup_experiment(self, start_time: float) -> None:
-        """The time at which it starts."""
+        """Set the start time."""
         self.clock = start_time
 
     def exit_initialization_mode(self) -> None:
-        """A truck with the parameters that it was given, at the speed that it was given."""
+        """Create the truck with the given parameters, at the given speed."""
         own = self.truck.parameters()
         changed = {name: value for name, value in self.parameters.items() if value != own[name]}
         self.truck = self.truck.with_parameters(changed)
@@ -143,7 +143,7 @@ class Truck(Fmi3Slave):
         self.state, self.y, self.seen = self.truck.reset(y), y, None
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Steps of the truck's own dt, as many as end by then; the commands hold in between."""
+        """As many steps of the truck's dt as end by the given time; commands are held in between."""
         while self.clock + self.truck.dt <= current_time + step_size + NEAR:
             self._step()
             self.clock += self.truck.dt

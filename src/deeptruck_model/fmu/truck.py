@@ -1,4 +1,4 @@
-"""An FMU as an object that `outside` takes for a simulator: batches, forced runs, parameters."""
+"""Wraps an FMU as an object that `outside` accepts as a simulator: batches, forced runs, parameters."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ TRIED = 20.0  # m/s, at which an FMU is asked whether its outputs are valid afte
 
 @dataclass(frozen=True)
 class Row:
-    """A truck of the batch: where on which drive, the speed that it goes on from, its last outputs.
+    """A truck of the batch: its drive and position, its present speed, and its last outputs.
 
-    `measured` is a response that takes the place of its own at the next step: speed and acceleration.
+    `measured` is a recorded speed and acceleration that replace its own at the next step.
     """
 
     drive: Drive
@@ -45,7 +45,7 @@ State = tuple[Row, ...]
 
 
 class FmuTruck:
-    """A batch of trucks, each an instance of one FMU. `values` are parameters other than its own, in SI."""
+    """A batch of trucks, each an instance of one FMU. `values` are changed parameters, in SI."""
 
     def __init__(self, instances: Instances, names: VariableMap, values: Mapping[str, float]) -> None:
         self._instances, self._map, self._values = instances, names, dict(values)
@@ -63,7 +63,7 @@ class FmuTruck:
 
     @property
     def command_range(self) -> dict[str, tuple[float, float]]:
-        """The reach of commands where the FMU declares it, in the interface's units."""
+        """The range of commands declared by the FMU, in the interface's units."""
         out = {}
         for link in self._map.inputs[: len(self.interface.u)]:
             low, high = link.variable.low, link.variable.high
@@ -72,7 +72,8 @@ class FmuTruck:
         return out
 
     def reset(self, y0: Array) -> State:
-        """A state at y0 (batch, n_y); the FMU starts anew. Raises InputError where it starts elsewhere."""
+        """A state at y0 (batch, n_y); the FMU is started again. Raises InputError if it starts at another
+        response."""
         self._instances.room_for(len(y0))
         return tuple(self._begun(y) for y in np.asarray(y0, np.float64))
 
@@ -83,19 +84,20 @@ class FmuTruck:
         return after, self._responses(after)
 
     def force(self, state: State, y: Array) -> State:
-        """The same at a recorded y (batch, n_y). Without an input for it the FMU starts anew there."""
+        """The state at a recorded y (batch, n_y). If the FMU has no input for it, it is started again
+        there."""
         return tuple(self._forced(row, measured) for row, measured in zip(state, y, strict=True))
 
     def inside(self, state: State) -> dict[str, Array]:
-        """What the map names beside the response, and the mass where there are forces."""
+        """The signals in the map besides the response, and the mass if it has forces."""
         return self._insides(np.array([row.out for row in state]))
 
     def parameters(self) -> dict[str, float]:
-        """What the map names, in SI."""
+        """The parameters in the map, in SI."""
         return dict(self._values)
 
     def with_parameters(self, values: Mapping[str, float]) -> FmuTruck:
-        """The same FMU with other values. Raises InputError for one out of the range that the map gives."""
+        """The same FMU with other values. Raises InputError for a value outside the range in the map."""
         for name, value in values.items():
             link = self._map.parameters[name]
             if not link.low <= value <= link.high:
@@ -107,7 +109,7 @@ class FmuTruck:
         return other
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
-        """A free run, or one forced along `recorded`, row by row in a single instance."""
+        """A free run, or one forced along `recorded`, with a single instance for each row."""
         inputs = self._inputs(np.asarray(u, np.float64), np.asarray(w, np.float64))
         y = np.empty((*u.shape[:2], len(self.interface.y)))
         y[:, 0] = y0
@@ -262,9 +264,10 @@ def _number(x: float) -> float:
 
 
 def make(file: Path, mapping: Mapping[Any, Any] | None) -> FmuTruck:
-    """The simulator that a .fmu file holds, by what a mapping file says of its variables, or by their names.
+    """The simulator in a .fmu file; variables are mapped by a mapping file, or by their names.
 
-    Raises InputError for a file that is none or does not run here, and for a map that lacks what is needed.
+    Raises InputError for a file that is no FMU or cannot run here, and for a map that lacks a required
+    signal.
     """
     d = described(file)
     names = variable_map(d, mapping or {})

@@ -1,4 +1,4 @@
-"""Which variable of an FMU is which signal of ours: by the same name, or by lines of a mapping file."""
+"""Maps the variables of an FMU to our signals: by equal names, or by a mapping file."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SHOWN = 6  # names of inputs, and of outputs, in one line
 
 @dataclass(frozen=True)
 class Link:
-    """A signal of ours and the variable that carries it. `low` to `high` is what may be tried, in ours."""
+    """A signal and the variable that carries it. `low` to `high` is the permitted range, in our unit."""
 
     name: str
     variable: Variable
@@ -51,14 +51,14 @@ class Link:
         return self.conversion(x)
 
     def theirs(self, x: Array) -> Array:
-        """From our numbers to the FMU's."""
+        """Convert values from the canonical unit to the FMU's."""
         c = self.conversion
         return np.arctan(x) / c.factor if c.angle else (x - c.offset) / c.factor
 
 
 @dataclass(frozen=True)
 class VariableMap:
-    """All variables of an FMU that are mapped; links by our name."""
+    """All mapped variables of an FMU; links by our name."""
 
     interface: TruckInterface
     dt: float  # s, of our steps
@@ -73,9 +73,9 @@ class VariableMap:
 
 
 def variable_map(d: Description, mapping: Mapping[Any, Any]) -> VariableMap:
-    """The map of an FMU, from its own names and the mapping file, `mapping`, before them.
+    """The map of an FMU, from the mapping file `mapping`, then from equal names.
 
-    Raises InputError for a field or variable that is not known, and for what is needed and missing.
+    Raises InputError for an unknown field or variable, and for a missing required signal.
     """
     _known(mapping, FIELDS, "the mapping")
     found = {section: _links(d, section, _section(mapping, section)) for section in SECTIONS[:-1]}
