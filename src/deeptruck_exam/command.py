@@ -44,9 +44,10 @@ def prove(
 ) -> dict[str, Any]:
     """Examine the tool and write proof.md, scoreboard.json and figures into `out`; returns the scoreboard.
 
-    One folder a case, of recordings of so many `minutes`; a scored case is skipped when `resume`, else `out`
-    must not exist. Level nothing_missing gets NULL_FACTOR times the cases, but not of a single one.
-    Raises InputError for unknown levels or simulators, or an `out` in use."""
+    One folder per case, with recordings of `minutes` each; scored cases are skipped if `resume`, otherwise
+    `out` must not exist. Level nothing_missing gets NULL_FACTOR times the cases, unless there is a single
+    one. Raises InputError for unknown levels or simulators, or an `out` in use.
+    """
     _known("level", levels, LEVELS)
     _known("simulator", simulators, SIMULATORS)
     if out.exists() and not resume:

@@ -1,4 +1,4 @@
-"""What `prove` leaves in its folder, in which it works run after run. Standard library only."""
+"""Files of a proof folder, in which `prove` continues from run to run. Standard library only."""
 
 from __future__ import annotations
 
@@ -65,24 +65,23 @@ REAL = Result(
 
 
 def check(out: Path) -> None:
-    """Whether a proof can be worked on in `out`: a new folder, or one that has its ledger.
+    """Whether a proof can be continued in `out`: a new folder, or one with its ledger.
 
-    Raises InputError as `Result.check`.
+    Raises InputError as `Result.check` does.
     """
     PROOF.check(out, overwrite=True)  # nothing is replaced: what is scored there is kept
 
 
 def check_plant(plant: str, out: Path) -> None:
-    """Raises InputError for an unknown plant, or where a proof on it cannot be done in `out` (see
-    `check`)."""
+    """Raises InputError for an unknown plant, or if a proof on it cannot be done in `out` (see `check`)."""
     if plant != "fastsim":
         raise InputError(f"--plant: there is no '{plant}'; choose fastsim")
     PLANT.check(out, overwrite=True)  # what is scored there is kept
 
 
 def check_real(data: Path, out: Path) -> None:
-    """Raises InputError where there is no folder of real logs, or an examination of them cannot be done in
-    `out` (see `check`)."""
+    """Raises InputError if there is no folder of real logs, or their examination cannot be done in `out` (see
+    `check`)."""
     if not data.is_dir():
         raise InputError(f"--real: there is no folder {data}; docs/recordings.md says where logs are from")
     apart(out, data)

@@ -1,4 +1,4 @@
-"""Many cases, a few at a time, each in its own process; a killed run goes on where it was."""
+"""Runs many cases, a few at a time, each in its own process; an interrupted run can be resumed."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Job:
 
 
 def run_jobs(out: Path, wanted: Sequence[Job], *, jobs: int = 1) -> list[dict[str, Any]]:
-    """Scores in the order of `wanted`. A case whose making or scoring breaks is reported with its
-    traceback under 'broken' and made again on the next run; it never stops the others."""
+    """Scores in the order of `wanted`. A case whose creation or scoring fails is reported with its traceback
+    under 'broken' and made again on the next run; other cases continue."""
     out.mkdir(parents=True, exist_ok=True)
     results: dict[int, dict[str, Any]] = {}
     bar = Progress(
@@ -63,7 +63,8 @@ def run_jobs(out: Path, wanted: Sequence[Job], *, jobs: int = 1) -> list[dict[st
 
 
 def in_parallel(do: Callable[..., None], each: Sequence[tuple[Any, ...]], jobs: int) -> None:
-    """Call `do` with each of these arguments in so many processes; a line on stderr for each that is done."""
+    """Call `do` with each of these arguments in `jobs` processes; prints a line on stderr for each that is
+    done."""
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), end_with_the_run) as pool:
         waiting = [pool.submit(do, *arguments) for arguments in each]
         for k, done in enumerate(as_completed(waiting), 1):
@@ -72,7 +73,7 @@ def in_parallel(do: Callable[..., None], each: Sequence[tuple[Any, ...]], jobs: 
 
 
 def end_with_the_run() -> None:
-    """Without a word of its own where the run is interrupted, and where it is killed."""
+    """End the process silently if the run is interrupted or killed."""
     end_with_parent()
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
 

@@ -1,5 +1,6 @@
-"""One case from beginning to end: make, run the tool, open the truth, score. Resumable: a scored case is read
-back."""
+"""One case from beginning to end: make it, run the tool, open the truth, score. A scored case is read
+instead.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +34,8 @@ def examine(
     with_rivals: bool = True,
     keep: bool = False,
 ) -> dict[str, Any]:
-    """The score of one case as plain data, also written to `folder`/score.json. Recordings are removed
-    unless `keep`."""
+    """The score of one case as plain data, also written to `folder`/score.json. Recordings are removed unless
+    `keep`."""
     done = folder / SCORE
     if done.exists():
         result: dict[str, Any] = json.loads(done.read_text())
@@ -82,7 +83,7 @@ def judge(case: Case, run: ToolRun, *, with_rivals: bool = True) -> dict[str, An
 
 
 def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[str, float]]:
-    """Open-loop errors of the simulator before, the rivals, the oracle and the tool's corrected simulator
+    """Open-loop errors of the given simulator, the rivals, the oracle and the tool's corrected simulator
     ('tool')."""
     simulator = simulators.load(case.simulator)
     fit, held = _recordings(case, case.fit), _recordings(case, case.held_out)

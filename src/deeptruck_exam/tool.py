@@ -1,4 +1,4 @@
-"""The tool as a separate process: it gets recordings and a simulator, never the truth."""
+"""Runs the tool as a separate process, which gets recordings and a simulator, never the truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CONSOLE_SCRIPT = "from deeptruck_model.cli import main; main()"
 
 @dataclass(frozen=True)
 class ToolRun:
-    """How the tool ended; `verdict` is empty where it failed."""
+    """Result of the tool; `verdict` is empty if it failed."""
 
     returncode: int
     seconds: float
@@ -52,13 +52,13 @@ def run_tool(case: Case, out: Path, *, limit_s: float = LIMIT_S) -> ToolRun:
 
 
 def excluded(case: Case) -> list[str]:
-    """Effects to leave out of the tool's library, as the case keeps them: separated by commas."""
+    """Effects excluded from the tool's library, as stored with the case: separated by commas."""
     return list(filter(None, case.environment.get("DEEPTRUCK_MISMATCH_EXCLUDE", "").split(",")))
 
 
 def summary(run: ToolRun) -> dict[str, Any]:
-    """Of a run on real logs: what was said and how large it is, free-run speed errors before and after, and
-    the budget as shares of the squared speed error by part; None for what the verdict does not have."""
+    """Summary of a run on real logs: statements and sizes, free-run speed errors before and after, and the
+    budget as shares of the squared speed error by part; None for what the verdict does not have."""
     findings, fit = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
     strengths = [f.get("strength") or {} for f in findings]
     budget = run.verdict.get("budget")

@@ -1,1 +1,3 @@
-"""Cases: a level and a seed become a driven truck, its recordings, a simulator, and the withheld truth."""
+"""Makes a case from a level and a seed: a driven truck, its recordings, a simulator, and the withheld
+truth.
+"""

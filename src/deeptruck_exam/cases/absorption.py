@@ -1,5 +1,6 @@
-"""The simulator as its owner would have tuned it: least squares on the very recordings that have the effect,
-by a model that lacks it."""
+"""Tunes the simulator as its owner would: least squares on the recordings that contain the effect, with a
+model that lacks it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a plan to what happened: the true truck with its hidden effects, driven along its roads."""
+"""Simulates a plan: drives the true truck with its hidden effects along its roads."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ ATTEMPTS = 5  # each draws nearer to the upper end of the ranges
 
 @dataclass(frozen=True)
 class Built:
-    """A driven world. `extra` (batch, n) is the acceleration the effects caused, m/s2; `nats` what that
-    leaves for a detector that knows its shape, in the recordings for the fit; `oracle` the truck that knows
-    everything."""
+    """A driven world. `extra` (batch, n) is the acceleration that the effects caused, m/s2; `nats` the
+    information in the part of it that a refit cannot absorb, for a detector that knows its shape, in the
+    recordings to fit; `oracle` the truck with all effects."""
 
     plan: Plan
     drives: Drives
@@ -64,7 +64,7 @@ def build_case(
 
 
 def build(plan: Plan) -> Built:
-    """Drive what the plan says."""
+    """Simulate the plan."""
     flat = not plan.grade and not any(e.key == "slope_not_recorded" for e in plan.effects)
     world = worlds.values()
     roads = road_maker.draw(plan.rng_of_drives(1), plan.drives, world["roads"], flat)
@@ -138,7 +138,7 @@ def accelerations(truck: PhysicsTruck, drives: Drives) -> Array:
 
 
 def information(extra: Array, sd: float) -> float:
-    """Mean log-likelihood ratio (nats) of a detector that knows the effect's shape to 'no effect', at noise
+    """Mean log-likelihood ratio (nats) to 'no effect' of a detector that knows the effect's shape, at noise
     sd (m/s2) of 1 s means."""
     return float(0.5 * np.sum((second_means(extra) / sd) ** 2))
 
@@ -151,7 +151,7 @@ def second_means(x: Array) -> Array:
 
 
 def unexplained(nominal: PhysicsTruck, drives: Drives, extra: Array) -> Array:
-    """`extra` less its least-squares fit by the sensitivities of the nominal truck to its tunable
+    """`extra` minus its least-squares fit by the sensitivities of the nominal truck to its tunable
     parameters."""
     base = accelerations(nominal, drives)
     values, step = nominal.parameters(), 0.02
@@ -165,7 +165,8 @@ def unexplained(nominal: PhysicsTruck, drives: Drives, extra: Array) -> Array:
 
 
 def matters(built: Built) -> bool:
-    """Whether recordings of this truck would be noticeably wrong; a rare effect may have little to say."""
+    """Whether the effect noticeably changes the recordings of this truck; a rare effect may carry little
+    information."""
     if not built.plan.effects:
         return True
     if any(e.kind == "measurement_fault" or e.key == "slope_not_recorded" for e in built.plan.effects):

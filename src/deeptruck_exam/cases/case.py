@@ -1,4 +1,4 @@
-"""A case: recordings and a simulator in the open, the truth beside them for the scorer alone."""
+"""A case: recordings and a simulator for the tool, and the truth for the scorer alone."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from deeptruck_model.signals import TruckInterface
 
 @dataclass(frozen=True)
 class Case:
-    """Where a case lies and how the tool is called on it. `environment` is added to the tool's."""
+    """Folder of a case, and the tool's arguments for it. `environment` is added to the tool's."""
 
     folder: Path
     simulator: str
@@ -44,7 +44,7 @@ class Case:
 
     @staticmethod
     def read(folder: Path) -> Case:
-        """The case in a folder. Raises InputError where there is none."""
+        """The case in a folder. Raises InputError if there is none."""
         try:
             data = json.loads((folder / "case.json").read_text())
         except (OSError, json.JSONDecodeError) as error:
@@ -68,8 +68,8 @@ def make_case(
     minutes: float = MINUTES,
 ) -> Case:
     """Write one case into the new folder `out`: six recordings to fit and two held out, the simulator, and
-    the withheld truth. The same arguments give the same case. Raises InputError for an unknown level or
-    effect."""
+    the withheld truth. Equal arguments give the same case. Raises InputError for an unknown level or effect.
+    """
     if out.exists():
         raise InputError(f"{out} exists already; choose another folder or remove it")
     built = build_case(level, seed, effect, simulator, minutes)
@@ -95,8 +95,8 @@ def make_case(
 
 
 def further_drives(truth: Mapping[str, Any]) -> list[Recording]:
-    """As many other drives of the truck of a case, which the tool has not seen: other roads and speeds, the
-    same effects, sizes and sensors."""
+    """As many further drives of the truck of a case, unseen by the tool: other roads and speeds, the same
+    effects, sizes and sensors."""
     keys = [e["key"] for e in truth["effects"]]
     plan = draw_plan(
         truth["level"],
@@ -112,7 +112,7 @@ def further_drives(truth: Mapping[str, Any]) -> list[Recording]:
 
 
 def measure(built: Built) -> list[dict[str, Array]]:
-    """What the truck's sensors made of each drive: channels (n,), faults and decoys included."""
+    """The sensor signals of each drive: channels (n,), with faults and decoys."""
     plan, rng = built.plan, built.plan.rng(5)
     sensors = Sensors.draw(worlds.values()["sensors"], rng)
     out = []
@@ -147,7 +147,8 @@ def _radar(built: Built, k: int, rng: np.random.Generator) -> dict[str, Array]:
 
 
 def draw_decoy(built: Built) -> dict[str, Array]:
-    """An innocent channel (batch, n) that trends along with the effect, correlated about 0.9."""
+    """A channel (batch, n) that has no influence but a trend similar to the effect's, with a correlation of
+    about 0.9."""
     rng = built.plan.rng(6)
     width = round(20.0 / DT)
     smooth = np.stack([np.convolve(row, np.ones(width) / width, mode="same") for row in built.extra])
@@ -193,7 +194,7 @@ def _written(out: Path, plan: Plan, simulator: str, names: tuple[str, ...], trut
 
 
 def open_truth(case: Case) -> dict[str, Any]:
-    """The truth of a case. Raises InputError where it is not the one that was written."""
+    """The truth of a case. Raises InputError if it differs from what was written."""
     text = (case.folder / "truth" / "truth.json").read_text()
     if hashlib.sha256(text.encode()).hexdigest() != case.sha256:
         raise InputError(f"the truth of {case.folder} is not the one that was written")

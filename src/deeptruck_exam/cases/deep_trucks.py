@@ -1,5 +1,6 @@
-"""Trained deep trucks as simulators: learned from drives in which nothing is missing, kept for all cases
-of a truck."""
+"""Trained deep trucks as simulators, learned from drives without effects and stored for all cases of
+a truck.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +30,12 @@ CACHE = "DEEPTRUCK_PROOF_DEEP"  # environment variable: folder of trained trucks
 
 
 def cache_folder() -> Path:
-    """Where trained trucks are kept between cases."""
+    """The folder of trained trucks."""
     return Path(os.environ.get(CACHE, Path(tempfile.gettempdir()) / "deeptruck-proof"))
 
 
 def nominal_recordings(plan: Plan, hours: float = HOURS) -> list[Recording]:
-    """Drives of the plan's truck with everything as it should be, as its sensors record them."""
+    """Drives of the plan's truck without effects, as its sensors record them."""
     minutes = 8.0
     count = max(4, round(hours * 60.0 / minutes))
     rng = np.random.default_rng([truck_seed(plan), 1])
@@ -61,7 +62,7 @@ def nominal_recordings(plan: Plan, hours: float = HOURS) -> list[Recording]:
 
 
 def truck_seed(plan: Plan) -> int:
-    """A number that belongs to the plan's truck, whatever the case."""
+    """A seed that depends only on the plan's truck."""
     text = json.dumps([plan.truck, plan.values, plan.grade], sort_keys=True)
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
 

@@ -1,4 +1,4 @@
-"""Effects that act only under a condition of driving, or in a few short windows of time."""
+"""Effects that act only under a driving condition, or in a few short time windows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Open = Callable[[View], Array]
 
 @dataclass
 class GatedForce:
-    """A force times an opening 0..1; its own state runs on while the gate is shut."""
+    """A force times an opening 0..1; its state is updated also while the gate is closed."""
 
     inner: Force
     opening: Open
@@ -34,7 +34,7 @@ class GatedForce:
 
 @dataclass
 class GatedFilter:
-    """A command filter inside windows of time only."""
+    """A command filter that acts only inside time windows."""
 
     inner: CommandFilter
     windows: Windows
@@ -77,7 +77,7 @@ CONDITIONS: dict[str, Open] = {
 
 
 def gate(planted: Planted, opening: Open | Windows) -> Planted:
-    """The same effects behind a gate. Filters can be gated by windows alone."""
+    """The same effects behind a gate. Filters can only be gated by windows."""
     filters = planted.filters
     if isinstance(opening, Windows):
         filters = tuple(GatedFilter(f, opening) for f in planted.filters)
@@ -91,8 +91,8 @@ def gate(planted: Planted, opening: Open | Windows) -> Planted:
 
 
 def draw_windows(rng: np.random.Generator, activity: Array, dt: float, held_out: int) -> Windows:
-    """Three to six windows of 5 to 8 s, under 2 % of the time, placed where the effect would have been active
-    (`activity` (batch, n), any unit); at least one in the held-out recordings, which come last."""
+    """Three to six windows of 5 to 8 s, under 2 % of the time, at times when the effect would have been
+    active (`activity` (batch, n), any unit); at least one in the held-out recordings, which come last."""
     batch, n = activity.shape
     length = rng.uniform(5.0, 8.0)
     width = round(length / dt)

@@ -1,4 +1,4 @@
-"""The levels of the examination: which laws each may hide, and in which order seeds go through them."""
+"""The levels of the examination: the laws that each may hide, and the order in which seeds select them."""
 
 from __future__ import annotations
 
@@ -37,17 +37,18 @@ NOT_RECORDED: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 def mark(level: str) -> int:
-    """Mixed into every draw, so that equal seeds of other levels are other cases."""
+    """Number mixed into every draw, so that equal seeds of different levels give different cases."""
     return zlib.crc32(level.encode())
 
 
 def hidden_input(level: str, seed: int) -> str:
-    """The input that a case of level input_not_recorded withholds; empty at other levels."""
+    """The input withheld in a case of level input_not_recorded; empty at other levels."""
     return list(NOT_RECORDED)[seed % len(NOT_RECORDED)] if level == "input_not_recorded" else ""
 
 
 def suitable(level: str) -> list[Effect]:
-    """The effects a level may hide, in its own order, else one seed would hide one law at every level."""
+    """The effects that a level may hide, in an order specific to the level, so that a seed does not select
+    the same law at every level."""
     if level in ("nothing_missing", "input_not_recorded"):
         return []
     if level == "each_drive_differs":
@@ -66,7 +67,7 @@ def suitable(level: str) -> list[Effect]:
 
 
 def find(effect: str) -> Effect:
-    """By key or name. Raises InputError where there is none."""
+    """An effect by key or name. Raises InputError if there is none."""
     every = [*EFFECTS.values(), *each_drive()]
     found = EFFECTS.get(effect) or next((e for e in every if effect in (e.key, e.name)), None)
     if found is None:
@@ -75,10 +76,11 @@ def find(effect: str) -> Effect:
 
 
 def choose(level: str, seed: int, effect: str | None) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
-    """The effects to hide, and the names the tool is to do without.
+    """The effects to hide, and the names excluded from the tool's library.
 
-    Level `unknown` hides an unnamed law, or every other time a law whose name is taken from the tool.
-    Raises InputError for an unknown level or effect."""
+    Level `unknown` hides an unnamed law and, for every second seed, a law whose name is excluded. Raises
+    InputError for an unknown level or effect.
+    """
     if level not in LEVELS:
         raise InputError(f"there is no level '{level}'; levels: {', '.join(LEVELS)}")
     if level == "nothing_missing":

@@ -1,4 +1,4 @@
-"""What is drawn for a case before anything is driven."""
+"""The plan of a case: everything drawn before the simulation."""
 
 from __future__ import annotations
 
@@ -56,23 +56,24 @@ class Plan:
         return np.random.default_rng([self.seed, mark(self.level), salt, self.attempt])
 
     def rng_of_drives(self, salt: int) -> np.random.Generator:
-        """For what differs in other drives of the same truck: roads, speeds and drivers."""
+        """Random numbers for roads, speeds and drivers, which differ between the drives of a truck."""
         further = [self.further] if self.further else []
         return np.random.default_rng([self.seed, mark(self.level), salt, self.attempt, *further])
 
     @property
     def effect_seed(self) -> int:
-        """Of the effects' own random series."""
+        """Seed of the random series within the effects."""
         return self.seed + mark(self.level)
 
 
 def draw_plan(
     level: str, seed: int, effect: str | None, simulator: str, minutes: float, attempt: int = 0
 ) -> Plan:
-    """Draw a case. `effect` is a key or a name; None lets the seed choose, cycling through all that suit. A
-    later `attempt` draws truck, roads and drivers anew, for the same effects.
+    """Draw a case. `effect` is a key or a name; None lets the seed select one of the suitable effects in
+    turn. A later `attempt` draws truck, roads and drivers again, with the same effects.
 
-    Raises InputError for an unknown level or effect."""
+    Raises InputError for an unknown level or effect.
+    """
     chosen, excluded = choose(level, seed, effect)
     rng = np.random.default_rng([seed, mark(level), 0, attempt])
     pool = POOL.split()

@@ -1,5 +1,6 @@
-"""The inputs of a truck's forces along a simulated drive, recorded so that many laws can be evaluated at
-once."""
+"""Records the inputs of a truck's forces along a simulated drive, so that many laws can be evaluated
+at once.
+"""
 
 from __future__ import annotations
 
@@ -42,20 +43,20 @@ class _Recorder:
 
 @dataclass(frozen=True)
 class Trace:
-    """Views of a batch of drives, one for each 0.1 s; `setting` is that of the batch."""
+    """Views of a batch of drives, one every 0.1 s; `setting` is that of the batch."""
 
     views: tuple[Any, ...]  # as View has them
     setting: Setting
 
     @staticmethod
     def of(truck: PhysicsTruck, drives: Drives, setting: Setting) -> Trace:
-        """What the forces of `truck` see along the drives."""
+        """The views of the forces of `truck` along the drives."""
         recorder = _Recorder()
         truck.with_forces([recorder]).rollout(drives.u, drives.w, drives.y[:, 0], drives.y, inside=False)
         return Trace(tuple(SimpleNamespace(**seen) for seen in recorder.seen), setting)
 
     def repeated(self, times: int) -> Trace:
-        """The same drives several times over, one set after the other."""
+        """The same drives repeated, one set after the other."""
 
         def tiled(x: Any) -> Any:
             return np.concatenate([x] * times) if isinstance(x, np.ndarray) else x
@@ -66,7 +67,7 @@ class Trace:
         return Trace(views, replace(self.setting, batch=self.setting.batch * times, **more))
 
     def acceleration(self, forces: Sequence[Force], openings: Sequence[Open] = ()) -> Array:
-        """Acceleration by the forces, (1 + openings, batch, n) m/s^2: all of it, then weighted by each
+        """Acceleration by the forces, (1 + openings, batch, n) m/s^2: unweighted, then weighted by each
         opening."""
         for force in forces:
             force.reset(self.setting.batch)
@@ -80,7 +81,7 @@ class Trace:
 
 
 def setting_of(built: Built) -> Setting:
-    """What laws may know of a driven world."""
+    """The setting of a driven world, with what laws may know of it."""
     drives = built.drives
     return Setting(
         built.truck,

@@ -1,4 +1,4 @@
-"""What a case's truth says: names, sizes, when the effects acted, and what information they left."""
+"""The truth of a case: names, sizes, when the effects acted, and the information they left."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def _effect(
 
 
 def comparable(effect: Effect, sizes: dict[str, float], built: Built) -> dict[str, dict[str, Any]]:
-    """Sizes with one meaning whatever the form of the law, {name: {value, unit}}. A scale is recorded over
-    true, a bias recorded less true, an offset or delay positive when the channel or command comes late.
+    """Sizes whose meaning does not depend on the form of the law, {name: {value, unit}}. A scale is recorded
+    over true, a bias recorded minus true; an offset or delay is positive if the channel or command is late.
     """
     sign, mass = float(np.sign(sizes.get("sign", 1.0))), built.truck.mass
     meanings: dict[str, tuple[str, float, str]] = {
@@ -104,24 +104,23 @@ def comparable(effect: Effect, sizes: dict[str, float], built: Built) -> dict[st
 
 
 def payload_share(sizes: dict[str, float]) -> float:
-    """Share of the mass taken on (positive) or left behind, as the effect reads its sizes."""
+    """Change of mass as a share, positive if loaded, from the effect's sizes."""
     return (1.0 if sizes.get("sign", 1.0) > -0.4 else -0.8) * sizes.get("share", 0.0)
 
 
 def seconds(extra: Array) -> Array:
-    """One-second running means of (batch, n)."""
+    """Running means of (batch, n) over one second."""
     return np.stack([np.convolve(row, np.ones(10) / 10.0, mode="same") for row in extra])
 
 
 def acts(extra: Array) -> Array:
-    """Where the effects act: at least a quarter of their strong hours (the 98th percentile), and
-    noticeable."""
+    """When the effects act: at least a quarter of their 98th percentile, and noticeable."""
     size = np.abs(seconds(extra))
     return np.asarray(size > max(LEAST, 0.25 * float(np.quantile(size, 0.98))))
 
 
 def segments(built: Built, names: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Segments of a second or more in which the effects act, joined across pauses of two seconds."""
+    """Segments of at least a second in which the effects act, joined across pauses of up to two seconds."""
     active = acts(built.extra)
     mass = built.truck.mass
     out = []

@@ -1,7 +1,7 @@
-"""The laws of the score: sixty textbook laws and ten sensor faults, written out, with their sources.
+"""The textbook laws of the effects: sixty laws and ten sensor faults with their sources, one file for each
+part of the truck.
 
-Importing this package enters all in the catalogue;
-one file for each part of the truck.
+Importing this package registers all of them in the catalogue.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def named() -> list[Effect]:
 
 
 def nameless() -> list[Effect]:
-    """Laws that have none."""
+    """Laws that have no name in the tool's library."""
     return [e for e in of_kind("missing_physics") if e.name == UNKNOWN]
 
 

@@ -13,7 +13,7 @@ from deeptruck_model.trucks import View
 @law("drafting", "highway", accepts="drag_area headwind", leader=True)
 @sizes(saving=(0.30, 0.55), length_m=(16.0, 35.0), power=(1.0, 1.6))
 class Slipstream(Law):
-    """Drag saved behind a leader falls off with the gap over the truck's length.
+    """The drag reduction behind a leader decreases with the gap relative to the truck's length.
     Source: Zabat, Stabile, Farascaroli and Browand, The Aerodynamic Performance of Platoons,
     UCB-ITS-PRR-95-35 (1995), drag against gap; fitted by a rational function."""
 
@@ -27,7 +27,7 @@ class Slipstream(Law):
 @law("drafting", "highway", accepts="drag_area headwind", leader=True)
 @sizes(deficit=(0.45, 0.7), length_m=(8.0, 16.0), miss=(0.1, 0.4), wander_s=(15.0, 40.0))
 class FarWake(Law):
-    """The wake that the leader left some seconds ago, carried at its speed; it wanders aside and back.
+    """The wake that the leader left some seconds ago moves with its speed, and drifts sideways and back.
     Source: Schlichting, Boundary-Layer Theory, on axisymmetric turbulent wakes: velocity deficit with the
     power -2/3 of distance."""
 
@@ -54,7 +54,7 @@ class FarWake(Law):
 @law("drag_area", "highway hills", accepts="headwind rolling_resistance_speed")
 @sizes(gain=(0.25, 0.60), flutter=(0.02, 0.06), share_of_drives=(0.4, 0.7))
 class LooseTarpaulin(Law):
-    """A cover comes loose in some recordings, from their beginning or from a moment on, and flutters.
+    """A cover is loose in some recordings, from their start or from a later time, and flutters.
     Source: Hucho, Aerodynamics of Road Vehicles (1998), on add-on and loose parts of trucks."""
 
     def prepare(self) -> None:
@@ -80,7 +80,7 @@ class LooseTarpaulin(Law):
     from_deg=(0.0, 360.0),
 )
 class SteadyWind(Law):
-    """One wind for all recordings, from one direction, with gusts; every road has its own winding heading.
+    """One wind direction and mean speed for all recordings, with gusts; the heading of each road varies.
     Source: gusts by the Dryden spectrum of MIL-F-8785C; drag area growing with yaw, SAE J1252."""
 
     def prepare(self) -> None:
@@ -110,11 +110,11 @@ class SteadyWind(Law):
 @law("headwind", "highway hills", accepts="drag_area")
 @sizes(scale_mps=(8.0, 13.0), shelter=(0.45, 0.8), gap_m=(250.0, 700.0), gust=(0.3, 0.6), per_yaw=(0.3, 0.8))
 class ShelteredWind(Law):
-    """Mean wind and angle change from recording to recording; woods shelter parts of the road. shelter: share
-    of the wind they take; gust: of the mean wind; per_yaw: 1/rad.
+    """Mean wind and direction change from recording to recording; woods shelter parts of the road. shelter:
+    share of the wind removed; gust: share of the mean wind; per_yaw: 1/rad.
     Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991): drag coefficient
-    linear in yaw; Weibull mean winds, Troen and Petersen, European Wind Atlas (1989); 1-cos gusts,
-    CS-25.341."""
+    linear in yaw; Weibull mean winds, Troen and Petersen, European Wind Atlas (1989); 1-cos gusts, CS-25.341.
+    """
 
     def prepare(self) -> None:
         rng, batch = self.rng(101), self.setting.batch
@@ -127,7 +127,7 @@ class ShelteredWind(Law):
         self.gust_s = rng.uniform(3.0, 9.0, (batch, slots))
 
     def exposure(self, at: Array) -> Array:
-        """From 1 - shelter to 1 along the road."""
+        """Share of the wind along the road, from 1 - shelter to 1."""
         phase, wave = self.phase[self.setting.route], 2.0 * np.pi / self.p.gap_m
         trees = np.sin(0.5 * wave * at + phase[:, 0]) + 0.7 * np.sin(0.31 * wave * at + phase[:, 1])
         return 1.0 - self.p.shelter / (1.0 + np.exp(-6.0 * trees))

@@ -12,8 +12,8 @@ from deeptruck_model.trucks import View
 @law("brake_fade", "descent")
 @sizes(surface_share=(0.10, 0.20), onset_c=(110.0, 170.0), width_k=(60.0, 130.0), loss=(0.30, 0.55))
 class TwoMassFade(Law):
-    """Rubbing surface, at first 20 K warm, and drum body as two thermal masses. surface_share: of the
-    drums' heat capacity; loss: share of the torque lost when fully hot.
+    """Brake fade with two thermal masses, the rubbing surface and the drum, initially 20 K above ambient.
+    surface_share: share of the drums' heat capacity; loss: share of the torque lost at full temperature.
     Source: Limpert, Brake Design and Safety, and Day, Braking of Road Vehicles (2014), on brake temperature
     and fade."""
 
@@ -43,11 +43,12 @@ SKIN = np.array([0.5, 0.3, 0.2])[:, None]  # shares: twofold about the root of t
 @law("brake_fade", "descent")
 @sizes(most=(0.35, 0.6), half_wpkg=(3.0, 5.0), steep=(2.5, 4.5))
 class LayeredDrumFade(Law):
-    """A single hard stop loses a little at its end; a long descent loses minutes after minutes. most: of the
-    brake force; half_wpkg: steady power over mass at which half of it is lost.
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959): the rubbing face follows the heat flow
-    with the root of time, here as layers of three depths; fade tests of type I, UN Regulation No. 13, annex
-    4."""
+    """Brake fade that is small at the end of one hard stop and builds up over minutes on a long descent.
+    most: largest share of the brake force lost; half_wpkg: steady power over mass at which half of it is
+    lost.
+    Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959): the temperature of the rubbing face
+    follows the heat flow with the root of time, here as layers of three depths; fade tests of type I, UN
+    Regulation No. 13, annex 4."""
 
     def start(self, batch: int) -> dict[str, Array]:
         return {"face": np.zeros((3, batch))}
@@ -63,8 +64,8 @@ class LayeredDrumFade(Law):
 @law("brake_lag", "suburban descent", accepts="command_delay clock_offset")
 @sizes(dead_time_s=(0.10, 0.35), fill_rate=(0.7, 1.6))
 class ChamberFilling(Law):
-    """Choked flow fills the brake chamber at a rate with the square root of the pressure difference, after a
-    transport delay. fill_rate: 1/s of full force at full difference.
+    """Choked flow fills the brake chamber with the square root of the pressure difference, after a transport
+    delay. fill_rate: share of full force per second at full difference.
     Source: Subramanian, Darbha and Rajagopal, J. Dyn. Sys. Meas. Control 126 (2004)."""
 
     def start(self, batch: int) -> dict[str, Array]:
@@ -87,8 +88,9 @@ class ChamberFilling(Law):
 @law("brake_lag", "suburban descent", accepts="command_delay clock_offset")
 @sizes(share=(0.55, 0.9), crack=(0.012, 0.035), fill=(0.12, 0.30), empty_s=(0.5, 1.3))
 class RelayValve(Law, chamber=0.0, open=0.0):
-    """Small changes never arrive; large ones arrive at a constant rate and leave exponentially. share: of the
-    brake force behind the valve; crack: of full force; fill: 1/s of full force.
+    """Small changes are not transmitted; large ones fill at a constant rate and release exponentially. share:
+    share of the brake force behind the valve; crack: share of full force; fill: share of full force per
+    second.
     Source: Natarajan, Subramanian, Darbha and Rajagopal, A Model of the Relay Valve Used in an Air Brake
     System, Nonlinear Analysis: Hybrid Systems 1 (2007): the valve laps until the difference exceeds a crack
     pressure, then fills choked."""
@@ -107,8 +109,8 @@ class RelayValve(Law, chamber=0.0, open=0.0):
 @law("dragging_brake", "suburban descent")
 @sizes(floor_n=(300.0, 900.0), stuck_n=(900.0, 3000.0), ease_s=(12.0, 45.0), swell=(0.1, 0.5))
 class StickingCam(Law, stuck=0.0, heat=0.0):
-    """A drag that remains after each application (in full from 20 kN on), decays, and swells with heat.
-    swell: for each 4 MJ, which are gone after some 200 s.
+    """A residual drag after each application (in full from 20 kN on) that decays, and grows with heat. swell:
+    per 4 MJ of heat, which decays within about 200 s.
     Source: Limpert, Brake Design and Safety, on air brake adjustment and residual shoe force."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -122,9 +124,9 @@ class StickingCam(Law, stuck=0.0, heat=0.0):
 @law("dragging_brake", "suburban descent")
 @sizes(hold_bar=(5.6, 6.4), per_bar_n=(2200.0, 4500.0), use_bar=(0.10, 0.25), refill_s=(20.0, 45.0))
 class SpringBrakes(Law):
-    """Every application draws air; the faster the engine turns, the sooner the shoes let go. use_bar: for
-    each second of braking by 25 kN; refill_s: at 130 rad/s engine speed, towards the governor's 7.5 bar;
-    leaks take 0.012 bar/s.
+    """Every application consumes air, and low pressure applies the spring brakes until the compressor, faster
+    at higher engine speed, has refilled. use_bar: per second of braking at 25 kN; refill_s: at 130 rad/s
+    engine speed, towards the governor's 7.5 bar; leaks take 0.012 bar/s.
     Source: Limpert, Brake Design and Safety, on spring brakes; FMVSS 121 S5.1 on the compressor's build-up
     with engine speed."""
 

@@ -1,9 +1,9 @@
-"""The catalogue of laws, and the decorators that enter a law in it.
+"""The catalogue of laws, and the decorators that register a law in it.
 
-A law is declared by `law` (a class of force or command filter, or a function that returns what is planted) or
-by `fault` (a function that spoils recorded channels), with `sizes` below it: the ranges its sizes are drawn
-from. Its key is its own name in snake case. The docstring says what the law does and, after `Source:`, where
-its equation stands.
+A law is declared by `law` (a class of force or command filter, or a function that returns a Planted) or by
+`fault` (a function that corrupts recorded channels), with `sizes` below it: the ranges from which its sizes
+are drawn. Its key is its own name in snake case. The docstring describes the law and, after `Source:`, names
+the source of its equation.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class Planted:
-    """What makes the true truck or its recording differ from what the simulator knows."""
+    """Difference between the true truck or its recording and the simulator."""
 
     forces: tuple[Force, ...] = ()
     filters: tuple[CommandFilter, ...] = ()
@@ -43,12 +43,13 @@ class Planted:
 
 @dataclass(frozen=True)
 class Effect:
-    """A law as a case hides it.
+    """A law that a case can hide.
 
     `name` is the right answer, `key` distinguishes laws of one name. `ranges` are (low, high) by size, drawn
-    uniformly. `accepts` are names that recordings alone cannot distinguish from it, counted right only inside
-    a stated set. `drives` are the kinds of drive in which it acts, `trucks` the trucks that can have it;
-    `leader` whether it needs one, `gateable` whether it can act under one condition alone."""
+    uniformly. `accepts` are names that recordings alone cannot distinguish from it, counted as right only
+    inside a stated set. `drives` are the kinds of drive in which it acts, `trucks` the trucks that can have
+    it; `leader` says whether it needs one, `gateable` whether it can be restricted to a driving condition.
+    """
 
     key: str
     name: str
@@ -63,7 +64,7 @@ class Effect:
     gateable: bool = False
 
     def draw(self, rng: np.random.Generator, scale: float = 1.0) -> dict[str, float]:
-        """Random sizes. `scale` moves the draw towards the upper end of the ranges (1: uniform)."""
+        """Random sizes. `scale` shifts the draw towards the upper end of the ranges (1: uniform)."""
         return {
             n: float(lo + (hi - lo) * rng.random() ** (1.0 / scale)) for n, (lo, hi) in self.ranges.items()
         }
@@ -100,7 +101,7 @@ def law(
     gateable: bool = True,
     reported: bool = False,
 ) -> Callable[[Declared], Declared]:
-    """Enter a Law, a CommandLaw or a function (setting, p) -> Planted; only a Law can be gated by a
+    """Register a Law, a CommandLaw or a function (setting, p) -> Planted; only a Law can be gated by a
     condition."""
 
     def add(declared: Declared) -> Declared:
@@ -118,7 +119,7 @@ def law(
 def fault(
     name: str, drives: str = EVERYWHERE, *, accepts: str = "", withheld: str = ""
 ) -> Callable[[Declared], Declared]:
-    """Enter a function (p, channels, dt, rng) that spoils one recording's channels in place."""
+    """Register a function (p, channels, dt, rng) that corrupts one recording's channels in place."""
 
     def add(spoil: Declared) -> Declared:
         def build(setting: Setting, p: Sizes) -> Planted:

@@ -1,4 +1,4 @@
-"""What lies between the recorded commands and the truck: delay and rate limit."""
+"""Command path between recorded commands and truck: delay and rate limit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from deeptruck_exam.laws.series import ou_series
 
 
 class Ring(CommandLaw):
-    """Keeps the last `length` commands (batch, 2)."""
+    """Buffer of the last `length` commands (batch, 2)."""
 
     length: int
 
@@ -27,14 +27,14 @@ class Ring(CommandLaw):
         s.past[s.at % self.length] = u
 
     def ago(self, s: State, steps: int) -> Array:
-        """What was put in so many steps before the last one."""
+        """The command stored `steps` steps before the last one."""
         return np.asarray(s.past[(s.at - steps) % self.length])
 
 
 @law("command_delay", "suburban hills descent", accepts="clock_offset")
 @sizes(delay_s=(0.25, 0.70), wander_s=(0.01, 0.06))
 class NetworkDelay(Ring):
-    """Engine and brake command arrive late, by a time that wanders with the load of the network.
+    """Engine and brake commands are delayed by a time that varies with the load of the network.
     Source: Nilsson, Real-Time Control Systems with Delays (Lund, 1998)."""
 
     length = 150

@@ -32,8 +32,8 @@ class DeadZone(Law, side=1.0, since=99.0, jump=0.0):
 @law("driveline_backlash", "suburban hills")
 @sizes(play_rad=(0.8, 2.2), wind_up_s=(0.10, 0.35), knock=(0.3, 0.9))
 class IntegratedBacklash(Law, side=1.0, way=0.0, rate=0.0, share=1.0, hit=0.0):
-    """Time without torque is the longer the gentler the torque turns: the play is crossed by integrating the
-    speed of the free side, then shafts wind up. play_rad is at the flywheel.
+    """The play is crossed by integrating the speed difference, so that a slower torque reversal has a longer
+    time without torque; then shafts wind up. play_rad is at the flywheel.
     Source: Nordin and Gutman, Controlling Mechanical Systems with Backlash, Automatica 38 (2002)."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -56,9 +56,9 @@ class IntegratedBacklash(Law, side=1.0, way=0.0, rate=0.0, share=1.0, hit=0.0):
 @law("driveline_loss", accepts="torque_gain")
 @sizes(mesh=(0.05, 0.11), churning_n=(100.0, 500.0))
 class MeshAndChurning(Law):
-    """Mesh losses in proportion to load, either way, and churning. churning_n: at 20 m/s.
-    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on losses. The power 1.5
-    of speed lies between 1, of viscous drag, and 2, of accelerated oil."""
+    """Mesh losses proportional to load in both directions, and churning losses. churning_n: at 20 m/s.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on losses. The exponent
+    1.5 of speed lies between 1, of viscous drag, and 2, of accelerated oil."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         churning = p.churning_n * np.maximum(view.speed / 20.0, 0.0) ** 1.5
@@ -74,8 +74,8 @@ class MeshAndChurning(Law):
     heat_j=(0.6e6, 2.0e6),
 )
 class CountershaftAndHypoid(Law, heat=0.0):
-    """The direct gear passes no mesh of the countershaft, the others two; hypoid axles lose more on the coast
-    flank; drag of cold oil falls as the loss itself heats it. cold_nm: at the flywheel.
+    """The direct gear has no countershaft mesh, the others two; hypoid axles lose more on the coast flank;
+    the drag of cold oil decreases as the losses heat it. cold_nm: at the flywheel.
     Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on losses."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -90,7 +90,8 @@ class CountershaftAndHypoid(Law, heat=0.0):
 @law("shift_interruption", "suburban hills")
 @sizes(hold_s=(0.3, 0.9), return_s=(0.4, 1.0))
 class LateTorqueReturn(Law, since=99.0, gear=-1.0):
-    """After a shift torque is held off until driveline oscillation has died, then returns by a raised cosine.
+    """After a shift, torque is withheld until the driveline oscillation has decayed, then returns as a raised
+    cosine.
     Source: Pettersson and Nielsen, Gear Shifting by Engine Control, IEEE Trans. Control Syst. Technol. 8
     (2000)."""
 
@@ -106,9 +107,9 @@ class LateTorqueReturn(Law, since=99.0, gear=-1.0):
 @law("shift_interruption", "suburban hills")
 @sizes(sync_s=(0.6, 1.8), metered=(0.25, 0.7), down=(1.0, 2.0))
 class SlippingClutch(Law, ratio=0.0, open=0.0, carried=1000000.0):
-    """After a change of the gear ratio the clutch slips and passes no torque; then torque returns at a
-    limited rate. sync_s: time of slip per unit of the logarithm of the ratio step; down: its factor where the
-    ratio rises; metered: rate of return, in units of about 0.1 g per second.
+    """After a change of the gear ratio the clutch slips without torque; then torque returns at a limited
+    rate. sync_s: slip time per unit of the logarithm of the ratio step; down: its factor on downshifts;
+    metered: rate of return, in units of about 0.1 g per second.
     Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on shifting elements:
     speed difference times engine inertia over the clutch's slope."""
 
@@ -154,8 +155,9 @@ def lockup_fails(setting: Setting, p: Sizes) -> Planted:
 )
 @sizes(stall_rads=(165.0, 215.0), open_s=(3.5, 8.0), below_mps=(6.0, 10.0))
 class OpenConverter(Law, pump=-1.0, gear=0.0, since=0.0):
-    """Open after every change of gear and at low speed, while it is locked in the simulator. `pump` rad/s;
-    the turbine turns as the simulator has the engine. stall_rads: at peak torque; open_s: after a change.
+    """The converter is open after every change of gear and at low speed, while in the simulator it is locked.
+    `pump` rad/s; the turbine turns at the simulator's engine speed. stall_rads: at peak torque; open_s: after
+    a change.
     Source: SAE J643, Hydrodynamic Drive Test Code: the pump's torque with its speed squared, by capacity and
     torque ratio over the ratio of speeds."""
 
@@ -179,7 +181,7 @@ class OpenConverter(Law, pump=-1.0, gear=0.0, since=0.0):
 @law("rotating_inertia", "suburban hills", accepts="mass payload_change")
 @sizes(engine_kgm2=(4.0, 10.0), wheels_kgm2=(20.0, 150.0))
 class HeavyFlywheel(Law):
-    """A heavy flywheel turns with the engine, massive wheels with the road.
+    """Additional inertia of a heavy flywheel, which turns with the engine, and of heavy wheels.
     Source: Wong, Theory of Ground Vehicles (2008): mass factor 1.04 + 0.0025 ratio^2."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:

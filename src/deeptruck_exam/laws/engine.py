@@ -12,8 +12,8 @@ from deeptruck_model.trucks import View
 @law("accessory_load", "hills highway suburban", accepts="engine_friction")
 @sizes(fan_w=(18000.0, 38000.0), compressor_w=(2500.0, 5000.0), heat_s=(15.0, 45.0))
 class FanAndCompressor(Law):
-    """A fan behind an on/off clutch with a thermostat's hysteresis, and an air compressor in load and unload
-    cycles. fan_w at 170 rad/s engine speed.
+    """A fan with an on/off clutch and a thermostat with hysteresis, and an air compressor that alternates
+    between load and idle. fan_w at 170 rad/s engine speed.
     Source: Pettersson and Johansson, Modelling and Control of Auxiliary Loads in Heavy Vehicles, Int. J.
     Control 79 (2006); fan torque with speed squared, SAE J1342."""
 
@@ -42,7 +42,7 @@ class FanAndCompressor(Law):
 @law("engine_brake", "descent hills suburban", accepts="engine_friction")
 @sizes(torque_nm=(250.0, 800.0), exponent=(1.4, 2.1), delay_s=(0.3, 0.6), from_mps=(7.0, 12.0))
 class CompressionBrake(Law, closed=0.0, torque=0.0):
-    """A compression release brake in stages, switched by the driver, whose switch nobody records.
+    """A compression release brake in stages, switched by the driver; the switch is not recorded.
     Source: Heywood, Internal Combustion Engine Fundamentals, on compression work; SAE J1939-71, SPN 520,
     retarder torque."""
 
@@ -58,10 +58,10 @@ class CompressionBrake(Law, closed=0.0, torque=0.0):
 @law("engine_brake", "descent suburban", accepts="engine_friction")
 @sizes(torque_nm=(280.0, 650.0), fill=(0.6, 1.8), cut_out_rpm=(850.0, 1000.0), limit=(0.7, 1.0))
 class ExhaustFlap(Law, shut=0.0, pressure=0.0):
-    """Closed by the first touch of the brake pedal, opened by the throttle, and never recorded. fill:
-    manifold fillings a second at 1500 rpm (157 rad/s); it empties six times a second.
-    Source: Heywood, Internal Combustion Engine Fundamentals, ch. 13, on pumping against a throttled
-    exhaust."""
+    """An unrecorded exhaust brake, closed by the first touch of the brake pedal and opened by the throttle.
+    fill: manifold fillings per second at 1500 rpm (157 rad/s); it empties six times per second.
+    Source: Heywood, Internal Combustion Engine Fundamentals, ch. 13, on pumping against a throttled exhaust.
+    """
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         throttle = view.u[:, 0] > 0.01 * abs(self.truck.full_command)
@@ -76,8 +76,8 @@ class ExhaustFlap(Law, shut=0.0, pressure=0.0):
 @law("engine_friction", accepts="engine_brake accessory_load")
 @sizes(cold_c=(-20.0, 10.0), exponent=(0.25, 0.40), warm_s=(150.0, 500.0))
 class ColdOil(Law):
-    """Motoring friction rises with a power of oil viscosity in a cold start; 0.55 of it is rubbing. Oil at
-    95 degC is warm.
+    """Motoring friction in a cold start increases with a power of oil viscosity; a share of 0.55 of it is
+    rubbing friction. Warm oil is at 95 degC.
     Source: Shayler, Leong and Murphy, SAE 2005-01-1654; viscosity by Vogel's equation."""
 
     def start(self, batch: int) -> dict[str, Array]:
@@ -96,7 +96,8 @@ class ColdOil(Law):
 @law("engine_friction", accepts="engine_brake accessory_load")
 @sizes(rings_nm=(40.0, 110.0), pumping_nm=(60.0, 170.0), gas=(0.01, 0.04))
 class BoundaryAndPumping(Law):
-    """A scuffed engine with a clogged filter. pumping_nm at 1800 rpm; gas: of the torque delivered.
+    """Friction of a scuffed engine with a clogged filter. pumping_nm at 1800 rpm; gas: share of the torque
+    delivered.
     Source: Patton, Nitschke and Heywood, Development and Evaluation of a Friction Model, SAE 890836: ring
     friction in the boundary regime with 1 + 1000/rpm, pumping with speed squared, gas loading with cylinder
     pressure."""
@@ -112,9 +113,9 @@ class BoundaryAndPumping(Law):
 @law("torque_derate", "hills highway", accepts="torque_gain", reported=True)
 @sizes(depth=(0.20, 0.45), from_k=(6.0, 14.0), span_k=(6.0, 14.0), block_s=(60.0, 140.0))
 class CoolantDerate(Law, block=0.0, coolant=0.0):
-    """Fuelling is cut in proportion above a coolant temperature; coolant and block are two thermal masses
-    with ram-air cooling. Temperatures in K above the thermostat; at full power the block is 60 K above the
-    coolant, which takes 30 s to follow.
+    """Fuelling is reduced in proportion to the coolant temperature above a limit; coolant and block are two
+    thermal masses with ram-air cooling. Temperatures in K above the thermostat's; at full power the block is
+    60 K above the coolant, which follows with 30 s.
     Source: Heywood, Internal Combustion Engine Fundamentals, ch. 12, on heat to the coolant; SAE J1939-71,
     SPN 1569, engine protection torque derate."""
 
@@ -130,8 +131,8 @@ class CoolantDerate(Law, block=0.0, coolant=0.0):
 @law("torque_derate", "hills highway", accepts="torque_gain", reported=True)
 @sizes(limit=(0.12, 0.26), metal_s=(5.0, 16.0), takes=(0.08, 0.2), most=(0.35, 0.55))
 class ExhaustTemperatureLimit(Law, metal=0.15, cut=0.0):
-    """An integral control takes fuel while the turbine's metal is too hot and gives it back slowly. limit: of
-    the rise at full torque; takes: share of torque a second, for each unit above.
+    """Integral control reduces fuel while the turbine's metal is too hot, and restores it slowly. limit:
+    share of the temperature rise at full torque; takes: share of torque per second and unit above the limit.
     Source: Diesel-Engine Management (Bosch), on limitation of injected quantity."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -148,7 +149,7 @@ class ExhaustTemperatureLimit(Law, metal=0.15, cut=0.0):
 @law("torque_limit", "suburban hills", reported=True)
 @sizes(share_of_peak=(0.55, 0.80), knee_nm=(60.0, 200.0))
 class SoftTorqueLimit(Law):
-    """Torque is held below the full-load curve to spare the driveline, with a soft knee.
+    """Torque is limited below the full-load curve to protect the driveline, with a soft knee.
     Source: Diesel-Engine Management (Bosch), on torque limitation."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -161,7 +162,7 @@ class SoftTorqueLimit(Law):
 @law("torque_limit", "highway", reported=True)
 @sizes(set_mps=(20.5, 24.0), droop_mps=(0.5, 2.0), reset_s=(4.0, 12.0))
 class RoadSpeedLimiter(Law, allowed=1.0, sum=0.0):
-    """Fuelling is taken back near a set speed by a proportional and integral control with a droop.
+    """Fuelling is reduced near a set speed by proportional and integral control with a droop.
     Source: UN Regulation No. 89, speed limitation function."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -176,8 +177,8 @@ class RoadSpeedLimiter(Law, allowed=1.0, sum=0.0):
 @law("turbo_lag", "suburban hills", accepts="command_rate_limit", reported=True)
 @sizes(shaft_s=(1.5, 4.0), unboosted=(0.18, 0.32))
 class TurboShaft(Law, shaft=0.2):
-    """The turbocharger's shaft energy integrates exhaust power minus compressor power; the smoke limiter caps
-    the torque by the available air.
+    """The energy of the turbocharger's shaft is the integral of exhaust power minus compressor power; the
+    smoke limiter caps the torque by the available air.
     Source: Eriksson and Nielsen, Modeling and Control of Engines and Drivelines (2014), ch. 8."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -193,7 +194,7 @@ class TurboShaft(Law, shaft=0.2):
 @law("turbo_lag", "suburban hills", accepts="command_rate_limit", reported=True)
 @sizes(growth=(0.9, 2.0), without=(0.2, 0.35), falls_s=(0.4, 1.2))
 class LogisticBoost(Law, boost=0.1):
-    """Boost raises the exhaust power that raises boost: it grows as a logistic curve, faster at high engine
+    """Boost raises exhaust power, which raises boost: it grows as a logistic curve, faster at high engine
     speed. growth: 1/s at 1200 rpm.
     Source: Watson and Janota, Turbocharging the Internal Combustion Engine (1982), on transient response."""
 

@@ -1,4 +1,4 @@
-"""What a law is written with: a force or a command filter with sizes `p` and a state `s`, in a setting."""
+"""Base classes of laws: a force or a command filter with sizes `p` and a state `s`, in a setting."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ STEP_S = 0.01  # a substep of the truck
 
 @dataclass(frozen=True)
 class Setting:
-    """What a law may know of its drives.
+    """Properties of the drives that a law may use.
 
     `truck` are the true parameters without the law; `start_m`, `direction` and `route` place every recording
-    on its road; `leader_m` (batch, n) is the way of the leader from the truck's start, NaN without one; `dt`
-    its period."""
+    on its road; `leader_m` (batch, n) is the leader's position relative to the truck's start, NaN without a
+    leader; `dt` its period.
+    """
 
     truck: SimpleNamespace
     batch: int
@@ -41,17 +42,18 @@ class Setting:
     leader_m: Array
 
     def rng(self, salt: int) -> np.random.Generator:
-        """Random numbers of the law alone, so that a rebuilt case is the same case."""
+        """Random numbers specific to the law, so that a rebuilt case is identical."""
         return np.random.default_rng([self.seed, salt])
 
 
 class Law:
     """A force at the road; subclasses define `newtons`.
 
-    The state `s` holds arrays (batch,): initial values stand beside the class's name, in the variable's unit,
-    or come from `start`. `withheld` are channels that would show what the force hook cannot change, such as
-    the engine speed of a truck in neutral. Of an engine that gives less, `reported` says that its controller
-    knows: `on_bus_nm` (batch,) is what it reports beyond the requested torque (SAE J1939-71, SPN 513).
+    The state `s` holds arrays (batch,): initial values are given next to the class's name, in the variable's
+    unit, or come from `start`. `withheld` are channels that the force hook cannot change although the effect
+    would, such as the engine speed of a truck in neutral. If the effect reduces the engine torque, `reported`
+    says that the engine controller knows of it: `on_bus_nm` (batch,) is then the difference of the reported
+    from the requested torque (SAE J1939-71, SPN 513).
     """
 
     withheld: ClassVar[tuple[str, ...]] = ()
@@ -68,25 +70,25 @@ class Law:
         self.prepare()
 
     def prepare(self) -> None:
-        """Constants and random series, made once and shared by copies."""
+        """Compute constants and random series once; copies share them."""
 
     def start(self, batch: int) -> dict[str, Array]:
         """The initial state."""
         return {name: np.full(batch, value) for name, value in self.initial.items()}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        """Force (batch,) at the road, N, positive forwards. Moves `s` on by dt."""
+        """Force (batch,) at the road, N, positive forwards. Advances `s` by dt."""
         raise NotImplementedError
 
     def rng(self, salt: int) -> np.random.Generator:
         return self.setting.rng(salt)
 
     def place(self, view: View) -> Array:
-        """Position on the road, m, whichever way it is driven."""
+        """Position on the road, m, independent of the driving direction."""
         return self.setting.start_m + self.setting.direction * view.distance
 
     def at_wheels(self, view: View, torque: Array) -> Array:
-        """Force at the road of a torque at the flywheel, N; zero while a shift opens the driveline."""
+        """Force at the road of a torque at the flywheel, N; zero while the driveline is open for a shift."""
         return torque * view.ratio / self.truck.wheel_radius * (1.0 - view.shifting)
 
     def power_share(self, view: View) -> Array:
@@ -111,10 +113,11 @@ class Law:
 
 
 class CommandLaw:
-    """What lies between the recorded commands and the truck.
+    """A change of the commands between recorder and truck.
 
-    `prepare` makes what all copies share, `start` the state; at the first call `begin` fills the state, and
-    `pass_on` gives what the truck receives."""
+    `prepare` makes what all copies share, `start` the state; the first call calls `begin` to fill the state,
+    and `pass_on` returns the commands that the truck receives.
+    """
 
     def __init__(self, setting: Setting, p: Sizes) -> None:
         self.setting, self.p, self.full = setting, p, setting.truck.full_command
@@ -122,14 +125,14 @@ class CommandLaw:
         self.prepare()
 
     def prepare(self) -> None:
-        """Constants and random series, made once and shared by copies."""
+        """Compute constants and random series once; copies share them."""
 
     def start(self, batch: int) -> dict[str, Any]:
         """The state before the first command: arrays, lists and numbers."""
         return {}
 
     def begin(self, s: State, u: Array) -> None:
-        """The state as if the first command (batch, 2) had been there for ever."""
+        """The state after a constant command (batch, 2) of infinite duration."""
 
     def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
         """The commands (batch, 2) that the truck receives."""
@@ -154,7 +157,7 @@ class CommandLaw:
 
 
 def moving(view: View) -> Array:
-    """0 at rest to 1 from 0.5 m/s on: a resistance must not push a standing truck."""
+    """Factor from 0 at rest to 1 at 0.5 m/s, so that a resistance does not push a standing truck."""
     return np.clip(view.speed / 0.5, 0.0, 1.0)
 
 
@@ -163,5 +166,5 @@ def weight(view: View) -> Array:
 
 
 def index(view: View, series: Array, seconds: float = 1.0) -> int:
-    """The column of a series (batch, n) at this moment; `seconds` from one to the next."""
+    """The column of a series (batch, n) at the present time; its period is `seconds`."""
     return min(int(view.time / seconds), series.shape[1] - 1)

@@ -13,9 +13,9 @@ from deeptruck_model.trucks import View
 @law("load_slosh", "suburban")
 @sizes(share=(0.15, 0.40), pendulum_m=(1.2, 4.5), damping=(0.02, 0.10))
 class Pendulum(Law, angle=0.0, rate=0.0):
-    """The liquid is part of the known mass; what is unknown is that it swings.
+    """Liquid that is part of the known mass and sloshes.
     Source: Dodge, The New Dynamic Behavior of Liquids in Moving Containers, SwRI (2000): equivalent pendulum,
-    its sine kept, with contact at the bulkhead."""
+    without small-angle approximation, with contact at the bulkhead."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         omega2 = GRAVITY / p.pendulum_m
@@ -35,8 +35,8 @@ class Pendulum(Law, angle=0.0, rate=0.0):
 @law("load_slosh", "suburban")
 @sizes(share=(0.35, 0.65), length_m=(4.5, 9.0), fill=(0.12, 0.30), baffles=(0.3, 1.2))
 class BaffledTank(Law):
-    """Two sloshing modes at a time, damped by baffles with the square of the flow. share: liquid over gross
-    mass; fill: depth over length; baffles: 1/m.
+    """Two simultaneous sloshing modes, damped by baffles with the square of the flow. share: liquid over
+    gross mass; fill: depth over length; baffles: 1/m.
     Source: Ibrahim, Liquid Sloshing Dynamics (2005): frequencies and masses of the first and third
     antisymmetric mode of a rectangular tank."""
 
@@ -62,7 +62,7 @@ class BaffledTank(Law):
 @law("payload_change", "suburban hills", accepts="mass")
 @sizes(share=(0.18, 0.45), sign=SIGN, share_of_drives=(0.3, 0.6))
 class OtherPayload(Law):
-    """Other mass in some of the recordings; the simulator knows the mass of the others.
+    """Another mass in some of the recordings; the simulator has the mass of the others.
     Source: Newton's second law."""
 
     def prepare(self) -> None:

@@ -1,4 +1,4 @@
-"""Wrong parameters of the simulator, and what differs from drive to drive: neither is a law."""
+"""Wrong simulator parameters, and effects that differ from drive to drive; neither are laws."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ for _name, (_share, _drives, _accepts) in WRONG.items():
 
 
 class EachDrive(Law):
-    """One number of the drive, drawn for every recording, held-out ones too: `of_drive` (batch,)."""
+    """One number drawn for every drive, held-out ones included: `of_drive` (batch,)."""
 
     def prepare(self) -> None:
         self.of_drive = self.rng(60).normal(0.0, 1.0, self.setting.batch)
 
 
 class LoadOfTheDrive(EachDrive):
-    """Other mass in each drive. Source: Newton's second law."""
+    """Another mass in each drive. Source: Newton's second law."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         extra = p.size * np.clip(self.of_drive, -1.5, 2.0) * view.mass
@@ -56,7 +56,7 @@ class LoadOfTheDrive(EachDrive):
 
 
 class WindOfTheDrive(EachDrive):
-    """A steady head or tail wind in each drive. Source: drag with the square of the air's speed."""
+    """A steady head or tail wind in each drive. Source: drag with the square of the airspeed."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         air = np.maximum(view.speed + p.size * np.clip(self.of_drive, -2.0, 2.0), 0.0)
@@ -66,8 +66,8 @@ class WindOfTheDrive(EachDrive):
 
 class TemperatureOfTheDrive(EachDrive):
     """Colder or warmer tyres and air in each drive. size: K, one standard deviation.
-    Source: ISO 28580, correction to 25 degC by 0.6 to 1 % with each K, by class of tyre; air density with
-    absolute temperature."""
+    Source: ISO 28580, correction to 25 degC by 0.6 to 1 % per K, by class of tyre; air density with absolute
+    temperature."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         kelvin = p.size * self.of_drive

@@ -1,4 +1,4 @@
-"""Road: slopes that are not recorded, and surface."""
+"""Road: unrecorded slopes, and surface."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from deeptruck_model.trucks import View
 
 @law("road_grade", "hills highway", accepts="road_surface", gateable=False)
 def slope_not_recorded(setting: Setting, p: Sizes) -> Planted:
-    """The road has slopes, and no slope is recorded.
+    """The road has slopes that are not recorded.
     Source: Newton's second law."""
     return Planted(withheld=("grade", "elevation"))
 
@@ -20,7 +20,7 @@ def slope_not_recorded(setting: Setting, p: Sizes) -> Planted:
 @law("road_grade", "hills highway suburban", accepts="road_surface", gateable=False)
 @sizes(slope=(0.02, 0.045), gap_m=(250.0, 700.0))
 class CoarseMap(OnRoad):
-    """Humps and dips that the recorded grade, taken from a map, does not have.
+    """Local humps and dips that are missing in the recorded grade, which is from a map.
     Source: Rodriguez, Morris and Belz, A Global Assessment of the SRTM Performance, Photogramm. Eng. Remote
     Sens. 72 (2006), on errors of terrain models."""
 
@@ -41,8 +41,8 @@ class CoarseMap(OnRoad):
 @law("road_surface", accepts="road_grade")
 @sizes(texture=(0.003, 0.010), roughness=(0.0001, 0.0004), share_of_road=(0.25, 0.5))
 class RoughSpans(OnRoad):
-    """Rough spans of 250 to 900 m, the same whenever and whichever way the road is driven. roughness:
-    for each m/s above 5 m/s.
+    """Rough spans of 250 to 900 m, the same at all times and in both directions. roughness: per m/s above 5
+    m/s.
     Source: Hammarström, Eriksson, Karlsson and Yahya, VTI rapport 748A (2012): rolling resistance with
     texture and, growing with speed, with roughness."""
 
@@ -66,8 +66,8 @@ class RoughSpans(OnRoad):
 @law("road_surface", accepts="road_grade")
 @sizes(film=(0.35, 1.0), gap_m=(250.0, 600.0), pool_m=(150.0, 500.0), driest=(0.4, 0.9))
 class StandingWater(OnRoad):
-    """Pools on the road, of other depth each day. film: N for each 1 kN of weight at 15 m/s would be 7.6
-    times it.
+    """Pools on the road, with another depth each day. film: resistance at 15 m/s and full depth, in 10 N per
+    kN of weight.
     Source: Gengenbach (1968), in Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge: splash resistance of
     a tyre with its width, water depth and the power 1.6 of speed."""
 

@@ -1,4 +1,4 @@
-"""Faults of ten sensors: functions that spoil one recording's channels in place."""
+"""Ten sensor faults: functions that corrupt one recording's channels in place."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def mounting_pitch(p: Sizes, channels: Channels, dt: float, rng: np.random.Gener
 @fault("acceleration_bias")
 @sizes(bias=(0.12, 0.35), cold=(-0.4, 0.6), warm_s=(50.0, 150.0), sign=SIGN)
 def turn_on_drift(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """A bias that settles as the box warms.
+    """A bias that settles as the sensor warms up.
     Source: Groves, Principles of GNSS, Inertial and Multisensor Navigation (2013), ch. 4."""
     time = np.arange(len(channels["acceleration"])) * dt
     warm = 1.0 + p.cold * np.exp(-time / p.warm_s)
@@ -31,7 +31,7 @@ def turn_on_drift(p: Sizes, channels: Channels, dt: float, rng: np.random.Genera
 @fault("clock_offset", "suburban hills")
 @sizes(late_s=(0.35, 1.2), drift_ppm=(-80.0, 80.0), sign=SIGN)
 def late_accelerometer(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """The accelerometer is logged by another computer, whose clock is off and drifts.
+    """The accelerometer is logged by another computer, whose clock has an offset and drifts.
     Source: SAE J1939-21 has no time stamps; crystals drift by tens of ppm."""
     late = np.sign(p.sign) * p.late_s
     n = np.arange(len(channels["acceleration"])) * dt
@@ -46,7 +46,7 @@ def _shift(values: Array, dt: float, late_s: float) -> Array:
 @fault("clock_offset", "suburban hills", accepts="command_delay")
 @sizes(late_s=(0.35, 1.0))
 def late_responses(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """All responses are stamped late against the commands, as by a gateway that buffers.
+    """The stamps of all responses are late relative to the commands, as with a gateway that buffers.
     Source: SAE J1939-21 has no time stamps."""
     for name in ("acceleration", "speed", "fuel_rate", "gear", "engine_speed", "engine_torque"):
         if name in channels:
@@ -56,8 +56,8 @@ def late_responses(p: Sizes, channels: Channels, dt: float, rng: np.random.Gener
 @fault("clock_offset", "suburban hills")
 @sizes(late_s=(0.4, 1.1), spread=(0.05, 0.3), sign=SIGN)
 def clock_set_daily(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """The logger sets its clock at power-on from a coarse time message: the accelerometer is late or early by
-    another amount each drive.
+    """The logger sets its clock at power-on from a coarse time message, so that the accelerometer has another
+    time offset in each drive.
     Source: SAE J1939-71, Time/Date, which counts in quarters of a second."""
     late = np.sign(p.sign) * p.late_s * rng.uniform(1.0 - p.spread, 1.0 + p.spread)
     channels["acceleration"] = _shift(channels["acceleration"], dt, late)
@@ -66,16 +66,16 @@ def clock_set_daily(p: Sizes, channels: Channels, dt: float, rng: np.random.Gene
 @fault("grade_bias", accepts="rolling_resistance", withheld="elevation")
 @sizes(bias=(0.008, 0.025), sign=SIGN)
 def tilted_inclinometer(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """The inclinometer is mounted out of level by 0.5 to 1.5 degrees.
-    Source: Vahidi, Stefanopoulou and Peng, Vehicle System Dynamics 43 (2005), on estimating grade and
-    mass."""
+    """The inclinometer is tilted by 0.5 to 1.5 degrees.
+    Source: Vahidi, Stefanopoulou and Peng, Vehicle System Dynamics 43 (2005), on estimating grade and mass.
+    """
     channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias
 
 
 @fault("grade_bias", accepts="rolling_resistance", withheld="elevation")
 @sizes(bias=(0.009, 0.024), pitch=(0.0005, 0.002), sign=SIGN)
 def pitching_inclinometer(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """A tilted inclinometer also pitches with the cab: squat under traction and dive under braking.
+    """A tilted inclinometer that also pitches with the cab: squat under traction and dive under braking.
     Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on anti-dive."""
     width = max(1, round(1.0 / dt))
     felt = np.convolve(channels["acceleration"], np.ones(width) / width, mode="same")
@@ -85,7 +85,8 @@ def pitching_inclinometer(p: Sizes, channels: Channels, dt: float, rng: np.rando
 @fault("grade_bias", accepts="rolling_resistance", withheld="elevation")
 @sizes(bias=(0.009, 0.022), port_m=(2.0, 6.0), lag_s=(0.5, 2.5), sign=SIGN)
 def barometer_slope(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Slope from a barometer whose port lies in the wind of driving: a change of speed is read as a slope.
+    """Slope from a barometer whose port is exposed to the airflow, so that a change of speed is read as a
+    slope.
     Source: Gracey, Measurement of Aircraft Speed and Altitude, NASA RP-1046 (1980), on position error."""
     speed = channels["speed"]
     # air that presses on the port is read as height, and its change as slope

@@ -1,4 +1,4 @@
-"""Random series in time, and what lies on a road for all drives and both directions."""
+"""Random time series, and random profiles of roads, which are equal for all drives and both directions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def lagged(values: Array, time_constant: float, dt: float) -> Array:
 
 
 def some_drives(rng: np.random.Generator, batch: int, share: float) -> NDArray[np.bool_]:
-    """A share of the recordings, one of the last two (held out) always among them, never all."""
+    """A random share of the recordings, at least one of the last two (held out) among them, never all."""
     count = int(np.clip(round(share * batch), 2, batch - 1))
     order = [batch - 1 - int(rng.integers(2)), *rng.permutation(batch - 2).tolist()]
     chosen = np.zeros(batch, bool)
@@ -53,7 +53,8 @@ def smooth_spans(
 
 
 class OnRoad(Law):
-    """A law with rows (routes, CELLS) of the road, read at the truck's place, whichever way it drives."""
+    """A law with rows (routes, CELLS) of road values, read at the truck's position, independent of the
+    driving direction."""
 
     road: Array
 
@@ -61,6 +62,6 @@ class OnRoad(Law):
         return int(self.setting.route.max()) + 1
 
     def here(self, view: View) -> Array:
-        """The road's value (batch,) at the truck."""
+        """The road's value (batch,) at the truck's position."""
         cell = (self.place(view) / CELL_M).astype(int) % self.road.shape[1]
         return np.asarray(self.road[self.setting.route, cell])

@@ -35,7 +35,7 @@ class StandingWave(Law):
 @law("rolling_resistance_warmup")
 @sizes(cold_gain=(0.9, 2.2), tread_s=(40.0, 90.0), carcass_s=(150.0, 420.0), split=(0.3, 0.6))
 class ColdTyres(Law):
-    """Loss falls as tread and carcass warm; every drive starts at its own degree of cold.
+    """The loss decreases as tread and carcass warm up; every drive starts at another temperature.
     Source: Nielsen and Sandberg, A New Model for Rolling Resistance of Pneumatic Tires, SAE 2002-01-1200."""
 
     def prepare(self) -> None:
@@ -55,8 +55,8 @@ class ColdTyres(Law):
 @law("rolling_resistance_warmup")
 @sizes(per_k=(0.025, 0.045), heat_jk=(0.15e6, 0.35e6), flat_n=(300.0, 1100.0), roll_out_m=(300.0, 1000.0))
 class SelfHeatingTyres(Law):
-    """Loss falls exponentially with temperature, which the loss itself raises against the air; flat spots of
-    a night's parking roll out. heat_jk: all tyres, per 20 t of truck.
+    """The loss decreases exponentially with tyre temperature, which is raised by the loss and lowered by the
+    air; flat spots from parking overnight disappear. heat_jk: all tyres, per 20 t of truck.
     Source: Mars and Luchini, An Analytical Model for the Transient Rolling Resistance Behavior of Tires, Tire
     Science and Technology 27 (1999)."""
 
@@ -83,9 +83,9 @@ class SelfHeatingTyres(Law):
 @law("wheel_slip", "suburban hills")
 @sizes(c1=(0.12, 0.22), c3=(0.02, 0.06), share_of_time=(0.1, 0.35))
 class SlipperyRoad(Law, slip=0.0):
-    """A driven wheel that spins up on snow or wet ice and catches again.
-    Source: Burckhardt, Fahrwerktechnik: Radschlupf-Regelsysteme (1993): friction c1 (1 - exp(-c2 s)) - c3
-    s."""
+    """A driven wheel that spins on snow or wet ice and regains grip.
+    Source: Burckhardt, Fahrwerktechnik: Radschlupf-Regelsysteme (1993): friction c1 (1 - exp(-c2 s)) - c3 s.
+    """
 
     def prepare(self) -> None:
         rng = self.rng(5)
@@ -109,8 +109,8 @@ class SlipperyRoad(Law, slip=0.0):
 @law("wheel_slip", "suburban hills")
 @sizes(friction=(0.10, 0.19), cut=(0.3, 0.6), back_s=(1.0, 2.5), gap_m=(150.0, 450.0))
 class TractionControl(OnRoad, given=1.0):
-    """Slip control cuts torque when wheels spin on ice and gives it back by a ramp until they spin again;
-    brakes there are held just below locking.
+    """Slip control cuts torque when wheels spin on ice, and restores it by a ramp until they spin again; on
+    ice, brakes are held just below locking.
     Source: Automotive Handbook (Bosch), on traction control; friction of snow and ice, Wong, Theory of Ground
     Vehicles."""
 

@@ -1,4 +1,4 @@
-"""Physics that has no name in the tool's library: the right answer is 'unknown'."""
+"""Effects without a name in the tool's library: the right answer is 'unknown'."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from deeptruck_model.trucks import View
 @law("unknown", "highway", trucks="trucksim volvo")
 @sizes(critical_mps=(17.0, 21.0), hz=(0.35, 0.6), drag_n=(2500.0, 6000.0))
 class TrailerSway(Law, angle=0.05, rate=0.0):
-    """A self-excited yaw oscillation of the trailer above a critical speed, with drag by the angle squared.
+    """A self-excited yaw oscillation of the trailer above a critical speed, with drag proportional to the
+    angle squared.
     Source: Troger and Zeman, Vehicle System Dynamics 13 (1984); here as a van der Pol oscillator."""
 
     def prepare(self) -> None:
@@ -56,7 +57,7 @@ class BistableWake(Law):
 @law("unknown", "highway hills")
 @sizes(blockage=(0.7, 1.8), along_s=(8.0, 25.0), carried=(0.3, 0.6), gap_m=(400.0, 900.0))
 class Tunnels(OnRoad):
-    """Drag in a tunnel grows with the blockage and falls as traffic drags the air along.
+    """Drag in a tunnel increases with the blockage, and decreases as traffic moves the air along.
     Source: PIARC, Road Tunnels: Vehicle Emissions and Air Demand for Ventilation, on the piston effect."""
 
     def prepare(self) -> None:
@@ -80,8 +81,8 @@ class Tunnels(OnRoad):
 @law("unknown", "suburban hills", trucks="trucksim volvo")
 @sizes(trailer=(0.25, 0.45), threshold=(0.02, 0.05), gain=(1.0, 2.5), damper_s=(0.3, 1.0))
 class OverrunBrake(Law, push=0.0):
-    """The trailer brakes itself with the push on the coupling, after a threshold, through a damper.
-    threshold: of the trailer's weight.
+    """The trailer brakes itself by the force on the coupling, above a threshold and with a damper. threshold:
+    share of the trailer's weight.
     Source: UN Regulation No. 13, annex 12, inertia braking."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -96,9 +97,9 @@ class OverrunBrake(Law, push=0.0):
 @law("unknown", "suburban")
 @sizes(force_n=(900.0, 2600.0), critical_mps=(3.0, 7.0), below_mps=(10.0, 15.0))
 class EddyRetarder(Law):
-    """One stage of an eddy-current retarder is left energised below a road speed.
-    Source: Wouterse, Critical Torque and Speed of Eddy Current Brake, IEE Proc. B 138 (1991): torque
-    2 / (v/vc + vc/v) about a critical speed."""
+    """One stage of an eddy-current retarder remains energised below a road speed.
+    Source: Wouterse, Critical Torque and Speed of Eddy Current Brake, IEE Proc. B 138 (1991): torque 2 /
+    (v/vc + vc/v) about a critical speed."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         v = np.maximum(view.speed, 0.05)
@@ -109,7 +110,7 @@ class EddyRetarder(Law):
 @law("unknown", "suburban descent")
 @sizes(loss=(0.45, 0.75), wipe_j=(0.25e6, 0.9e6), wetting_s=(10.0, 35.0))
 class WetBrakes(Law, film=1.0):
-    """Water takes brake torque at first and braking work wipes it off.
+    """Water reduces brake torque at first, and braking work removes it.
     Source: Newcomb and Spurr, Braking of Road Vehicles (1967), on wet brakes."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -123,7 +124,7 @@ class WetBrakes(Law, film=1.0):
 @law("unknown", "suburban")
 @sizes(gain=(0.35, 0.8), speed_mps=(2.0, 5.0))
 class StribeckBrake(Law):
-    """Lining friction grows as sliding slows, so that the last metres of a stop bite harder.
+    """Lining friction increases as sliding slows, so that braking is stronger in the last metres of a stop.
     Source: Rhee, SAE 740415, on the sensitivity of friction materials to speed."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -166,7 +167,7 @@ class DrawbarSpring(Law, stretch=0.0, rate=0.0):
 @law("unknown")
 @sizes(compaction_n=(300.0, 1000.0), plough=(1.5, 5.0), deeper_per_min=(0.15, 0.45))
 class Snow(Law):
-    """Resistance of snow with depth, which grows as it falls.
+    """Rolling resistance of snow with its depth, which increases as snow falls.
     Source: Shoop, Richmond and Lacombe, Overview of Cold Regions Mobility Modeling at CRREL, J.
     Terramechanics 43 (2006)."""
 

@@ -1,1 +1,1 @@
-"""Trucks that others wrote, with something of them concealed."""
+"""Truck models by other authors, with one property concealed from the tool."""

@@ -1,4 +1,4 @@
-"""What of a plant is concealed, and the drives that hold it."""
+"""The concealed properties of a plant, and drives with them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ NOMINAL = "nominal"  # the drives that simulators are made of
 
 @dataclass(frozen=True)
 class Concealed:
-    """One thing that differs from the data sheet: in words, and the tool's name for it. `each_drive` are kg
-    more or less in each drive."""
+    """One difference from the data sheet: in words, and by the tool's name for it. `each_drive` are changes
+    of mass, kg, by drive."""
 
     what: str
     name: str = ""
@@ -31,7 +31,7 @@ class Concealed:
     withholds: tuple[str, ...] = ()
 
     def scored(self) -> dict[str, Any]:
-        """The truth as `score` reads it."""
+        """The truth in the form that `score` reads."""
         effect = {"key": self.what, "name": self.name}
         return {"verdict": self.kind, "effects": [effect] if self.name else []}
 
@@ -60,9 +60,10 @@ CONCEALED: Mapping[str, Concealed] = {
 
 
 def drives(concealed: Concealed, seed: int) -> list[Recording]:
-    """The recordings of a case; roads, sensor noise and how fast the cycles are driven depend on the seed.
+    """The recordings of a case; roads, sensor noise and the speed scale of the cycles depend on the seed.
 
-    Raises ModuleNotFoundError where FASTSim is not installed."""
+    Raises ModuleNotFoundError if FASTSim is not installed.
+    """
     out = []
     for k, (name, (cycle, start)) in enumerate(zip(NAMES, PARTS, strict=True)):
         rng = np.random.default_rng([seed, k])
@@ -78,7 +79,7 @@ def drives(concealed: Concealed, seed: int) -> list[Recording]:
 
 
 def written(recordings: list[Recording], folder: Path) -> list[Path]:
-    """A bag for each in the folder; one that is there is kept."""
+    """A bag for each recording in the folder; existing bags are kept."""
     paths = [folder / r.name for r in recordings]
     for path, recording in zip(paths, recordings, strict=True):
         if not path.exists():

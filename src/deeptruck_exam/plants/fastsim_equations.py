@@ -1,7 +1,7 @@
 """FASTSim's road load solved forwards: `python:deeptruck_exam.plants.fastsim_equations:make`.
 
-What a user of FASTSim would write as a simulator of his own. Powers of a step are divided by its mean speed;
-the speed after it follows by a few rounds of that mean.
+A simulator as a user of FASTSim would write it. Powers of a step are divided by its mean speed; the speed
+after the step follows by a few iterations of that mean.
 """
 
 from __future__ import annotations
@@ -57,13 +57,13 @@ class LineHaul:
     dt: float = DT
 
     def reset(self, y0: Array) -> State:
-        """At y0 (batch, 2)."""
+        """State at y0 (batch, 2)."""
         speed = np.array(y0[:, SPEED], np.float64)
         return State(speed, {name: np.zeros_like(speed) for name in _FORCES})
 
     def step(self, state: State, u: Array, w: Array) -> tuple[State, Array]:
-        """One step under u (batch, 2), engine torque in N m and brake in m/s^2, on the slope w (batch, 1), or
-        (batch, 0) of one without slope, which drives as on the level."""
+        """One step under u (batch, 2), engine torque in N m and brake in m/s^2, on the slope w (batch, 1);
+        with w (batch, 0) the road is level."""
         p, s, before = self.values, sheet(), state.speed
         grip, angle = s["wheel_friction"] * s["drive_axle_share"], np.arctan(w.sum(axis=1))
         after = before
@@ -82,11 +82,12 @@ class LineHaul:
         return State(after, forces), y
 
     def force(self, state: State, y: Array) -> State:
-        """The same at a recorded y (batch, 2)."""
+        """State at a recorded y (batch, 2)."""
         return state._replace(speed=np.where(np.isnan(y[:, SPEED]), state.speed, y[:, SPEED]))
 
     def inside(self, state: State) -> dict[str, Array]:
-        """Forces in N, mass and what the wheels add to it in kg, and the engine, each (batch,)."""
+        """Forces in N, mass and equivalent mass of the wheels in kg, and the engine signals, each
+        (batch,)."""
         s, ones = sheet(), np.ones_like(state.speed)
         turning = engine_speed(state.speed)
         return {
@@ -99,8 +100,8 @@ class LineHaul:
         }
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
-        """A free run, or one forced along `recorded`. It remembers nothing but its speed, so that steps of a
-        forced run are taken side by side."""
+        """A free run, or one forced along `recorded`. The only state is speed, so that the steps of a forced
+        run are computed in parallel."""
         if recorded is None or np.isnan(recorded[:, :, SPEED]).any():
             return self._one_after_another(u, w, y0, recorded)
         batch, n = u.shape[0], u.shape[1] - 1
@@ -123,11 +124,11 @@ class LineHaul:
         return Run(np.stack(responses, axis=1), inside)
 
     def parameters(self) -> dict[str, float]:
-        """What the mismatch tool may refit, in SI."""
+        """Parameters that the mismatch tool may refit, in SI."""
         return dict(self.values)
 
     def with_parameters(self, values: Mapping[str, float]) -> LineHaul:
-        """A changed copy."""
+        """A copy with changed parameters."""
         return replace(self, values={**self.values, **values})
 
 
@@ -135,7 +136,7 @@ _FORCES = ("traction_force", "brake_force", "drag_force", "rolling_force")
 
 
 def make(arguments: Mapping[str, Any] | None = None) -> LineHaul:
-    """The factory; `arguments` are parameters by name, and `grade: false` for one without slope."""
+    """Factory; `arguments` are parameters by name, and `grade: false` for a simulator without slope."""
     values = dict(arguments or {})
     grade = bool(values.pop("grade", True))
     return LineHaul({**_values(), **values}, replace(INTERFACE, grade=grade))

@@ -1,10 +1,10 @@
-"""A class 8 line-haul truck as FASTSim (NREL) drives it, and what its bus would show.
+"""A class 8 line-haul truck simulated by FASTSim (NREL), and the signals of its bus.
 
-FASTSim is backward facing: it finds the power that a speed trace needs. Where the truck falls behind its
-trace, FASTSim loses its slopes, so that the driver here asks for no more than the engine has. It has neither
-gears nor an engine speed, so the bus shows its engine's power as a torque through one fixed ratio, at idle
-speed or above, as a converter without losses lets it. It knows no wind: a head wind is given to it as the
-slope that asks for the same force.
+FASTSim is backward facing: it computes the power that a speed trace needs. If the truck falls behind its
+trace, FASTSim loses its slopes, so that the driver here demands no more than the engine has. FASTSim has
+neither gears nor an engine speed; the bus therefore shows its engine's power as a torque through one fixed
+ratio, at idle speed or above, like a lossless converter. It has no wind: a headwind is represented by the
+slope with the same force.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def sheet() -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Truth:
-    """What of the truck differs from its data sheet: factors, and what is added."""
+    """The truck's differences from its data sheet: factors and additions."""
 
     mass_kg: float = 0.0
     drag: float = 1.0
@@ -59,14 +59,14 @@ class Truth:
 
 
 def fastsim() -> Any:
-    """The package. Raises ModuleNotFoundError where it is not installed."""
+    """The package. Raises ModuleNotFoundError if it is not installed."""
     import fastsim as package
 
     return package
 
 
 def trace(cycle: str, start_s: float, length_s: float, scale: float) -> Array:
-    """Target speeds (n,) in m/s each DT of a part of one of FASTSim's cycles, 'udds' or 'hwfet'."""
+    """Target speeds (n,) in m/s, every DT, from a part of one of FASTSim's cycles, 'udds' or 'hwfet'."""
     values = fastsim().Cycle.from_resource(f"{cycle}.csv").to_dict()
     time, speed = (np.array(values[name]) for name in ("time_seconds", "speed_meters_per_second"))
     at = start_s + DT * np.arange(round(length_s / DT))
@@ -76,7 +76,7 @@ def trace(cycle: str, start_s: float, length_s: float, scale: float) -> Array:
 
 
 def road(target: Array, rng: np.random.Generator) -> Array:
-    """Slopes (n,) that go with the way along the target speeds."""
+    """Slopes (n,) along the distance that the target speeds give."""
     way = np.cumsum(target) * DT
     metres = np.arange(0.0, way[-1] + 10.0, 5.0)
     slope = SLOPE_SD * ou_series(rng, (1, len(metres)), 5.0, SLOPE_M)[0]
@@ -85,9 +85,10 @@ def road(target: Array, rng: np.random.Generator) -> Array:
 
 
 def record(name: str, target: Array, slope: Array, truth: Truth, rng: np.random.Generator) -> Recording:
-    """What the bus shows of FASTSim's truck along the target speeds on the slopes, both (n,).
+    """The bus signals of FASTSim's truck along the target speeds and slopes, both (n,).
 
-    Raises RuntimeError as FASTSim does where the truck falls behind."""
+    Raises RuntimeError as FASTSim does if the truck falls behind.
+    """
     mass = sheet()["mass"] + truth.mass_kg
     wind = 0.5 * AIR_DENSITY * _drag_area(truth) * (2.0 * target * truth.wind + truth.wind**2)
     felt = slope + np.clip(target / 5.0, 0.0, 1.0) * wind / (mass * GRAVITY)
@@ -110,8 +111,8 @@ def record(name: str, target: Array, slope: Array, truth: Truth, rng: np.random.
 
 
 def driven(target: Array, slope: Array, truth: Truth) -> Array:
-    """The speeds (n,) at which a truck follows its target from rest, where FASTSim begins, with SPARE of its
-    power."""
+    """The speeds (n,) at which a truck follows its target from rest, where FASTSim begins, with the share
+    SPARE of its power."""
     s, mass = sheet(), sheet()["mass"] + truth.mass_kg
     efficiency = s["transmission_efficiency"] * truth.efficiency
     growth = SPARE * s["engine_power"] / s["engine_ramp"] * DT
@@ -134,13 +135,13 @@ def driven(target: Array, slope: Array, truth: Truth) -> Array:
 
 
 def inertia(mass: float) -> float:
-    """The mass, in kg, with what the turning wheels add to it."""
+    """The mass with the equivalent mass of the wheels, kg."""
     s = sheet()
     return float(mass + s["wheels"] * s["wheel_inertia"] / s["wheel_radius"] ** 2)
 
 
 def engine_speed(speed: Array) -> Array:
-    """rad/s at speeds (n,) in m/s, idle or above."""
+    """Engine speed in rad/s at speeds (n,) in m/s, idle or above."""
     return np.asarray(np.maximum(IDLE, speed * RATIO / sheet()["wheel_radius"]))
 
 

@@ -1,4 +1,4 @@
-"""plant.md: what was concealed of a plant, what was said of it, and what that did to held-out errors."""
+"""plant.md: what was concealed in a plant, what the tool stated, and the held-out errors."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def _said(row: Row) -> str:
 
 
 def right(rows: Sequence[Row]) -> str:
-    """How many are right first, in the set, and named by any finding; where nothing is concealed, how many
-    are silent."""
+    """Number of cases right first, in the set, and named by any finding; if nothing is concealed, the number
+    without a finding."""
     if not rows[0]["true"]:
         return f"{sum(r['outcome'] == 'silent' for r in rows)} of {len(rows)} silent"
     first, group = (sum(RIGHT.get(r["outcome"], (0, 0))[i] for r in rows) for i in (0, 1))

@@ -1,4 +1,4 @@
-"""`prove --plant fastsim`: conceals one thing at a time of a truck that others wrote, and runs the tool."""
+"""`prove --plant fastsim`: conceals one property at a time of a truck by other authors, and runs the tool."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def prove_plant(
 ) -> list[dict[str, Any]]:
     """Examine the tool on FASTSim's truck; writes plant.md and plant.json into `out` and returns the rows.
 
-    A row that is there is kept, unless the tool failed, so that a stopped run goes on. There are NULL_FACTOR
-    times as many nulls as seeds beside its own equations, unless there is a single seed, and FEW seeds beside
-    the truck of the data sheet. `updates` of the
-    learned simulator, 0 for as many as training chooses. Raises ModuleNotFoundError where FASTSim is not
-    installed, InputError where a simulator cannot be made.
+    Existing rows are kept, unless the tool failed, so that an interrupted run can be resumed. With FASTSim's
+    own equations as the simulator there are NULL_FACTOR times as many nulls as seeds, unless there is a
+    single seed; with the truck of the data sheet there are FEW seeds. `updates` of the learned simulator, 0
+    for the default of training. Raises ModuleNotFoundError if FASTSim is not installed, InputError if a
+    simulator cannot be made.
     """
     fastsim_truck.fastsim()
     with PLANT.in_place(out):
@@ -92,9 +92,8 @@ def _examine(out: Path, key: str, seed: int, made: str, simulator: str) -> None:
 
 
 def judged(key: str, run: ToolRun) -> dict[str, Any]:
-    """What was said, whether it is right, and the speed errors in m/s of free runs on the drive held out: of
-    the simulator as given, with parameters alone refitted, corrected, and the one that is offered; None where
-    there are none."""
+    """The statement, whether it is right, and the free-run speed errors in m/s on the held-out drive: of the
+    simulator as given, with refitted parameters only, corrected, and offered; None if there are none."""
     fit = run.verdict.get("fit") or {}
     first: Mapping[str, Any] = next(iter(run.verdict.get("findings") or ()), {})
     errors = {name: (fit.get(name) or {}).get("speed_rmse") for name in page.DRIVEN}

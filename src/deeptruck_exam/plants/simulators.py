@@ -1,5 +1,6 @@
-"""Three simulators of a plant, as its user would have them: of its data sheet, learned, and its own
-equations. Each is made by the commands of the tool, once for all cases."""
+"""Three simulators of a plant, as its user would have them: from its data sheet, learned, and its own
+equations. Each is made by the commands of the tool, once for all cases.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ UPDATES = 0  # as many as training chooses
 
 
 def make(folder: Path, *, grade: bool = True, updates: int = UPDATES) -> dict[str, str]:
-    """What `--simulator` takes of each of SIMULATORS, made in `folder` where it is not there yet; all from
-    drives with or without `grade`. Raises InputError where a command fails."""
+    """The `--simulator` argument of each of SIMULATORS, made in `folder` if missing; all from drives with or
+    without `grade`. Raises InputError if a command fails."""
     folder.mkdir(parents=True, exist_ok=True)
     shown = CONCEALED["nothing" if grade else "slope"]
     bags = [path for seed in SEEDS for path in written(drives(shown, seed), folder / "drives" / str(seed))]
@@ -64,7 +65,7 @@ def _data_sheet(path: Path) -> None:
 
 
 def command(*arguments: str) -> None:
-    """A command of the tool, with one thread. Raises InputError with its last line where it fails."""
+    """Run a command of the tool, with one thread. Raises InputError with its last line if it fails."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     line: Sequence[str] = (sys.executable, "-c", CONSOLE_SCRIPT, *arguments)
     done = subprocess.run(line, check=False, env=environment, capture_output=True, text=True)

@@ -1,9 +1,9 @@
-"""Real logs of more than one vehicle: what the tool says where a channel is withheld, and where not.
+"""Real logs of more than one vehicle: what the tool states with and without a withheld channel.
 
-`prove --real DATA --out DIR`. Beside the logs whose road is withheld (`withheld`) stand pairs of drives of
-one vehicle with all channels, and a simulator trained on other drives of it. A name given and validated
-there is a false alarm, or something that the log's owner did not know; what is reported of a pair is the
-budget of its speed error. One vehicle and the first trips were at hand when settings were chosen.
+`prove --real DATA --out DIR`. In addition to the logs whose road is withheld (`withheld`) there are pairs of
+drives of one vehicle with all channels, and a simulator trained on other drives of it. A validated name is
+then a false alarm, or something that the log's owner did not know; reported of a pair is the budget of its
+speed error. One vehicle and the first trips were available when settings were chosen.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ UPDATES = 1200
 
 @dataclass(frozen=True)
 class Fleet:
-    """Drives of one vehicle: the logs its simulator is trained on and those that are judged.
+    """Drives of one vehicle: logs that train its simulator, and logs that are judged.
 
-    Where `trainers` is empty the simulator is trained on the first half of the one log. Drives shorter than
-    `least_s` are left out; `lacks` names the channels that the log does not have.
+    If `trainers` is empty, the simulator is trained on the first half of the only log. Drives shorter than
+    `least_s` are omitted; `lacks` names the channels that the log does not have.
     """
 
     name: str
@@ -66,7 +66,7 @@ FLEETS = (
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison: what was withheld or never recorded, what was said, and how large that is.
+    """One comparison: what was withheld or never recorded, what the tool stated, and the sizes.
 
     `sizes` are the strengths of the findings in their units; `speed_error` and `after` (m/s) those of free
     runs on held-out drives before and after the correction.
@@ -89,12 +89,12 @@ class Row:
 
     @property
     def false_alarm(self) -> bool:
-        """Whether a name is given and validated though nothing was withheld."""
+        """Whether a name is validated although nothing was withheld."""
         return not self.withheld and bool(self.said) and self.validated
 
     @property
     def answered(self) -> bool:
-        """Whether the budget leaves little and no false name is accepted."""
+        """Whether little of the budget is unexplained and no false name is accepted."""
         left = (self.budget or {}).get(LEFT_OVER)
         return left is not None and left <= LEAVES and not self.false_alarm
 
@@ -107,10 +107,10 @@ def examine_real(
     sources: Sequence[Source] = SOURCES,
     updates: int = UPDATES,
 ) -> list[Row]:
-    """Judge every log of `data` that is there; writes real.json and real.md into `out`.
+    """Judge every available log of `data`; writes real.json and real.md into `out`.
 
-    What has a result in `out` already is not run again. Raises InputError as `folder.check_real`, and where
-    none of the logs is there.
+    Logs with a result in `out` are not run again. Raises InputError as `folder.check_real` does, and if none
+    of the logs is available.
     """
     check_real(data, out)
     if not any((data / log).is_file() for fleet in fleets for log in fleet.judged):

@@ -1,7 +1,8 @@
-"""Real recordings with a channel withheld: the tool runs first, then its recovered profile is compared.
+"""Real recordings with a withheld channel: the tool runs first, then its recovered profile is compared with
+it.
 
-The simulator is a deep truck trained without the withheld channel, so that it knows nothing of it. The
-data are not part of the project: `data` is the folder in DEEPTRUCK_REAL_DATA; what is absent is skipped.
+The simulator is a deep truck trained without the withheld channel. The data are not part of the project:
+`data` is the folder in DEEPTRUCK_REAL_DATA; missing logs are skipped.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ HIDE = ("elevation", "grade", "latitude", "longitude")
 
 @dataclass(frozen=True)
 class Source:
-    """A log, the layout that reads it, what to hide, the logs a simulator learns from (else its own first
-    part), and whether a slope is really missing."""
+    """A log, the layout that reads it, the channels to withhold, the logs that train a simulator (by default
+    its own first part), and whether the road is `hilly`."""
 
     name: str
     log: str
@@ -65,8 +66,8 @@ SOURCES = (
 
 @dataclass(frozen=True)
 class Agreement:
-    """Recovered against withheld: means over WINDOW_S seconds, slope of recovered on withheld, and how
-    much of the residual's variance the recovered and the withheld profile explain."""
+    """Recovered against withheld profile: means over WINDOW_S seconds, the slope of the regression of
+    recovered on withheld, and the share of the residual's variance that each of them explains."""
 
     windows: int
     correlation: float
@@ -76,7 +77,7 @@ class Agreement:
 
 
 def data_folder() -> Path | None:
-    """Where the real logs are, None where they are not."""
+    """The folder of real logs, None if there is none."""
     folder = Path(os.environ.get(REAL_DATA, ""))
     return folder if os.environ.get(REAL_DATA) and folder.is_dir() else None
 
@@ -89,9 +90,8 @@ def examine_withheld(
     layouts: Path = LAYOUTS,
     updates: int = 1200,
 ) -> list[dict[str, Any]]:
-    """Run each of the sources that is there; writes withheld.json into `out` and returns its content. A
-    source with a result there already is not run again.
-    """
+    """Run each available source; writes withheld.json into `out` and returns its content. A source with a
+    result there is not run again."""
     out.mkdir(parents=True, exist_ok=True)
     folder = data or data_folder()
     path = out / "withheld.json"
@@ -164,20 +164,19 @@ def _written_blind(part: Sequence[Recording], bag: Path, hide: Sequence[str] = H
 
 
 def whole_log(log: Path, layout: Path | dict[str, Any], bag: Path) -> list[Recording]:
-    """Every piece of a log with all its channels; imported anew each time, because the bag is of no other
-    use."""
+    """Every piece of a log with all its channels; imported each time, because the bag has no other use."""
     bag.parent.mkdir(parents=True, exist_ok=True)
     return import_table(log, layout, bag, overwrite=True).recordings
 
 
 def withhold(recording: Recording, hide: Sequence[str] = HIDE) -> Recording:
-    """The recording without the channels in `hide`: by default slope, height and place."""
+    """The recording without the channels in `hide`: by default slope, height and position."""
     shown = {name: values for name, values in recording.channels.items() if name not in hide}
     return replace(recording, channels=shown, interface=replace(recording.interface, grade=False))
 
 
 def trained(recordings: Sequence[Recording], path: Path, updates: int) -> Path:
-    """A deep truck of the recordings at `path`, trained where there is none yet."""
+    """A deep truck of the recordings at `path`, trained if there is none yet."""
     from deeptruck_model import deep
 
     if not (path / simulators.MANIFEST).exists():
@@ -190,7 +189,7 @@ Profiles = Mapping[str, tuple[Array, Array]]
 
 
 def read_profiles(path: Path, name: str = "grade") -> Profiles:
-    """The recovered profiles called `name` of a profiles.csv (columns recording, time_s, distance_m, name,
+    """The recovered profiles with this name in a profiles.csv (columns recording, time_s, distance_m, name,
     value)."""
     rows: dict[str, list[tuple[float, float]]] = {}
     with path.open(newline="") as file:
@@ -203,10 +202,11 @@ def read_profiles(path: Path, name: str = "grade") -> Profiles:
 def compare_profile(
     profiles: Profiles, withheld: Sequence[Recording], simulator: simulators.Simulator
 ) -> Agreement | None:
-    """Recovered slope against the withheld one over all windows that have both; None where fewer than
-    three do.
+    """Recovered slope against the withheld one over all windows that have both; None if there are fewer than
+    three.
 
-    `withheld` are the recordings with all channels, named as the tool saw them."""
+    `withheld` are the recordings with all channels, under the names that the tool used.
+    """
     known = [r for r in withheld if r.name in profiles and "grade" in r.channels]
     found = [_windows(profiles[r.name], r, simulator) for r in known]
     rows = np.concatenate(found) if found else np.zeros((0, 3))
@@ -249,5 +249,5 @@ def _windows(profile: tuple[Array, Array], piece: Recording, simulator: simulato
 
 
 def r2(x: Array, y: Array) -> float:
-    """Share of y's variance that a line in x explains."""
+    """Share of y's variance that a linear function of x explains."""
     return float(np.corrcoef(x, y)[0, 1] ** 2) if np.std(x) > 0 and np.std(y) > 0 else 0.0

@@ -1,1 +1,1 @@
-"""Scores: the withheld truth against the verdict, held-out errors beside rivals, the pages people read."""
+"""Scoring: the truth against the verdict, held-out errors of tool and rivals, and the result pages."""

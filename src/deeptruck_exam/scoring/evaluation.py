@@ -1,5 +1,6 @@
-"""Open-loop error on held-out recordings, for every simulator alike: the tool's, the rivals' and the
-oracle's."""
+"""Open-loop error on held-out recordings, computed in the same way for the simulators of tool, rivals and
+oracle.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ HORIZON_S = 40.0
 
 @dataclass(frozen=True)
 class OpenLoop:
-    """Speed (n_windows, steps) m/s, error of a free run; acceleration likewise, m/s2."""
+    """Errors of free runs: speed (n_windows, steps) m/s, and acceleration likewise, m/s2."""
 
     speed: Array
     acceleration: Array
@@ -32,7 +33,8 @@ class OpenLoop:
 
 
 def arrays(recordings: Sequence[Recording]) -> tuple[Array, Array, Array]:
-    """u, w and y of recordings cut to equal length, (batch, n, columns); invalid samples are held over."""
+    """u, w and y of recordings cut to equal length, (batch, n, columns); invalid samples repeat the last
+    valid one."""
     n = min(len(r) for r in recordings)
     u, w, y = (np.stack([_held(getattr(r, part)[:n]) for r in recordings]) for part in "uwy")
     return u, w, y
@@ -55,7 +57,7 @@ def open_loop(
     extra: Array | None = None,
     horizon_s: float = HORIZON_S,
 ) -> OpenLoop:
-    """Free runs of `horizon_s` from windows side by side; between them the simulator is forced along the
+    """Free runs of `horizon_s` from consecutive windows; between them the simulator is forced along the
     recording, so that gear, heat and boost are those of the drive. `extra` (batch, n) is an acceleration
     added to its response."""
     steps = round(horizon_s / simulator.dt)
@@ -96,7 +98,7 @@ def _free(
 
 
 def residual(simulator: Simulator, u: Array, w: Array, y: Array) -> Array:
-    """Recorded less forced acceleration, (batch, n), the first sample 0."""
+    """Recorded minus forced acceleration, (batch, n), the first sample 0."""
     out = y[:, :, ACCELERATION] - forced_run(simulator, u, w, y).y[:, :, ACCELERATION]
     out[:, 0] = 0.0
     return np.asarray(out)

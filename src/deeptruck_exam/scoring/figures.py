@@ -19,7 +19,7 @@ COLOURS = {"parameters_only": "#9aa5b1", "pysindy": "#c98b3c", "boosting": "#5b8
 
 
 def draw_all(results: Sequence[Score], out: Path) -> list[str]:
-    """Write every figure that the results allow into `out`; returns the file names."""
+    """Write all figures for which there are results into `out`; returns the file names."""
     made = []
     for name, draw in (
         ("confusion", draw_confusion),
@@ -35,7 +35,7 @@ def draw_all(results: Sequence[Score], out: Path) -> list[str]:
 
 
 def draw_confusion(results: Sequence[Score]) -> Any:
-    """True name against the first name said, as shares of the true name's cases."""
+    """True name against first stated name, as shares of the true name's cases."""
     table = confusion(results)
     if not table:
         return None
@@ -62,7 +62,7 @@ def _last(name: str) -> tuple[bool, str]:
 
 
 def draw_levels(results: Sequence[Score]) -> Any:
-    """Right first and in the group, by level, with 95 % intervals."""
+    """Rates of right first and in the group, by level, with 95 % intervals."""
     table = {k: v for k, v in by_level(results).items() if v["right first"] is not None}
     if not table:
         return None
@@ -92,7 +92,7 @@ def wilson(rate: float, n: int) -> tuple[float, float]:
 
 
 def draw_improvement(results: Sequence[Score]) -> Any:
-    """Cumulative distribution of the share of the oracle's held-out improvement, tool and rivals."""
+    """Cumulative distribution of the share of the oracle's held-out improvement, for tool and rivals."""
     rows = [r["share"] for r in results if r.get("share")]
     if not rows:
         return None

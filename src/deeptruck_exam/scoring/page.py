@@ -1,4 +1,4 @@
-"""proof.md and scoreboard.json: what the examination found, failures included."""
+"""proof.md and scoreboard.json: the results of the examination, failures included."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ def _replace(path: Path, text: str) -> None:
 
 
 def figures_of_merit(scored: Sequence[Score]) -> dict[str, Any]:
-    """The scoreboard as plain data: by level, rare by information, improvement by competitor, run time."""
+    """The scoreboard as plain data: by level, rare effects by information, improvement by competitor, run
+    time."""
     levels = {f"{s} {level}": row for (s, level), row in scoreboard.by_level(scored).items()}
     shares = [r["share"] for r in scored if r.get("share")]
     intervals = [i for r in scored for i in r["intervals"]]

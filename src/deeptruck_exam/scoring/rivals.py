@@ -1,8 +1,7 @@
-"""What others would do with the same recordings: re-tune parameters, pysindy, gradient boosting; and an
-oracle.
+"""Other methods on the same recordings: parameter refit, pysindy, gradient boosting; and an oracle.
 
 pysindy and boosting predict from the recorded speed of the held-out drives, also within open-loop windows,
-where the tool has only its own: this favours them.
+where the tool has only its own; this favours them.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ MOST = 4.0  # m/s^2
 
 
 def features(recordings: Sequence[Recording]) -> Array:
-    """What the residual may depend on, (batch, n, columns): speed, commands, grade, commands LAGS_S ago, and
-    the time since the start of the drive."""
+    """Regressors of the residual, (batch, n, columns): speed, commands, grade, commands LAGS_S ago, and the
+    time since the start of the drive."""
     u, w, y = arrays(recordings)
     lags = [round(seconds / DT) for seconds in LAGS_S]
     past = [np.concatenate([u[:, :1].repeat(lag, axis=1), u[:, :-lag]], axis=1) for lag in lags]
@@ -88,8 +87,8 @@ def compare(
     grade: Array | None = None,
 ) -> dict[str, Mapping[str, float]]:
     """Errors of all rivals in open-loop windows of the held-out drives. `oracle` has the true parameters and
-    `extra` (batch, n) is the true acceleration the effects caused; `grade` (batch, n) the true slope where it
-    was not recorded."""
+    `extra` (batch, n) is the true acceleration of the effects; `grade` (batch, n) the true slope if it was
+    not recorded."""
     u, w, y = arrays(held_out)
     errors: dict[str, Mapping[str, float]] = {"before": open_loop(simulator, u, w, y).rmse()}
     if isinstance(simulator, PhysicsTruck):
@@ -104,5 +103,6 @@ def compare(
 
 
 def bounded(values: Array, y: Array) -> Array:
-    """Accelerations (batch, n) of the samples of y, bounded: no wild extrapolation shall decide a case."""
+    """Accelerations (batch, n) limited to the range of the samples of y, so that extreme extrapolations do
+    not decide a case."""
     return np.clip(values[:, : y.shape[1]], -MOST, MOST)

@@ -1,18 +1,19 @@
-"""Compares the withheld truth with the tool's verdict. All rules are in this file.
+"""Compares the withheld truth with the tool's verdict. All scoring rules are in this file.
 
-Right first: the first finding bears the true name. In the set: the true name is the first finding's or
-among those it calls not distinguishable. An equivalent name ('accepts' of an effect) counts in the group
-alone, and only where the tool itself states the true name as well. A constant wrong mass is `mass`; a
-mass that differs between drives is `payload_change`; the other name is wrong first, and right in the group
-when stated. 'unknown' counts only where it is the finding itself: beside other names it costs nothing.
+Right first: the first finding has the true name. In the set: the true name is the first finding's or among
+those that it states as not distinguishable. An equivalent name ('accepts' of an effect) counts only in the
+group, and only if the tool also states the true name. A constant wrong mass is `mass`; a mass that differs
+between drives is `payload_change`; the respective other name is wrong first, and right in the group when
+stated. 'unknown' counts only as the finding's own name; among the alternatives it costs nothing.
 
-Where an input was withheld the verdict must say so (`not_recorded`, or refuse with a line that names it), and
-no finding may bear a name that the input explains. Where each drive differs, the largest part of the budget
-but for what is left over must be `each_drive`; without a budget, the first finding must name what differs.
+If an input was withheld, the verdict must say so (`not_recorded`, or refuse with a line that names it), and
+no finding may have a name that the input explains. If each drive differs, the largest part of the budget
+except the unexplained one must be `each_drive`; without a budget, the first finding must name the difference.
 
-The log score (Good, J. R. Stat. Soc. B 14, 1952) pays for what a verdict said of the truth: the
-probability of the first finding for its own name, what is left for the others of its group in equal
-parts, and a tenth of that for all names outside. A large group and a probability that is too sure cost."""
+The log score (Good, J. R. Stat. Soc. B 14, 1952) is the log probability that a verdict gives to the truth:
+the probability of the first finding for its own name, the remainder in equal parts for the others of its
+group, and a tenth of that for all names outside. A large group and an overconfident probability lower it.
+"""
 
 from __future__ import annotations
 
@@ -28,18 +29,18 @@ SILENT = 0.9  # the probability of nothing that a silent verdict states
 
 
 def group(finding: Mapping[str, Any]) -> set[str]:
-    """The finding's name and all it is not distinguishable from."""
+    """The finding's name and all names stated as not distinguishable from it."""
     others = finding.get("credible_set", finding.get("cannot_be_told_from"))  # schema 3, schema 2
     return {str(finding.get("effect")), *map(str, others or ())}
 
 
 def bears(finding: Mapping[str, Any], name: str) -> bool:
-    """Whether the finding is the name, or has it in its credible set."""
+    """Whether the finding has the name, or has it in its credible set."""
     return name == finding.get("effect") or (name != "unknown" and name in group(finding))
 
 
 def probability_of(truth: str, findings: Sequence[Mapping[str, Any]]) -> float:
-    """The probability that the first finding gives to the name; of 'nothing' where there is no truth."""
+    """The probability that the first finding gives to the name; that of 'nothing' if there is no truth."""
     if not findings:
         return SILENT if truth == "nothing" else (1.0 - SILENT) / (NAMES - 1)
     first = findings[0]
@@ -102,14 +103,15 @@ def _outcome(true: Sequence[str], findings: Sequence[Mapping[str, Any]], verdict
 
 
 def recognised_unknown(truth: Mapping[str, Any], verdict: Verdict) -> bool | None:
-    """Where the truth has no name: whether a finding is 'unknown'. None elsewhere."""
+    """Whether a finding is 'unknown', if the truth has no name; else None."""
     if not any(e["name"] == "unknown" for e in truth["effects"]):
         return None
     return any(f.get("effect") == "unknown" for f in verdict.get("findings") or ())
 
 
 def input_stated(truth: Mapping[str, Any], verdict: Verdict, says: str = "") -> bool | None:
-    """Whether a withheld input is stated and no name given that it explains. None where none is withheld."""
+    """Whether a withheld input is stated and no name is given that it explains. None if no input is
+    withheld."""
     withheld = truth["not_recorded"]
     if not withheld:
         return None
@@ -121,7 +123,7 @@ def input_stated(truth: Mapping[str, Any], verdict: Verdict, says: str = "") -> 
 
 
 def each_drive_found(truth: Mapping[str, Any], verdict: Verdict) -> bool | None:
-    """Whether what differs from drive to drive is found as such. None where no drive differs."""
+    """Whether a difference between drives is found as such. None if drives do not differ."""
     if not truth["each_drive"]:
         return None
     parts = {p["part"]: float(p["share"]) for p in (verdict.get("budget") or {}).get("parts") or ()}
@@ -132,7 +134,7 @@ def each_drive_found(truth: Mapping[str, Any], verdict: Verdict) -> bool | None:
 
 
 def overlap(truth: Mapping[str, Any], verdict: Verdict) -> float | None:
-    """Time in both sets of segments over time in either; None where the truth has none."""
+    """Time in both sets of segments over time in either; None if the truth has none."""
     true, found = _spans(truth["segments"]), _spans(verdict.get("segments") or ())
     if not true:
         return None
@@ -142,8 +144,8 @@ def overlap(truth: Mapping[str, Any], verdict: Verdict) -> float | None:
 
 
 def score_events(truth: Mapping[str, Any], verdict: Verdict) -> dict[str, int]:
-    """At level `rare`, how many times the effect acted and how many of these an event covers by half or more;
-    and, at any level, the events that overlap nothing."""
+    """At level `rare`, how often the effect acted and how many of these times an event covers by half or
+    more; and, at any level, the events that overlap nothing."""
     true, found = _spans(truth["segments"]), _spans(verdict.get("events") or ())
     rare = [(name, span) for name, spans in true.items() for span in spans if truth["level"] == "rare"]
     covered = [_common([span], found.get(name, [])) / (span[1] - span[0]) for name, span in rare]
@@ -181,7 +183,8 @@ def _common(left: Spans, right: Spans) -> float:
 
 
 def score_intervals(truth: Mapping[str, Any], verdict: Verdict) -> list[dict[str, Any]]:
-    """For every true size that the tool states with an interval: truth, value, interval, whether it holds."""
+    """For every true size that the tool states with an interval: truth, value, interval, and whether it
+    contains the truth."""
     out = []
     for effect in truth["effects"]:
         for finding in verdict.get("findings") or ():
@@ -215,7 +218,7 @@ def _stated(parameters: Mapping[str, Any], name: str, unit: str) -> Mapping[str,
 
 
 def improvement(errors: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Shares of the oracle's improvement of the held-out open-loop speed error, per competitor."""
+    """Improvement of the held-out open-loop speed error as a share of the oracle's, by competitor."""
     before, oracle = errors["before"]["speed_rmse"], errors["oracle"]["speed_rmse"]
     possible = before - oracle
     if possible <= 0.05 * before:

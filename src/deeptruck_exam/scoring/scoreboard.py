@@ -13,7 +13,7 @@ ENOUGH_NATS, TOO_FEW_NATS = 100.0, 40.0
 
 
 def by_level(results: Iterable[Score]) -> dict[tuple[str, str], dict[str, Any]]:
-    """Per (simulator, level): n and the rates of `rates`."""
+    """By (simulator, level): n and the rates of `rates`."""
     groups: dict[tuple[str, str], list[Score]] = {}
     for r in results:
         if "broken" not in r:
@@ -27,7 +27,7 @@ def mean(values: Iterable[Any]) -> float | None:
 
 
 def rates(rows: Sequence[Score]) -> dict[str, float | None]:
-    """Rates over the cases of one level; None where the figure has no meaning there."""
+    """Rates over the cases of one level; None if a figure does not apply there."""
     with_truth = [r for r in rows if r["true"]]
     nulls = [r for r in rows if not r["true"] and r["input_stated"] is None]
     intervals = [i["holds"] for r in rows for i in r["intervals"]]
@@ -55,12 +55,12 @@ def rates(rows: Sequence[Score]) -> dict[str, float | None]:
 
 
 def false_statement(score: Score) -> bool:
-    """Anything stated where nothing is missing."""
+    """Whether anything is stated although nothing is missing."""
     return bool(score["said"]) or score["verdict"] not in ("nothing_missing", "undetermined")
 
 
 def rare_by_information(results: Iterable[Score]) -> dict[str, float | None]:
-    """Level 'rare' split by the information in the recordings."""
+    """Results of level 'rare', split by the information in the recordings."""
     rows = [r for r in results if r.get("level") == "rare" and "broken" not in r]
     enough = [r for r in rows if r["information_nats"] > ENOUGH_NATS]
     few = [r for r in rows if r["information_nats"] < TOO_FEW_NATS]
@@ -73,9 +73,9 @@ def rare_by_information(results: Iterable[Score]) -> dict[str, float | None]:
 
 
 def confusion(results: Iterable[Score]) -> Counter[tuple[str, str]]:
-    """Number of cases by (true effect, effect that the tool named first), each 'nothing' where there is none.
+    """Number of cases by (true effect, first stated effect), each 'nothing' if there is none.
 
-    Broken cases and those with several true effects are left out.
+    Broken cases and those with several true effects are omitted.
     """
     table: Counter[tuple[str, str]] = Counter()
     for r in results:

@@ -1,4 +1,4 @@
-"""The true truck on its roads with its drivers: what happened, before any sensor saw it."""
+"""Simulates the true truck on its roads with its drivers; sensors are applied later."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ SEEN = ("gear", "engine_speed", "engine_torque", "elevation", "distance")
 
 @dataclass(frozen=True)
 class Drives:
-    """What happened: `channels` each (batch, n), in SI and interface units; `u` (batch, n, 2), `w` (batch,
-    n, 1)."""
+    """True signals: `channels` each (batch, n), in SI and interface units; `u` (batch, n, 2), `w` (batch, n,
+    1)."""
 
     channels: Channels
     u: Array
@@ -28,7 +28,7 @@ class Drives:
 
 
 def simulate(truck: PhysicsTruck, roads: Roads, driver: Driver, leader_m: Array, dt: float) -> Drives:
-    """Drive the truck, whose interface must have the grade, along `driver.target`'s length."""
+    """Drive the truck, whose interface must have the grade, for the length of `driver.target`."""
     batch, n = driver.target.shape
     y = np.zeros((batch, n, len(truck.interface.y)))
     y[:, 0, 1] = driver.target[:, 0]
@@ -63,7 +63,7 @@ def _on_bus_nm(forces: Sequence[Force]) -> Array | float:
 
 
 def leader_way(target: Array, follows: Sequence[bool], headway_s: float, dt: float) -> Array:
-    """Way of the leader ahead of the truck's start, (batch, n) m; NaN where nobody drives ahead."""
+    """Position of the leader relative to the truck's start, (batch, n) m; NaN without a leader."""
     first = STANDSTILL_M + headway_s * target[:, :1] + 3.0
     way = first + np.cumsum(target, axis=1) * dt - target[:, :1] * dt
     return np.where(np.asarray(follows)[:, None], way, np.nan)

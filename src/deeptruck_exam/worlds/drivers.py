@@ -1,4 +1,4 @@
-"""Who drives: three kinds of people, a cruise control, and an adaptive one (ACC) that follows a leader."""
+"""Drivers: three kinds of people, a cruise control, and an adaptive one (ACC) that follows a leader."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ STANDSTILL_M = 6.0
 
 @dataclass
 class Driver:
-    """`target` (batch, n): the speed to follow, or the leader's with style 'acc'; other styles are 'human'
-    and 'cruise'. `values` is `drivers` of worlds.yaml: each person is of one of PEOPLE, at random."""
+    """`target` (batch, n): the speed to follow, for style 'acc' the leader's; other styles are 'human' and
+    'cruise'. `values` is `drivers` of worlds.yaml: each person is a random one of PEOPLE."""
 
     truck: SimpleNamespace
     style: NDArray[np.str_]

@@ -1,4 +1,4 @@
-"""Roads by spectrum: grade against position, and which recording drives which road in which direction."""
+"""Random roads: grade against position, and the road and direction of each recording."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CELLS = 6000  # 60 km
 
 @dataclass(frozen=True)
 class Roads:
-    """`grade` (routes, cells) for driving forwards; per recording the route, the start and +1 or -1."""
+    """`grade` (routes, cells) in the forward direction; per recording the route, the start and +1 or -1."""
 
     grade: Array
     route: NDArray[np.int64]
@@ -25,7 +25,7 @@ class Roads:
     direction: Array
 
     def grade_at(self, distance: Array) -> Array:
-        """Slope met by each recording after `distance` (batch,) m, uphill positive."""
+        """Slope in each recording after `distance` (batch,) m, uphill positive."""
         at = (self.start_m + self.direction * distance) / STEP_M % (self.grade.shape[1] - 1)
         low = at.astype(int)
         share = at - low
@@ -34,7 +34,8 @@ class Roads:
 
 
 def draw(rng: np.random.Generator, drives: Sequence[str], values: Mapping[str, Any], flat: bool) -> Roads:
-    """A road or two for each kind of drive; `values` is `roads` of worlds.yaml. The descent has one way."""
+    """One or two roads for each kind of drive; `values` is `roads` of worlds.yaml. The descent is driven in
+    one direction only."""
     grades: list[Array] = []
     rows: dict[str, list[int]] = {}
     for kind in sorted(set(drives)):
@@ -50,7 +51,7 @@ def draw(rng: np.random.Generator, drives: Sequence[str], values: Mapping[str, A
 
 
 def slopes(rng: np.random.Generator, kind: str, values: Mapping[str, Any]) -> Array:
-    """Grade (cells,) of one road: random heights of a power-law spectrum, limited by a designer."""
+    """Grade (cells,) of one road: random heights with a power-law spectrum, limited as in road design."""
     wave = np.fft.rfftfreq(CELLS, STEP_M)  # 1/m
     power = 0.5 * rng.uniform(*values["exponent"])
     size = np.where(wave > 1.0 / rng.uniform(*values["longest_m"]), np.maximum(wave, 1e-9) ** -power, 0.0)

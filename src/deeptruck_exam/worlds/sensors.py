@@ -1,4 +1,4 @@
-"""What a real truck records: filters, noise, slow messages, a clock that jitters, messages that are lost."""
+"""Sensors and logger of a truck: filters, noise, slow messages, clock jitter, lost messages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NO_FAULTS = dict.fromkeys(
 
 @dataclass(frozen=True)
 class Sensor:
-    """One channel's, as worlds.yaml says."""
+    """Sensor of one channel, by worlds.yaml."""
 
     lag_s: float
     noise: float
@@ -47,7 +47,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Sensors:
-    """One truck's: each channel's sensor, and the faults of clock and bus (see worlds.yaml)."""
+    """Sensors of one truck: each channel's sensor, and the faults of clock and bus (see worlds.yaml)."""
 
     of: Mapping[str, Sensor]
     pedal_step: float
@@ -134,7 +134,7 @@ def _held(values: Array, missing: NDArray[np.bool_]) -> Array:
 
 
 def quantise(values: Array, step: float) -> Array:
-    """Whole steps; as it is where step is 0."""
+    """Values rounded to whole steps; unchanged if step is 0."""
     return np.asarray(np.rint(values / step) * step) if step else values
 
 

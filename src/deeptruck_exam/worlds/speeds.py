@@ -1,4 +1,4 @@
-"""Speeds that traffic, signs and lights leave a driver: held for a while, joined by ramps, with stops."""
+"""Speeds permitted by traffic, signs and lights: held for a while, joined by ramps, with stops."""
 
 from __future__ import annotations
 

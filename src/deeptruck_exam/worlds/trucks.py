@@ -1,4 +1,4 @@
-"""Random trucks: the reference pool with body, engine, gearing, brakes and load drawn anew."""
+"""Random trucks: the reference pool with random body, engine, gearing, brakes and load."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def make(name: str, values: Mapping[str, float], *, grade: bool = True) -> Physi
 
 
 def overrides(values: Mapping[str, float], grade: bool) -> dict[str, Any]:
-    """What the overrides file of the simulator holds."""
+    """Content of the simulator's overrides file."""
     return {**{n: float(v) for n, v in values.items()}, "interface": {"grade": grade}}
 
 
 def namespace(truck: PhysicsTruck) -> SimpleNamespace:
-    """Parameters, with peak_torque (N m), peak_power (W) and full_command (interface units) beside them."""
+    """Parameters, and peak_torque (N m), peak_power (W) and full_command (interface units)."""
     values = truck.parameters()
     speeds, torques = (np.asarray(a) for a in truck.specification.full_load)
     peak = float(values["full_load_gain"] * torques.max())
@@ -77,7 +77,7 @@ def brake_capacity(values: Mapping[str, float]) -> float:
 
 
 def motoring(t: SimpleNamespace, engine_speed: Array) -> Array:
-    """Friction and accessory torque a driver knows from coasting, N m."""
+    """Friction and accessory torque that a driver knows from coasting, N m."""
     w = np.maximum(engine_speed, 40.0)
     return np.asarray(
         t.friction_constant + t.friction_linear * w + t.friction_quadratic * w * w + t.accessory_power / w
