@@ -1,4 +1,4 @@
-"""Learn the longitudinal dynamics of a truck from its recordings, and find what the model leaves out.
+"""Learn the longitudinal dynamics of a truck from its recordings, and find the effects that the model lacks.
 
     from deeptruck_model import evaluate, find_mismatch, load, mismatch, read, train
 

@@ -1,8 +1,7 @@
-"""What became of everything that was read: one account for each log, bag and table.
+"""Accounts for everything that was read: one account for each log, bag and table.
 
-A reader counts each item (frame, message, row) as it takes it from the file, and once more where it goes:
-used, or set aside for a reason. The two counts are kept apart so that a reader which loses an item is seen
-not to balance.
+A reader counts each item (frame, message, row) when it is read from the file, and again when it is used or
+omitted for a reason. The counts are separate, so that they do not balance if a reader loses an item.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from deeptruck_model.json_data import stored
 
 @dataclass
 class Aside:
-    """Items that were set aside for one reason, and where the first one stood (line, time, message)."""
+    """Items that were omitted for one reason, and the place of the first one (line, time, message)."""
 
     count: int = 0
     first: str = ""
@@ -24,30 +23,30 @@ class Aside:
 
 @dataclass
 class Tally:
-    """Items read and what became of them."""
+    """Items read, used and omitted."""
 
     read: int = 0
     used: int = 0
     aside: dict[str, Aside] = field(default_factory=dict, metadata=stored(key="set_aside"))
 
     def set_aside(self, reason: str, first: str = "", count: int = 1) -> None:
-        """Count items that are not used. `first` is kept of the first of a reason."""
+        """Count items that are not used. `first` is kept for the first item of a reason."""
         if count:
             entry = self.aside.setdefault(reason, Aside(first=first))
             entry.count += count
 
     @property
     def left_out(self) -> int:
-        """Items set aside, whatever the reason."""
+        """Number of omitted items, for all reasons."""
         return sum(entry.count for entry in self.aside.values())
 
     @property
     def balanced(self) -> bool:
-        """Whether each item that was read is used or set aside."""
+        """Whether every item read is used or omitted."""
         return self.read == self.used + self.left_out
 
     def lines(self, items: str) -> Iterator[str]:
-        """For people: the sum, and a line for each reason."""
+        """Text lines: the totals, and a line for each reason."""
         yield f"{self.read} {items} read, {self.used} used, {self.left_out} set aside"
         for reason, entry in self.aside.items():
             first = f", first {entry.first}" if entry.first else ""
@@ -58,10 +57,10 @@ class Tally:
 class Account:
     """The account of one source.
 
-    `items` says what is counted: frames, messages or rows. `sources` has the number of items by bus, topic or
-    definition where there is a choice. `spans` are the contiguous times that came of it, in s of the source's
-    own clock. `channels` counts the samples of each channel that came out of the used items. `remarks` are
-    what else a user must know: where a file is cut off, clocks that differ, units that were assumed.
+    `items` names what is counted: frames, messages or rows. `sources` has the number of items by bus, topic
+    or definition if there are several. `spans` are the resulting contiguous times, in s of the source's own
+    clock. `channels` counts the samples of each channel from the used items. `remarks` are further notes to
+    the user: a truncated file, clocks that differ, assumed units.
     """
 
     source: str
@@ -73,16 +72,16 @@ class Account:
     remarks: list[str] = field(default_factory=list)
 
     def channel(self, name: str) -> Tally:
-        """The tally of a channel's samples, made at its first use."""
+        """The tally of a channel's samples, created on first use."""
         return self.channels.setdefault(name, Tally())
 
     @property
     def balanced(self) -> bool:
-        """Whether nothing was lost unsaid, in the source and in each channel."""
+        """Whether all items of the source and all samples of each channel are accounted for."""
         return self.total.balanced and all(tally.balanced for tally in self.channels.values())
 
     def lines(self) -> Iterator[str]:
-        """For people: what was read, used and set aside; channels only where samples were set aside."""
+        """Text lines on what was read, used and omitted; channels only if samples were omitted."""
         head, *reasons = self.total.lines(self.items)
         yield f"{self.source}: {head}"
         yield from reasons
@@ -96,7 +95,7 @@ class Account:
         yield from (f"  {remark}" for remark in _grouped(self.remarks))
 
     def channel_lines(self) -> Iterator[str]:
-        """For people: a line for each channel and reason that samples of it were set aside for."""
+        """Text lines for each channel and reason for which samples were omitted."""
         for name, tally in self.channels.items():
             for reason, entry in tally.aside.items():
                 first = f", first {entry.first}" if entry.first else ""

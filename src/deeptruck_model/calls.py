@@ -1,6 +1,6 @@
-"""What a Python call is given, said to be wrong before anything is computed: a line that says what to give.
+"""Checks of arguments of Python calls, before anything is computed; errors are one line with the remedy.
 
-Each function returns the value as it is used, and raises InputError for another kind of thing.
+Each function returns the value in the form used, and raises InputError for a wrong type.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ SHOWN = 60  # characters of a value that a line repeats
 
 
 def shown(value: Any) -> str:
-    """A value in a part of a line."""
+    """A value as a short text within a line."""
     text = " ".join(repr(value).split())
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
 def path(value: Any, name: str) -> Path:
-    """A path of str or Path."""
+    """A Path from str or Path."""
     if not isinstance(value, str | Path) or not str(value):
         raise InputError(f"{name} must be a path such as 'drives/monday', not {shown(value)}")
     return Path(value)
 
 
 def integer(value: Any, name: str, least: int = 0) -> int:
-    """An integer of at least `least`, as seeds and counts are."""
+    """An integer of at least `least`, for seeds and counts."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
         raise InputError(f"{name} must be an integer of {least} or more, not {shown(value)}")
     return int(value)
 
 
 def number(value: Any, name: str, unit: str = "") -> float:
-    """A finite number, of Python or numpy."""
+    """A finite Python or numpy number."""
     if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
         raise InputError(f"{name} must be a number{f' in {unit}' if unit else ''}, not {shown(value)}")
     return float(value)

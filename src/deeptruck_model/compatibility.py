@@ -1,4 +1,4 @@
-"""Does this recording fit this simulator? One answer, from metadata or from samples."""
+"""Decides whether a recording fits a simulator, from metadata or from samples."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ BY_GEARBOX = "; without '?gear=recorded' behind its name a truck chooses its own
 
 @dataclass(frozen=True)
 class Given:
-    """What is known of a recording, `name` in messages.
+    """Properties of a recording, called `name` in messages.
 
-    `lacks` says of a channel that it is certainly not there; `unit` gives that of a channel, None or "none"
-    where it is not known; `dt` is the step in s, None where only the samples have it.
+    `lacks` returns whether a channel is certainly missing; `unit` returns that of a channel, None or "none"
+    if unknown; `dt` is the step in s, None if only the samples show it.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Taken:
-    """What a simulator takes, `name` in messages, and its step in s."""
+    """Properties of a simulator, called `name` in messages, and its step in s."""
 
     name: str
     interface: TruckInterface
@@ -44,7 +44,8 @@ class Taken:
 
 
 def misfits(taken: Taken, given: Given) -> list[str]:
-    """Why a recording cannot drive a simulator, a line each: other step, missing channels, other units."""
+    """Reasons why a recording cannot drive a simulator, one line each: other step, missing channels, other
+    units."""
     found = []
     if given.dt is not None and abs(given.dt - taken.dt) > SAME_DT_S:
         found.append(

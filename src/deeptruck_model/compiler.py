@@ -1,7 +1,8 @@
-"""numba, which compiles what must be fast; also where a folder `coverage` lies beside.
+"""Imports numba safely if the working directory has a folder named `coverage`.
 
-numba asks the library `coverage` for its tracer, if it can be imported. Where that is not installed, Python
-takes a folder of that name for it, such as `deeptruck-model coverage --out coverage` writes, and numba fails.
+numba looks for the tracer of the library `coverage`, if that can be imported. If the library is not
+installed, Python takes a folder of that name for it, such as `deeptruck-model coverage --out coverage`
+writes, and numba fails.
 """
 
 from __future__ import annotations

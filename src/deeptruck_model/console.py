@@ -1,4 +1,4 @@
-"""The common exit of console scripts: bad input is reported in one plain line, with exit code 2."""
+"""Runs console scripts: bad input is reported in one plain line, with exit code 2."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def run(app: typer.Typer, program: str, arguments: Sequence[str] | None = None) 
     """Run the commands of `app` on `arguments` (default: the command line) and exit.
 
     Exit codes: 0; 2 for bad input, and for a library of an extra that is not installed; 130 after Ctrl-C,
-    SIGTERM or SIGHUP, with a last line that names --resume where there is work to go on from; 1 for a defect.
-    Every program has --version.
+    SIGTERM or SIGHUP, with a last line that names --resume if work can be resumed; 1 for a defect. Every
+    program has --version.
     """
     words = sys.argv[1:] if arguments is None else arguments
     if list(words) == ["--version"]:
@@ -62,9 +62,9 @@ def run(app: typer.Typer, program: str, arguments: Sequence[str] | None = None) 
 
 
 def moved(app: typer.Typer, name: str, to: str) -> None:
-    """Keep the name of a command that has moved for one release: it ends with exit code 2 and says where to.
+    """Keep the name of a renamed command for one release: it ends with exit code 2 and states the new name.
 
-    `help` does not list it, and it takes whatever arguments it had.
+    `help` does not list it, and it accepts the arguments that it had.
     """
 
     def gone() -> None:

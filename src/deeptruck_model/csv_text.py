@@ -1,7 +1,7 @@
 """The text of a CSV file: its header, its delimiter, and which lines are rows.
 
-pyarrow takes the rows apart. What it would misread in silence is found here: quotation marks that are left
-open, rows with other numbers of cells, and where each row stands in the file.
+pyarrow parses the rows. Errors that it would not report are found here: unclosed quotation marks, rows with a
+wrong number of cells, and the line of each row.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ BLANK = "without a filled cell"
 
 
 class CsvText:
-    """A text table: its header, and its rows with as many cells."""
+    """A text table: its header, and the rows with the same number of cells."""
 
     def __init__(
         self, path: Path, delimiter: str | None, encoding: str, skip_rows: int, account: Account
@@ -97,7 +97,8 @@ class CsvText:
         return header, self.skip_rows + len(taken), start + sum(len(line.encode()) for line in taken)
 
     def read(self, cure: str) -> tuple[pa.Table, list[str], NDArray[np.int64], Callable[[int], str]]:
-        """The rows, the names of their columns, their numbers in the file, and where those stand."""
+        """The rows, the names of their columns, their numbers in the file, and a function from these to
+        lines."""
         body = self._without_unclosed()
         names = self._names()
         if not body.strip():
@@ -237,7 +238,8 @@ class CsvText:
 
 
 def single_blanks(data: bytes) -> bytes:
-    """Text whose columns are parted by any number of blanks, with one between them and none before a unit."""
+    """Text whose columns are separated by any number of blanks, converted to one blank each and none before a
+    unit."""
     data = re.sub(rb" (?=[\[(][^\])\n]*[\])])", b"_", re.sub(rb"[ \t]+", b" ", data))
     return re.sub(rb"(?m)^ +| +(?=\r?$)", b"", data)
 

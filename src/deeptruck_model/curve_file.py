@@ -1,4 +1,4 @@
-"""A column of a table over another, as leaders and roads are given."""
+"""Reads one column of a table as a function of another, for leaders and roads."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ MOST_BEFORE = 20  # lines in which the header of a leader or road is looked for
 def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
     """A column of a table over an ascending one, such as a road's grade over distance: both (n,), n > 1.
 
-    Lines before the header, the delimiter and the decimal mark are found. What was set aside is said on
-    stderr. Raises InputError with the line where a row has no number, or where `over` does not grow.
+    Lines before the header, the delimiter and the decimal mark are detected. Omitted rows are reported on
+    stderr. Raises InputError with the line if a row has no number, or if `over` does not increase.
     """
     reading.check_file(path, "give a CSV or Parquet table")
     table = read_table(

@@ -1,9 +1,8 @@
-"""What no data sheet has and recordings show: shift speeds, the curve of the pedal, brakes, engine friction.
+"""Learns from recordings what no data sheet has: shift speeds, the pedal curve, brakes, engine friction.
 
-Shift speeds are the straight lines of engine speed over demand along which the recorded changes of gear lie
-(Theil and Sen). The curve of the pedal is the median share of the torque there is at each position of a pedal
-that is held, by the force that moves the truck of the data sheet. Single parameters are those of the least
-error of free runs.
+Shift speeds are straight lines of engine speed over demand, fitted to the recorded gear changes (Theil and
+Sen). The pedal curve is the median share of the available torque at each constant pedal position, from the
+force that moves the truck of the data sheet. Single parameters are those with the least error of free runs.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ TRIALS = 12  # of values of a single parameter
 
 @dataclass(frozen=True)
 class Single:
-    """A parameter that no data sheet has, what it is, and the values it is sought in."""
+    """A parameter that no data sheet has: its description and the values tried."""
 
     name: str
     says: str
@@ -58,15 +57,15 @@ OF_BRAKES_ALONE = Single("brake_controller_gain", "a request is what the brakes 
 
 @dataclass(frozen=True)
 class Learned:
-    """The truck with what was learned, and a line for each thing that was."""
+    """The truck with the learned properties, and one line for each of them."""
 
     truck: Specification
     says: tuple[str, ...]
 
 
 def learned(truck: Specification, recordings: Sequence[Recording]) -> Learned:
-    """The truck with the shift speeds, the pedal and the single parameters of the recordings, each where free
-    runs along these then have a smaller speed error."""
+    """The truck with the shift speeds, pedal curve and single parameters of the recordings, each only if it
+    reduces the speed error of free runs along these."""
     usable = [r for r in recordings if {"gear", "engine_speed", "engine_command"} <= r.channels.keys()]
     before = _error(PhysicsTruck(truck), usable)
     if before is None:

@@ -69,7 +69,7 @@ class RoadSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class CycleSettings:
-    """A whole driving cycle. Shares are of the time; what is left follows the speed profile."""
+    """A whole driving cycle. Shares are of the time; the remainder follows the speed profile."""
 
     speed: SpeedSettings = field(default_factory=SpeedSettings)
     road: RoadSettings = field(default_factory=RoadSettings)
@@ -139,7 +139,7 @@ def speed_profile(
     dt: float = 0.1,
     settings: SpeedSettings | None = None,
 ) -> Array:
-    """Speed to be driven, m/s, (seconds / dt,). Raises InputError for settings without meaning."""
+    """Target speed, m/s, (seconds / dt,). Raises InputError for invalid settings."""
     settings = settings or SpeedSettings()
     if not 0.0 <= settings.v_min < settings.v_max:
         raise InputError(f"speeds {settings.v_min:g} to {settings.v_max:g} m/s span nothing")
@@ -201,9 +201,9 @@ def drive_episodes(
 ) -> list[Recording]:
     """The paper's direct randomised initialisation: `count` recordings that begin in an episode.
 
-    Coasting and braking take turns. Each begins settled at a speed drawn uniformly from the cycle's range, on
-    a road of its own; coasting ends after 8 to 40 s, braking with the stop. Raises InputError for a negative
-    count and for settings without meaning.
+    Coasting and braking alternate. Each recording begins settled at a uniformly random speed of the cycle's
+    range, on its own road; coasting ends after 8 to 40 s, braking at standstill. Raises InputError for a
+    negative count and for invalid settings.
     """
     settings = settings or CycleSettings()
     if count < 0:
@@ -237,11 +237,11 @@ def drive(
     settings: CycleSettings | None = None,
     name: str | None = None,
 ) -> Recording:
-    """Drive the truck along a generated cycle for hours and seconds together; one contiguous recording.
+    """Drive the truck along a generated cycle for the sum of hours and seconds; one contiguous recording.
 
-    The road's grade acts on the truck whether or not its interface shows it; where it does not, neither grade
+    The road's grade acts on the truck whether or not its interface includes it; if it does not, neither grade
     nor elevation is recorded. Elevation is above the drive's lowest point. A truck with forces or command
-    filters is driven step by step, slower.
+    filters is simulated step by step, which is slower.
     """
     settings = settings or CycleSettings()
     calls.instance(truck, PhysicsTruck, "truck", "trucks.load('trucksim') makes one")

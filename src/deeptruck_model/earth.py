@@ -1,4 +1,4 @@
-"""Metres on the earth, as the ellipsoid WGS84: a sphere is wrong by up to half a percent."""
+"""Metres per degree on the WGS84 ellipsoid; a sphere is wrong by up to half a percent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""How a command ends before its time: in order where its stack unwinds soon, else with its drafts removed."""
+"""Ends a command on an interrupt: in order if its stack unwinds soon, otherwise at once with its drafts
+removed.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,8 @@ class Interrupt:
         raise KeyboardInterrupt
 
     def end(self) -> None:
-        """Ends the process at once: threads of compiled libraries crash an interpreter that shuts down."""
+        """End the process at once, because threads of compiled libraries can crash an interpreter that shuts
+        down."""
         self._ending.acquire()  # never released: who comes second waits for the end
         remove_all()
         with suppress(Exception):
@@ -61,9 +64,10 @@ class Interrupt:
 
 @contextmanager
 def heeded(last_words: Callable[[], object]) -> Iterator[Interrupt]:
-    """Ctrl-C, and what a job queue or a closed terminal sends unless it is ignored (nohup), end the block.
+    """End the block on Ctrl-C, and on the signals of a job queue or a closed terminal unless these are
+    ignored (nohup).
 
-    A terminal's Ctrl-C reaches all processes of a command; so does each of these.
+    A terminal's Ctrl-C reaches all processes of a command; so does each of these signals.
     """
     interrupt = Interrupt(last_words)
     before = {number: signal.getsignal(number) for number in SIGNALS}
@@ -80,7 +84,7 @@ def heeded(last_words: Callable[[], object]) -> Iterator[Interrupt]:
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Ctrl-C waits for the end of the block, and never reaches processes that are started in it."""
+    """Delay Ctrl-C to the end of the block, and keep it from processes that are started in it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -89,10 +93,10 @@ def held_back() -> Iterator[None]:
 
 
 def may_raise(frame: FrameType | None) -> bool:
-    """Whether an exception may be raised in a frame: neither in an import nor in numba.
+    """Whether an exception may be raised in a frame: neither during an import nor in numba.
 
-    A library of which half is loaded may abort the process. numba's compiled wrappers call its Python code
-    for what they return, and go on with the result whatever was raised there: the process crashes.
+    A half-loaded library may abort the process. numba's compiled wrappers ignore exceptions of the Python
+    code that they call and use its result, which crashes the process.
     """
     while frame is not None:
         name = frame.f_globals.get("__name__") or ""

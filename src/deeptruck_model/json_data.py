@@ -1,5 +1,6 @@
-"""Dataclasses to JSON data and back, by cattrs. The metadata of a field says where it differs in JSON:
-`field(metadata=stored(digits=2))`."""
+"""Converts dataclasses to JSON data and back, by cattrs. The metadata of a field describes its form in JSON:
+`field(metadata=stored(digits=2))`.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +23,11 @@ KEY = "json"
 class Stored:
     """How a field is stored.
 
-    `key`: its key, where that is not the field's name. `digits`, `figures`: numbers are rounded to so many
-    decimals or significant figures. `earlier`: the key of an earlier schema, which is written too, and read
-    where the present one is absent. `sparse`: left out where it equals its default. `hidden`: not written.
-    `flat`: its entries stand among those of its owner. `later`: absent in an earlier schema; any other field
-    that is always written is required.
+    `key`: its key, if that is not the field's name. `digits`, `figures`: decimals or significant figures to
+    which numbers are rounded. `earlier`: its key in an earlier schema, which is written too, and read if the
+    present one is absent. `sparse`: omitted if it equals its default. `hidden`: not written. `flat`: its
+    entries are written among those of its owner. `later`: absent in an earlier schema; any other field that
+    is always written is required.
     """
 
     key: str | None = None
@@ -71,8 +72,8 @@ def to_json(x: Any) -> Any:
 
 
 def from_json(kind: type[T], data: Any) -> T:
-    """Inverse of `to_json`: null becomes NaN where a number is needed, and unknown keys are ignored. Raises
-    KeyError, TypeError or ValueError for data of another form."""
+    """Inverse of `to_json`: null becomes NaN for a number, and unknown keys are ignored. Raises KeyError,
+    TypeError or ValueError for data of another form."""
     return _converter().structure(data, kind)
 
 

@@ -1,4 +1,4 @@
-"""A package's names, loaded at their first use: `--help` and a wrong path need none of its libraries."""
+"""Loads a package's names on first use, so that `--help` and wrong paths need none of its libraries."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def names(package: str, rooms: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package, from each module in it to the names that it gives."""
+    """The `__getattr__` of a package, from a map of its modules to the names that each provides."""
     room_of = {name: room for room, given in rooms.items() for name in given}
 
     def found(name: str) -> Any:

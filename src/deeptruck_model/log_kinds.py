@@ -1,6 +1,6 @@
-"""What a file holds by its first bytes, where its name does not say: CAN frames in a table, or a measurement.
+"""Detects the content of a file whose name does not show it: CAN frames in a table, or a measurement.
 
-Standard library alone: the bridge and the importer both ask, before anything heavy is loaded.
+Standard library only, because bridge and importer use it before anything heavy is loaded.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ CAPTURES = (".pcap", ".pcapng")
 
 
 def plain_name(cell: str) -> str:
-    """A header's cell in lower case, letters and digits alone and without a unit."""
+    """A header cell in lower case, reduced to letters and digits and without its unit."""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*?[)\]]", "", cell.lower()))
 
 
 def is_frames(header: Sequence[str]) -> bool:
-    """Whether a table with these names holds raw CAN frames: a time, an identifier and bytes."""
+    """Whether a table with this header holds raw CAN frames: a time, an identifier and bytes."""
     names = [plain_name(cell) for cell in header]
     data = any(name in DATA for name in names) or sum(bool(BYTES.fullmatch(name)) for name in names) >= 2
     return data and any(name in IDS for name in names) and any(name.startswith("time") for name in names)
 
 
 def holds_frames(path: Path) -> bool:
-    """Whether a text table holds raw CAN frames; False for what cannot be read."""
+    """Whether a text table holds raw CAN frames; False if it cannot be read."""
     opened = gzip.open if path.suffix.lower() == ".gz" else open
     with suppress(OSError, EOFError, zlib.error, csv.Error), opened(path, "rb") as file:
         line = file.readline(4096).decode("utf-8-sig", "replace")
@@ -46,7 +46,7 @@ def holds_frames(path: Path) -> bool:
 
 
 def check_measurement(path: Path) -> None:
-    """Raises InputError for an MDF file of signals, which is neither a bus log nor a table that is read."""
+    """Raises InputError for an MDF file of signals, which is neither a bus log nor a supported table."""
     if path.suffix.lower() not in MDF or not path.is_file():
         return
     data = path.read_bytes()

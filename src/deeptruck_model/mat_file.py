@@ -1,4 +1,4 @@
-"""Tables out of MAT files, by scipy."""
+"""Reads tables from MAT files, by scipy."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ MOST_COLUMNS = 64  # of a matrix
 def read(path: Path) -> pa.Table:
     """The vectors of a file of version 4 to 7 as columns, those of structures as STRUCTURE.FIELD.
 
-    Of vectors that differ in length those of the most usual one are taken. Raises InputError for a file of
-    version 7.3 (which is HDF5), a damaged one, and one without vectors of numbers.
+    If vectors differ in length, those of the most frequent length are used. Raises InputError for a file of
+    version 7.3 (which is HDF5), a damaged one, and one without numeric vectors.
     """
     from scipy.io import loadmat
 

@@ -1,4 +1,4 @@
-"""Overall gear ratios, engine speed over road speed in rad/m, as recordings show them."""
+"""Overall gear ratios, engine speed over road speed in rad/m, estimated from recordings."""
 
 from __future__ import annotations
 
@@ -46,16 +46,18 @@ class Misfit:
 
 
 def check(simulator: Simulator, recordings: Sequence[Recording]) -> None:
-    """Raises InputError where a physics truck, corrected or not, has other gears than the recordings.
+    """Raises InputError if a physics truck, corrected or not, has other gears than the recordings.
 
-    Where all ratios are off by one factor near one, tyres or the speed sensor may be: nothing is raised."""
+    If all ratios differ by one factor near one, the cause may be tyres or the speed sensor, and nothing is
+    raised.
+    """
     off = _misfit_of(simulator, recordings)
     if off is not None and not (off.best >= FITS and abs(off.factor - 1.0) < SCALED):
         raise InputError(other_truck(simulator, recordings))
 
 
 def other_truck(simulator: Simulator, recordings: Sequence[Recording]) -> str:
-    """That a physics truck, or one with corrections, has other gears than the recordings; empty where not.
+    """A sentence if a physics truck, corrected or not, has other gears than the recordings; else empty.
 
     Other simulators state no ratios.
     """
@@ -73,7 +75,7 @@ def _misfit_of(simulator: Simulator, recordings: Sequence[Recording]) -> Misfit 
 
 
 def misfit(stated: Sequence[float], recordings: Sequence[Recording]) -> Misfit | None:
-    """Why stated overall ratios (rad/m) are not those of the recordings; None where they are, or where less
+    """The misfit between stated overall ratios (rad/m) and the recordings; None if they agree, or if less
     than LEAST_STEADY_S of steady driving has an engine speed."""
     seen = steady_ratios(recordings)
     if not len(seen) or len(seen) * recordings[0].dt < LEAST_STEADY_S:
@@ -101,7 +103,8 @@ def _share(seen: Array, stated: Array) -> float:
 def from_gears(recordings: Sequence[Recording]) -> tuple[float, ...]:
     """Overall ratio of each gear from 1 on, rad/m, by recorded gear and engine speed; empty without these.
 
-    Gears that were not driven are placed on the geometric series of the others."""
+    Gears that were not driven are interpolated on the geometric series of the others.
+    """
     pairs = [
         (r.channels["gear"], r.channels["engine_speed"], r.channels["speed"])
         for r in recordings

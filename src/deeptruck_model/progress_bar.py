@@ -1,5 +1,6 @@
-"""How far a long computation is: a bar with the time left on a terminal, a line a minute elsewhere, and
-curves for TensorBoard."""
+"""Progress of a long computation: a bar with the remaining time on a terminal, a line per minute elsewhere,
+and TensorBoard curves.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ class _TimeLeft(TimeRemainingColumn):
 
 @contextmanager
 def bar(label: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[int, int, str], None]]:
-    """A function of steps done, steps in total and a remark. Nothing is shown before its first call."""
+    """A function to report steps done, total steps and a remark. Nothing is shown before its first call."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _lines(label, every_s)
@@ -90,9 +91,9 @@ def _left(passed_s: float, done: int, to_do: int) -> str:
 
 
 def board(folder: Path, start: int) -> SummaryWriter:
-    """A writer of curves into `folder`, which begins at step `start`.
+    """A writer of curves into `folder`, starting at step `start`.
 
-    It writes in a thread. Where that fails, as on a full disk, its next call raises the same OSError here.
+    It writes in a thread. If that fails, as on a full disk, its next call raises the same OSError.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -1,4 +1,6 @@
-"""What a long command is doing: step and time passed on a terminal, a line a step and a minute in a log."""
+"""Present step of a long command: step and elapsed time on a terminal, in a log a line per step and
+minute.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ QUIET_S = 2.0  # a log shows no step before: what refuses its input does so by o
 
 @contextmanager
 def progress(first: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[str], None]]:
-    """A function that says on stderr which step begins; a terminal shows the `first` one at once."""
+    """A function that reports on stderr which step begins; a terminal shows the `first` one at once."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -56,7 +58,8 @@ def progress(first: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[str]
 
 @contextmanager
 def steps(say: Callable[[str], None] | None, first: str) -> Iterator[Callable[[str], None]]:
-    """What a Python call reports its steps to: `say`; without one a terminal, and nothing elsewhere."""
+    """The function to which a Python call reports its steps: `say`; without it a terminal, and nothing
+    elsewhere."""
     if say is not None:
         yield say
     elif sys.stderr.isatty():

@@ -1,7 +1,7 @@
-"""Drive a simulator a few seconds and say whether it keeps what the protocol of `simulators.Simulator` asks.
+"""Drives a simulator for a few seconds and checks that it satisfies the protocol `simulators.Simulator`.
 
-Each probe returns what it saw, or raises: `MissingError` for what every tool here needs, `NotedError` for
-what only some do. What somebody else's code raises counts as missing.
+Each probe returns what it found, or raises: `MissingError` for what every tool here needs, `NotedError` for
+what only some need. An exception in the simulator's code counts as missing.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ TEN_MINUTES_S = 600.0
 
 
 class State(StrEnum):
-    """Whether something is as it is needed; `note` is for what only some tools need."""
+    """Whether a requirement is met; `note` is for one that only some tools have."""
 
     YES = "yes"
     NOTE = "note"
@@ -44,7 +44,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: `mend` says how, where something is missing."""
+    """One line of the table: `mend` is the remedy if something is missing."""
 
     about: str
     state: State
@@ -53,15 +53,15 @@ class Row:
 
 
 class MissingError(Exception):
-    """Needed and not there: what, and how to mend it."""
+    """A required property that is missing, and its remedy."""
 
 
 class NotedError(Exception):
-    """Not needed everywhere: what, and how to mend it."""
+    """A missing property that only some tools need, and its remedy."""
 
 
 def examine(simulator: Simulator) -> list[Row]:
-    """A row for each probe. The simulator is driven from copies of its own states only."""
+    """A row for each probe. The simulator is only driven from copies of its own states."""
     rows: list[Row] = []
     for about, probe in PROBES:
         row = _row(about, probe, simulator)
@@ -71,7 +71,7 @@ def examine(simulator: Simulator) -> list[Row]:
 
 
 def missing(rows: Sequence[Row]) -> list[Row]:
-    """The rows without which the simulator is not fit for use."""
+    """The rows that prevent the use of the simulator."""
     return [row for row in rows if row.state is State.NO]
 
 
@@ -88,7 +88,7 @@ def _row(about: str, probe: Callable[[Simulator], str], simulator: Simulator) ->
 
 
 def start(simulator: Simulator, *speeds: float) -> Any:
-    """A state at these speeds, one row each."""
+    """A state with these speeds, one per batch row."""
     y0 = np.zeros((len(speeds), len(simulator.interface.y)))
     y0[:, SPEED] = speeds
     return simulator.reset(y0)

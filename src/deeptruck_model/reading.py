@@ -1,9 +1,8 @@
-"""What every reader does before it trusts a file of the user's, in one place. Standard library and YAML only.
+"""Checks of a user's file before a reader trusts it. Standard library and YAML only.
 
-JSON, YAML and CSV have no checksum: a digit that changed on a disk reads as another number, and nobody can
-see it, unless a manifest in the same folder has the SHA-256. What can be seen (a pipe in the place of a
-file, text that is none, values that no reader expects) is refused with one line that names the file and says
-how to mend it.
+JSON, YAML and CSV have no checksum: a changed digit is detected only if a manifest in the same folder has the
+SHA-256. Detectable errors (a pipe in place of a file, binary data, values that no reader expects) are refused
+with one line that names the file and the remedy.
 """
 
 from __future__ import annotations
@@ -30,9 +29,9 @@ MOST_NODES = 1_000_000  # values in a YAML file, an alias counted as often as it
 
 
 def check_file(path: Path, cure: str) -> None:
-    """Raises InputError where `path` is missing, a folder, a pipe or device, or may not be read.
+    """Raises InputError if `path` is missing, a folder, a pipe or device, or may not be read.
 
-    It ends with `cure`. Nothing is opened: a pipe without a writer would never answer.
+    The message ends with `cure`. Nothing is opened, because opening a pipe without a writer would block.
     """
     try:
         mode = path.stat().st_mode
@@ -49,7 +48,7 @@ def check_file(path: Path, cure: str) -> None:
 
 
 def text(path: Path, cure: str) -> str:
-    """A text file in UTF-8. Raises InputError as check_file, and for one that is no text."""
+    """A text file in UTF-8. Raises InputError as check_file does, and for one that is no text."""
     check_file(path, cure)
     try:
         if path.stat().st_size > LARGEST:
@@ -66,10 +65,10 @@ def sha256(path: Path) -> str:
 
 
 def check_saved(folder: Path, manifest: str, digests: object, cure: str) -> None:
-    """Raises InputError where a file in `folder` is not the one whose SHA-256 its manifest gives.
+    """Raises InputError if the SHA-256 of a file in `folder` differs from that in its manifest.
 
-    `digests` maps names to digests; None, as in folders of earlier versions, is not checked. For files that a
-    reader has just read: the formats have no checksum, so a changed bit would be another number in silence.
+    `digests` maps names to digests; None, as in folders of earlier versions, is not checked. For files that
+    have just been read, whose formats have no checksum.
     """
     if digests is None:
         return
@@ -82,7 +81,7 @@ def check_saved(folder: Path, manifest: str, digests: object, cure: str) -> None
 
 
 def json_object(path: Path, cure: str) -> dict[str, Any]:
-    """A JSON file that holds one object. Raises InputError where it is missing or something else."""
+    """A JSON file that holds one object. Raises InputError if it is missing or holds something else."""
     content = text(path, cure)
     try:
         data = json.loads(content)
@@ -94,7 +93,7 @@ def json_object(path: Path, cure: str) -> dict[str, Any]:
 
 
 def yaml_mapping(path: Path, cure: str) -> dict[Any, Any]:
-    """A YAML file that holds one mapping. Raises InputError where it is missing or something else."""
+    """A YAML file that holds one mapping. Raises InputError if it is missing or holds something else."""
     import yaml
 
     content = text(path, cure)
@@ -110,7 +109,7 @@ def yaml_mapping(path: Path, cure: str) -> dict[Any, Any]:
 
 
 def number(value: Any, name: str, source: Path | str, low: float, high: float) -> float:
-    """A number of a manifest. Raises InputError where it is none, NaN, or not from `low` to `high`."""
+    """A number of a manifest. Raises InputError if it is not a number, NaN, or not from `low` to `high`."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
         said = plain(repr(value))
         raise InputError(f"{source} is damaged: {name} is {said}, not {low:g} to {high:g}; {SAVE_AGAIN}")
@@ -133,7 +132,7 @@ def _nodes(value: Any, left: int, depth: int = 0) -> int:
 
 @contextmanager
 def of(path: Path | str) -> Iterator[None]:
-    """Put `path` before every InputError of the block, and cut what quotes too much of a damaged file."""
+    """Prefix every InputError of the block with `path`, and shorten long quotations of a damaged file."""
     try:
         yield
     except InputError as error:
@@ -142,14 +141,14 @@ def of(path: Path | str) -> Iterator[None]:
 
 
 def plain(said: str, longest: int = LONGEST) -> str:
-    """What a library said, as one line without control characters, cut where it is long."""
+    """A library's message as one line without control characters, shortened if it is long."""
     line = " ".join("".join(c if c.isprintable() else " " for c in said).split())
     return line if len(line) <= longest else f"{line[: longest - 3]}..."
 
 
 def number_in_cell(cell: str, where: str, cure: str) -> float:
-    """The number in a cell of a table of ours. Raises InputError that begins with `where`, which names the
-    cell, and ends with `cure`, for another text and for NaN and infinity."""
+    """The number in a cell of one of our tables. Raises InputError for other text and for NaN and infinity;
+    the message begins with `where`, the name of the cell, and ends with `cure`."""
     try:
         value = float(cell)
     except ValueError:
@@ -164,7 +163,7 @@ def _why(error: BaseException) -> str:
 
 
 def near(name: str, known: Sequence[str]) -> str:
-    """The end of an error message: what the writer may have meant, else the first names that are known."""
+    """The end of an error message: the known names nearest to `name`, else the first known names."""
     guesses = difflib.get_close_matches(name[:80], known, n=3, cutoff=0.6)
     if guesses:
         return f"did you mean {' or '.join(guesses)}?"

@@ -1,4 +1,4 @@
-"""What the commands of `deeptruck-model` leave behind: the kind of each folder and what it may hold."""
+"""Result folders of `deeptruck-model`: the kind of each and the files that it may hold."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ FOUND = Result(
 
 
 def apart(out: Path, *inputs: Path, elsewhere: str = files.ELSEWHERE) -> None:
-    """Raises InputError where `out` is one of the inputs or lies inside one."""
+    """Raises InputError if `out` is one of the inputs or lies inside one."""
     place = out.resolve()
     for given in inputs:
         if place == given.resolve() or given.resolve() in place.parents:

@@ -1,4 +1,4 @@
-"""Tables with several things in them: rows of more than one vehicle, and one value a row."""
+"""Tables that mix several things: rows of more than one vehicle, or one value per row."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NAMES = frozenset(("vehicle", "truck", "vin", "fleet", "fahrzeug", "veh", "kennz
 
 @dataclass(frozen=True)
 class Key:
-    """A column by which rows are of several vehicles, and its values in the order of their first rows."""
+    """A column that assigns rows to several vehicles, and its values in the order of their first rows."""
 
     column: str
     values: tuple[str, ...]
@@ -35,7 +35,7 @@ class Key:
 
     @property
     def line(self) -> str:
-        """The line of COLUMNS.yaml that takes the first of them."""
+        """The line of COLUMNS.yaml that selects the first of them."""
         column, value = (json.dumps(text, ensure_ascii=False) for text in (self.column, self.values[0]))
         return f"only: {{{column}: {value}}}"
 
@@ -47,7 +47,7 @@ class Key:
 
 
 def only(table: TextTable, wanted: Mapping[str, str]) -> TextTable:
-    """The rows in which the columns have these texts. Raises InputError where none has."""
+    """The rows in which the columns have these texts. Raises InputError if there are none."""
     for column, value in wanted.items():
         cells = pc.cast(table.column(column), pa.string())
         other = ~pc.fill_null(pc.equal(pc.utf8_trim_whitespace(cells), str(value)), False).to_numpy()
@@ -59,10 +59,10 @@ def only(table: TextTable, wanted: Mapping[str, str]) -> TextTable:
 
 
 def key_of(table: TextTable, speeds: Sequence[Array], words: Mapping[str, frozenset[str]]) -> Key | None:
-    """The column that says of which vehicle a row is; None where there is one alone.
+    """The column that assigns rows to vehicles; None if there is only one vehicle.
 
-    `speeds`, each (n,), are columns of a speed; `words` has those of each header. Where vehicles take turns,
-    a speed varies much less within the rows of one than from row to row.
+    `speeds`, each (n,), are columns of a speed; `words` has those of each header. If vehicles alternate, a
+    speed varies much less within the rows of one vehicle than from row to row.
     """
     for name in table.columns:
         column = table.column(name)
@@ -93,7 +93,8 @@ def _smoother(of: NDArray[np.int64], speed: Array) -> bool:
 
 
 def take_turns(speed: Array) -> bool:
-    """Whether a speed differs from row to row and hardly from every other row, as of two vehicles in turn."""
+    """Whether a speed differs from row to row but hardly from every second row, as for two alternating
+    vehicles."""
     v = speed[np.isfinite(speed)]
     if len(v) < 40:
         return False
@@ -103,10 +104,11 @@ def take_turns(speed: Array) -> bool:
 
 
 def widened(table: TextTable, name: str, value: str, time: Sequence[str]) -> TextTable:
-    """A table with one value a row as one with a column for each name, blank where a row has another.
+    """Converts a table with one value per row to one with a column for each name, blank where a row has
+    another.
 
-    Rows that follow one another with the same `time` (names of columns) become one. The account counts rows
-    as they are here, and a remark says of how many they were made.
+    Consecutive rows with the same `time` (names of columns) become one. The account counts the resulting
+    rows, and a remark gives the number of original ones.
     """
     names = pc.fill_null(pc.cast(table.cells(name), pa.string()), "")
     stamps = [pc.fill_null(pc.cast(table.column(one), pa.string()), "") for one in time]

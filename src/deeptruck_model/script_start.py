@@ -1,4 +1,4 @@
-"""Imported before all else by each console script: Ctrl-C during the imports that follow is one line too.
+"""Imported first by each console script, so that Ctrl-C during the following imports also gives one line.
 
 In any other program importing this does nothing.
 """
@@ -21,7 +21,7 @@ INTERRUPTED = 130
 
 
 def end_at_once(_number: int, _frame: object) -> None:
-    """A handler for Ctrl-C while nothing is begun that would have to be cleaned."""
+    """Handler for Ctrl-C before there is anything to clean up."""
     os.write(2, f"{_program()}: interrupted\n".encode())
     os._exit(INTERRUPTED)
 

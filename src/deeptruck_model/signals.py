@@ -1,7 +1,7 @@
-"""The vocabulary: every channel with its unit, range and sign, and the truck interfaces built from them.
+"""Definition of every channel with its unit, range and sign, and of the truck interfaces.
 
 SI throughout. Commands keep the unit of the truck interface, because a percentage of an unknown reference
-torque cannot be turned into N m.
+torque cannot be converted to N m.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ CHANNELS: dict[str, Channel] = {
 
 
 def channel_of(name: str) -> Channel:
-    """What is known of a channel: one of CHANNELS, else one that a log has under a name of its own."""
+    """The definition of a channel: one of CHANNELS, else a channel that a log has under its own name."""
     return CHANNELS.get(name) or Channel(name, "", -math.inf, math.inf, "carried under its own name")
 
 
@@ -69,12 +69,13 @@ FAULTS = (
 
 
 def printed(unit: str) -> str:
-    """A unit as figures and pages show it: m/s² for m/s^2, and %."""
+    """A unit as shown in figures and pages: m/s² for m/s^2, and %."""
     return unit.replace("^2", "²").replace("^3", "³").replace("percent", "%")
 
 
 def sensible(value: float) -> str:
-    """A measurement in SI units as a page shows it: three digits, none below a thousandth, no exponent."""
+    """A measurement in SI units as shown on a page: three significant digits, none below a thousandth, no
+    exponent."""
     for digits, least in ((0, 100.0), (1, 10.0), (2, 1.0)):
         if abs(value) >= least:
             return f"{value:.{digits}f}"
@@ -86,14 +87,14 @@ SPEED_UNITS = {"m/s": 1.0, "km/h": 3.6, "mph": 1.0 / 0.44704}
 
 
 def speed_unit(unit: str) -> float:
-    """How many of a unit of speed are 1 m/s. Raises InputError for one that is not in SPEED_UNITS."""
+    """The number of units of a speed in 1 m/s. Raises InputError for one that is not in SPEED_UNITS."""
     if unit not in SPEED_UNITS:
         raise InputError(f"speeds are shown in {', '.join(SPEED_UNITS)}, not in '{unit}'")
     return SPEED_UNITS[unit]
 
 
 def speeds_in(unit: str, text: str) -> str:
-    """A text whose speeds, written as '0.8 m/s' or '4 to 16 m/s', are shown in another unit."""
+    """A text whose speeds, written as '0.8 m/s' or '4 to 16 m/s', are converted to another unit."""
     per = speed_unit(unit)
     if unit == "m/s":
         return text
@@ -121,13 +122,12 @@ def check_driver(driven_by: object) -> None:
 
 @dataclass(frozen=True)
 class TruckInterface:
-    """Which of the paper's u, w and y exist on a truck, and in which units.
+    """The channels of the paper's u, w and y that a truck has, and their units.
 
-    `engine_unit` is one of ENGINE_UNITS; `brake_unit` one of BRAKE_UNITS, or None where braking is not
-    recorded; `grade` and `fuel` say whether the grade in w and the fuel output exist; `gear` that a simulator
-    takes the recorded gear as a condition. `vehicle` is one of VEHICLE_KINDS, `mass_kg` what it weighed and
-    `driven_by` 'person' where the recorded pedals were a driver's, so that they were obeyed; None where
-    nobody says.
+    `engine_unit` is one of ENGINE_UNITS; `brake_unit` one of BRAKE_UNITS, or None if braking is not recorded;
+    `grade` and `fuel` say whether the grade in w and the fuel output exist; `gear` that a simulator takes the
+    recorded gear as a condition. `vehicle` is one of VEHICLE_KINDS, `mass_kg` its mass, and `driven_by`
+    'person' if the recorded pedals were a driver's and therefore obeyed; None if not stated.
     """
 
     name: str
@@ -152,7 +152,7 @@ class TruckInterface:
 
     @property
     def kind(self) -> VehicleKind:
-        """What is usual of such a vehicle."""
+        """Typical properties of such a vehicle."""
         return vehicle_kind(self.vehicle)
 
     @property
@@ -172,7 +172,7 @@ class TruckInterface:
 
     @property
     def summary(self) -> str:
-        """Its name, the units of its commands, and what else it has, in a few words."""
+        """Its name, the units of its commands, and further channels, as a short text."""
         commands = (self.engine_unit, self.brake_unit or "no brake")
         has = (("grade", self.grade), ("fuel", self.fuel), ("recorded gear", self.gear))
         also = (name for name, there in has if there)
@@ -189,13 +189,13 @@ class TruckInterface:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON and bag metadata; from_dict is its inverse.
 
-        What came later is left out where it says nothing: earlier versions read the rest.
+        Later additions are omitted at their defaults, so that earlier versions can read the rest.
         """
         return {name: value for name, value in asdict(self).items() if name not in LATER or value}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> TruckInterface:
-        """Inverse of to_dict. Raises InputError on unknown or missing keys, and values of another type."""
+        """Inverse of to_dict. Raises InputError for unknown or missing keys, and values of another type."""
         try:
             found = cls(**data)
         except TypeError as error:

@@ -1,4 +1,4 @@
-"""What a truck simulator is, and how one is loaded: physics truck, deep truck and corrected truck alike.
+"""The simulator protocol, and loading of physics trucks, deep trucks and corrected trucks.
 
 Time indices follow the paper: y(k+1) is produced from u(k), w(k) and the state after y(k). The acceleration
 of y(k+1) is the mean over the step, so v(k+1) = v(k) + a(k+1) dt holds to rounding.
@@ -38,11 +38,10 @@ Array = NDArray[np.float64]
 
 
 class MinimalSimulator(Protocol):
-    """The least that a batched truck must have; `completed` adds the rest.
+    """The required members of a batched truck; `completed` adds the rest.
 
-    Shapes: u (batch, len(interface.u)), w (batch, len(interface.w)), y (batch, len(interface.y)).
-
-    The state is opaque; `step` returns a new one and leaves the old one usable.
+    Shapes: u (batch, len(interface.u)), w (batch, len(interface.w)), y (batch, len(interface.y)). The state
+    is opaque; `step` returns a new one and does not change the old one.
     """
 
     @property
@@ -61,7 +60,7 @@ class MinimalSimulator(Protocol):
 
 @runtime_checkable
 class Simulator(MinimalSimulator, Protocol):
-    """A batched truck with all that the tools here use."""
+    """A batched truck with all members that the tools here use."""
 
     def force(self, state: Any, y: Array) -> Any:
         """The same internal state with the fed-back response replaced by a recorded y (the training form).
@@ -71,11 +70,11 @@ class Simulator(MinimalSimulator, Protocol):
         ...
 
     def inside(self, state: Any) -> dict[str, Array]:
-        """What can be seen inside, each (batch,): gear, engine_speed ...; {} for a deep truck."""
+        """Internal signals, each (batch,): gear, engine_speed ...; {} for a deep truck."""
         ...
 
     def parameters(self) -> dict[str, float]:
-        """Tunable parameters by name, SI: mass, drag_area, ...; {} where there are none."""
+        """Tunable parameters by name, SI: mass, drag_area, ...; {} if there are none."""
         ...
 
     def with_parameters(self, values: Mapping[str, float]) -> Simulator:
@@ -88,10 +87,10 @@ class Simulator(MinimalSimulator, Protocol):
 
 
 def completed(simulator: MinimalSimulator | str | Path) -> Simulator:
-    """A simulator with what it may leave out; one that has all is returned as it is, a name is loaded.
+    """A simulator with all members of `Simulator`; a complete one is returned as it is, a name is loaded.
 
-    Without `force` it starts anew at each recorded response, and keeps no gear or pressure over it. Raises
-    InputError for an object that is no simulator, with what it lacks, and as `load` does.
+    Without `force` it is reset at each recorded response, which loses gear and pressures. Raises InputError
+    for an object that is no simulator, with what it lacks, and as `load` does.
     """
     if isinstance(simulator, str | Path):
         return load(simulator)
@@ -121,7 +120,8 @@ def free_run(simulator: Simulator, u: Array, w: Array, y0: Array) -> Run:
 
 
 def forced_run(simulator: Simulator, u: Array, w: Array, y: Array) -> Run:
-    """Training form: at every step the recorded response y (batch, T, n_y) is fed, not the simulated one."""
+    """Training form: at every step the recorded response y (batch, T, n_y) is fed back instead of the
+    simulated one."""
     return _run(simulator, u, w, y[:, 0], y)
 
 
@@ -144,13 +144,13 @@ def _run(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array | 
 
 def load(path: str | Path) -> Simulator:
     """Load a simulator: a simulator directory, `truck:NAME[:overrides.yaml]` or `truck:FILE.yaml` for a
-    physics truck, `python:MODULE:FACTORY[:arguments.yaml]` for what a function of somebody else's returns, or
-    `fmu:MODEL.fmu[:mapping.yaml]` for somebody's FMU.
+    physics truck, `python:MODULE:FACTORY[:arguments.yaml]` for an object made by a user's function, or
+    `fmu:MODEL.fmu[:mapping.yaml]` for an FMU.
 
-    Who can load which kind of directory, and what stands before a colon, is registered by entry points of
-    installed packages: `checks.KINDS` and SCHEMES. This module knows none of them.
+    Loaders of directories and of schemes before a colon are registered by entry points of installed packages:
+    `checks.KINDS` and SCHEMES. This module knows none of them.
 
-    Raises InputError when there is no such truck, the directory has no manifest, or a file is damaged.
+    Raises InputError if there is no such truck, the directory has no manifest, or a file is damaged.
     """
     calls.path(path, "a simulator")
     scheme, _, rest = str(path).partition(":")

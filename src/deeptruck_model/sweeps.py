@@ -1,4 +1,4 @@
-"""Many training runs side by side: a grid of settings and seeds, in processes of this machine or on Ray."""
+"""Runs many trainings in parallel: a grid of settings and seeds, in processes of this machine or on Ray."""
 
 from __future__ import annotations
 
@@ -38,15 +38,16 @@ def run(
     lost: Callable[[Job, str], Result] | None = None,
     address: str | None = None,
 ) -> Iterator[Result]:
-    """`work` of every job, as they get done, on `workers` at a time; one worker is this process.
+    """Results of `work` for every job, in the order of completion, with `workers` at a time; one worker is
+    this process.
 
-    A job whose process is killed is started again, so `work` has to go on where it was stopped, and to
-    return at once what was finished. What kills its process each time is `lost`: its result is that of
-    `lost`, called here with the reason, or the run ends. At most IN_FLIGHT jobs a worker are submitted at a
-    time. With engine 'ray' the workers are those of the cluster at `address`, or that RAY_ADDRESS
-    names, and `workers` counts only without one: then Ray is started on this machine, on its loopback
-    address. Raises what `work` raises; InputError without Ray where it is chosen, where no cluster
-    answers, and for a cluster of another Python or Ray.
+    A job whose process is killed is started again, so `work` must resume where it was stopped, and return at
+    once what was finished. A job that kills its process each time has the result of `lost`, called here with
+    the reason, or without `lost` the run ends. At most IN_FLIGHT jobs per worker are submitted at a time.
+    With engine 'ray' the workers are those of the cluster at `address` or RAY_ADDRESS, and `workers` counts
+    only without a cluster: Ray is then started on this machine, on its loopback address. Raises what `work`
+    raises; InputError if Ray is selected and missing, if no cluster answers, and for a cluster of another
+    Python or Ray.
     """
     if engine not in ENGINES:
         raise InputError(f"there is no engine '{engine}'; known: {', '.join(ENGINES)}")
@@ -101,7 +102,7 @@ def _until_one_is_killed(
 
 
 def end_with_parent() -> None:
-    """In a worker: end where the parent was killed, which nobody would notice; else it trains on alone."""
+    """In a worker: end when the parent is killed; otherwise the worker would continue alone."""
     parent = parent_process()
     if parent is not None:
         Thread(target=_end_behind, args=(parent.join,), daemon=True).start()
@@ -139,7 +140,7 @@ def _on_ray(
 
 @contextmanager
 def cluster(workers: int, address: str | None = None) -> Iterator[Any]:
-    """Ray, connected, for all that runs in the block; what is started here ends here."""
+    """Connects Ray for the block; what is started here is ended here."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is reported to anybody
     address = address or os.environ.get("RAY_ADDRESS")
     if not address:  # Ray's switch for 'this machine only': every port on the loopback address
@@ -203,8 +204,8 @@ def _value(text: str) -> Any:
 def combinations(
     grid: Mapping[str, Sequence[Any]], config: type, whose: str, called: Mapping[str, str] = NO_OTHER_NAMES
 ) -> Iterator[Settings]:
-    """Every choice of one value for each setting. `called` gives the fields of the dataclass `config` that
-    have another name for users. Raises InputError for what `config` has not."""
+    """Every combination of one value per setting. `called` maps fields of the dataclass `config` to the names
+    that users see. Raises InputError for a setting that `config` lacks."""
     hints = {called.get(field, field): hint for field, hint in get_type_hints(config).items()}
     for name, values in grid.items():
         if name not in hints:
@@ -231,5 +232,5 @@ def _allowed(hint: Any) -> str:
 
 
 def name(settings: Settings) -> str:
-    """A folder's name for a choice of settings."""
+    """Folder name for a combination of settings."""
     return ",".join(f"{key}={value}" for key, value in settings.items()) or "default"

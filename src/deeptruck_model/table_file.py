@@ -1,6 +1,6 @@
-"""Columns out of a CSV or Parquet file, with an account of every row and cell that is no sample.
+"""Reads columns from a CSV or Parquet file, with an account of every row and cell that is not used.
 
-The one reader of tables: recordings are read by it, and leaders and roads by `curve_file`.
+The only reader of tables: recordings use it, and `curve_file` for leaders and roads.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ BELOW = "of totals or text below the numbers"
 
 @dataclass(frozen=True)
 class TextTable:
-    """Columns by name (blanks around names ignored), cells still as they stand in the file.
+    """Columns by name (blanks around names ignored), with cells as in the file.
 
-    `rows` (n,) numbers the rows as they stand in the file, from 0 below the header; `place` says where one
-    of these is, such as 'line 7'. `account` counts the rows that were read, kept and set aside.
+    `rows` (n,) are the row numbers in the file, from 0 below the header; `place` describes one of them, such
+    as 'line 7'. `account` counts the rows read, kept and omitted.
     """
 
     path: Path
@@ -68,11 +68,11 @@ class TextTable:
         return len(self.rows)
 
     def at(self, row: int) -> str:
-        """Where a row of this table stands in the file."""
+        """Description of a row's place in the file."""
         return self.place(int(self.rows[row]))
 
     def column(self, name: str) -> pa.ChunkedArray:
-        """One column. Raises InputError, naming the nearest ones, where it is not there."""
+        """One column. Raises InputError with the nearest names if there is none."""
         name = name if name in self.columns else name.strip()
         if name in self.columns:
             if name in self.repeated:
@@ -94,7 +94,7 @@ class TextTable:
         return ""
 
     def cells(self, name: str) -> pa.ChunkedArray:
-        """A column as text without blanks around it, null where there is none."""
+        """A column as text without surrounding blanks, null if empty."""
         column = self.column(name)
         try:
             cells = pc.utf8_trim_whitespace(pc.cast(column, pa.string()))
@@ -105,8 +105,8 @@ class TextTable:
         return pc.if_else(pc.equal(cells, ""), pa.scalar(None, pa.string()), cells)
 
     def values(self, name: str) -> tuple[Array, Mask]:
-        """A column as float64 (n,), with NaN for blank cells and for texts, and which rows (n,) are such
-        texts."""
+        """A column as float64 (n,), with NaN for blank cells and for text, and which rows (n,) are
+        such text."""
         column = self.column(name)
         if pa.types.is_string(column.type):
             cells = self.cells(name)
@@ -121,7 +121,8 @@ class TextTable:
         return numbers.astype(np.float64), np.zeros(len(numbers), dtype=bool)
 
     def unit_in_cells(self, name: str) -> str:
-        """The unit behind the numbers in nearly all cells of a column, as in '54 km/h'; '' where none is."""
+        """The unit after the numbers in nearly all cells of a column, as in '54 km/h'; '' if there is
+        none."""
         if not pa.types.is_string(self.column(name).type):
             return ""
         filled = self.cells(name).drop_null()
@@ -142,10 +143,10 @@ class TextTable:
         return np.where(known.to_numpy(), of_words, values), unreadable & ~known.to_numpy()
 
     def numbers(self, name: str, channel: str | None = None) -> Array:
-        """A column as float64 (n,), NaN for cells that are blank or no number.
+        """A column as float64 (n,), NaN for cells that are blank or not numbers.
 
-        The account counts the filled cells under `channel` (the column's name where None). Raises InputError
-        where no cell is a number, or where most that are none would be by the other decimal mark.
+        The account counts the filled cells under `channel` (the column's name if None). Raises InputError if
+        no cell is a number, or if most others would be numbers with the other decimal mark.
         """
         values, unreadable = self.values(name)
         if channel == "gear" and unreadable.any():
@@ -182,7 +183,7 @@ class TextTable:
         return f': set decimal: "{other}"'
 
     def without(self, out: Mask, reason: str, first: str = "") -> TextTable:
-        """The table without the rows `out` (n,), which the account has set aside for a reason."""
+        """The table without the rows `out` (n,), which the account counts as omitted for a reason."""
         if not out.any():
             return self
         at = int(np.argmax(out))
@@ -194,16 +195,16 @@ class TextTable:
         return left
 
     def below_units(self, name: str) -> TextTable:
-        """The table without a few rows at its beginning that have text in a column of numbers."""
+        """The table without its first few rows if these have text in a column of numbers."""
         unreadable = self.values(name)[1]
         above = np.arange(len(self)) < (len(self) if unreadable.all() else int(np.argmin(unreadable)))
         return self.without(above, ABOVE) if above.sum() <= MOST_ABOVE else self
 
     def with_key(self, known: Mask, what: str, names: Sequence[str], advice: str = "") -> TextTable:
-        """The rows that have a time or distance: `known` (n,) says which.
+        """The rows that have a time or distance, marked by `known` (n,).
 
-        A few above the first are units, and a few below the last are totals. Raises InputError, ending with
-        `advice`, where more than a tenth of the others have none.
+        A few rows above the first are units, and a few below the last are totals. Raises InputError, ending
+        with `advice`, if more than a tenth of the others have none.
         """
         if known.all():
             return self
@@ -239,12 +240,11 @@ def read_table(
 ) -> TextTable:
     """A CSV file (`skip_rows` lines before the header are ignored) or a Parquet file, by its suffix.
 
-    A byte order mark counts more than `encoding`; without a delimiter it is found in the header. Delimiters
-    at the end of rows or of the header are no columns; blank rows, repeated headers and rows that sum up are
-    set aside, as are those with more or fewer cells than the header. CSV has no checksum: a changed digit is
-    another number. Parquet's page checksums are looked at where the file has them. Raises InputError for a
-    file that is missing, empty, or not in that encoding, and, ending with `cure`, where most rows do not fit
-    the header.
+    A byte order mark overrides `encoding`; without `delimiter` it is detected in the header. Trailing
+    delimiters of rows or the header are no columns; blank rows, repeated headers and totals are omitted, as
+    are rows with more or fewer cells than the header. CSV has no checksum, so that a changed digit is not
+    detected. Parquet's page checksums are verified if present. Raises InputError for a file that is missing,
+    empty, or not in that encoding, and, ending with `cure`, if most rows do not fit the header.
     """
     reading.check_file(path, "give a CSV or Parquet table")
     account = Account(str(path), "rows")
@@ -282,7 +282,8 @@ _THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
 
 
 def floats(cells: pa.ChunkedArray, decimal: str) -> tuple[Array, Mask]:
-    """Text cells as float64 (n,), NaN where null or no number, and (n,) which are filled and no number."""
+    """Text cells as float64 (n,), NaN if null or not a number, and (n,) which cells are filled but not
+    numbers."""
     if decimal != ".":
         cells = pc.replace_substring(_without_thousands(cells), decimal, ".")
     try:
@@ -320,7 +321,7 @@ def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:
 
 
 def shown(cell: object) -> str:
-    """A cell between quotation marks, on one line and not too long."""
+    """A cell in quotation marks, on one line and shortened."""
     text = reading.plain(str(cell))
     return f"'{text[:40]}...'" if len(text) > 43 else f"'{text}'"
 
@@ -381,7 +382,7 @@ def _is_label(cell: str | None) -> bool:
 
 
 def decimal_mark(table: TextTable, *names: str) -> str:
-    """A comma where a number of these columns has one and none has a point."""
+    """A comma if any number of these columns has one and none has a point."""
     found = set()
     for name in names:
         if pa.types.is_string(table.column(name).type):

@@ -1,8 +1,8 @@
-"""What is usual of a kind of vehicle, where neither a recording nor a simulator gives it.
+"""Typical properties of a kind of vehicle, for those that neither a recording nor a simulator gives.
 
-Sizes that no log shows are guessed from the kind: the air drag that a simulator without parameters must have,
-the range of masses that an estimate may have, how much a load can change the mass. A 1.3 t car judged as a
-20 t truck would be given forces that it cannot have.
+Properties that no log shows are inferred from the kind: the air drag of a simulator without parameters, the
+range of possible masses, and how much a load can change the mass. Otherwise a 1.3 t car, judged as a 20 t
+truck, would be assigned impossible forces.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LARGEST_DERATE = 0.25  # the largest rms of a change of the engine's force, rela
 
 @dataclass(frozen=True)
 class VehicleKind:
-    """Usual values. `mass_change` is the relative change of mass that a load can make, from either end."""
+    """Typical values. `mass_change` is the range of relative changes of mass by unloading and loading."""
 
     mass_kg: float
     least_mass_kg: float

@@ -1,4 +1,4 @@
-"""True J1939 between a controller and a truck, with a safety core between.
+"""Connects a controller to a truck by J1939, through a safety core.
 
     from truck_bridge import Bridge, load_vehicle
 

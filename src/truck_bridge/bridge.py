@@ -1,6 +1,6 @@
-"""Commands to CAN frames and CAN frames to signals, with the safety core between. Time is an argument.
+"""Converts commands to CAN frames and CAN frames to signals, through the safety core. Time is an argument.
 
-For the node that wraps it:
+Use by a node:
 
     vehicle = vehicles.load("trucksim")
     bus = can.Bus(interface="loopback", channel="demo")
@@ -34,7 +34,7 @@ from truck_bridge.vehicles import Transmitted, Vehicle
 
 @dataclass(frozen=True)
 class Status:
-    """What the node publishes in /diagnostics."""
+    """State that the node publishes in /diagnostics."""
 
     state: str
     engaged: bool
@@ -52,9 +52,8 @@ class Status:
 
 
 class Bridge:
-    """One truck on one bus. See the module for its use; `no_load` shows what it would send and sends
-    nothing.
-    """
+    """One truck on one bus; the module's docstring shows its use. With `no_load` it sends nothing and only
+    shows what it would send."""
 
     def __init__(
         self,
@@ -94,14 +93,15 @@ class Bridge:
     def command(self, engine: float, brake: float, now: float, *, engaged: bool) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
 
-        `engaged` is the bit the controller received last; one that does not know it for long is lost, and
-        control fades. False when the command was refused, NaN or outside the envelope; control then fades.
+        `engaged` is the bit that the controller received last; a controller that does not know it for long
+        counts as lost, and control fades. Returns False for a command that is refused, being NaN or outside
+        the envelope; control then fades.
         """
         with self._lock:
             return self.safety.command(self.vehicle.demands(engine, brake), engaged, now)
 
     def engage(self, now: float, *, person: bool, lead_vehicle: bool) -> tuple[str, ...]:
-        """Take control for a person who asked. Returns the reasons why not; empty when engaged."""
+        """Take control at a person's request. Returns the reasons why not; empty when engaged."""
         with self._lock:
             faults = self._faults.obstacles(now)
             if faults:
@@ -110,7 +110,7 @@ class Bridge:
             return self.safety.engage(now, person, lead_vehicle)
 
     def obstacles(self, now: float, *, lead_vehicle: bool) -> tuple[str, ...]:
-        """Why control cannot be given now, for whoever watches: nothing is requested, nothing counted."""
+        """Reasons why control cannot be given now, for display only: nothing is requested or counted."""
         with self._lock:
             return (*self.safety.obstacles(now, lead_vehicle), *self._faults.obstacles(now))
 
@@ -126,13 +126,13 @@ class Bridge:
 
     @property
     def engaged(self) -> bool:
-        """The bit that goes back to the controller, which returns it with each command."""
+        """Whether control is engaged; the controller gets this bit and returns it with each command."""
         with self._lock:
             return self.safety.state is State.ENGAGED
 
     @property
     def status(self) -> Status:
-        """State, warning, counters."""
+        """State, warnings and counters."""
         with self._lock:
             safety = self.safety
             return Status(
@@ -154,9 +154,8 @@ class Bridge:
     # -- the bus's side
 
     def poll(self, now: float) -> dict[str, float]:
-        """Hear what came, send what is due. Returns channels in SI by name; NaN where invalid or not
-        fresh.
-        """
+        """Process received frames and send frames that are due. Returns channels in SI by name; NaN if
+        invalid or not fresh."""
         with self._lock:
             if now < self._now:
                 self._rewind(self._now - now)
@@ -171,12 +170,12 @@ class Bridge:
             return self._signals.at(now) | self._faults.channels(now)
 
     def received_at(self, channel: str) -> float:
-        """When the newest value of a channel came, monotonic s; -inf where none came yet."""
+        """When the newest value of a channel was received, monotonic s; -inf before the first."""
         with self._lock:
             return self._signals.received_at(channel)
 
     def next_due(self, now: float) -> float:
-        """When the next frame wants to leave."""
+        """When the next frame is due, monotonic s."""
         return min(self._due.values(), default=now + 0.02)
 
     def listen(self, timeout: float) -> None:
@@ -190,9 +189,9 @@ class Bridge:
         *,
         priority: int = 0,
     ) -> None:
-        """Poll in real time until stopped, then hand back in order and go silent.
+        """Poll in real time until stopped, then hand back in order and stop sending.
 
-        `priority` above 0 asks for SCHED_FIFO for this thread, where the user may have it (see the docs).
+        `priority` above 0 requests SCHED_FIFO for this thread, if the user has the right (see the docs).
         """
         if priority > 0:
             with contextlib.suppress(OSError):

@@ -1,10 +1,9 @@
-"""A CAN bus between processes of one machine, over UDP on 127.0.0.1: a python-can interface for tests and
-the demo.
+"""A CAN bus between processes of one machine, over UDP on 127.0.0.1: a python-can interface for tests and the
+demo.
 
-A channel is a block of SLOTS ports. Every bus object holds one of them and sends each frame to all the
-others, so there is no hub to die, nothing leaves the loopback device, and a process killed at any moment
-leaves only a free port. Frames arrive in the order one sender sent them; arbitration and bus load are not
-modelled.
+A channel is a block of SLOTS ports. Every bus object holds one of them and sends each frame to all others;
+there is no central process that could fail, nothing leaves the loopback device, and a killed process only
+leaves a free port. Frames of one sender arrive in order; arbitration and bus load are not modelled.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ _BUFFER_BYTES = 4 << 20
 
 
 class LoopbackBus(can.BusABC):
-    """`can.Bus(interface="loopback", channel=NAME)`; any name, or a number, makes a bus of its own.
+    """`can.Bus(interface="loopback", channel=NAME)`; every name or number is a separate bus.
 
     Raises can.CanInitializationError when all SLOTS of the channel are taken.
     """
@@ -60,9 +59,8 @@ class LoopbackBus(can.BusABC):
         raise can.CanInitializationError(f"loopback channel {channel} already has {SLOTS} buses")
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send to every other bus of the channel; never blocks. A full receiver loses the frame, as on a
-        wire.
-        """
+        """Send to every other bus of the channel; never blocks. A receiver with a full buffer loses the
+        frame, as on a wire."""
         identifier = msg.arbitration_id | _EXTENDED * msg.is_extended_id
         identifier |= _REMOTE * msg.is_remote_frame | _ERROR * msg.is_error_frame
         packet = _FRAME.pack(_MAGIC, self._tag, identifier, msg.dlc, 0, bytes(msg.data))
@@ -107,7 +105,7 @@ class LoopbackBus(can.BusABC):
         )
 
     def fileno(self) -> int:
-        """For select and for can.Notifier."""
+        """File descriptor for select and can.Notifier."""
         return self._socket.fileno()
 
     def shutdown(self) -> None:
@@ -121,7 +119,7 @@ class LoopbackBus(can.BusABC):
 
 
 def open_bus(interface: str, channel: str, **options: object) -> can.BusABC:
-    """A python-can bus. Raises InputError in one line where it cannot be opened."""
+    """A python-can bus. Raises InputError with one line if it cannot be opened."""
     try:
         return can.Bus(interface=interface, channel=channel, **options)
     except (can.CanError, OSError, ValueError, NotImplementedError, ImportError) as error:

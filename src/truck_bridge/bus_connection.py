@@ -1,4 +1,4 @@
-"""The bridge's connection: the bus and the address on it. What was lost comes back by itself and silently."""
+"""The bridge's connection: the bus and its address on it. A lost connection is restored automatically."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _GONE = (can.CanError, OSError, ValueError)  # as python-can's back ends say tha
 
 
 class BusConnection:
-    """Frames in, frames out. `reopen` makes a new bus where the old one does not recover by itself."""
+    """Receives and sends frames. `reopen` makes a new bus if the old one does not recover."""
 
     def __init__(
         self, bus: can.BusABC, claim: AddressClaim, reopen: Callable[[], can.BusABC] | None = None
@@ -30,8 +30,8 @@ class BusConnection:
         self._retry_at: float | None = None  # when to try a lost bus again
 
     def start(self, now: float) -> None:
-        """Claim the address. Frames that waited in the bus until now are dropped: their values are old and
-        would count as fresh, and all at once they would look like a message that is sent too often."""
+        """Claim the address. Frames that waited in the bus are discarded: their values are old but would
+        count as fresh, and their simultaneous arrival would look like a message sent too often."""
         for _ in range(MOST_BURSTS):  # a flooded bus never runs empty
             if len(self._taken(now)) < BURST:
                 break
@@ -39,24 +39,24 @@ class BusConnection:
             self._claim.start(now)
 
     def stop(self) -> None:
-        """Give the address up without a word."""
+        """Give the address up without sending a message."""
         self._claim.stop()
 
     @property
     def lost(self) -> bool:
-        """The bus is gone, and waits to be tried again."""
+        """Whether the bus is lost and will be tried again."""
         return self._retry_at is not None
 
     def up(self, now: float) -> bool:
-        """Bus and address are ours."""
+        """Whether the bus is connected and the address is claimed."""
         return not self.lost and self._claim.claimed(now)
 
     def rewind(self, back: float) -> None:
-        """The clock went back by so much."""
+        """Correct for a clock that was set back by `back`, s."""
         self._retry_at = None if self._retry_at is None else self._retry_at - back
 
     def wait(self, timeout: float) -> None:
-        """Until a frame comes or the time is over; the frame is taken by the next `hear`."""
+        """Wait for a frame or the timeout, s; the frame is returned by the next `hear`."""
         timeout = max(timeout, 0.0)
         try:
             message = None if self._bus is None else self._bus.recv(timeout)
@@ -69,7 +69,7 @@ class BusConnection:
             time.sleep(timeout)
 
     def hear(self, now: float) -> list[tuple[int, bytes]]:
-        """Identifier and data of the extended data frames that came."""
+        """Identifier and data of the extended data frames received."""
         frames = [
             (message.arbitration_id, bytes(message.data))
             for message in self._taken(now)
@@ -95,7 +95,7 @@ class BusConnection:
         return messages
 
     def claims(self, now: float) -> list[tuple[int, bytes]]:
-        """Tries a lost bus again when it is time. Returns frames of the address claim to send now."""
+        """Retry a lost bus when due. Returns frames of the address claim to send now."""
         if self._retry_at is not None and now >= self._retry_at:
             self._retry(now)
         return self._claim.due(now)
@@ -114,7 +114,7 @@ class BusConnection:
         self._claim.start(now)
 
     def send(self, can_id: int, data: bytes, now: float) -> bool:
-        """False when the bus is gone."""
+        """Send a frame; False if the bus is lost."""
         if self._bus is None:
             return False
         try:

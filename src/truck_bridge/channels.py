@@ -1,4 +1,4 @@
-"""Which J1939 signals carry deeptruck's channels, in order of preference, and how they become SI.
+"""The J1939 signals for deeptruck's channels, in order of preference, and their conversion to SI.
 
 Names and units are those of deeptruck_model.signals; this package does not import it.
 """
@@ -16,8 +16,7 @@ from truck_bridge.units import to_si
 @dataclass(frozen=True)
 class Carrier:
     """One signal that carries a channel. `of_reference` marks percent of a reference torque; `less` names the
-    message and signal that is taken off first (indicated torque less friction is torque at the flywheel).
-    """
+    message and signal to subtract (indicated torque minus friction is torque at the flywheel)."""
 
     channel: str
     message: str
@@ -72,7 +71,8 @@ RANGES: dict[tuple[str, str], tuple[float, float]] = {  # what a truck on a road
 
 
 def physical_range(message: str, signal: str) -> tuple[float, float] | None:
-    """Least and greatest value, SI, that a truck can produce; None where the field's own range is right."""
+    """Smallest and largest value, SI, that a truck can produce; None if the field's range needs no
+    restriction."""
     return RANGES.get((message, signal))
 
 
@@ -84,9 +84,9 @@ DEMANDS: tuple[Carrier, ...] = (  # what the driver asks for, in percent
 
 
 def converter(carrier: Carrier, codec: Codec, reference_torque: float = math.nan) -> Callable[[float], float]:
-    """Function from the decoded value to SI; NaN outside of what a truck can produce.
+    """Function from the decoded value to SI; NaN for values that a truck cannot produce.
 
-    Torque is NaN where no reference torque is known.
+    Torque is NaN if no reference torque is known.
     """
     factor, _ = to_si(codec[carrier.message].signals[carrier.signal].unit)
     if carrier.of_reference:

@@ -1,4 +1,4 @@
-"""The one error a user can cause, the same class in all rooms."""
+"""InputError, the error for invalid input; the same class in all packages."""
 
 from deeptruck_model.errors import InputError
 

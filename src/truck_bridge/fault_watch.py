@@ -1,4 +1,4 @@
-"""Which faults forbid control, by the vehicle file. Nothing is sent; time is an argument."""
+"""Faults that forbid control, as the vehicle file defines them. Sends nothing; time is an argument."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from truck_bridge.vehicles import Vehicle
 
 
 class FaultWatch:
-    """Feed every frame to `hear`; `blocking` says which active faults forbid control."""
+    """Pass every frame to `hear`; `blocking` returns the active faults that forbid control."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._blocking = vehicle.blocking
@@ -23,7 +23,7 @@ class FaultWatch:
         self._since = math.nan  # when listening began
 
     def hear(self, can_id: int, data: bytes, now: float) -> list[str]:
-        """Take one frame. Returns the faults that it says, in words, where it ends a DM1."""
+        """Process one frame. If it completes a DM1, returns the reported faults in words."""
         message = self._transport.hear(can_id, data, now) or diagnostics.single(can_id, data)
         report = diagnostics.report(message.data) if message and message.pgn == DM1 else None
         if message is None or report is None:
@@ -32,7 +32,7 @@ class FaultWatch:
         return [self._named(Fault(message.source, what)) for what in report.active]
 
     def listen(self, now: float) -> None:
-        """Time passes; the first call begins to listen."""
+        """Advance time; the first call starts listening."""
         self._since = now if math.isnan(self._since) else self._since
 
     def active(self, now: float) -> list[str]:
@@ -45,7 +45,8 @@ class FaultWatch:
         return [f"fault: {self._named(fault)}" for fault in active if self._blocking.holds(fault.what)]
 
     def obstacles(self, now: float) -> list[str]:
-        """Why control cannot be given now: a fault, or a bus listened to for too short a time to know."""
+        """Reasons why control cannot be given now: a fault, or too short a time of listening to
+        exclude one."""
         found = self.blocking(now)
         least = self._blocking.listen_s
         if least and not now - self._since >= least:
@@ -53,11 +54,11 @@ class FaultWatch:
         return found
 
     def channels(self, now: float) -> dict[str, float]:
-        """deeptruck's channels of faults."""
+        """The values of deeptruck's fault channels."""
         return self._faults.channels(now)
 
     def finish(self) -> Counter[Broken]:
-        """The multi-frame messages that are incomplete at the end of a log."""
+        """Number of multi-frame messages that are incomplete at the end of a log."""
         return self._transport.finish()
 
     def _named(self, fault: Fault) -> str:

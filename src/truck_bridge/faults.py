@@ -1,7 +1,7 @@
-"""Which faults are active on a bus. Time is an argument.
+"""Active faults on a bus. Time is an argument.
 
-A code or lamp is active from the DM1 that says so until HOLD_S after the last one that did: J1939-73 wants it
-said every second, and one address may speak for two controllers that take turns.
+A code or lamp is active from the first DM1 that reports it until HOLD_S after the last one: J1939-73 requires
+a report every second, and two controllers may take turns at one address.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ HOLD_S = 5.0  # five periods of a DM1; the cab controller of a recorded truck ta
 
 
 class Fault(NamedTuple):
-    """A code, or the name of a lamp that is on, as one controller says it."""
+    """A code, or the name of a lamp that is on, as reported by one controller."""
 
     source: int
     what: Code | str
@@ -30,7 +30,7 @@ class _Span:
 
 
 class ActiveFaults:
-    """The faults that DM1 messages report as active. Give each DM1 to `take`; `active` and `channels` return
+    """The faults that DM1 messages report as active. Pass each DM1 to `take`; `active` and `channels` return
     the state at a time."""
 
     def __init__(self) -> None:
@@ -38,19 +38,19 @@ class ActiveFaults:
         self._received = False
 
     def take(self, source: int, report: Report, now: float) -> None:
-        """One DM1 of a controller."""
+        """Process one DM1 of a controller."""
         self._received = True
         self._spans = {fault: span for fault, span in self._spans.items() if now - span.last <= HOLD_S}
         for what in report.active:
             self._spans.setdefault(Fault(source, what), _Span(now, now)).last = now
 
     def active(self, now: float) -> list[Fault]:
-        """Oldest first; of those that began at once in the order of their message."""
+        """Oldest first; faults that began simultaneously in the order of their message."""
         spans = sorted(self._spans.items(), key=lambda item: item[1].since)
         return [fault for fault, span in spans if now - span.last <= HOLD_S]
 
     def channels(self, now: float) -> dict[str, float]:
-        """deeptruck's channels of faults; none before the first DM1. The code shown is the newest."""
+        """The values of deeptruck's fault channels, the newest code included; empty before the first DM1."""
         if not self._received:
             return {}
         active = self.active(now)

@@ -1,4 +1,4 @@
-"""What names of CAN logs say, before anything is read: kinds, and what can be read and written here."""
+"""Kinds of CAN logs by their file names, and which can be read and written here."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ KINDS = (
 
 
 def check(path: Path) -> None:
-    """Raises InputError where there is no log to read, or its kind cannot be read here."""
+    """Raises InputError if there is no log to read, or its kind cannot be read here."""
     if not path.exists():
         raise InputError(f"{path} does not exist; give a CAN log: {KINDS}")
     if path.is_dir() and not (path / "metadata.yaml").is_file():
@@ -45,7 +45,7 @@ def _unpacked(path: Path) -> Path:
 
 
 def check_new(path: Path) -> None:
-    """Raises InputError where a log cannot be begun under this name; nothing is touched."""
+    """Raises InputError if a log cannot be created under this name; nothing is changed."""
     if path.suffix.lower() not in WRITABLE:
         raise InputError(f"{path}: a log's name ends in {', '.join(WRITABLE)}")
     files.check_new(path)
@@ -53,7 +53,7 @@ def check_new(path: Path) -> None:
 
 
 def check_new_table(path: Path | None) -> None:
-    """Raises InputError where a CSV table cannot be written under this name; nothing is touched."""
+    """Raises InputError if a CSV table cannot be written under this name; nothing is changed."""
     if path is None:
         return
     if path.suffix.lower() != ".csv":
@@ -75,7 +75,7 @@ def _check_frames(path: Path) -> None:
 
 
 def of_python_can(path: Path) -> bool:
-    """Whether a table is a CSV log of python-can, which writes bytes in base 64."""
+    """Whether a table is a CSV log of python-can, which encodes bytes in base 64."""
     opened = gzip.open if path.suffix.lower() == PACKED else open
     with suppress(OSError, EOFError, zlib.error), opened(path, "rb") as file:  # damage is said by the reader
         return file.read(len(FRAMES_AS_CSV)) == FRAMES_AS_CSV

@@ -1,4 +1,4 @@
-"""What the truck says, as deeptruck's channels in SI."""
+"""The truck's signals as deeptruck's channels in SI."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ FRESH_S = 0.5  # a signal not received for so long is NaN (slow ones: three of t
 class ReceivedSignals:
     """Latest valid value of each channel, in SI, and of the driver's demands, in percent.
 
-    Whose frame carries a channel, and whether its value counts, is decided by the vehicle's table and the
-    safety core's own class, so that controller and core never follow two different frames.
+    The vehicle's table and the safety core's own class decide which frame carries a channel and whether its
+    value is valid, so that controller and core always use the same frame.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -40,7 +40,7 @@ class ReceivedSignals:
         self._speeds: tuple[float, float] | None = None
 
     def hear(self, can_id: int, data: bytes, now: float) -> None:
-        """Take the channels a frame of the truck carries."""
+        """Process a frame of the truck that may carry channels."""
         if can_id & 0xFF not in self._sources:
             return
         self._hearing.take(can_id, data, now)
@@ -98,11 +98,11 @@ class ReceivedSignals:
         self._speeds = (speed, now)
 
     def received_at(self, channel: str) -> float:
-        """When the newest value of a channel came."""
+        """When the newest value of a channel was received."""
         return self._values.get(channel, (math.nan, -math.inf, 0.0))[1]
 
     def at(self, now: float) -> dict[str, float]:
-        """All channels; what is too old is NaN."""
+        """All channels; outdated ones are NaN."""
         return {
             channel: value if now - received <= lifetime else math.nan
             for channel, (value, received, lifetime) in self._values.items()

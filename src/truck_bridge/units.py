@@ -1,4 +1,4 @@
-"""Units of the bus to those of deeptruck: value there = factor times value on the bus."""
+"""Conversion of bus units to deeptruck's: value there = factor times value on the bus."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SI: dict[str, tuple[float, str]] = {
 
 
 def to_si(unit: str) -> tuple[float, str]:
-    """Factor and SI unit; units that need no change come back as they are."""
+    """Factor and SI unit; a unit that needs no conversion is returned unchanged."""
     return SI.get(unit, (1.0, unit))
 
 
@@ -36,8 +36,8 @@ COMMANDS: dict[str, dict[str, tuple[float, str]]] = {  # a demand to brake is be
 
 
 def of_command(channel: str, unit: str) -> tuple[float, str]:
-    """Factor and unit of a truck interface for a command in a unit of the bus. Raises InputError where no
-    interface has it."""
+    """Factor and truck-interface unit for a command in a bus unit. Raises InputError if no interface
+    has it."""
     known = COMMANDS[channel]
     if unit not in known:
         raise InputError(

@@ -1,7 +1,7 @@
-"""What can be said of simulators and bags before anything heavy is imported: manifests and metadata alone.
+"""Fast checks of simulators and bags by their manifests and metadata, before anything heavy is imported.
 
-A command calls these first, so that a wrong path or units that do not fit cost a second, not a minute. Here
-are the standard library and YAML only, and numpy where a physics truck has overrides.
+A command calls these first, so that a wrong path or unit is reported within a second. They import only the
+standard library and YAML, and numpy for a physics truck with overrides.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ __all__ = [
 
 
 def every(*tries: Callable[[], object]) -> None:
-    """Call all of them. Raises one InputError with every misfit that they found, each said once."""
+    """Call all checks. Raises one InputError with all misfits, each once."""
     found: list[str] = []
     for attempt in tries:
         try:
@@ -88,7 +88,7 @@ def every(*tries: Callable[[], object]) -> None:
 
 
 def refuse(misfits: Iterable[str]) -> None:
-    """Raises InputError where there are misfits: one as it is, several counted in one line."""
+    """Raises InputError if there are misfits: a single one as it is, several counted in one line."""
     found = list(dict.fromkeys(misfits))
     if len(found) == 1:
         raise InputError(found[0])
@@ -111,7 +111,7 @@ def mass(mass_kg: float | None) -> None:
 
 
 def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
-    """Whether the simulator and the bags, read by the topic map `mapped`, are there and fit one another.
+    """Check that the simulator and the bags, read by the topic map `mapped`, exist and are compatible.
 
     Raises one InputError with every misfit.
     """
@@ -131,7 +131,8 @@ def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: Mapped |
 
 
 def held_out(recordings: Sequence[Path], others: Sequence[Path]) -> None:
-    """Raises InputError for bags that are both to be fitted and held out: they would judge themselves."""
+    """Raises InputError for bags that are both fitted and held out, since the validation would be on training
+    data."""
     fitted = {path.resolve() for path in recordings}
     if twice := [str(path) for path in dict.fromkeys(others) if path.resolve() in fitted]:
         raise InputError(
@@ -140,13 +141,14 @@ def held_out(recordings: Sequence[Path], others: Sequence[Path]) -> None:
 
 
 def misfits(facts: SimulatorFacts, one: BagFacts) -> list[str]:
-    """Why a bag cannot be compared with a simulator, a line each: channels that lack, units that differ."""
+    """Reasons why a bag cannot be compared with a simulator, one line each: missing channels, different
+    units."""
     taken = Taken(f"the simulator {facts.name}", facts.interface, facts.dt)
     return compatibility.misfits(taken, Given(str(one.path), one.lacks, one.unit))
 
 
 def same_truck(bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
-    """Raises InputError where bags cannot be trained on together: their commands differ in unit, or none has
+    """Raises InputError if bags cannot be used for one training: their commands differ in unit, or none has
     an engine command."""
     found: list[str] = []
     commanded = False
@@ -169,7 +171,7 @@ def same_truck(bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
 
 
 def adapted(start: str, bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
-    """Raises InputError where a training cannot start from the deep truck `start` on these bags."""
+    """Raises InputError if training on these bags cannot start from the deep truck `start`."""
     facts = simulator(start)
     if facts.kind != "deep":
         raise InputError(f"{start} is no deep truck; only one of those can be adapted")

@@ -1,4 +1,4 @@
-"""What a bag says of itself: its metadata alone, before anything heavy is imported."""
+"""Facts about a bag from its metadata alone, before anything heavy is imported."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ RECORD_AGAIN = (
 
 @dataclass(frozen=True)
 class Mapped:
-    """What a topic map says: the topic of each channel that it names, and the units it gives commands."""
+    """Facts of a topic map: the topic of each channel, and the units of commands."""
 
     topics: Mapping[str, str]
     units: Mapping[str, str]
@@ -42,10 +42,10 @@ class Mapped:
 
 @dataclass(frozen=True)
 class BagFacts:
-    """What a bag says of itself.
+    """Facts about a bag.
 
-    `interface` is None where none is stored; `messages` is their number by topic, None where only the bag's
-    content shows it. `mapped` is the topic map that it is read by, None for our own topics.
+    `interface` is None if none is stored; `messages` is their number by topic, None if it cannot be known
+    without reading the bag. `mapped` is the topic map by which the bag is read, None for our own topics.
     """
 
     path: Path
@@ -54,14 +54,14 @@ class BagFacts:
     mapped: Mapped | None = None
 
     def lacks(self, channel: str) -> bool:
-        """Whether the channel is certainly not there; False where only the bag's content shows it."""
+        """Whether the channel is certainly missing; False if this cannot be known without reading the bag."""
         if self.mapped is not None and channel not in self.mapped.topics:
             return True
         topic = (self.mapped.topics if self.mapped else TOPICS).get(channel)
         return topic is not None and self.messages is not None and not self.messages.get(topic)
 
     def unit(self, channel: str) -> str | None:
-        """The unit of a command; None where it is unknown."""
+        """The unit of a command; None if unknown."""
         if self.mapped is not None and channel in self.mapped.units:
             return self.mapped.units[channel]
         if self.interface is None or (channel == "brake_command" and self.interface.brake_unit is None):
@@ -70,10 +70,10 @@ class BagFacts:
 
 
 def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -> BagFacts:
-    """A bag by its metadata: a rosbag2 folder, or a lone .mcap, .db3 or .bag file.
+    """Facts about a bag from its metadata: a rosbag2 folder, or a single .mcap, .db3 or .bag file.
 
-    Raises InputError where there is no finished bag, or it holds no speed on our topics, or not all topics of
-    the map `mapped`; with `any_topics` they may be others.
+    Raises InputError if there is no finished bag, or if it lacks a speed on our topics or a topic of the map
+    `mapped`; with `any_topics` the topics are not checked.
     """
     if not path.exists():
         beside = "".join(f"; {line}" for line in files.left_beside(path))
@@ -155,12 +155,13 @@ def _check_folder(path: Path) -> None:
 
 
 def data_file(folder: Path, name: str) -> Path:
-    """A file of a bag by its name in metadata.yaml, before which some recorders put a folder."""
+    """A file of a bag by its name in metadata.yaml, which some recorders prefix with a folder."""
     return folder / name if (folder / name).is_file() else folder / PurePath(name).name
 
 
 def information_of(file: Path) -> dict[str, Any]:
-    """What metadata.yaml says, by the fastest parser there is: a bag of many files has a long one."""
+    """The content of metadata.yaml, read by the fastest available parser because it is long for a bag of many
+    files."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         data = yaml.load(file.read_text(encoding="utf-8"), Loader=loader)

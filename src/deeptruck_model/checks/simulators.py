@@ -1,4 +1,4 @@
-"""What a simulator says of itself, by its manifest or its name, before anything heavy is imported."""
+"""Facts about a simulator from its manifest or name, before anything heavy is imported."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WEIGHTS = "model.safetensors"  # of a deep truck
 
 @dataclass(frozen=True)
 class SimulatorFacts:
-    """What a simulator says of itself: `kind` is an entry point of KINDS, `dt` its step in s."""
+    """Facts about a simulator: `kind` is an entry point of KINDS, `dt` its step in s."""
 
     name: str
     kind: str
@@ -37,10 +37,10 @@ class SimulatorFacts:
 
 
 def simulator(text: str) -> SimulatorFacts:
-    """What simulators.load takes, by what it says of itself; an outside one is made for that.
+    """Facts about a simulator that simulators.load can load; an outside one is made to find them.
 
-    Raises InputError for a truck or override that is not there, a factory that makes no simulator, or a
-    directory that is none.
+    Raises InputError for a missing truck or override, a factory that makes no simulator, or a directory that
+    is no simulator.
     """
     if text.startswith("truck:") and "?" in text:
         from deeptruck_model.trucks.specification import follows_recorded_gear
@@ -88,13 +88,13 @@ def _check_beneath(path: Path, data: dict[str, Any]) -> None:
 
 
 def by_scheme(text: str) -> bool:
-    """Whether a simulator is named by what stands before a colon, and not by the path of a directory."""
+    """Whether a simulator is named by a scheme before a colon, and not by a directory."""
     scheme, _, rest = text.partition(":")
     return bool(rest) and scheme in {entry.name for entry in entry_points(group=SCHEMES)}
 
 
 def deep_simulator(text: str) -> SimulatorFacts:
-    """A simulator directory of a deep truck. Raises InputError for any other."""
+    """Facts about the simulator directory of a deep truck. Raises InputError for any other."""
     facts = simulator(text)
     if facts.kind != "deep":
         raise InputError(f"{text} is no deep truck; train one with 'deeptruck-model train'")
@@ -102,7 +102,7 @@ def deep_simulator(text: str) -> SimulatorFacts:
 
 
 def manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
+    """The manifest of a simulator directory. Raises InputError if it is missing, damaged or unknown."""
     if not path.exists():
         raise InputError(
             f"{path} does not exist; give a simulator directory, {_trucks()}, {FORM} or {FMU_FORM}"

@@ -1,6 +1,6 @@
-"""Recordings, simulators and policies side by side: aligned by time and by road, with their differences.
+"""Compares recordings, simulators and policies, aligned by time and by road.
 
-Loaded on first use, so that the command line can check what it is given within a moment.
+Loaded on first use, so that the command line can check its arguments without delay.
 """
 
 from typing import TYPE_CHECKING

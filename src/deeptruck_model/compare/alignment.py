@@ -1,4 +1,4 @@
-"""What moment of one side belongs to what moment of another: by the clock, and along a shared road."""
+"""Aligns the sides of a comparison: by the clock, and along a shared road."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ class By(StrEnum):
 
 @dataclass(frozen=True)
 class Offset:
-    """By how much a side is moved to meet the first one, s, and how well that agrees.
+    """Time shift that aligns a side with the first one, s, and how well the two agree.
 
-    `correlation` is of the leaders' speeds where these decided, else of their own; that of the best offset,
-    where none was significant.
+    `correlation` is that of the leaders' speeds if these were used, otherwise of their own; if no offset was
+    significant, that of the best one.
     """
 
     seconds: float
@@ -49,14 +49,15 @@ class Offset:
 
     @property
     def found(self) -> bool:
-        """Whether it was estimated from the recordings."""
+        """Whether the offset was estimated from the recordings."""
         return self.by in (By.LEADER, By.SPEED)
 
 
 def offset(first: Side, other: Side) -> Offset:
-    """The shift at which the leaders' speeds agree best, where both followed one; else their own speeds.
+    """The shift at which the leaders' speeds agree best, if both sides have a leader, otherwise their own
+    speeds.
 
-    Followers of one leader differ by how late they follow: their own speeds would hide that.
+    Two followers of one leader differ in their delay, which their own speeds would not show.
     """
     followed = all("leader_speed" in s.columns for s in (first, other))
     channels = {"leader_speed": By.LEADER, "speed": By.SPEED} if followed else {"speed": By.SPEED}
@@ -132,7 +133,7 @@ def _peaks(x: Array) -> list[int]:
 
 @dataclass(frozen=True)
 class Road:
-    """Where a side is on the way of the first one, m, NaN where it is elsewhere; how that is known."""
+    """Position of a side along the road of the first one, m, NaN elsewhere, and how it was determined."""
 
     place: Array
     by: str
@@ -143,7 +144,7 @@ NO_ROAD = "No shared road: {why}"
 
 
 def road(first: Side, other: Side) -> Road | str:
-    """The shared road by positions where both have them, otherwise by slopes; a sentence where none is
+    """The shared road, by positions if both sides have them, otherwise by slopes; a sentence if no road is
     shared."""
     if all("latitude" in s.columns and "longitude" in s.columns for s in (first, other)):
         return _by_position(first, other)

@@ -1,4 +1,4 @@
-"""Several sides aligned with the first one, and what compare.json contains of them."""
+"""Compares several sides with the first one; content of compare.json."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ STEP_S = 0.5
 
 @dataclass(frozen=True)
 class Compared:
-    """A side with its offset from the first one (s) and the road they share, or why they share none."""
+    """A side with its offset from the first one (s), and the road they share or the reason why they share
+    none."""
 
     side: Side
     offset: Offset
@@ -34,12 +35,12 @@ class Compared:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The first side, which the others are compared with, and these."""
+    """The first side, and the others compared with it."""
 
     compared: tuple[Compared, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """compare.json."""
+        """Content of compare.json."""
         return {"schema": SCHEMA, "sides": [_to_dict(c) for c in self.compared]}
 
 
@@ -51,10 +52,10 @@ def compare(
     clock: Clock | None = None,
     msg: Sequence[Path] = (),
 ) -> Comparison:
-    """Bags, or simulators along bags ('SIM@BAG'), of which the first is the one to compare with.
+    """Compare bags, or simulators along bags ('SIM@BAG'), with the first of them.
 
-    `given` are offsets in s by the names of sides, in place of those that agree best. Raises InputError as
-    `recordings.read`, and for a name that is none.
+    `given` are offsets in s by the names of sides, used instead of estimated ones. Raises InputError as
+    `recordings.read` does, and for an unknown name.
     """
     if isinstance(texts, str) or not isinstance(texts, Sequence) or len(texts) < 2:
         raise InputError(

@@ -1,4 +1,4 @@
-"""How a side is given: 'BAG', or 'SIM@BAG'. Standard library alone, so that it is looked at in a moment."""
+"""Parses the text for a side: 'BAG', or 'SIM@BAG'. Standard library only, so that it loads fast."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def split_name(text: str) -> tuple[str | None, Path]:
-    """The simulator and the bag of 'SIM@BAG'; None and the bag where it is a bag alone."""
+    """The simulator and the bag of 'SIM@BAG'; None and the bag for 'BAG'."""
     simulator, _, bag = text.rpartition("@")
     if not (simulator and bag) or Path(text).exists():
         return None, Path(text)
@@ -20,6 +20,6 @@ def _last(simulator: str) -> str:
 
 
 def short_names(texts: Sequence[str]) -> list[str]:
-    """The last parts of paths where these distinguish the sides, else all of what was given."""
+    """The last parts of paths if these distinguish the sides, else the full texts."""
     last = [f"{_last(sim)}@{bag.name}" if sim else bag.name for sim, bag in map(split_name, texts)]
     return last if len(set(last)) == len(texts) else list(texts)

@@ -45,15 +45,15 @@ class _Speeds:
 
 
 def write(comparison: Comparison, out: Path, units: str = "m/s") -> None:
-    """Write PAGE and NUMBERS into the folder `out`, which exists; the page shows speeds in `units`, one of
-    signals.SPEED_UNITS. Raises OSError where it cannot, and InputError for another unit."""
+    """Write PAGE and NUMBERS into the existing folder `out`; the page shows speeds in `units`, one of
+    signals.SPEED_UNITS. Raises OSError if writing fails, and InputError for another unit."""
     numbers = json.dumps(comparison.to_json(), indent=1, allow_nan=False)
     (out / NUMBERS).write_text(numbers + "\n", encoding="utf-8")
     (out / PAGE).write_text(page(comparison, units), encoding="utf-8")
 
 
 def page(comparison: Comparison, units: str = "m/s") -> str:
-    """The page as HTML, with speeds in `units`. Nothing in it is fetched from elsewhere."""
+    """The page as HTML, with speeds in `units`. It fetches nothing from elsewhere."""
     shown = _Speeds(units, speed_unit(units))
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True

@@ -1,4 +1,6 @@
-"""One side of a comparison: a recording, or a simulator driven by the commands of one, on one clock."""
+"""One side of a comparison: a recording, or a simulator driven by a recording's commands, on a common
+clock.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +30,9 @@ LEAST_RUN_S = 10.0  # of valid commands in a row, for a simulator to be driven a
 
 @dataclass(frozen=True)
 class Side:
-    """`columns` (n,) by channel, in its unit of `units`, every `step_s` from the first sample; NaN where
-    nothing was recorded. `native` has every channel at its own step of `native_step_s`, from `begin_s` of its
-    bag on. `simulated` says by which simulator, and is empty for a recording."""
+    """`columns` (n,) by channel, in its unit of `units`, every `step_s` from the first sample; NaN if not
+    recorded. `native` has every channel at its own step `native_step_s`, starting at `begin_s` of its bag.
+    `simulated` is the simulator, empty for a recording."""
 
     name: str
     step_s: float
@@ -47,7 +49,7 @@ class Side:
 
     @property
     def distance(self) -> Array:
-        """Way driven since the first sample, m; a gap counts as standing."""
+        """Distance driven since the first sample, m; constant during gaps."""
         travelled: Array = np.cumsum(np.nan_to_num(self.columns["speed"])) * self.step_s
         return travelled
 
@@ -59,7 +61,7 @@ def load(
     clock: Clock | None = None,
     msg: Sequence[Path] = (),
 ) -> list[Side]:
-    """The sides in their order, each named as it was given. Raises InputError as `recordings.read`."""
+    """The sides in order, named as given. Raises InputError as `recordings.read` does."""
     out = []
     for name, text in zip(short_names(texts), texts, strict=True):
         simulator, bag = split_name(text)

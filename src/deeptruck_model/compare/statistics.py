@@ -1,4 +1,4 @@
-"""What a drive was like in numbers, and how one differs from another."""
+"""Statistics of a drive, and of the difference between two."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LITRES_100_KM = 100.0  # cm^3/m in l/100 km
 
 @dataclass(frozen=True)
 class Statistics:
-    """Of one side; None where what it takes was not recorded."""
+    """Statistics of one side; None if a required channel was not recorded."""
 
     duration_s: float
     distance_m: float
@@ -52,8 +52,7 @@ NAMES = {  # how people read them
 
 @dataclass(frozen=True)
 class Difference:
-    """Difference of a side from the first one over their common time; `gap` is None where one of them has
-    none.
+    """Difference of a side from the first one over their common time; `gap` is None if one of them has none.
 
     `speed_fit` is 100 (1 - rms of the difference / standard deviation of the first one's speed), in percent,
     as in system identification: 100 is equal, 0 no better than a constant speed.
@@ -78,7 +77,7 @@ APART = {  # how people read these
 
 
 def of(side: Side) -> Statistics:
-    """The statistics of one side. Acceleration and jerk are of means over the side's step."""
+    """The statistics of one side. Acceleration and jerk are means over the side's step."""
     speed = side.columns["speed"]
     change = np.diff(speed) / side.step_s
     way = float(side.distance[-1])
@@ -102,7 +101,7 @@ def of(side: Side) -> Statistics:
 
 
 def difference(first: Side, other: Side, offset_s: float) -> Difference | None:
-    """`other`, moved by `offset_s`, from `first`; None where they have no time together."""
+    """Difference of `other`, shifted by `offset_s`, from `first`; None without common time."""
     time: Array = first.step_s * np.arange(len(first), dtype=np.float64)
     moved: Array = offset_s + other.step_s * np.arange(len(other), dtype=np.float64)
     speed = _at(time, moved, other.columns["speed"]) - first.columns["speed"]

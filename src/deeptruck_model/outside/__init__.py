@@ -1,6 +1,5 @@
-"""Simulators that somebody else wrote: found and made (`reference`), used (`truck`), kept (`saved`).
+"""Simulators by other authors: found and made (`reference`), used (`truck`), stored (`saved`).
 
-In comes `python:MODULE:FACTORY[:ARGUMENTS.yaml]` or `fmu:MODEL.fmu[:MAPPING.yaml]`, out comes a
-`simulators.Simulator`. It is part of the floor: a command looks at such a simulator before anything heavy of
-ours is imported.
+`python:MODULE:FACTORY[:ARGUMENTS.yaml]` or `fmu:MODEL.fmu[:MAPPING.yaml]` becomes a `simulators.Simulator`.
+This package imports no other heavy part of deeptruck, because commands check such a simulator first.
 """

@@ -1,8 +1,9 @@
-"""Where an outside simulator comes from, found and made.
+"""Finds and makes an outside simulator.
 
-`python:PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml]` is what a function returns: it is called with the mapping of
-the YAML file, or with nothing. The current directory is importable, as with `python -m`.
-`fmu:MODEL.fmu[:MAPPING.yaml]` is a file, which what is registered for its scheme in OPENERS opens.
+`python:PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml]` is the return value of a function, called with the mapping in
+the YAML file, or without arguments. The current directory is importable, as with `python -m`.
+`fmu:MODEL.fmu[:MAPPING.yaml]` is a file, which is opened by the function registered for its scheme in
+OPENERS.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ OPENERS = "deeptruck.simulator_files"  # entry points by scheme: from a path and
 
 @dataclass(frozen=True)
 class Reference:
-    """Where a simulator comes from. The hashes are SHA-256 of the files as they are now; None without one."""
+    """Source of a simulator. The hashes are SHA-256 of the present files; None without one."""
 
     text: str  # as given, with the scheme
     module: str  # '' for a file
@@ -54,15 +55,15 @@ class Reference:
 
 
 def is_outside(text: str) -> bool:
-    """Whether a simulator is named by one of SCHEMES."""
+    """Whether the text names a simulator by one of SCHEMES."""
     return text.startswith(SCHEMES)
 
 
 def refer(text: str, file_at: Path | None = None, arguments_at: Path | None = None) -> Reference:
-    """What FORM or FMU_FORM names, before anything of it is run.
+    """The reference of a text as FORM or FMU_FORM, without running any of its code.
 
-    `file_at` and `arguments_at` are where the FMU and the YAML file are looked for if they are not where the
-    text says. Raises InputError for another form, what is not found, or arguments that are no mapping.
+    `file_at` and `arguments_at` are alternative paths of the FMU and the YAML file if they are not where the
+    text says. Raises InputError for another form, a missing file, or arguments that are no mapping.
     """
     if text.startswith(FMU):
         return _file(text, file_at, arguments_at)
@@ -121,7 +122,7 @@ def _sha256(file: Path | None) -> str | None:
 
 @contextmanager
 def asked(named: str, what: str) -> Iterator[None]:
-    """One line in place of an exception of another's code, which stays as its cause."""
+    """Turns an exception in foreign code into one line, with the exception as its cause."""
     try:
         yield
     except InputError as error:
@@ -145,7 +146,7 @@ HERE = Path(__file__).parent
 
 
 def made(reference: Reference) -> Any:
-    """What the factory returns, unlooked at. Raises InputError where it cannot be had."""
+    """The return value of the factory, unchecked. Raises InputError if it cannot be made."""
     named = reference.text
     if not reference.module:
         return _opened(reference)

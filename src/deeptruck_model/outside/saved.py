@@ -1,6 +1,6 @@
-"""A folder that stands for an outside simulator: where it came from, and the hashes of its files.
+"""A folder that refers to an outside simulator: its source, and the hashes of its files.
 
-The base of a corrected simulator is such a folder. A correction holds for one simulator only, so a
+The base of a corrected simulator is such a folder. A correction is valid for one simulator only, so a
 simulator whose files have changed is refused until a user accepts it.
 """
 
@@ -59,7 +59,7 @@ def _reference(path: Path, manifest: Mapping[str, Any]) -> Reference:
 
 
 def load_directory(path: Path, manifest: dict[str, Any]) -> OutsideTruck:
-    """The simulator that a folder of kind 'outside' stands for. Raises InputError as `check`."""
+    """The simulator to which a folder of kind 'outside' refers. Raises InputError as `check` does."""
     truck = adopted(check(path, manifest))
     try:
         values = {str(name): float(value) for name, value in manifest.get("parameters", {}).items()}
@@ -74,8 +74,7 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> OutsideTruck:
 
 
 def stands_for(path: Path) -> Path | None:
-    """The folder of kind 'outside': `path` itself, or the base of a corrected simulator; None if neither
-    is."""
+    """The folder of kind 'outside': `path`, or the base of a corrected simulator; None if neither is one."""
     while (path / MANIFEST).is_file():
         kind = reading.json_object(path / MANIFEST, MAKE_AGAIN).get("kind")
         if kind == KIND:
@@ -85,14 +84,14 @@ def stands_for(path: Path) -> Path | None:
 
 
 def as_it_is(path: Path) -> OutsideTruck:
-    """What the folder `path` of kind 'outside' stands for, changed or not. Raises InputError without it."""
+    """The simulator to which the folder `path` refers, changed or not. Raises InputError if it is missing."""
     return adopted(_reference(path, reading.json_object(path / MANIFEST, MAKE_AGAIN)))
 
 
 def accept(path: Path) -> None:
-    """Take the files as they are now for those that were meant, in the folder `path` of kind 'outside'.
+    """Accept the present files of the simulator to which the folder `path` refers.
 
-    Raises InputError where they are not found.
+    Raises InputError if they are not found.
     """
     manifest = reading.json_object(path / MANIFEST, MAKE_AGAIN)
     content = manifest | _reference(path, manifest).to_dict()

@@ -1,4 +1,4 @@
-"""Somebody else's simulator as one of ours: what it answers is checked, what it may leave out is there."""
+"""Adapts a simulator by another author: checks its results, and adds optional members that it lacks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NEEDED = {  # what the object must have, and the form of it
 
 
 def lacks(simulator: Any) -> dict[str, str]:
-    """What an object lacks to be a simulator: by the member, in words that say what mends it."""
+    """Members that an object lacks to be a simulator, each with the remedy."""
     found = {}
     for name, form in NEEDED.items():
         what = getattr(simulator, name, None)
@@ -47,9 +47,10 @@ def lacks(simulator: Any) -> dict[str, str]:
 
 
 class WithForce:
-    """A truck without `force`, which starts anew at each recorded response: the state that it had is lost.
+    """Adds `force` to a truck without it, by a reset at each recorded response, which loses the internal
+    state.
 
-    The state here is that of the truck and the response that it stands at, (batch, n_y).
+    The state here is the truck's state and its present response, (batch, n_y).
     """
 
     def __init__(self, inner: Any) -> None:
@@ -81,11 +82,10 @@ class WithForce:
 
 
 class OutsideTruck:
-    """A Simulator around an object that lacks nothing of NEEDED, named `named` in messages.
+    """A Simulator around an object that has all of NEEDED, called `named` in messages.
 
-    `reference` is where it comes from, None of an object that was given. `values` are parameters that it was
-    given since its factory made it. What it has beyond the protocol (rollout, driven, command_range ...) is
-    passed on.
+    `reference` is its source, None for an object that was passed. `values` are parameters changed since its
+    factory made it. Members beyond the protocol (rollout, driven, command_range ...) are passed on.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class OutsideTruck:
 
     @property
     def starts_anew(self) -> bool:
-        """Whether it has no `force` of its own."""
+        """Whether it has no `force` and is reset at recorded responses."""
         return isinstance(self._inner, WithForce)
 
     @property
@@ -156,9 +156,9 @@ class OutsideTruck:
         return OutsideTruck(other, self._named, self._reference, {**self._values, **values})
 
     def save(self, path: Path) -> None:
-        """Write where it came from, with the hashes of its files; `saved.load_directory` makes it again.
+        """Write its source, with the hashes of its files; `saved.load_directory` makes it again.
 
-        Of an object that was given, what it was is written, which cannot be loaded.
+        For an object that was passed, a description is written, which cannot be loaded.
         """
         content = {"interface": self.interface.to_dict(), "dt": self.dt, "parameters": self._values}
         if self._reference is None:
@@ -191,7 +191,7 @@ def _numbers(y: Any, shape: tuple[int, ...]) -> Array:
 
 
 def adopted(reference: Reference) -> OutsideTruck:
-    """The object of a factory as a Simulator. Raises InputError where it is none."""
+    """The factory's object as a Simulator. Raises InputError if it is not one."""
     inner = made(reference)
     if missing := lacks(inner):
         what = f"what {reference.factory} returns is no simulator: {', '.join(missing.values())}"
@@ -200,7 +200,7 @@ def adopted(reference: Reference) -> OutsideTruck:
 
 
 def adapted(inner: Any) -> OutsideTruck:
-    """An object as a Simulator. Raises InputError where it lacks something of NEEDED."""
+    """An object as a Simulator. Raises InputError if it lacks any of NEEDED."""
     named = f"{type(inner).__module__}.{type(inner).__qualname__}"
     if missing := lacks(inner):
         raise InputError(f"{named} is no simulator: {', '.join(missing.values())}")
@@ -212,7 +212,8 @@ _waiting: dict[Reference, OutsideTruck] = {}  # looked at, and not yet taken: a 
 
 
 def look(text: str) -> tuple[TruckInterface, float]:
-    """Interface and dt of what is named by one of `reference.SCHEMES`. Raises InputError as `load`."""
+    """Interface and dt of a simulator named by one of `reference.SCHEMES`. Raises InputError as
+    `load` does."""
     reference = refer(text)
     if reference not in _looked_at:
         truck = _waiting[reference] = adopted(reference)
@@ -231,9 +232,9 @@ def load_fmu(text: str) -> OutsideTruck:
 
 
 def load(text: str) -> OutsideTruck:
-    """The simulator that is named by one of `reference.SCHEMES`.
+    """The simulator named by one of `reference.SCHEMES`.
 
-    Raises InputError where it is not found, cannot be made, or is no simulator.
+    Raises InputError if it is not found, cannot be made, or is no simulator.
     """
     reference = refer(text)
     waiting = _waiting.pop(reference, None)
@@ -243,7 +244,7 @@ def load(text: str) -> OutsideTruck:
 def keep(simulator: Any, path: Path) -> None:
     """Save a simulator that is corrected as the folder `path`.
 
-    Of one that was given as an object and saves nothing that can be loaded, what it was is written.
+    For an object that was passed and cannot save itself in a loadable form, a description is written.
     """
     with suppress(NotImplementedError):  # nobody else's object needs to know how to save itself
         if hasattr(simulator, "save"):

@@ -1,4 +1,4 @@
-"""A page that is read: one sentence, then tables and pictures, the details folded. One file, offline."""
+"""A report page: one sentence, then tables and pictures, with collapsed details. One file, offline."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from deeptruck_model.pages import DARK, DOCUMENT, STYLE, shared
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under a head; numbers are aligned to the right from the second column on."""
+    """Rows of text under a header; columns are aligned to the right from the second one on."""
 
     says: str
     head: tuple[str, ...]
@@ -37,7 +37,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Folded:
-    """Details that a reader opens by their title."""
+    """Details that are collapsed under a title."""
 
     says: str
     parts: Sequence[Part]
@@ -48,7 +48,7 @@ Part = Table | Picture | Folded
 
 
 def document(first: str, more: Sequence[str] = (), parts: Sequence[Part] = ()) -> str:
-    """The page as HTML: `first` is its title and first sentence. Nothing in it is fetched from elsewhere."""
+    """The page as HTML: `first` is its title and first sentence. It fetches nothing from elsewhere."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

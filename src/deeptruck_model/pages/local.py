@@ -1,8 +1,8 @@
-"""A page for browsers on this machine: a socket on 127.0.0.1, a word that opens it, and who is refused.
+"""Serves a page to browsers on this machine: a socket on 127.0.0.1, an access token, and checks of requests.
 
-Whoever does not know the word is refused. So is a request whose Host is not this machine: a web page whose
-name was pointed at 127.0.0.1 would otherwise be read by whoever serves it (DNS rebinding). Standard library
-only.
+Requests without the token are refused, and so are requests whose Host is not this machine, which would
+otherwise let a foreign web page whose name resolves to 127.0.0.1 read the page (DNS rebinding). Standard
+library only.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PATIENCE = 10.0  # s that a viewer may take for a request, or leave an answer un
 
 @dataclass(frozen=True)
 class Place:
-    """A listening socket and the token that its address holds."""
+    """A listening socket and the access token in its address."""
 
     listener: socket.socket
     token: str
@@ -44,7 +44,7 @@ class Place:
 
 
 def made(port: int = 0) -> Place:
-    """A new place on a port, 0: a free one. Raises InputError where the port is taken."""
+    """A new socket and token on a port (0: a free one). Raises InputError if the port is in use."""
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -59,8 +59,8 @@ def made(port: int = 0) -> Place:
 
 
 class Server(ThreadingHTTPServer):
-    """Answers at a place by a `Handler`, under a content security `policy`. A thread a connection, so that
-    one viewer never delays another."""
+    """Serves a `Handler` at a place, with a content security `policy`. Each connection has a thread, so that
+    viewers do not delay each other."""
 
     daemon_threads = True
     block_on_close = False
@@ -74,7 +74,7 @@ class Server(ThreadingHTTPServer):
         self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
 
     def start(self) -> None:
-        """Serve in a thread of its own."""
+        """Serve in a separate thread."""
         self._thread.start()
 
     def process_request(self, request: socket.socket | tuple[bytes, socket.socket], client: object) -> None:
@@ -92,14 +92,14 @@ class Server(ThreadingHTTPServer):
             self._free.release()
 
     def handle_error(self, request: object, client: object) -> None:
-        """A viewer that left, or was too slow, is no news; anything else is a fault of ours."""
+        """Ignore errors of viewers that left or were too slow; report others."""
         if not isinstance(sys.exc_info()[1], OSError):
             traceback.print_exc()
 
 
 class Handler(BaseHTTPRequestHandler):
-    """A request. A subclass answers `get`, and `post` where its `methods` have it, of what stands behind
-    the token in the address."""
+    """A request. Subclasses implement `get`, and `post` if `methods` permits it, for the part of the path
+    after the token."""
 
     server: Server
     protocol_version = "HTTP/1.1"
@@ -107,7 +107,7 @@ class Handler(BaseHTTPRequestHandler):
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """What is answered at this path; all else is not looked at any further."""
+        """Permitted methods of this path; other requests are refused unread."""
         return ("GET",)
 
     def get(self, rest: str) -> None:
@@ -158,13 +158,13 @@ class Handler(BaseHTTPRequestHandler):
         kind: str = "text/plain; charset=utf-8",
         more: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        """A whole answer."""
+        """Send a complete response."""
         self.begin(status, kind, {"Content-Length": str(len(body)), **more})
         if self.command != "HEAD":
             self.wfile.write(body)
 
     def begin(self, status: HTTPStatus, kind: str, more: Mapping[str, str]) -> None:
-        """The head of an answer."""
+        """Send the header of a response."""
         self.close_connection = True
         self.send_response_only(status)
         headers = {
@@ -183,7 +183,7 @@ class Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def posted(self, most: int) -> Any:
-        """The body of a request of up to `most` bytes, from JSON; None where it is anything else."""
+        """The JSON body of a request of up to `most` bytes; None for anything else."""
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or int(length) > most:
             return None
@@ -193,4 +193,4 @@ class Handler(BaseHTTPRequestHandler):
             return None
 
     def log_message(self, format: str, *args: object) -> None:
-        """Nothing: the path holds the token."""
+        """Logs nothing, because the path contains the token."""

@@ -1,4 +1,4 @@
-"""Parts of Markdown pages that a program writes."""
+"""Generated parts of Markdown pages."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import Path
 
 
 def put_between_marks(page: Path, name: str, content: str) -> bool:
-    """Replace what stands between `<!-- NAME: begin -->` and `<!-- NAME: end -->`. Returns whether the page
-    has changed."""
+    """Replace the text between `<!-- NAME: begin -->` and `<!-- NAME: end -->`. Returns whether the page has
+    changed."""
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
     text = page.read_text(encoding="utf-8")
     before, _, rest = text.partition(begin)

@@ -1,4 +1,4 @@
-"""The one style of the figures on pages: size, colours and text."""
+"""Common style of the figures on pages: size, colours and text."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ def png(figure: Figure) -> bytes:
 
 
 def plain_log(axis: Axis) -> None:
-    """Label a logarithmic axis that has its data by plain numbers: 0.2 and 200, not 2×10^-1.
+    """Label a logarithmic axis, whose data are plotted, with plain numbers: 0.2 and 200, not 2×10^-1.
 
-    Within two decades 1, 2 and 5 of each are labelled, else the decades alone.
+    Within two decades 1, 2 and 5 of each are labelled, else only the decades.
     """
     low, high = sorted(axis.get_view_interval())
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))

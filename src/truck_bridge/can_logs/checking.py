@@ -1,4 +1,4 @@
-"""A log through the safety core's received-message checks, as if control had been engaged all the time."""
+"""Runs the safety core's checks of received messages on a log, as if control had been engaged throughout."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Times = dict[str, tuple[float, float]]  # first and last time of each reason, s 
 
 @dataclass
 class Checked:
-    """What the checks would have done in a drive. `refusals` and `losses` are the core's own counts."""
+    """Result of the checks for a drive. `refusals` and `losses` are the core's own counts."""
 
     vehicle: str
     frames: int = 0
@@ -49,14 +49,13 @@ class Checked:
 
     @property
     def clean(self) -> bool:
-        """Nothing refused, nothing lost, and engaged at all."""
+        """Whether control was engaged, and nothing was refused or lost."""
         return self.engaged_s > 0 and not self.refusals and not self.losses
 
 
 def check(path: Path, vehicle: Vehicle, *, channel: str | None = None) -> Checked:
-    """Replay a log's bus to the core, without the driver who would have taken over. Raises InputError as
-    `read`.
-    """
+    """Replay a log's bus to the core, without the interventions of the driver. Raises InputError as `read`
+    does."""
     return _Replay(vehicle).run(path, channel)
 
 
@@ -169,7 +168,7 @@ class _Replay:
 
 
 def lines(found: Checked) -> Iterator[str]:
-    """For people."""
+    """The result as text lines."""
     pauses = f", beside {found.pauses} pauses of {found.paused_s:.1f} s in all" if found.pauses else ""
     yield f"{found.frames} frames in {found.seconds:.1f} s{pauses}"
     yield from found.account.lines()

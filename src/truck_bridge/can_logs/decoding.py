@@ -1,4 +1,4 @@
-"""All signals of a log, as numbers, as lines for people and as CSV."""
+"""Decodes all signals of a log to numbers, text lines and CSV."""
 
 from __future__ import annotations
 
@@ -24,9 +24,8 @@ from truck_bridge.j1939.transport import Broken, Message, Transport, reference_t
 
 @dataclass
 class Decoding:
-    """All signals of a log: (message, signal, source) to times and values, invalid samples counted, not
-    kept.
-    """
+    """All signals of a log: (message, signal, source) to times and values; invalid samples are only
+    counted."""
 
     codec: Codec
     series: dict[tuple[str, str, int], tuple[list[float], list[float]]] = field(default_factory=dict)
@@ -43,7 +42,7 @@ class Decoding:
     unreadable: Counter[Broken] = field(default_factory=Counter)  # messages not whole, or not what they say
 
     def add(self, frame: Frame, decoded: Decoded) -> None:
-        """Take one decoded frame."""
+        """Add one decoded frame."""
         for name, value in decoded.values.items():
             key = (decoded.name, name, decoded.source)
             if value == value:
@@ -55,7 +54,7 @@ class Decoding:
                 reasons[decoded.flags[name]] = reasons.get(decoded.flags[name], 0) + 1
 
     def take(self, message: Message, time: float) -> None:
-        """Take one whole message: reference torque, faults, the truck's number."""
+        """Add one complete message: reference torque, faults, or the vehicle identification number."""
         torque = reference_torque(message.pgn, message.data)
         if torque is not None:
             self.reference_torque = torque
@@ -80,9 +79,8 @@ class Decoding:
 def decode(
     path: Path, codec: Codec | None = None, *, channel: str | None = None, ascending: bool = False
 ) -> Decoding:
-    """Every signal of a log's bus. `channel` and `ascending` are those of `read`, which says what raises
-    InputError.
-    """
+    """Every signal of a log's bus. `channel` and `ascending` are those of `read`. Raises InputError as `read`
+    does."""
     found = Decoding(codec or j1939.load(), account=Account(str(path), "frames"))
     transport = Transport()
     for frame in read(path, found.account, channel=channel, ascending=ascending):
@@ -103,7 +101,7 @@ def decode(
 
 
 def table(found: Decoding) -> Iterator[str]:
-    """Lines for people: signal, source, SPN, samples, rate, range, what was invalid."""
+    """Text lines of signal, source, SPN, samples, rate, range, and invalid values."""
     keys = sorted(set(found.series) | set(found.invalid))
     yield f"{found.frames} frames, {len(found.series)} signals with values"
     yield from found.account.lines()
@@ -127,7 +125,8 @@ def table(found: Decoding) -> Iterator[str]:
 
 
 def write_csv(found: Decoding, out: Path) -> None:
-    """Every valid sample, in order of time. Raises InputError where the file exists or cannot be written."""
+    """Write every valid sample, in order of time. Raises InputError if the file exists or cannot be
+    written."""
     rows = sorted(
         (t, f"0x{key[2]:02X}", f"{key[0]}.{key[1]}", v, found.signal(key).unit)
         for key, (times, values) in found.series.items()

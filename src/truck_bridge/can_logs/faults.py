@@ -1,4 +1,4 @@
-"""Faults of a log: as lines for people, and as channels and notes of a recording."""
+"""Faults in a log, as text lines, and as channels and notes of a recording."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class Said(NamedTuple):
-    """One DM1 of a log: when, who, what."""
+    """One DM1 of a log: time, controller, content."""
 
     time: float
     source: int
@@ -28,7 +28,8 @@ class Said(NamedTuple):
 def lines(
     said: Sequence[Said], numbers: Mapping[int, str], broken: Counter[Broken], start: float
 ) -> Iterator[str]:
-    """For people: the truck's number, each fault with its times since the start, and what was not whole."""
+    """Text lines: the vehicle identification number, each fault with its times since the start, and
+    incomplete messages."""
     for source, number in sorted(numbers.items()):
         yield f"vehicle number (VIN) {number}, said by 0x{source:02X}"
     found = _times(said)
@@ -44,7 +45,7 @@ def lines(
 
 
 def unread(broken: Counter[Broken]) -> Iterator[str]:
-    """For people: messages that did not become whole, or whose content is none."""
+    """Text lines on messages that are incomplete or have invalid content."""
     if broken:
         counted = (
             f"{GROUPS.get(b.pgn, f'{b.pgn:#06x}')} of 0x{b.source:02X}: {b.why} ({n})"
@@ -77,7 +78,8 @@ def channels(said: Sequence[Said]) -> dict[str, tuple[Array, Array]]:
 
 
 def notes(said: Sequence[Said], numbers: Mapping[int, str], broken: Counter[Broken]) -> list[str]:
-    """A recording's notes: the truck's number, and every fault with who reported it."""
+    """A recording's notes: the vehicle identification number, and every fault with the controller that
+    reported it."""
     found = [f"VIN {number} (0x{source:02X})" for source, number in sorted(numbers.items())]
     faults = [f"{fault.what} (0x{fault.source:02X})" for fault in _times(said)]
     found += [f"active faults: {', '.join(faults)}"] if faults else []

@@ -1,4 +1,4 @@
-"""One frame of a CAN log, whatever its class, and as python-can has it."""
+"""One frame of a CAN log, of any class, and its conversion to and from python-can."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ EXTENDED_MASK, STANDARD_MASK = 0x1FFF_FFFF, 0x7FF
 
 
 class Kind(Enum):
-    """What a frame carries; the value is its name in an account."""
+    """Content of a frame; the value is its name in an account."""
 
     DATA = "data frames"
     REMOTE = "remote frames"
@@ -21,11 +21,11 @@ class Kind(Enum):
 
 
 class Frame(NamedTuple):
-    """One frame of a log; time in s as the log has it.
+    """One frame of a log; time in s as in the log.
 
-    `channel` is the bus as the log names it: can0, or the number of an ASC, BLF or TRC channel. `extended`
-    is the class of the identifier, by the notation of the log and never by its value: identifiers below
-    0x800 with 29 bits are the most urgent of all. `length` is what a remote frame asks for, in bytes; `rate`
+    `channel` is the bus as the log names it: can0, or the number of an ASC, BLF or TRC channel. `extended` is
+    the class of the identifier, by the log's notation and not by its value, because 29-bit identifiers below
+    0x800 exist and are the most urgent. `length` is the number of bytes that a remote frame requests; `rate`
     and `passive` are the bit-rate switch and the error state of a CAN FD frame.
     """
 
@@ -41,7 +41,7 @@ class Frame(NamedTuple):
 
     @property
     def message(self) -> can.Message:
-        """The frame as python-can's writers and buses take it."""
+        """The frame as a python-can message."""
         remote = self.kind is Kind.REMOTE
         return can.Message(
             timestamp=self.time,
@@ -59,14 +59,14 @@ class Frame(NamedTuple):
 
     @property
     def bus(self) -> str:
-        """The channel by SocketCAN's naming: channel 1 of an ASC, BLF or TRC log is can0."""
+        """The channel in SocketCAN's naming: channel 1 of an ASC, BLF or TRC log is can0."""
         if self.channel.isdigit():
             return f"can{max(0, int(self.channel) - 1)}"
         return self.channel or "can0"
 
 
 def of_message(message: can.Message, channel: str) -> Frame:
-    """The frame in a message of python-can."""
+    """The frame of a python-can message."""
     kind = (
         Kind.ERROR if message.is_error_frame
         else Kind.FD if message.is_fd

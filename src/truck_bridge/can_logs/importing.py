@@ -23,19 +23,18 @@ Series = tuple[Array, Array]
 
 
 def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str, Series], dict[str, Any]]:
-    """Channels of deeptruck out of a J1939 log: name -> (times (n,) in s, values (n,)), and the truck
+    """Channels of deeptruck from a J1939 log: name -> (times (n,) in s, values (n,)), and the truck
     interface.
 
     Without further columns the channels come from the signals of `truck_bridge.channels`; the engine command
     is the driver's demand torque (SPN 512, percent) and the brake command the pedal position (SPN 521,
-    percent) where the log has it. `columns` may hold: `vehicle` (whose DBC files and reference torque
-    apply), `name`, `reference_torque` (N m), `channel` (the bus, where the log has several), `conceal`
-    (channels to leave out), and `channels: {speed: {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to
-    take a channel from elsewhere; a command so taken has its signal's unit. Torque in N m is left out where
-    no reference torque is known (SPN 544 in the log, the vehicle or `reference_torque`).
-    Active faults (DM1) are channels of their own; `interface["notes"]` names them and the VIN, where
-    received, and `interface["account"]` is the Account of the log's frames.
-    Raises InputError on a bad log or bad columns.
+    percent) if the log has it. `columns` may hold: `vehicle` (whose DBC files and reference torque apply),
+    `name`, `reference_torque` (N m), `channel` (the bus, if the log has several), `conceal` (channels to
+    leave out), and `channels: {speed: {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to take a channel
+    from another signal; a command then has that signal's unit. Torque in N m is omitted if no reference
+    torque is known (SPN 544 in the log, the vehicle or `reference_torque`). Active faults (DM1) are separate
+    channels; `interface["notes"]` names them and the VIN, if received, and `interface["account"]` is the
+    Account of the log's frames. Raises InputError on a bad log or bad columns.
     """
     codec, torque = _meaning(columns)
     bus = columns.get("channel")

@@ -1,4 +1,4 @@
-"""Logs from a bus, back onto one, and from one form into another."""
+"""Records a log from a bus, replays a log onto a bus, and converts logs."""
 
 from __future__ import annotations
 
@@ -38,12 +38,10 @@ COMMAND_PGNS = {0x0000, 0x0100, 0x0400, 0xEF00, ADDRESS_CLAIMED}  # TSC1, TC1, X
 def record(path: Path, interface: str, channel: str, duration: float | None = None) -> int:
     """Write a bus to a log until the duration, SIGINT, SIGTERM or SIGHUP. Returns the number of frames.
 
-    The log has its name from the beginning, so that a kill leaves what was recorded.
-
-    Raises InputError where the bus cannot be opened or is silent (then the log is removed, if nobody else
-    wrote into it), or the log exists, is of an unknown kind,
-    cannot be written, or has another file in its place at the end; what a full disk had taken until then
-    stays.
+    The log has its final name from the beginning, so that a kill leaves what was recorded. Raises InputError
+    if the bus cannot be opened or is silent (the log is then removed, unless another process wrote to it), or
+    if the log exists, is of an unknown kind, cannot be written, or has been replaced by another file at the
+    end; what was written before a disk became full is kept.
     """
     log_files.check_new(path)
     logger = _logger(path, new=True)
@@ -73,10 +71,10 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
 
 
 def convert(source: Path, out: Path, *, channel: str | None = None) -> Account:
-    """Write a log in the form that the suffix of `out` names: all frames, of every bus or of `channel`.
+    """Write a log in the format that the suffix of `out` selects: all frames, of every bus or of `channel`.
 
-    What that form cannot hold is set aside in the account. Raises InputError as `read` and `record` do; then
-    nothing is left behind.
+    Frames that the format cannot hold are omitted and counted. Raises InputError as `read` and `record` do;
+    then nothing is left behind.
     """
     log_files.check_new(out)
     account = Account(str(source), "frames")
@@ -108,10 +106,11 @@ def replay(
     of: str | None = None,
     account: Account | None = None,
 ) -> int:
-    """Send a log's frames with their own timing; commands to a truck only with `commands`. Returns how many.
+    """Send a log's frames with their own timing, commands to a truck only with `commands`. Returns the number
+    sent.
 
-    `of` is the bus of the log where it has several, and `account` is that of `read`. Raises InputError as
-    `read` does.
+    `of` is the bus of the log if it has several, and `account` is that of `read`. Raises InputError as `read`
+    does.
     """
     frames = read(path, account, channel=of)
     first = next(frames)

@@ -1,4 +1,4 @@
-"""Frames out of BUSMASTER's logs, captures of SocketCAN (pcap, pcapng), and tables of raw frames.
+"""Reads frames from BUSMASTER logs, SocketCAN captures (pcap, pcapng), and tables of raw frames.
 
 Tables are those of cabana, Kvaser and SavvyCAN, and any other with a time, an identifier and bytes.
 """
@@ -42,7 +42,7 @@ _MAGIC = {b"\xd4\xc3\xb2\xa1": ("<", 1e-6), b"\xa1\xb2\xc3\xd4": (">", 1e-6),
 
 
 def busmaster(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of a BUSMASTER log; time in s of its day. Raises InputError at a line that is damaged."""
+    """The frames of a BUSMASTER log; time in s since midnight. Raises InputError at a damaged line."""
     base, relative, time, day = 16, False, 0.0, 0.0
     with path.open(encoding="utf-8", errors="replace") as lines:
         for number, line in enumerate(lines, 1):
@@ -194,7 +194,7 @@ def _cut(path: Path, account: Account) -> None:
 
 
 def table(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of a table. Raises InputError at a row that is damaged."""
+    """The frames of a table. Raises InputError at a damaged row."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as lines:
         head = lines.readline()
         mark = max(",;\t", key=head.count)

@@ -1,8 +1,8 @@
-"""The clock of a log: frames stamped far off their neighbours, and sessions that begin again.
+"""Checks the clock of a log: frames with wrong stamps, and restarted sessions.
 
-A log is often several: a logger restarts at zero, a clock is set while it runs. And one frame may bear a
-stamp of another time. Each jump is looked at with the frames behind it: where time comes back at once, the
-frames in between were stamped wrongly and are set aside; where it stays, a new piece begins.
+A log often consists of several sessions: a logger restarts at zero, or its clock is set while it runs. A
+single frame may also have a wrong stamp. Each jump is judged with the frames after it: if time soon returns,
+the frames in between have wrong stamps and are omitted; if it does not, a new piece begins.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ APART_S = 60.0  # between sessions that are put one behind the other
 
 
 def in_pieces(frames: Iterator[Frame], account: Account, *, ascending: bool) -> Iterator[Frame]:
-    """The frames without those stamped off their place; `account` gets these, the spans and what was cut.
+    """The frames except those with wrong stamps, which `account` counts, together with the time spans and the
+    cuts.
 
-    With `ascending` a session whose clock was set is moved to APART_S behind the one before it; else frames
-    keep the log's times.
+    With `ascending`, a session whose clock was set back is moved to APART_S after the one before it;
+    otherwise frames keep the log's times.
     """
     clock = _Clock(account, ascending)
     held: list[Frame] = []  # behind a jump that may be a wrong stamp

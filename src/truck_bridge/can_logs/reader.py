@@ -1,7 +1,7 @@
-"""Frames out of a log: text, captures and tables by our own readers, TRC, BLF and MF4 by python-can.
+"""Reads frames from a log: text, captures and tables by our own readers; TRC, BLF and MF4 by python-can.
 
-`every` gives all that a log holds, `read` the extended data frames of one bus, which is what J1939 has. Both
-count in an Account: a frame that is read is used, or set aside for a reason.
+`every` gives all frames of a log, `read` the extended data frames of one bus, which J1939 uses. Both count in
+an Account: a frame is used, or omitted for a stated reason.
 """
 
 from __future__ import annotations
@@ -33,12 +33,11 @@ STANDARD = "frames with 11-bit identifiers"
 def read(
     path: Path, account: Account | None = None, *, channel: str | None = None, ascending: bool = False
 ) -> Iterator[Frame]:
-    """The extended data frames of one bus, in the log's order, without those stamped far off their place.
+    """The extended data frames of one bus, in the log's order, except those with wrong stamps.
 
-    `account` is filled as the frames come. `channel` names the bus where the log holds several. With
-    `ascending`, sessions whose clock begins again are put one behind the other (see `pieces`). Raises
-    InputError where the file is missing, of an unknown kind, damaged, holds no such frame, or holds several
-    buses and none is chosen.
+    `account` is filled during iteration. `channel` names the bus if the log has several. With `ascending`,
+    sessions whose clock restarts are placed one after another (see `pieces`). Raises InputError if the file
+    is missing, of an unknown kind, damaged, holds no such frame, or holds several buses and none is chosen.
     """
     account = Account(str(path), "frames") if account is None else account
     count = 0
@@ -54,7 +53,7 @@ def read(
 def every(path: Path, account: Account) -> Iterator[Frame]:
     """All frames of a log, of every class and bus; `account` counts them as read, and buses as sources.
 
-    Raises InputError as `read` does, but for what the log holds.
+    Raises InputError as `read` does, except for missing frames or several buses.
     """
     log_files.check(path)
     check_file(path)

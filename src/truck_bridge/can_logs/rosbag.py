@@ -1,7 +1,7 @@
-"""Raw CAN frames in a rosbag: can_msgs/msg/Frame, as ros2_socketcan and Foxglove have it.
+"""Raw CAN frames in a rosbag: can_msgs/msg/Frame, the type of ros2_socketcan and Foxglove.
 
-The common interfaces have no CAN frame. A bag carries the definition of its types, so nothing needs to be
-installed to read one of ours, and we read any: rosbag2 folders, lone .mcap and .db3 files, ROS 1 bags.
+The common interfaces have no CAN frame. A bag contains the definitions of its types, so that no package is
+needed to read one of ours; any bag can be read: rosbag2 folders, single .mcap and .db3 files, ROS 1 bags.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ def _types(kind: Stores = Stores.ROS2_JAZZY) -> Any:
 
 
 def read(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of all topics of the type, in order of time; of a recorder that was killed, what it wrote,
-    and a remark in `account`.
+    """The frames of all topics of the type, in order of time. An unfinished bag of a killed recorder gives
+    the frames that were written, and a remark in `account`.
 
-    Raises InputError where there is no such topic.
+    Raises InputError if there is no such topic.
     """
     suffix = log_files.BAG
     files = sorted(path.glob(f"*{suffix}")) if path.is_dir() else [path] if path.suffix == suffix else []
@@ -187,7 +187,7 @@ class RosbagWriter:
         return self._channels[topic]
 
     def on_message_received(self, message: can.Message) -> None:
-        """Add one frame, at its own time."""
+        """Add one frame, at its own time stamp."""
         stamp = round(message.timestamp * SECOND)
         cdr = self._store.serialize_cdr(self._frame(message, stamp), TYPE)
         self._count += 1

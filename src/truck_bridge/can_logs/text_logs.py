@@ -1,8 +1,8 @@
-"""Frames out of text: candump in its forms, and Vector's ASC.
+"""Reads frames from text: the variants of candump, and Vector's ASC.
 
-Read here and not by python-can, which skips what it does not know (negative times, other columns) without
-a word. Every line that is no frame is counted in the account; one that looks like a frame but is damaged
-ends the reading, except for a last line that was cut off.
+python-can would silently skip what it does not know (negative times, other columns). Here every line that is
+no frame is counted in the account; a damaged frame ends the reading, unless it is a last line that was cut
+off.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ Lines = Iterator[tuple[int, str]]
 def candump(path: Path, account: Account) -> Iterator[Frame]:
     """The frames of a candump log; lines of text above the first one are counted.
 
-    Raises InputError at a line that is damaged.
+    Raises InputError at a damaged line.
     """
     above = 0
     for number, line in _lines(path):

@@ -1,4 +1,4 @@
-"""Frames out of PEAK's TRC by python-can, with a count of the lines that it passes over."""
+"""Reads frames from PEAK's TRC by python-can, and counts the lines that it skips."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ _LOGGER = "can.io.trc"  # where python-can says which lines it passed over
 
 
 def trc(path: Path, account: Account) -> Iterator[Frame]:
-    """The frames of a TRC log. Raises InputError at a line that is damaged; a last one that was cut off is
-    left out.
-    """
+    """The frames of a TRC log. Raises InputError at a damaged line; a last line that was cut off is
+    omitted."""
     last, open_ended = _end(path)
     halved = False  # the last line, within a byte
     with _passed_over() as said, can.TRCReader(path) as reader:

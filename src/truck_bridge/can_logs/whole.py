@@ -1,8 +1,8 @@
-"""Whether a binary log is whole, seen from its record lengths and checksums before a library reads it.
+"""Checks that a binary log is intact, by its record lengths and checksums, before a library reads it.
 
-BLF: containers are packed with zlib, which has a checksum; the file's head, with its start time, has none.
-MCAP: checksums of summary and chunks. ASC, TRC and candump are text without any: a digit that changed on a
-disk is another number, and nobody can see it.
+BLF: containers are compressed with zlib, which has a checksum; the file header with its start time has none.
+MCAP: checksums of summary and chunks. ASC, TRC and candump are text without checksums: a changed digit is not
+detected.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _FOOTER, _FOOTER_BYTES, _HEAD = 2, 20, 9
 
 
 def check_file(path: Path) -> None:
-    """Raises InputError for a pipe or device, which may never end, and for what may not be read."""
+    """Raises InputError for a pipe or device, which may never end, and for an unreadable file."""
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise InputError(f"{path} is a pipe or device, not a file; give a CAN log that was recorded")
@@ -36,9 +36,9 @@ def check_file(path: Path) -> None:
 
 
 def check_blf(path: Path) -> None:
-    """Raises InputError where a container is not what was packed, or the file not as long as its head says.
+    """Raises InputError if a container is corrupt, or the file is not as long as its header states.
 
-    Of a recorder that was killed, what stands behind the last whole container is not looked at.
+    In the log of a killed recorder, data after the last complete container are ignored.
     """
     size = path.stat().st_size
     if size < _BLF_HEAD.size:
@@ -87,9 +87,9 @@ def _is_sound(one: bytes) -> bool:
 
 
 def check_mcap(path: Path) -> bool:
-    """Whether an MCAP file was finished. Raises InputError where its records or its summary do not fit.
+    """Whether an MCAP file was finished. Raises InputError if its records or its summary are inconsistent.
 
-    False is the file of a recorder that was killed: it ends anywhere.
+    False is the file of a killed recorder, which may end anywhere.
     """
     size = path.stat().st_size
     if size < 2 * len(_MAGIC):

@@ -31,9 +31,9 @@ ENGAGED = "engaged+"  # before seconds that count from engagement
 
 @dataclass(frozen=True)
 class Action:
-    """What the driver does `at` s: a field of `Driver`, and its new value.
+    """An action of the driver at time `at`, s: a field of `Driver`, and its new value.
 
-    Seconds count from the start, or with `engaged` from the first command that a controller obeys.
+    Time starts with the emulator, or with `engaged` at the first command of a controller that is obeyed.
     """
 
     at: float
@@ -59,8 +59,8 @@ def main_command(
     ] = "",
     duration: Annotated[float, typer.Option(help="Stop after so many seconds.")] = math.inf,
 ) -> None:
-    """A truck's controllers around a physics truck, on a CAN bus, until the duration, SIGINT, SIGTERM or
-    SIGHUP."""
+    """Emulate a truck's controllers around a physics truck on a CAN bus, until the duration, SIGINT, SIGTERM
+    or SIGHUP."""
     from truck_bridge import vehicles
 
     checks.every(
@@ -84,7 +84,7 @@ def main_command(
 
 
 def actions(text: str) -> list[Action]:
-    """What the driver does, in order. Raises InputError on a bad one."""
+    """The driver's actions, in order. Raises InputError for an invalid one."""
     from truck_bridge.emulator.messages import Driver
 
     known = [field.name for field in fields(Driver)]

@@ -1,9 +1,8 @@
-"""Engine, transmission, brake and retarder controllers around a physics truck: the truck as its bus shows it.
+"""Engine, transmission, brake and retarder controllers around a physics truck, which emulate a truck's bus.
 
-Each controller has its own source address, speaks at the rates and resolutions of J1939-71 and obeys TSC1,
-XBR and proprietary brake demands with time-outs, priorities, driver overrides and fault hysteresis. Time is
-an argument; the same object runs in lock-step in a test and in real time behind `python -m
-truck_bridge.emulator`.
+Each controller has its own source address, sends at the rates and resolutions of J1939-71 and obeys TSC1, XBR
+and proprietary brake demands with time-outs, priorities, driver overrides and fault hysteresis. Time is an
+argument; the same object runs in lock-step in a test and in real time in `python -m truck_bridge.emulator`.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ ROUGH_RPM = 1.0  # unevenness of the engine speed in EEC1
 class EcuEmulator:
     """A truck on a bus. `grade` maps distance along the road, m, to its slope (rise over run).
 
-    Raises InputError where the vehicle file wants to hear a message that no controller here speaks.
+    Raises InputError if the vehicle file expects a message that no controller here sends.
     """
 
     def __init__(
@@ -69,27 +68,27 @@ class EcuEmulator:
 
     @property
     def speed(self) -> float:
-        """m/s."""
+        """Speed, m/s."""
         return float(self._y[0, 1])
 
     @property
     def acceleration(self) -> float:
-        """m/s^2, mean of the last step."""
+        """Mean acceleration of the last step, m/s^2."""
         return float(self._y[0, 0])
 
     @property
     def slope(self) -> float:
-        """Of the road under it, rise over run."""
+        """Road slope at the truck, rise over run."""
         return self._grade(self.distance)
 
     @property
     def fuel_rate(self) -> float:
-        """cm^3/s."""
+        """Fuel rate, cm^3/s."""
         return float(self._y[0, 2]) if self._truck.interface.fuel else self.inside("fuel_rate")
 
     @property
     def command(self) -> tuple[float, float]:
-        """Engine and brake command that reach the truck now, after arbitration with the driver."""
+        """Engine and brake command at the truck, after arbitration with the driver."""
         demands = {axis: self.demand(axis) for axis in self.receivers}
         external = {axis: 0.0 if math.isnan(value) else value for axis, value in demands.items()}
         external["engine"] = max(external["engine"], self.driver.accelerator)
@@ -99,20 +98,22 @@ class EcuEmulator:
         return engine, max(brake, driver_brake)
 
     def demand(self, axis: str) -> float:
-        """What others ask of one controller now; NaN where nobody does."""
+        """The demand of other controllers on this axis; NaN if there is none."""
         receiver = self.receivers.get(axis)
         return math.nan if receiver is None else receiver.demand(self._time or 0.0)
 
     def inside(self, key: str, otherwise: float = math.nan) -> float:
-        """What the physics truck knows of itself, in SI."""
+        """An internal signal of the physics truck, in SI; `otherwise` if it is absent."""
         return float(self._seen[key][0]) if key in self._seen else otherwise
 
     def roughness(self) -> float:
-        """rpm: no engine turns evenly, so that hardly two messages in a row have the same speed."""
+        """Random variation of the engine speed, rpm, so that consecutive messages differ as on a real
+        engine."""
         return float(self._rng.uniform(-ROUGH_RPM, ROUGH_RPM))
 
     def step(self, now: float) -> None:
-        """Receive frames, drive the truck up to `now`, send frames. Call it at least every 10 ms of `now`."""
+        """Receive frames, simulate the truck up to `now`, send frames. Call it at least every 10 ms
+        of `now`."""
         self._hear(now)
         if self._time is None:
             self._start(now)

@@ -1,4 +1,4 @@
-"""What each controller of the emulated truck says, in the units of the bus."""
+"""Content of the messages of each emulated controller, in the units of the bus."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from truck_bridge.vehicles import Vehicle
 
 @dataclass
 class Driver:
-    """What the person in the cab does."""
+    """Present actions of the driver."""
 
     brake_pedal: float = 0.0  # percent
     accelerator: float = 0.0  # percent
@@ -24,7 +24,7 @@ class Driver:
 
 
 class Truck(Protocol):
-    """What the controllers' sensors can see of the truck."""
+    """State of the truck as measured by the controllers' sensors."""
 
     vehicle: Vehicle
     driver: Driver

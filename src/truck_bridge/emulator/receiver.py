@@ -1,4 +1,4 @@
-"""How one controller of the truck takes commands: check, arbitrate, time out, return without a step."""
+"""Receives command messages of one controller: checks, arbitration, time-outs, return without a step."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class _Source:
 
 
 class Receiver:
-    """One controller's side of a command message."""
+    """Receiver of one command message in one controller."""
 
     def __init__(self, message: Transmitted) -> None:
         self._message = message
@@ -37,7 +37,7 @@ class Receiver:
         self.controlling = 0xFF
 
     def hear(self, can_id: int, data: bytes, now: float) -> None:
-        """Take a frame that may be for this controller."""
+        """Process a frame that may be for this controller."""
         axis = self._message.axis
         if (can_id ^ axis.can_id) & 0x03FF_FF00:
             return
@@ -66,7 +66,7 @@ class Receiver:
         return before is None or source.counter != before  # a repeated frame is a stuck sender
 
     def demand(self, now: float) -> float:
-        """What is requested now; NaN when nothing is. A time-out returns to rest at RETURN_PER_S."""
+        """The present demand; NaN if there is none. After a time-out it returns to rest at RETURN_PER_S."""
         live = [
             (source.priority, -source.received, address, source.demand)
             for address, source in self._sources.items()

@@ -1,4 +1,4 @@
-"""The slope under the emulated truck, from one word of the command line."""
+"""The slope of the emulated truck's road, from a command-line argument."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ STEEPEST = 0.5  # rise/run
 
 
 def road(text: str) -> Callable[[float], float]:
-    """Slope (rise/run) over distance (m), from a number or a table; constant beyond the file's ends.
+    """Slope (rise/run) over distance (m), from a number or a table; constant beyond the table's ends.
 
-    Raises InputError where it is neither.
+    Raises InputError for any other text.
     """
     try:
         slope = float(text)
@@ -26,7 +26,7 @@ def road(text: str) -> Callable[[float], float]:
 
 
 def within(what: str, value: float, low: float, high: float) -> None:
-    """Raises InputError for a value outside, NaN included."""
+    """Raises InputError for a value outside the range, NaN included."""
     if not low <= value <= high:
         raise InputError(f"{what} must be a number from {low:g} to {high:g}, not {value:g}")
 

@@ -1,4 +1,4 @@
-"""Who says what on the emulated truck's bus, how often, and signed how: as the vehicle file wants it."""
+"""Senders of the emulated truck's messages: controller, rate and signature as the vehicle file requires."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Sender:
     count: int = 0
 
     def frame(self) -> tuple[int, bytes]:
-        """The next frame, counted and signed where the truck does so."""
+        """The next frame, with counter and checksum if the truck uses them."""
         can_id, data = (
             self.layout.can_id(self.address),
             self.layout.encode(_clipped(self.layout, self.values())),
@@ -41,9 +41,9 @@ class Sender:
 
 
 def voices(truck: Truck) -> Iterator[Sender]:
-    """Every message with its speakers: those the vehicle file hears it from, else who usually says it.
+    """Every message with its senders: those from which the vehicle file expects it, else the usual one.
 
-    Raises InputError where the file wants to hear a message that no emulated controller speaks.
+    Raises InputError if the file expects a message that no emulated controller sends.
     """
     vehicle = truck.vehicle
     received = {(vehicle.codec.by_pgn[one.key >> 8].name, one.key & 0xFF): one for one in vehicle.table.heard}

@@ -1,5 +1,5 @@
-"""Address claim (SAE J1939-81): 250 ms unopposed, and contention by NAME. A loser sends cannot-claim, and
-nothing else. Time is an argument.
+"""Address claim (SAE J1939-81): 250 ms unopposed, and contention by NAME. The loser sends only cannot-claim.
+Time is an argument.
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ def name(identity: int, function: int = 0xFF, industry_group: int = 1, manufactu
 
 
 class AddressClaim:
-    """One claim. `start`, feed every frame to `hear`, send what `due` returns; `claimed` says whether to
-    speak.
-    """
+    """One address claim. Call `start`, pass every frame to `hear`, send what `due` returns; `claimed` says
+    whether frames may be sent."""
 
     def __init__(self, own_name: bytes, address: int) -> None:
         self._name = own_name
@@ -37,7 +36,7 @@ class AddressClaim:
         self.lost = False
 
     def start(self, now: float) -> None:
-        """Announce the address; also after the bus was away."""
+        """Announce the address; also after a bus interruption."""
         self._started, self._held, self.lost, self._pending = now, False, False, [True]
 
     def stop(self) -> None:
@@ -45,14 +44,14 @@ class AddressClaim:
         self._started, self._held, self._pending = None, False, []
 
     def claimed(self, now: float) -> bool:
-        """Unopposed for 250 ms, and not lost since."""
+        """Whether the claim was unopposed for 250 ms, and has not been lost since."""
         if self._started is not None and now - self._started >= UNOPPOSED_S:
             self._held = True
         return self._held and not self.lost
 
     def hear(self, can_id: int, data: bytes, now: float) -> None:
-        """Contention and requests. Within 250 ms of our claim our own NAME is an echo of it; later it is that
-        of a duplicate node, and we yield."""
+        """Process contention and requests. Within 250 ms of our claim, our own NAME is taken as an echo;
+        later it is from a duplicate node, and the address is given up."""
         if self._started is None:
             return
         identifier = Identifier.of(can_id)

@@ -1,8 +1,8 @@
-"""Messages to numbers and back. cantools reads the DBC; invalid stays invalid.
+"""Converts messages to numbers and back; invalid values are flagged. cantools reads the DBC.
 
 J1939-71 table 1 reserves the top of every range: of one byte 0xFE says error, 0xFF not available, 0xFB..0xFD
-nothing that is a number; of two bytes 0xFExx and 0xFFxx. All of them become NaN here with a flag beside, and
-so does any raw value above the range in the DBC.
+nothing that is a number; of two bytes 0xFExx and 0xFFxx. All of them become NaN with a flag, and so does any
+raw value above the range in the DBC.
 """
 
 from __future__ import annotations
@@ -27,9 +27,8 @@ ERROR, NOT_AVAILABLE, OUT_OF_RANGE = "error", "not available", "out of range"
 
 @dataclass(frozen=True)
 class Signal:
-    """Where a number sits: value = offset + scale raw, raw = (word >> start) & mask, the word little
-    endian.
-    """
+    """Position and scaling of a number: value = offset + scale raw, raw = (word >> start) & mask, with the
+    word little endian."""
 
     name: str
     start: int
@@ -45,12 +44,12 @@ class Signal:
         return (1 << self.bits) - 1
 
     def flag(self, raw: int) -> str:
-        """Why a raw value above `last` is not a number."""
+        """The reason why a raw value above `last` is not a number."""
         top = raw >> (self.bits - 8) if self.bits >= 8 else raw | (0xFF << self.bits) & 0xFF
         return {0xFF: NOT_AVAILABLE, 0xFE: ERROR}.get(top, OUT_OF_RANGE)
 
     def value(self, raw: int) -> float:
-        """The number, or NaN where the raw value is none."""
+        """The number, or NaN if the raw value does not stand for one."""
         return self.offset + self.scale * raw if raw <= self.last else math.nan
 
     def raw(self, value: float) -> int:
@@ -65,7 +64,7 @@ class Signal:
 
 
 class Decoded(NamedTuple):
-    """One message: numbers by signal name (NaN where there is none) and why, for those that are NaN."""
+    """One decoded message: numbers by signal name (NaN if invalid), and the reasons for NaN."""
 
     name: str
     source: int
@@ -74,7 +73,7 @@ class Decoded(NamedTuple):
 
 
 class Layout:
-    """One message of the DBC, compiled for the bus."""
+    """One message of the DBC, prepared for fast decoding."""
 
     def __init__(self, message: Message) -> None:
         self.name: str = message.name
@@ -85,9 +84,8 @@ class Layout:
         self._fast = [(s.name, s.start, s.mask, s.last, s.scale, s.offset, s) for s in self.signals.values()]
 
     def decode(self, data: bytes, source: int = 0) -> Decoded:
-        """Eight bytes to numbers. A short frame is filled with 0xFF: its missing signals are not
-        available.
-        """
+        """Decode eight bytes. A short frame is filled with 0xFF, which makes the missing signals not
+        available."""
         if len(data) < 8:
             data = bytes(data) + b"\xff" * (8 - len(data))
         word = int.from_bytes(data, "little")
@@ -102,7 +100,8 @@ class Layout:
         return Decoded(self.name, source, values, flags)
 
     def encode(self, values: Mapping[str, float]) -> bytes:
-        """Numbers to eight bytes; what is not named is not available. Raises ValueError out of range."""
+        """Encode numbers to eight bytes; unnamed signals are not available. Raises ValueError for values out
+        of range."""
         word = (1 << 64) - 1
         for name, value in values.items():
             signal = self.signals[name]
@@ -158,7 +157,7 @@ def _signal(signal: cantools.database.can.Signal) -> Signal:
 def load(*extra: Path) -> Codec:
     """The codec of our own DBC, with messages of the user's DBC files added or replaced.
 
-    Raises InputError when a file is missing or is not a DBC.
+    Raises InputError if a file is missing or is not a DBC.
     """
     texts = [(resources.files(__package__).joinpath("j1939.dbc").read_text(), "j1939.dbc")]
     for path in extra:

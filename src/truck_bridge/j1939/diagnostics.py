@@ -1,7 +1,7 @@
-"""What controllers say of their own faults (DM1, J1939-73) and of the truck's number (VIN, J1939-71).
+"""Fault reports of controllers (DM1, J1939-73) and the vehicle identification number (VIN, J1939-71).
 
-DM1 comes once a second: two bytes of lamps, then four bytes a code; two codes make it a message of several
-frames (see `transport`). A code in one of the three old layouts is marked as such, but not in which.
+DM1 is sent once a second: two bytes of lamps, then four bytes per code; two or more codes need several frames
+(see `transport`). A code in one of the three old layouts is marked as old, but its layout is not known.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ _NUMBER = re.compile(rb"[0-9A-Z]{1,200}")
 
 
 class Code(NamedTuple):
-    """One code: what is at fault (SPN) and how (FMI). `others` are what SPN may be in an old layout."""
+    """One code: the faulty part (SPN) and the kind of fault (FMI). `others` are the SPNs that it has in the
+    old layouts."""
 
     spn: int
     fmi: int
@@ -48,7 +49,8 @@ class Code(NamedTuple):
 
 @dataclass(frozen=True)
 class Report:
-    """One DM1. `lamps` holds those that say on or off; `counts` how often each code has come, -1 unknown."""
+    """One DM1. `lamps` holds those reported on or off; `counts` the occurrences of each code, -1 if
+    unknown."""
 
     lamps: dict[str, bool]
     counts: dict[Code, int]
@@ -66,7 +68,7 @@ def single(can_id: int, data: bytes) -> Message | None:
 
 
 def report(data: bytes) -> Report | None:
-    """A DM1's content; None where the bytes are not lamps and whole codes. Padding counts as none."""
+    """A DM1's content; None if the bytes are not lamps and complete codes. Padding is ignored."""
     codes, rest = divmod(len(data) - 2, 4)
     padded = len(data) <= WHOLE or all(byte == 0xFF for byte in data[len(data) - rest :])
     if codes < 1 or not padded:
@@ -96,7 +98,7 @@ def _count(four: bytes) -> int:
 
 
 def vehicle_number(data: bytes) -> str | None:
-    """The VIN up to its '*', or 17 characters without one; None where the bytes are no number."""
+    """The VIN up to its '*', or 17 characters without one; None if the bytes are no VIN."""
     number, star, _ = data.partition(b"*")
     number = number.strip(b" \0\xff")
     if not _NUMBER.fullmatch(number) or not (star or len(number) == 17):

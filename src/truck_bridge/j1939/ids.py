@@ -16,7 +16,7 @@ PDU2 = 0xF0  # from this PDU format on, the low byte extends the group and the f
 
 @dataclass(frozen=True)
 class Identifier:
-    """One identifier taken apart. `pgn` has a zero low byte where the frame has a destination (PDU1)."""
+    """The parts of an identifier. The low byte of `pgn` is zero if the frame has a destination (PDU1)."""
 
     priority: int
     pgn: int
@@ -25,7 +25,7 @@ class Identifier:
 
     @classmethod
     def of(cls, can_id: int) -> Identifier:
-        """Take a 29-bit identifier apart."""
+        """The parts of a 29-bit identifier."""
         return cls((can_id >> 26) & 7, pgn_of(can_id), destination_of(can_id), can_id & 0xFF)
 
     @property
@@ -36,7 +36,7 @@ class Identifier:
 
 
 def pgn_of(can_id: int) -> int:
-    """Parameter group number, with the destination left out."""
+    """Parameter group number, without the destination."""
     pgn = (can_id >> 8) & 0x3FFFF
     return pgn & 0x3FF00 if (pgn >> 8) & 0xFF < PDU2 else pgn
 

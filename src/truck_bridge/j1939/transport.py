@@ -1,8 +1,8 @@
-"""Messages of more than eight bytes (J1939-21, 5.10), put together from a log or a bus: broadcasts (BAM) and
-transfers between two nodes (RTS/CTS). Nothing is ever sent. Time is an argument.
+"""Messages of more than eight bytes (J1939-21, 5.10), reassembled from a log or a bus: broadcasts (BAM) and
+transfers between two nodes (RTS/CTS). It sends nothing. Time is an argument.
 
-A sender announces a message and numbers its packets of seven bytes. The receiver of a transfer asks for
-packets by CTS, also for some of them again; those of a broadcast come in order or not at all.
+A sender announces a message and numbers its packets of seven bytes. The receiver of a transfer requests
+packets by CTS, and may request some again; the packets of a broadcast must arrive in order.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ENGINE_CONFIGURATION = 0xFEE3  # EC1; bytes 20-21 are SPN 544, the engine refere
 
 
 class Message(NamedTuple):
-    """One message that was sent whole; `destination` is ids.GLOBAL for a broadcast."""
+    """One complete message; `destination` is ids.GLOBAL for a broadcast."""
 
     pgn: int
     source: int
@@ -30,7 +30,7 @@ class Message(NamedTuple):
 
 
 class Broken(NamedTuple):
-    """A message that was announced and did not become whole."""
+    """A message that was announced but not completed."""
 
     pgn: int
     source: int
@@ -55,14 +55,14 @@ class _Session:
 
 
 class Transport:
-    """Feed every frame to `hear`. `broken` counts what did not become whole; `finish` ends a log."""
+    """Pass every frame to `hear`. `broken` counts incomplete messages; `finish` ends a log."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], _Session] = {}  # by source and destination
         self.broken: Counter[Broken] = Counter()
 
     def hear(self, can_id: int, data: bytes, now: float) -> Message | None:
-        """Take one frame; the message that it completes, if any."""
+        """Process one frame; returns the message that it completes, if any."""
         pgn = ids.pgn_of(can_id)
         if pgn not in (ids.TRANSPORT_CONTROL, ids.TRANSPORT_DATA) or len(data) != 8:
             return None
@@ -73,7 +73,7 @@ class Transport:
         return None
 
     def finish(self) -> Counter[Broken]:
-        """The log ends: what is under way is cut off. Returns all that did not become whole."""
+        """End the log; returns all incomplete messages, those under way included."""
         for key in list(self._open):
             self._break(key, "cut off")
         return self.broken
@@ -156,7 +156,7 @@ class Transport:
 
 
 def reference_torque(pgn: int, data: bytes) -> float | None:
-    """Engine reference torque, N m, where the message is an engine configuration that says it."""
+    """Engine reference torque, N m, if the message is an engine configuration that contains it."""
     if pgn != ENGINE_CONFIGURATION or len(data) < 21:
         return None
     raw = int.from_bytes(data[19:21], "little")

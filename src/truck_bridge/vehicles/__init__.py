@@ -1,4 +1,6 @@
-"""Vehicles as YAML: what a truck speaks and obeys, checked on loading and turned into the core's tables."""
+"""Vehicles as YAML: the messages a truck sends and obeys, checked on loading and converted to the core's
+tables.
+"""
 
 from truck_bridge.vehicles.loading import NAMES, load
 from truck_bridge.vehicles.vehicle import Transmitted, Vehicle

@@ -1,4 +1,4 @@
-"""A vehicle file, checked and turned into a Vehicle with the safety core's tables."""
+"""Loads a vehicle file, checks it, and converts it to a Vehicle with the safety core's tables."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ NAMES = ("trucksim", "freightliner", "volvo")
 
 
 def load(name: str | Path) -> Vehicle:
-    """A vehicle of the package by name, or a YAML file of the user's own.
+    """A vehicle of the package by name, or a YAML file of the user.
 
-    Raises InputError naming the file, the key and what is wrong with it.
+    Raises InputError naming the file, the key and the error.
     """
     text, where = _text(str(name))
     try:

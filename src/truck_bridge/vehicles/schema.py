@@ -1,4 +1,4 @@
-"""What a vehicle file may hold; anything else is one clear line."""
+"""Schema of vehicle files; a violation gives one clear line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Optional:
 
 
 class OneOf:
-    """A value out of a list."""
+    """A value from a list."""
 
     def __init__(self, *values: Any) -> None:
         self.values = values
@@ -35,7 +35,7 @@ class Whole(Number):
 
 
 class MapOf:
-    """Any keys, one kind of value."""
+    """Any keys, with values of one kind."""
 
     def __init__(self, spec: Any) -> None:
         self.spec = spec
@@ -127,9 +127,9 @@ _PLAIN = {str: "string", bool: "boolean"}
 
 
 def for_editors() -> dict[str, Any]:
-    """The same as a JSON Schema, by which editors check and complete a vehicle file while it is written.
+    """The schema as a JSON Schema, by which editors check and complete a vehicle file while it is written.
 
-    What needs more than one place of a file, such as an address that nobody has, `load` alone says.
+    Errors that involve several entries, such as an address that no controller has, are found only by `load`.
     """
     return {"$schema": "http://json-schema.org/draft-07/schema#", "title": "vehicle file", **_schema(VEHICLE)}
 
@@ -155,7 +155,7 @@ def _schema(spec: Any) -> dict[str, Any]:
 
 
 def check(value: Any, spec: Any, where: str) -> None:
-    """Raise InputError, naming the place, where a value does not fit its spec."""
+    """Raise InputError, naming the place, if a value does not satisfy its spec."""
     if isinstance(spec, dict):
         _check_mapping(value, spec, where)
     elif isinstance(spec, MapOf):

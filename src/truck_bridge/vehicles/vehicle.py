@@ -1,4 +1,4 @@
-"""One truck as the bridge and the ECU emulator know it: what it speaks and obeys, and the core's tables."""
+"""One truck as used by bridge and ECU emulator: the messages it sends and obeys, and the core's tables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from truck_bridge.safety import Axis, Table
 
 @dataclass(frozen=True)
 class Transmitted:
-    """One command message: how its frame is built, and when it goes out."""
+    """One command message: the format of its frame, and its timing."""
 
     axis: Axis
     layout: Layout
@@ -25,7 +25,7 @@ class Transmitted:
     phase_s: float
 
     def frame(self, demand: float, count: int) -> bytes:
-        """Eight bytes for a demand, or the frame that hands back for NaN."""
+        """Eight bytes for a demand; for NaN, the frame that hands control back."""
         if math.isnan(demand):
             data = self.layout.encode(self.release)
         else:
@@ -42,7 +42,7 @@ class Blocking:
     listen_s: float = 0.0  # how long a bus must have been listened to before silence means that there is none
 
     def holds(self, what: Code | str) -> bool:
-        """Whether a lamp or a code, in any of its readings, is one of them."""
+        """Whether a lamp or a code, in any of its readings, forbids control."""
         if isinstance(what, str):
             return what in self.lamps
         return any(spn in what.readings and fmi in (None, what.fmi) for spn, fmi in self.codes)
@@ -50,7 +50,7 @@ class Blocking:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """One truck as the bridge and the ECU emulator know it."""
+    """One truck as used by bridge and ECU emulator."""
 
     name: str
     truck: str  # what the emulator drives, for deeptruck_model.simulators.load
@@ -70,9 +70,8 @@ class Vehicle:
     def demands(self, engine: float, brake: float) -> dict[str, float]:
         """Demands by axis from the truck interface's engine and brake command.
 
-        An engine command below zero goes to the retarder where there is one. Inside the sane envelope a
-        demand saturates at what the actuator has; a command outside it, or NaN, becomes NaN, which the core
-        refuses.
+        A negative engine command goes to the retarder if there is one. Inside the permitted envelope a demand
+        is limited to the actuator's range; a command outside it, or NaN, becomes NaN, which the core refuses.
         """
         found = {"engine": engine * self._percent, "brake": self._brake_sign * brake}
         if "retarder" in self.transmitted:
@@ -90,11 +89,12 @@ class Vehicle:
         return engine / self._percent, self._brake_sign * demands["brake"]
 
     def driver_demands(self, signals: Mapping[str, float]) -> dict[str, float]:
-        """The driver's demands as engine and brake command, for recordings of what drove the truck.
+        """The driver's demands as engine and brake command, for recordings of the commands that drove the
+        truck.
 
-        Of the engine the demanded torque, or the accelerator pedal where no torque is sent and commands are
-        in percent; of the brake the pedal. A pressed brake pedal is NaN where brake commands are not in
-        percent: what deceleration or pressure it stands for is not on the bus.
+        The engine command is the demanded torque, or the accelerator pedal if no torque is sent and commands
+        are in percent; the brake command is the pedal. A pressed brake pedal gives NaN if brake commands are
+        not in percent, because the corresponding deceleration or pressure is not on the bus.
         """
         found: dict[str, float] = {}
         unit = self.interface["engine_unit"]
