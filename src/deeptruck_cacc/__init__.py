@@ -34,7 +34,7 @@ if "gymnasium" in sys.modules:  # which is not loaded for it: the console script
 
 
 def __getattr__(name: str) -> Any:
-    """A public name on its first use, so that the console script answers at once."""
+    """Load a public name on first use, so that the console script starts fast."""
     if name not in _HOMES:
         raise AttributeError(f"module 'deeptruck_cacc' has no attribute '{name}'")
     return getattr(import_module(f"deeptruck_cacc.{_HOMES[name]}"), name)

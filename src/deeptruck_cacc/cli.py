@@ -254,7 +254,7 @@ def _config(
     memory: bool | None,
     printed_reward: bool,
 ) -> Config:
-    """The settings of a run; what was not given is the trainer's default."""
+    """The settings of a run; missing ones are the trainer's defaults."""
     from deeptruck_cacc.training.settings import AnalyticConfig, TrpoConfig
 
     kind: type[Config] = TrpoConfig if trainer is Trainer.trpo else AnalyticConfig

@@ -40,7 +40,7 @@ _name = lazy.names(
 
 
 def __getattr__(name: str) -> Any:
-    """A name of the face; and `__version__`, as looking it up takes longer than `--help` may."""
+    """A public name; `__version__` is looked up only on use, because that takes longer than `--help` may."""
     if name == "__version__":
         from importlib.metadata import version
 

@@ -103,7 +103,7 @@ class Account:
 
 
 def _grouped(remarks: list[str]) -> Iterator[str]:
-    """Remarks that differ in their numbers only as one line: the first, and how many more there are."""
+    """Merges remarks that differ only in their numbers into one line: the first, and the number of others."""
     kinds: dict[str, list[str]] = {}
     for remark in remarks:
         kinds.setdefault(re.sub(r"\d+(\.\d+)?", "0", remark), []).append(remark)

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def _no_folder_as(library: str) -> Iterator[None]:
-    """Within the block a library is absent if only a folder of its name is found."""
+    """Within the block, a library of which only a folder of that name is found counts as absent."""
     found = importlib.util.find_spec(library)
     if found is None or found.origin is not None:
         yield

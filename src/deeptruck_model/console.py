@@ -75,7 +75,7 @@ def moved(app: typer.Typer, name: str, to: str) -> None:
 
 
 def _code(app: typer.Typer, program: str, words: Sequence[str]) -> int:
-    """The exit code of a command line, of which bad input is printed."""
+    """The exit code of a command line; bad input is printed."""
     try:
         _nothing_empty(words)
         # as a function, typer lets its errors out instead of drawing them over five lines
@@ -110,7 +110,8 @@ def _interrupted(app: typer.Typer, words: Sequence[str]) -> str:
 
 @cache
 def _command(app: typer.Typer) -> Callable[..., object]:
-    """What parses for `app`, made once a process: reading the signatures of all commands takes long."""
+    """The parser of `app`, created once per process because reading the signatures of all commands is
+    slow."""
     app.rich_markup_mode = None  # help as plain text: the library that draws boxes takes longer than the help
     command = get_command(app)
     for one in (command, *getattr(command, "commands", {}).values()):
@@ -120,7 +121,8 @@ def _command(app: typer.Typer) -> Callable[..., object]:
 
 
 def _in_capitals(parameter: Any) -> None:
-    """What help shows for the value of an option: its choices, N for a count, X for a number, or a name."""
+    """The placeholder for an option's value in the help: its choices, N for a count, X for a number, or a
+    name."""
     annotation = getattr(getattr(parameter, "type_descriptor", None), "annotation", None)
     kinds = {annotation, *get_args(annotation)}
     choices = any(get_origin(k) is Literal or (isinstance(k, type) and issubclass(k, Enum)) for k in kinds)
@@ -131,8 +133,8 @@ def _in_capitals(parameter: Any) -> None:
 
 
 def _nothing_empty(words: Sequence[str]) -> None:
-    """Raises InputError for an option without its value, as of a shell variable that is not set: a path so
-    empty is where the program stands."""
+    """Raises InputError for an option with an empty value, such as an unset shell variable: an empty path
+    would be the working directory."""
     for option, value in pairwise((*words, "-")):
         name, given, inside = option.partition("=")
         if name.startswith("--") and name != "--" and (not value or (given and not inside)):

@@ -67,7 +67,8 @@ class CsvText:
         return data.decode(encoding).lstrip("\ufeff").encode()
 
     def _records(self, start: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-        """Records from a byte on that are not blank lines, each with its first line there, from 0."""
+        """Records from a byte position on that are not blank, each with the number of its first line from
+        there, from 0."""
         text = io.TextIOWrapper(io.BytesIO(memoryview(self.data)[start:]), "utf-8", newline="")
         records = text_csv.reader(text, delimiter=delimiter)
         line = 0
@@ -81,7 +82,7 @@ class CsvText:
         return "," if counts[","] > 1 else max(counts, key=lambda mark: counts[mark])
 
     def _header(self, delimiter: str) -> tuple[list[str], int, int]:
-        """Names, the number of lines up to them and theirs, and the byte behind them."""
+        """Names, the number of lines before and in the header, and the byte position after it."""
         start = 0
         for _ in range(self.skip_rows):
             start = self.data.find(b"\n", start) + 1 or len(self.data)
@@ -138,9 +139,10 @@ class CsvText:
         return table, names, numbers, place
 
     def _without_unclosed(self) -> bytes:
-        """What is below the header, with a blank line for one in which a quotation mark is left open.
+        """The text below the header, with each line that has an unclosed quotation mark replaced by a blank
+        one.
 
-        It would take all rows up to the next one for a single cell.
+        Otherwise all rows up to the next quotation mark would become one cell.
         """
         body = self.data[self.start :]
         lines = body.splitlines(keepends=True) if b'"' in body else []
@@ -158,7 +160,7 @@ class CsvText:
     def _in_one_line(
         self, table: pa.Table, numbers: NDArray[np.int64], place: Callable[[int], str]
     ) -> tuple[pa.Table, NDArray[np.int64]]:
-        """The rows none of whose cells goes on in the next line."""
+        """The rows in which no cell continues on the next line."""
         breaks = np.zeros(len(numbers), dtype=np.int64)
         for column in table.columns:
             breaks += pc.count_substring_regex(pc.fill_null(column, ""), r"\r\n|\n|\r").to_numpy()
@@ -170,7 +172,7 @@ class CsvText:
         return table.filter(pa.array(breaks == 0)), numbers[breaks == 0]
 
     def _names(self) -> list[str]:
-        """The header with as many cells as most rows have, where what one of them has more is blank."""
+        """The header with as many cells as most rows have; additional cells are blank."""
         lengths = [len(cells) for _, cells in islice(self._records(self.start, self.delimiter), SAMPLED)]
         usual = max(set(lengths), key=lengths.count) if lengths else len(self.header)
         least = _filled(self.header)
@@ -184,7 +186,7 @@ class CsvText:
     def _sort_out(
         self, odd: list[csv.InvalidRow], names: list[str], place: Callable[[int], str]
     ) -> tuple[list[list[str | None]], list[int]]:
-        """Of the rows with another number of cells those that differ in blank cells at the end only."""
+        """Among rows with a wrong number of cells, those that differ only in blank cells at the end."""
         kept: list[list[str | None]] = []
         numbers = []
         for row in odd:
@@ -205,7 +207,7 @@ class CsvText:
         return kept, numbers
 
     def _refuse(self, odd: csv.InvalidRow, cure: str) -> None:
-        """Raises InputError for a table most of whose rows do not fit its header."""
+        """Raises InputError for a table in which most rows do not fit the header."""
         count, read = _filled(self.header), self.account.total.read
         left = self.account.total.left_out
         few = "none" if left == read else f"only {read - left}"
@@ -221,9 +223,9 @@ class CsvText:
         )
 
     def _places(self, body: bytes) -> Callable[[int], str]:
-        """A function that gives the line in the file of the k-th row below the header, as 'line N'.
+        """A function that returns the line in the file of the k-th row below the header, as 'line N'.
 
-        Rows are lines unless lines are blank or quoted cells may span them; then the records are read.
+        Rows are lines, unless lines are blank or quoted cells may span lines; then the records are read.
         """
         first = self.lines + 1
         uneven = (b'"', b"\n\n", b"\n\r", b"\r\r")
@@ -245,5 +247,5 @@ def single_blanks(data: bytes) -> bytes:
 
 
 def _filled(cells: list[str]) -> int:
-    """The number of cells up to the last that is not blank."""
+    """The number of cells up to the last one that is not blank."""
     return max((k + 1 for k, cell in enumerate(cells) if cell.strip()), default=0)

@@ -55,7 +55,7 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
 
 
 def _lines_before(path: Path, *names: str) -> int:
-    """Lines before the header with these names, 0 where none has them."""
+    """Number of lines before the header with these names, 0 if there is none."""
     if path.suffix.lower() in PARQUET:
         return 0
     for lines in range(MOST_BEFORE):

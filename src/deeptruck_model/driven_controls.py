@@ -97,7 +97,8 @@ def _taken(
     before: float,
     says: list[str],
 ) -> tuple[Specification, float]:
-    """The truck with what is found where its free runs are then less off, and their error; adds a line."""
+    """The truck with the found property, if that reduces the error of its free runs, and their error; adds a
+    line."""
     found = find(truck, recordings)
     after = None if found is None else _error(PhysicsTruck(found), recordings)
     if found is None or after is None:
@@ -111,8 +112,8 @@ def _taken(
 
 
 def _with_singles(truck: Specification, recordings: Sequence[Recording], says: list[str]) -> Specification:
-    """The truck with single parameters by which its free runs in the recorded gear are less off by GAIN or
-    more; adds a line for each."""
+    """The truck with those single parameters that reduce the error of free runs in the recorded gear by at
+    least GAIN; adds a line for each."""
     by_deceleration = truck.interface.brake_unit == "m/s^2"
     for one in (OF_BRAKES_ALONE, *SINGLES[1:]) if by_deceleration else SINGLES:
 
@@ -140,13 +141,13 @@ def _with_singles(truck: Specification, recordings: Sequence[Recording], says: l
 
 
 def _sooner(r: Recording, late_s: float) -> Recording:
-    """The recording with its gear so much sooner: a truck that follows it begins a change there."""
+    """The recording with its gear `late_s` earlier, so that a truck that follows it begins to shift then."""
     gear, k = r.channels["gear"], min(round(late_s / r.dt), len(r) - 1)
     return replace(r, channels={**r.channels, "gear": np.append(gear[k:], np.full(k, gear[-1]))})
 
 
 def _error(truck: PhysicsTruck, recordings: Sequence[Recording]) -> float | None:
-    """Root mean square of the speed error of free runs of RUN_S, end to end, m/s; None without one."""
+    """Root mean square speed error of consecutive free runs of RUN_S, m/s; None without one."""
     total, count = 0.0, 0
     for r in recordings:
         n, names = round(RUN_S / r.dt), (*truck.interface.u, *truck.interface.w)
@@ -165,7 +166,7 @@ def _error(truck: PhysicsTruck, recordings: Sequence[Recording]) -> float | None
 
 
 def _gear(r: Recording) -> Array:
-    """The last gear that was engaged at each sample; NaN before the first."""
+    """The last engaged gear at each sample; NaN before the first."""
     gear = np.round(r.channels["gear"])
     at = np.where(np.isfinite(gear) & (gear >= 1.0), np.arange(len(gear)), -1)
     last = np.maximum.accumulate(at)
@@ -173,7 +174,7 @@ def _gear(r: Recording) -> Array:
 
 
 def _changes(r: Recording) -> Iterator[tuple[int, float, float]]:
-    """The sample before each change of gear, and the gears before and after, both held for HELD_S."""
+    """The sample before each gear change, and the gears before and after, both held for HELD_S."""
     gear, held = _gear(r), max(1, round(HELD_S / r.dt))
     at = np.flatnonzero(np.diff(gear) != 0)
     for k, before, after in zip(at, (0, *at[:-1]), (*at[1:], len(gear) - 1), strict=True):
@@ -210,7 +211,8 @@ def _demand(truck: Specification, r: Recording) -> Array:
 
 
 def _with_shift_speeds(truck: Specification, recordings: Sequence[Recording]) -> Specification | None:
-    """The truck with the engine speeds of recorded changes, at no and at full demand; None for too few."""
+    """The truck with the engine speeds of recorded gear changes, at zero and at full demand; None for too few
+    changes."""
     seen: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
     for r in recordings:
         turning, demand, back = _turning(truck, r), _demand(truck, r), max(1, round(HELD_S / r.dt))
@@ -235,7 +237,8 @@ def _with_shift_speeds(truck: Specification, recordings: Sequence[Recording]) ->
 
 
 def _with_pedal(truck: Specification, recordings: Sequence[Recording]) -> Specification | None:
-    """The truck with a pedal; None where the command is no percentage, or too little of it was driven."""
+    """The truck with a pedal curve; None if the command is not a percentage, or if the data do not
+    suffice."""
     if truck.interface.engine_unit != "percent" or truck.pedal is not None:
         return None
     steady = [_steady(truck, r) for r in recordings]
@@ -254,7 +257,8 @@ def _with_pedal(truck: Specification, recordings: Sequence[Recording]) -> Specif
 
 
 def _steady(truck: Specification, r: Recording) -> tuple[Array, Array, Array]:
-    """Pedal (%), combustion torque and the most there is (N m) where pedal and gear are held, unbraked."""
+    """Pedal (%), combustion torque and its maximum (N m) where pedal and gear are constant and no
+    brake acts."""
     v, n = truck.values, len(r)
     speed, pedal, gear = r.channels["speed"], r.channels["engine_command"], _gear(r)
     brake = np.nan_to_num(r.channels.get("brake_command", np.zeros(n)))
@@ -285,7 +289,7 @@ def _steady(truck: Specification, r: Recording) -> tuple[Array, Array, Array]:
 
 
 def _held(values: Array, most: float, steps: int) -> Mask:
-    """Whether values moved by at most `most` in the steps before each."""
+    """Whether values changed by at most `most` in the `steps` before each sample."""
     out = np.zeros(len(values), dtype=bool)
     if len(values) > steps:
         before = np.lib.stride_tricks.sliding_window_view(values, steps + 1)

@@ -125,7 +125,7 @@ def _soft_limit(a: Any, v_start: float, v_min: float, v_max: float, dt: float, v
 
 
 def _moving_average(x: Array, window: int) -> Array:
-    """Causal mean of the last `window` samples; of those there are at the start."""
+    """Causal mean of the last `window` samples, or of those available at the start."""
     total = np.concatenate([[0.0], np.cumsum(x)])
     first = np.maximum(np.arange(1, len(x) + 1) - window, 0)
     stop = np.arange(1, len(x) + 1)
@@ -191,7 +191,7 @@ def _episodes(n: int, dt: float, settings: CycleSettings, rng: np.random.Generat
 
 
 def _phases(n: int, dt: float, share: float, rng: np.random.Generator) -> Array:
-    """0 or 1 a sample, in phases of three minutes."""
+    """0 or 1 for each sample, in phases of three minutes."""
     blocks = rng.random(int(n * dt / 180.0) + 1) < share
     return np.repeat(blocks.astype(float), ceil(180.0 / dt))[:n]
 
@@ -257,7 +257,7 @@ def drive(
 
 
 def _recording(truck: PhysicsTruck, log: Array, name: str, seed: int) -> Recording:
-    """What was logged, as the truck's interface shows it."""
+    """The logged signals that the truck's interface has, as a recording."""
     channels = {c: np.ascontiguousarray(log[:, i]) for i, c in enumerate(LOGGED)}
     channels["elevation"] -= channels["elevation"].min()  # the walk of a long drive leaves the earth's range
     if not truck.interface.grade:

@@ -33,7 +33,8 @@ class Interrupt:
         self._ending = Lock()
 
     def __call__(self, _number: int, frame: FrameType | None) -> None:
-        """The signal's handler: raises KeyboardInterrupt, and ends the process where that does not."""
+        """Signal handler: raises KeyboardInterrupt, or ends the process where an exception must not be
+        raised."""
         if self.asked:  # once more, while the first one's cleaning is under way
             return
         self.asked = True
@@ -107,7 +108,7 @@ def may_raise(frame: FrameType | None) -> bool:
 
 
 def _descendants() -> list[int]:
-    """The processes that this one has started, and those that they have."""
+    """Processes started by this one, and theirs."""
     parent = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):

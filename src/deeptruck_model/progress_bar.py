@@ -103,7 +103,8 @@ def board(folder: Path, start: int) -> SummaryWriter:
 
 
 def _quiet_thread() -> None:
-    """Let the writer's thread print no traceback of what is raised here too; other errors are as before."""
+    """Keep the writer's thread from printing a traceback of an error that is also raised here; other errors
+    are printed as before."""
     before = threading.excepthook
     if getattr(before, "__module__", "") == __name__:
         return

@@ -117,7 +117,7 @@ def number(value: Any, name: str, source: Path | str, low: float, high: float) -
 
 
 def _nodes(value: Any, left: int, depth: int = 0) -> int:
-    """`left` less the values in `value`; 0 where they are more, or lie too deep."""
+    """`left` minus the number of values in `value`; 0 if there are more, or if they are nested too deeply."""
     left -= 1
     if depth > 100:
         return 0

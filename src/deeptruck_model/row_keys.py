@@ -140,7 +140,7 @@ def widened(table: TextTable, name: str, value: str, time: Sequence[str]) -> Tex
 
 
 def _again(row: NDArray[np.int64], of: NDArray[np.int64], names: int) -> NDArray[np.bool_]:
-    """Which rows have a name that their stamp had before."""
+    """Rows whose name has already occurred with the same stamp."""
     pair = row * names + of
     order = np.argsort(pair, kind="stable")
     repeated = np.zeros(len(pair), dtype=bool)

@@ -63,8 +63,8 @@ def _ends(job: object, why: str) -> Any:
 def _in_processes(
     work: Callable[[Job], Result], jobs: Sequence[Job], workers: int, lost: Callable[[Job, str], Result]
 ) -> Iterator[Result]:
-    """With one process the pool loses all. Those that ran then are tried one at a time, so that what kills
-    its process is known; the others go on after them."""
+    """Run jobs in a process pool. If one process dies, the pool loses all; the jobs that were running are
+    then tried one at a time, to find the one that kills its process, before the others continue."""
     left = dict(enumerate(jobs))
     while left:
         ran = yield from _until_one_is_killed(work, left, workers)
@@ -81,7 +81,8 @@ def _in_processes(
 def _until_one_is_killed(
     work: Callable[[Job], Result], left: dict[int, Job], workers: int
 ) -> Generator[Result, None, list[int]]:
-    """Results of jobs, which are removed from `left`; returns those that ran when a process was killed."""
+    """Results of jobs, which are removed from `left`; returns the jobs that were running when a process was
+    killed."""
     waiting = deque(left)
     running: dict[Future[Result], int] = {}
     pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=end_with_parent)
@@ -167,7 +168,7 @@ def cluster(workers: int, address: str | None = None) -> Iterator[Any]:
 
 
 def _reach(address: str) -> None:
-    """Raises InputError where nobody answers at an address; Ray itself would go on trying for ever."""
+    """Raises InputError if nothing answers at an address; Ray itself would retry for ever."""
     host, colon, port = address.rpartition("://")[2].rstrip("/").rpartition(":")
     if not colon:  # 'auto' and the like: no address
         return
@@ -224,7 +225,7 @@ def _fits(value: Any, hint: Any) -> bool:
 
 
 def _allowed(hint: Any) -> str:
-    """What a setting may be, in words."""
+    """The permitted values of a setting, in words."""
     if get_args(hint):
         return f"it is one of {', '.join(map(str, filter(None, get_args(hint))))}"
     words = {int: "a whole number", float: "a number", bool: "true or false"}

@@ -87,7 +87,7 @@ class TextTable:
         raise InputError(f"{self.path} has no column '{name}'; there is: {there}{more}{self._header(name)}")
 
     def _header(self, name: str) -> str:
-        """What to mend where the name stands in a row below that which was taken for the header."""
+        """Advice if the name occurs in a row below the one that was taken for the header."""
         for row in range(min(len(self), 2 * SAMPLED)):
             if any(str(column[row]).strip() == name for column in self.columns.values()):
                 return f"; '{name}' stands in {self.at(row)}: skip the lines before it by 'skip_rows'"
@@ -132,7 +132,7 @@ class TextTable:
         return unit if count > 0.9 * len(filled) else ""
 
     def _beside_numbers(self, cells: pa.ChunkedArray) -> tuple[Array, Mask]:
-        """Numbers whose unit stands behind them, and words of switches as 1 and 0."""
+        """Numbers followed by their unit, and words of switches as 1 and 0."""
         words = pc.utf8_lower(cells)
         states = pa.array([*STATES]), pa.array([*STATES.values()])
         index = pc.index_in(words, states[0])
@@ -175,7 +175,7 @@ class TextTable:
         return values
 
     def _by_other_mark(self, name: str, unreadable: Mask) -> str:
-        """What to mend where most of the unreadable cells are numbers by the other decimal mark."""
+        """Advice if most unreadable cells are numbers with the other decimal mark."""
         other = "," if self.decimal == "." else "."
         cells = self.cells(name).filter(pa.array(unreadable))
         if 2 * np.isfinite(floats(cells, other)[0]).sum() <= len(cells):
@@ -304,9 +304,9 @@ def floats(cells: pa.ChunkedArray, decimal: str) -> tuple[Array, Mask]:
 
 
 def _without_thousands(cells: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Cells with a decimal comma, whose points can only mark thousands: 1.580 and 1.580,0 are 1580.
+    """Cells with a decimal comma, in which points can only separate thousands: 1.580 and 1.580,0 are 1580.
 
-    A column that has points in other places and no comma has the decimal point, whatever the others have.
+    A column that has points in other positions and no comma has a decimal point, whatever the others have.
     """
     points = pc.match_substring(cells, ".")
     if not pc.any(points).as_py():
@@ -331,7 +331,7 @@ def _parquet_row(row: int) -> str:
 
 
 def _plain_type(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Text as one type, whatever a Parquet file calls it."""
+    """Text as one type, for all text types of Parquet."""
     kind = column.type
     if pa.types.is_dictionary(kind):
         column = column.cast(kind.value_type)
@@ -351,7 +351,7 @@ def _blank(table: TextTable) -> Mask:
 
 
 def _repeats_header(table: TextTable) -> Mask:
-    """Which rows (n,) have the header's names in every cell of text."""
+    """Which rows (n,) repeat the header's names in every text cell."""
     same: Mask = np.ones(len(table), dtype=bool)
     for name, column in table.columns.items():
         if not pa.types.is_string(column.type):
@@ -363,7 +363,7 @@ def _repeats_header(table: TextTable) -> Mask:
 
 
 def _sums_up(table: TextTable) -> Mask:
-    """Which rows (n,) at the end have a label such as 'Total', in a column without words above it."""
+    """Which rows (n,) at the end have a label such as 'Total', in a column without text above it."""
     count = len(table)
     below = np.zeros(count, dtype=bool)
     for name, column in table.columns.items():

@@ -32,7 +32,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """A public name on its first use; the safety core needs none of them, and no library."""
+    """Load a public name on first use; the safety core needs none of them, and no library."""
     if name not in _HOMES:
         raise AttributeError(f"module 'truck_bridge' has no attribute '{name}'")
     module, attribute = _HOMES[name]

@@ -209,7 +209,8 @@ class Bridge:
         self.disarm(time.monotonic())
 
     def _rewind(self, back: float) -> None:
-        """The clock went back: move the pending times back too, and forget all received signals."""
+        """Correct for a clock that went back: shift the pending times back too, and forget all received
+        signals."""
         self._due = {axis: due - back for axis, due in self._due.items()}
         self._connection.rewind(back)
         self._signals, self._faults = ReceivedSignals(self.vehicle), FaultWatch(self.vehicle)
@@ -225,7 +226,7 @@ class Bridge:
             self.safety.link(False)
 
     def _keep_link(self, now: float) -> None:
-        """A bus that comes back claims the address anew and re-engages nothing."""
+        """Retry a lost bus; after its return the address is claimed again and control stays off."""
         if self.safety.state is State.SILENT:
             return
         for can_id, data in self._connection.claims(now):

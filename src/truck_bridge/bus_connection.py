@@ -126,6 +126,6 @@ class BusConnection:
         return True
 
     def _drop(self, now: float) -> None:
-        """Nothing is received or sent until the next try."""
+        """Neither receive nor send until the next attempt."""
         self._claim.stop()
         self._retry_at = now + RETRY_S

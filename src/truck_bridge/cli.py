@@ -168,7 +168,7 @@ def _truck(name: str) -> Vehicle:
 
 
 def _show(account: Account) -> None:
-    """The account of a log, where there is more to say than the number of its frames."""
+    """Print the account of a log, if it contains more than the number of its frames."""
     if account.total.aside or account.remarks or len(account.sources) > 1:
         print("\n".join(account.lines()), file=sys.stderr)
 

@@ -62,5 +62,5 @@ class FaultWatch:
         return self._transport.finish()
 
     def _named(self, fault: Fault) -> str:
-        """'SPN 110 FMI 16 (engine)'."""
+        """Text such as 'SPN 110 FMI 16 (engine)'."""
         return f"{fault.what} ({self._names.get(fault.source, f'0x{fault.source:02X}')})"

@@ -23,7 +23,7 @@ class Fault(NamedTuple):
 
 @dataclass
 class _Span:
-    """Since when a fault has been active, and when it was said last."""
+    """The time since which a fault has been active, and of its last report."""
 
     since: float
     last: float

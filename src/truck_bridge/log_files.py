@@ -40,7 +40,7 @@ def check(path: Path) -> None:
 
 
 def _unpacked(path: Path) -> Path:
-    """The name without the suffix of gzip."""
+    """The name without the gzip suffix."""
     return path.with_suffix("") if path.suffix.lower() == PACKED else path
 
 

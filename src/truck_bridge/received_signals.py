@@ -68,27 +68,25 @@ class ReceivedSignals:
                 self._differentiate(value, now, period)
 
     def _preference(self, carrier: Carrier) -> int:
-        """First the message from which the core takes the channel."""
+        """Sort key that prefers the message from which the core takes the channel."""
         named = self._named.get(carrier.message, ())
         return min((self._rank(carrier, names) for _, names in named), default=2) > 0
 
     @staticmethod
     def _rank(carrier: Carrier, names: dict[str, str]) -> int:
-        """Of the nodes that send a message: first who sends the signal that the core calls as the channel,
-        then who sends it under another name.
-        """
+        """Rank of the nodes that send a message: first those whose signal the core uses for the channel, then
+        those with the signal under another name."""
         return 2 - (carrier.signal in names) - (names.get(carrier.signal) == carrier.channel)
 
     def _is_idle_talk(self, channel: str, value: float, source: int) -> bool:
-        """Several controllers send the same message, each with its own signals: who has never said a channel
-        validly does not make it invalid.
-        """
+        """Whether an invalid value is irrelevant: several controllers send the same message, each with its
+        own signals, and one that has never sent a channel validly does not make it invalid."""
         if not math.isnan(value):
             return self._speakers.setdefault(channel, source) != source
         return self._speakers.get(channel, source) != source
 
     def _differentiate(self, speed: float, now: float, period: float) -> None:
-        """Acceleration as the mean over one message period, which is the definition behind y."""
+        """Acceleration as the mean over one message period, as y is defined."""
         if self._speeds is not None:
             elapsed = now - self._speeds[1]
             if abs(elapsed - period) < 0.5 * period:

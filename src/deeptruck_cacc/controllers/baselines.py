@@ -107,7 +107,8 @@ class Baseline:
         return engine, brake if self.interface.brake_unit else np.zeros_like(brake)
 
     def _closing_in(self, seen: Seen) -> Array:
-        """The most to accelerate by: towards the speed from which `approach` ends at the wanted gap."""
+        """Upper limit of the acceleration: that towards the speed with which `approach` ends at the desired
+        gap."""
         time_gap = np.maximum(seen.time_gap, LEAST_TIME_GAP_S)
         far = np.maximum(seen.gap - time_gap * seen.leader_speed, 0.0)
         above = np.maximum(approach(far, time_gap, self.approach)[0], CREEP)

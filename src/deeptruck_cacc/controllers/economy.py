@@ -95,8 +95,8 @@ class Economy(SignedPedal):
         return pedal
 
     def _ahead(self, observation: Observation, grade: Array) -> Array:
-        """Grades (batch, n), the first one where the truck is: the profile and, where the truck measures its
-        grade, the profile's error at the truck, dying away."""
+        """Grades (batch, n), beginning at the truck: the profile and, if the truck measures its grade, the
+        profile's error at the truck, which decays with distance."""
         profile = observation.get("grade_ahead")
         if profile is None:
             profile = np.full((len(grade), AHEAD), np.nan)
@@ -107,8 +107,8 @@ class Economy(SignedPedal):
         return np.asarray(profile + (grade - profile[:, 0])[:, None] * lasting)
 
     def _felt(self, seen: Seen, pull: Array) -> _Past:
-        """The past with what was seen since then: the leader's slow speed, and the acceleration beyond the
-        map's, which is `pull` (batch, pedals)."""
+        """The past updated by the present observation: the leader's slow speed, and the difference of the
+        acceleration from the map's, which is `pull` (batch, pedals)."""
         past, speed = self._past, seen.speed
         leader = np.nan_to_num(seen.leader_speed, nan=TYPICAL["leader_speed"])
         if past is None or len(past.pedal) != len(speed):
@@ -123,7 +123,7 @@ class Economy(SignedPedal):
         return past._replace(speed=speed, leader=leader, beyond=slow, lack=lack)
 
     def _situation(self, seen: Seen, observation: Observation, past: _Past) -> Array:
-        """What both parts of the programme need to know, (batch, COLUMNS)."""
+        """The quantities that both parts of the programme need, (batch, COLUMNS)."""
         leader, speed = past.leader, np.nan_to_num(seen.speed, nan=TYPICAL["speed"])
         wanted = np.clip(np.nan_to_num(seen.time_gap, nan=TYPICAL["target_time_gap"]), 0.5, 10.0)
         share = np.clip((np.minimum(leader, speed) - SLOW[0]) / (SLOW[1] - SLOW[0]), 0.0, 1.0)
@@ -144,10 +144,10 @@ class Economy(SignedPedal):
 
 
 class _Past(NamedTuple):
-    """What is kept between calls, each (batch,): the pedal given, the speed then, the leader's slow speed,
-    the acceleration beyond the map's as measured (`beyond`) and as expected to last (`lack`), and the way
-    driven since the value function `values` was made, `age_s` ago. `late`: without a leader, s behind one of
-    the set speed."""
+    """State kept between calls, each (batch,): the pedal given and the speed then, the leader's slow speed,
+    the difference of acceleration from the map as measured (`beyond`) and its slow part (`lack`), and the
+    distance driven since the value function `values` was computed `age_s` ago. `late`: without a leader, the
+    delay in s behind a leader of the set speed."""
 
     pedal: Array
     speed: Array
@@ -161,23 +161,23 @@ class _Past(NamedTuple):
 
 
 def _fine(table: Array) -> Array:
-    """At FINE, from values (batch, pedals) at PEDALS."""
+    """Interpolate values (batch, pedals) from PEDALS to FINE."""
     return np.stack([np.interp(FINE, PEDALS, row) for row in table])
 
 
 def _at(pedal: Array, table: Array) -> Array:
-    """At pedals (batch,), from values (batch, pedals) at PEDALS."""
+    """Interpolate values (batch, pedals) from PEDALS to pedals (batch,)."""
     return np.array([np.interp(x, PEDALS, row) for x, row in zip(pedal, table, strict=True)])
 
 
 def _inverse(acceleration: Array, pull: Array) -> Array:
-    """Pedals (batch,) for accelerations (batch,) where PEDALS give pull (batch, pedals)."""
+    """Pedals (batch,) for accelerations (batch,), given the acceleration pull (batch, pedals) of PEDALS."""
     return np.array([np.interp(x, row, PEDALS) for x, row in zip(acceleration, pull, strict=True)])
 
 
 def _follow(seen: Seen, now: Array, edge: int) -> Array:
-    """Acceleration (batch,) of the ideal follower at one edge of the band: LOW the fast one, HIGH the slow
-    one."""
+    """Acceleration (batch,) of the ideal follower at one end of the time-gap range: LOW is the fast one, HIGH
+    the slow one."""
     time_gap = now[:, edge]
     above, slope = approach(seen.gap - time_gap * seen.leader_speed, time_gap, RATE)
     behind = seen.leader_speed - seen.speed
@@ -191,7 +191,7 @@ def _follow(seen: Seen, now: Array, edge: int) -> Array:
 def _stage(
     now: Array, speed: float, lag: float, pull: float, fuel: float, way: float
 ) -> tuple[float, float, float]:
-    """Speed and lag after `way` metres at an acceleration, and what they cost, cm^3."""
+    """Speed and lag after `way` metres at an acceleration, and their cost, cm^3."""
     later = np.sqrt(max(speed * speed + 2.0 * pull * way, 1.0))
     seconds = 2.0 * way / (speed + later)
     lag += seconds - way / now[LEADER]
@@ -206,7 +206,7 @@ def _stage(
 
 @compiled
 def _between(values: Array, now: Array, speed: float, lag: float) -> float:
-    """The value (speeds, lags) at a speed and a lag, linear in both; the grid's edges are continued."""
+    """The value (speeds, lags) at a speed and a lag, by bilinear interpolation and extrapolation."""
     i, j, a, b = 0, 0, 0.0, 0.0
     a = (speed - now[LEADER] + REACH) / (2.0 * REACH) * (SPEED_STEPS - 1)
     b = (lag - now[LOW] + LAG_MARGIN_S) / (now[HIGH] - now[LOW] + 2.0 * LAG_MARGIN_S) * (LAG_STEPS - 1)
@@ -219,8 +219,8 @@ def _between(values: Array, now: Array, speed: float, lag: float) -> float:
 
 @compiled
 def _values(pulls: Array, fuels: Array, grades: Array, situations: Array) -> Array:
-    """What the rest of the way costs, cm^3, (batch, stages + 1, speeds, lags), from an energy map (grade,
-    speed, pedal), the grades of the stages (batch, stages) and situations."""
+    """Cost to go, cm^3, (batch, stages + 1, speeds, lags), from an energy map (grade, speed, pedal), the
+    grades of the stages (batch, stages) and situations."""
     batch, stages = grades.shape
     values = np.empty((batch, stages + 1, SPEED_STEPS, LAG_STEPS))
     for row in range(batch):
@@ -247,7 +247,7 @@ def _values(pulls: Array, fuels: Array, grades: Array, situations: Array) -> Arr
 
 @compiled
 def _best(pulls: Array, fuels: Array, way: Array, pedal: Array, values: Array, situations: Array) -> Array:
-    """The best of FINE for each truck (batch,), from what they give (batch, FINE)."""
+    """The best pedal of FINE for each truck (batch,), from their effects (batch, FINE)."""
     best = np.zeros(len(way))
     for row in range(len(way)):
         now, least = situations[row], np.inf

@@ -102,8 +102,8 @@ class EnergyMap:
 def _convex(acceleration: Array, fuel: Array) -> Array:
     """The lower convex hull of fuel over acceleration, (grade, speed, pedal).
 
-    Which gear a truck is in at a pedal depends on its past. As if it chose the better one: a programme that
-    believes in steps of fuel jumps to and fro across them.
+    The gear at a pedal position depends on the past; the hull assumes the better one, because a programme
+    with steps in fuel would alternate across them.
     """
     hull = np.empty_like(fuel)
     for index in np.ndindex(fuel.shape[:2]):
@@ -118,7 +118,7 @@ def _convex(acceleration: Array, fuel: Array) -> Array:
 
 
 def _above(x: Array, y: Array, before: int, between: int, after: int) -> bool:
-    """Whether a point lies on or above the line from the one before it to the one after it."""
+    """Whether a point lies on or above the line through its neighbours."""
     rise = (y[between] - y[before]) * (x[after] - x[before])
     return bool(rise >= (y[after] - y[before]) * (x[between] - x[before]))
 

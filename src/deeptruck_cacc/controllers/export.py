@@ -89,7 +89,7 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
 
 
 def _track(g: _Graph, radar: RadarFilter, leader: str, speed: str, gap: str) -> tuple[str, str, str]:
-    """RadarFilter: leader speed and gap as estimated, and the next track."""
+    """RadarFilter: estimated leader speed and gap, and the next track."""
     seen, old = g.add("Concat", gap, leader, axis=1), g.columns("memory", 6, 9)
     off = g.add("Abs", g.add("Sub", seen, g.columns(old, 0, 2)))
     near = g.add("Less", off, g.constant(np.array([radar.lost_m, radar.lost_speed])))
@@ -177,7 +177,7 @@ def _approach(g: _Graph, far: str, time_gap: str, rate: float) -> tuple[str, str
 def _power(
     g: _Graph, f: FeatureMap, signals: str, rate: str, integral: str, follower: tuple[str, str, str]
 ) -> list[str]:
-    """FeatureMap._power, column by column; `follower` is what _ideal says."""
+    """FeatureMap._power, column by column; `follower` is the result of _ideal."""
     speed, gap, target, grade = (g.columns(signals, k, k + 1) for k in range(1, 5))
     moving, time_gap = g.add("Max", speed, g.constant(LEAST_SPEED)), _time_gap(g, signals)
     (ideal, pull, far), lasting = follower, g.add("Mul", integral, g.constant(f.integral_rate))

@@ -73,7 +73,7 @@ class Perception:
         self._memory = None
 
     def __call__(self, observation: Observation) -> tuple[Seen, Array]:
-        """What is seen and the grade, each (batch,)."""
+        """The inputs of a law and the grade, each (batch,)."""
         signals = paper_signals(observation)
         if self._memory is None or len(self._memory) != len(signals):
             self._memory = self._features.start(len(signals))

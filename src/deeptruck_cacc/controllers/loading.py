@@ -72,7 +72,8 @@ def _planner(simulator: str) -> Policy:
 
 
 def _warm(policy: Policy) -> Policy:
-    """The policy after a call: its step may be compiled when first run, for longer than a node waits."""
+    """The policy after one call, because its step may be compiled on first use, which takes longer than a
+    node waits."""
     policy.act({name: np.array([value]) for name, value in TYPICAL.items()})
     policy.reset()
     return policy
@@ -113,7 +114,8 @@ def load_trained(path: Path) -> MlpPolicy:
 
 
 def _fields(manifest: Mapping[str, Any], key: str, kind: type, beside: str) -> dict[str, Any]:
-    """What makes a `kind`, of which nothing without default may be missing. Raises KeyError for what is."""
+    """Arguments of a `kind` from a manifest entry; missing ones without default are not permitted. Raises
+    KeyError for these."""
     found = {name: value for name, value in manifest[key].items() if name != beside}
     for field_ in fields(kind):
         if field_.default is MISSING and field_.name not in found:
@@ -122,7 +124,7 @@ def _fields(manifest: Mapping[str, Any], key: str, kind: type, beside: str) -> d
 
 
 def _tried(policy: MlpPolicy, path: Path) -> MlpPolicy:
-    """The policy, if its numbers are possible, its parts fit, and it gives commands."""
+    """The policy, if its numbers are possible, its parts fit, and it returns commands."""
     try:
         wrong = _impossible(policy)
         fits = policy.layers[0][0].shape[1] == len(policy.features.names) and len(policy.layers[-1][1]) == 2
@@ -138,7 +140,7 @@ def _tried(policy: MlpPolicy, path: Path) -> MlpPolicy:
 
 
 def _impossible(policy: MlpPolicy) -> list[str]:
-    """Entries of the manifest whose numbers no policy can have."""
+    """Manifest entries with impossible numbers."""
     radar = policy.features.radar
     possible = {
         "features.dt": 0 < policy.dt < math.inf,

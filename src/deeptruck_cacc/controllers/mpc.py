@@ -40,7 +40,7 @@ def mpc(seen: Seen) -> Array:
 
 def _programmes(seen: Seen) -> tuple[Array, Array, Array]:
     """Hessian (batch, n, n) and linear cost (batch, n) of the accelerations, and the gap (batch, n) above
-    LEAST_GAP_M that would be left without any."""
+    LEAST_GAP_M without any acceleration."""
     time_gap = seen.time_gap
     speed, gap = seen.speed[:, None], seen.gap[:, None]
     leader_speed, leader_way = seen.leader(_TIME)
@@ -63,15 +63,15 @@ def _solve(hessian: Array, linear: Array, room: Array) -> float:
 
 
 def _columns(hessian: Array) -> Array:
-    """The upper triangle column by column, and the cost of being too near, as OSQP keeps it."""
+    """The upper triangle column by column, and the cost of too small a gap, in OSQP's format."""
     return np.append(hessian.T[_LOWER], 2 * TOO_NEAR)  # symmetric: its lower rows are the upper columns
 
 
 @cache
 def _solver() -> Any:
-    """One workspace for all: every programme has the same shape.
+    """One workspace for all programmes, which have the same shape.
 
-    Cold starts and one rho, so that no row knows another.
+    Cold starts and a fixed rho, so that rows do not affect each other.
     """
     import osqp
     from scipy import sparse

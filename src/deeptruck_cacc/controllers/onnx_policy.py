@@ -93,7 +93,7 @@ def load_onnx(path: Path) -> OnnxPolicy:
 
 
 def _described(session: Any, path: Path, remembers: bool) -> OnnxPolicy:
-    """With what its metadata say."""
+    """The policy, from the session and its metadata."""
     try:
         facts: Mapping[str, Any] = json.loads(session.get_modelmeta().custom_metadata_map.get(FACTS, "{}"))
         if wrong := _wrong(facts, remembers):
@@ -114,7 +114,7 @@ def _described(session: Any, path: Path, remembers: bool) -> OnnxPolicy:
 
 
 def _wrong(facts: Any, remembers: bool) -> str:
-    """What is missing in the metadata, or has no place there; empty if they may be right."""
+    """Missing or misplaced metadata; empty if there are none."""
     if not isinstance(facts, dict):
         return "they are no object of JSON"
     lacks = [name for name in ("dt", "interface", *([MEMORY] if remembers else [])) if name not in facts]
@@ -128,7 +128,7 @@ def _wrong(facts: Any, remembers: bool) -> str:
 
 
 def _tried(policy: OnnxPolicy, path: Path) -> OnnxPolicy:
-    """The policy, if it makes commands."""
+    """The policy, if it returns commands."""
     try:
         works = bool(np.isfinite(policy.act(TYPICAL)).all())
     except Exception:  # whatever the runtime says of shapes

@@ -73,7 +73,7 @@ class PedalMap:
 def _settled_rate(speed: Array, warm: int, dt: float) -> Array:
     """Mean rate of each column of speed (T, n) from sample `warm` to its last moving sample.
 
-    A column that has stopped by then is given the rate of the next faster one that has not.
+    A column that has stopped by then gets the rate of the next faster one that has not.
     """
     moving = np.cumprod(speed > 0.5, axis=0).sum(axis=0) - 1
     rows = np.arange(speed.shape[1])

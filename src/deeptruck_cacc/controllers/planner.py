@@ -78,13 +78,14 @@ class Planner(SignedPedal):
         return _Past(np.zeros((len(speed), len(KNOTS_S))), state, still, nothing)
 
     def _response(self, speed: Array) -> Array:
-        """y (batch * ROWS, n_y) of which only the speed (batch,) is known."""
+        """y (batch * ROWS, n_y) for speed (batch,), NaN otherwise."""
         y = np.full((len(speed) * ROWS, len(self.interface.y)), np.nan)
         y[:, SPEED] = np.repeat(speed, ROWS)
         return y
 
     def _improved(self, plan: Array, now: _Now) -> Array:
-        """The plan (batch, knots) one Gauss-Newton step of the best of LENGTHS on, or the best of HELD."""
+        """The plan (batch, knots) after one Gauss-Newton step with the best of LENGTHS, or the best
+        of HELD."""
         nudge = np.where(plan + NUDGE > 1.0, -NUDGE, NUDGE)
         tried = np.repeat(plan[:, None], ROWS, axis=1)
         tried[:, 1:STEPS] += nudge[:, :, None] * np.eye(len(KNOTS_S))
@@ -136,7 +137,7 @@ class _Past(NamedTuple):
 
 
 class _Now(NamedTuple):
-    """What a plan begins with, each (batch,); `pedal` is the one in force."""
+    """The initial state of a plan, each (batch,); `pedal` is the present one."""
 
     seen: Seen
     grade: Array
@@ -146,12 +147,12 @@ class _Now(NamedTuple):
 
 
 def _straight(time: Array) -> Array:
-    """Weights (n, knots) by which a plan is straight between its knots, at time (n,)."""
+    """Linear interpolation weights (n, knots) of a plan at time (n,)."""
     return np.stack([np.interp(time, KNOTS_S, unit) for unit in np.eye(len(KNOTS_S))], axis=1)
 
 
 def _bounded_step(jacobian: Array, residuals: Array, low: Array, high: Array) -> Array:
-    """Damped Gauss-Newton steps (batch, knots) within low..high, which hold 0.
+    """Damped Gauss-Newton steps (batch, knots) within low..high, which include 0.
 
     jacobian (batch, n, knots), residuals (batch, n).
     """

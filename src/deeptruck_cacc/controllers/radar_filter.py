@@ -56,7 +56,7 @@ class RadarFilter:
         return cls(**{**data, "gain": tuple((float(a), float(b)) for a, b in data["gain"])})
 
     def __call__(self, signals: Array, track: Array) -> tuple[Array, Array]:
-        """Signals (batch, 5) with gap and leader speed as estimated, and the next track."""
+        """Signals (batch, 5) with estimated gap and leader speed, and the next track."""
         seen = signals[:, [2, 0]]
         off = np.abs(seen - track[:, :2])
         kept = (off[:, :1] < self.lost_m) & (off[:, 1:] < self.lost_speed)  # NaN is not

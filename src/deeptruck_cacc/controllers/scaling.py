@@ -186,13 +186,13 @@ class FeatureMap:
 
     @staticmethod
     def _time_gap(signals: Array) -> Array:
-        """Wanted time gap (batch,), s, as far as it can be estimated near standstill."""
+        """Desired time gap (batch,), s, estimated as well as possible near standstill."""
         return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], LEAST_SPEED), *TIME_GAPS))
 
     def _ideal(self, signals: Array, before: Array) -> tuple[Array, Array, Array]:
-        """The ideal follower's speed, its acceleration and how much too long its gap is, each (batch,).
+        """The ideal follower's speed, its acceleration and its excess gap, each (batch,).
 
-        The gap is always right for the one whose speed suits it.
+        The excess gap is zero for the speed that suits the gap.
         """
         leader, speed, gap = signals.T[:3]
         time_gap = self._time_gap(signals)
@@ -205,12 +205,12 @@ class FeatureMap:
     def _power(
         self, signals: Array, rate: Array, integral: Array, ideal: Array, pull: Array, far: Array
     ) -> Array:
-        """What following takes, (batch, 7), from signals, the truck's slow acceleration, the integral of the
-        gap error and what _ideal says, each (batch,).
+        """Features of the required power, (batch, 7), from signals, the truck's slow acceleration, the
+        integral of the gap error and the results of _ideal, each (batch,).
 
         The ideal acceleration (in 0.5 m/s^2), speed error (m/s) and gap error (in 2 m); the time-gap error
-        (s), fine near zero; the acceleration that also takes the errors away; and power (in 8 W/kg), wanted
-        and delivered: an engine command is nearly a power.
+        (s), with a fine resolution near zero; the acceleration that also removes the errors; and power (in 8
+        W/kg), required and delivered, since an engine command is nearly a power.
         """
         _, speed, gap, target, grade = signals.T
         time_gap = self._time_gap(signals)

@@ -53,7 +53,7 @@ class SignedPedal(ABC):
 
     @abstractmethod
     def _pedal(self, observation: Observation, seen: Seen, grade: Array, known: NDArray[np.bool_]) -> Array:
-        """The pedals (batch,), 0 where the observation is not `known` (batch,)."""
+        """The pedals (batch,), 0 for observations that are not `known` (batch,)."""
 
 
 def pedal_commands(scale: ActionScale, pedal: Array) -> Array:

@@ -29,7 +29,8 @@ Floats = NDArray[np.float32]
 
 
 class _Face:
-    """What the three faces share: a batched environment, its feature map and its spaces for one member."""
+    """Common part of the three adapters: a batched environment, its feature map and the spaces of one
+    member."""
 
     def _open(
         self,

@@ -100,7 +100,7 @@ class CaccEnv:
         return seen
 
     def _grade(self, k: int) -> Array:
-        """Grade where the trucks are, (batch,)."""
+        """Grade at the trucks, (batch,)."""
         road = self.scene.road
         return self.scene.grade[:, k] if road is None else road.at(self.position[:, None])[:, 0]
 
@@ -122,7 +122,7 @@ class CaccEnv:
         return self.observe(), self.reward(self.gap, gap_error, info["speed_error"], engine, brake), info
 
     def _advance(self, commands: Array) -> Array:
-        """Kinematics of both trucks over one dt; y of the ego."""
+        """Kinematics of both trucks over one dt; returns y of the ego truck."""
         scene, k = self.scene, min(self.k, self.steps - 1)
         grade = self._grade(k) if scene.hidden_grade is None else self._grade(k) + scene.hidden_grade[:, k]
         w = grade[:, None] if self._has_grade else np.zeros((self.batch, 0))
@@ -140,7 +140,8 @@ class CaccEnv:
         return y
 
     def _arrived(self, commands: Array, delay: NDArray[np.int64]) -> Array:
-        """Of the commands on their way those that reach each truck now; the first is there from the start."""
+        """The delayed commands that reach each truck now; the first command counts as given since before the
+        start."""
         self._sent = [*self._sent, commands][-1 - int(delay.max()) :]
         oldest = np.maximum(len(self._sent) - 1 - delay, 0)
         return np.stack(self._sent)[oldest, np.arange(self.batch)]

@@ -152,7 +152,7 @@ def delays(rng: np.random.Generator, batch: int, dt: float) -> NDArray[np.int64]
 
 
 def _ramps(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Array:
-    """Piecewise constant leader acceleration that comes back: +a, rest, -a, rest."""
+    """Piecewise constant leader acceleration with zero sum: +a, rest, -a, rest."""
     length = rng.integers(round(2 / dt), round(6 / dt), (batch, 1))
     size = rng.uniform(-1.0, 1.0, (batch, 1))
     phase = (np.arange(steps) // length + rng.integers(0, 4, (batch, 1))) % 4

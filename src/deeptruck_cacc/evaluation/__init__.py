@@ -12,7 +12,7 @@ __all__ = ["best_table", "evaluate", "evaluate_seeds", "table"]
 
 
 def __getattr__(name: str) -> Any:
-    """These functions on their first use: what an evaluation writes is known without a figure drawn."""
+    """Load these functions on first use, so that output file names are known without importing figures."""
     if name not in __all__:
         raise AttributeError(name)
     from deeptruck_cacc.evaluation import overview, report

@@ -113,7 +113,7 @@ def amplification(rows: dict[str, dict[str, Any]], path: Path) -> None:
 
 
 def _legend_above(axis: Any, columns: int) -> None:
-    """Over the axes, where no curve can run beneath it."""
+    """Put the legend above the axes, where it covers no curve."""
     place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
     axis.legend(ncols=columns, **place)
 

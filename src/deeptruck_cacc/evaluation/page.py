@@ -68,7 +68,7 @@ def judgement(results: Mapping[str, Any]) -> str:
 
 
 def _mean_error(scenes: Mapping[str, Any]) -> float:
-    """Mean magnitude of the time-gap error, each scene alike, s."""
+    """Mean magnitude of the time-gap error, each scene with equal weight, s."""
     each = [x["time_gap_error_after_10s"]["mean_abs"] for x in scenes.values()]
     return float(sum(each) / len(each))
 
@@ -78,7 +78,7 @@ def _scene(name: str, numbers: Mapping[str, Any]) -> Table:
 
 
 def _rows(numbers: Mapping[str, Any], before: str = "") -> list[tuple[str, ...]]:
-    """One row for each number; nested ones follow the name of their group."""
+    """One row for each number; nested numbers are prefixed with the name of their group."""
     out: list[tuple[str, ...]] = []
     for name, value in numbers.items():
         if isinstance(value, Mapping):

@@ -108,8 +108,8 @@ def _gap_error(trace: Trace) -> Array:
 
 
 def _coefficient(signals: Array, dt: float, frequencies: Array = FREQUENCIES) -> Array:
-    """Amplitude at `frequencies` (n,) of (k * n, T), k runs one below the other, over whole periods at the
-    end."""
+    """Amplitude at `frequencies` (n,) of the signals (k * n, T), k runs concatenated, over whole periods at
+    the end."""
     runs = len(signals) // len(frequencies)
     coefficients = []
     for frequency, row in zip(np.tile(frequencies, runs), signals, strict=True):

@@ -94,7 +94,7 @@ def _evaluate(
     extent: Extent,
     baselines: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """See `evaluate`; `baselines` are those of an earlier one with the same simulator and extent."""
+    """See `evaluate`; `baselines` are those of an earlier evaluation with the same simulator and extent."""
     rollouts, seed, full = extent.rollouts, extent.seed, extent.full
     truck = simulators.load(simulator) if isinstance(simulator, str) else simulator
     driver = load_policy(policy, truck.interface) if isinstance(policy, str) else policy
@@ -168,8 +168,8 @@ def _together(policy: str | Path, each: dict[str, dict[str, Any]]) -> dict[str, 
 
 
 def _worst(rows: list[Any]) -> Any:
-    """Entry by entry, the number furthest from zero of several summaries (least gap, ttc, return); lists, of
-    a number a rollout, one below the other."""
+    """For each entry of several summaries, the number farthest from zero (the least for gap, ttc and return);
+    lists with a number per rollout are concatenated."""
     if isinstance(rows[0], dict):
         low = ("min_gap_m", "min_ttc_s", "mean_return", "share_within_reach", "rollouts_within_0.1_s")
         return {
@@ -189,7 +189,8 @@ def _draw_learning(policy: Path, out: Path) -> None:
 
 
 def _whole_lines(path: Path) -> list[dict[str, Any]]:
-    """The complete lines of a learning curve; a last one that a kill or a full disk cut off is left out."""
+    """The complete lines of a learning curve; an incomplete last line after a kill or on a full disk is
+    omitted."""
     rows: list[dict[str, Any]] = []
     with suppress(json.JSONDecodeError):
         for line in path.read_text().splitlines():
@@ -252,14 +253,14 @@ def _draw(name: str, trace: Trace, interface: TruckInterface, out: Path) -> None
 
 
 def _each(extent: Extent, doing: str, names: Iterable[str]) -> Iterator[str]:
-    """The names one by one; each is reported when its turn comes."""
+    """The names one by one; each is reported before it is yielded."""
     for name in names:
         extent.say(f"{doing} {name}")
         yield name
 
 
 def _behind(driver: Policy, promise: Promise | None) -> Policy:
-    """The driver behind the guard where there is a promise, policy and baselines alike."""
+    """The policy or baseline with the guard, if there is a promise."""
     return driver if promise is None else guards.guard(driver, promise)
 
 

@@ -27,7 +27,7 @@ Flags = NDArray[np.bool_]
 
 
 def _array(value: Any) -> Array:
-    """As an array whose every entry is finite or NaN: what is infinite was not measured either."""
+    """An array whose entries are finite or NaN; infinite ones are treated as not measured."""
     out = np.atleast_1d(np.asarray(value, float))
     return np.where(np.isfinite(out), out, np.nan)
 
@@ -54,7 +54,7 @@ class LastSeen:
         self._last, self._waited = {}, np.zeros(0)
 
     def __call__(self, observation: Mapping[str, Array]) -> dict[str, Array]:
-        """The observation, each (batch,), filled in; NaN only where nothing was ever seen."""
+        """The observation, each (batch,), with gaps filled; NaN only for signals that were never received."""
         batch = len(observation["speed"])
         if len(self._waited) != batch:
             self._last, self._waited = {}, np.full(batch, np.inf)
@@ -169,7 +169,7 @@ class Guard:
 
     @staticmethod
     def _arrays(observation: Observation) -> dict[str, Array]:
-        """Each signal (batch,), NaN where it is outside of what the channel can be; gaps are above zero."""
+        """Each signal (batch,), NaN if outside the range of the channel; gaps are positive."""
         require(observation)
         given = {n: _array(observation[n]) for n in OBSERVED if n in observation}
         for name in given.keys() & CHANNELS.keys():
@@ -180,7 +180,7 @@ class Guard:
         return dict(zip(given, np.broadcast_arrays(*given.values()), strict=True))
 
     def _filled(self, raw: Mapping[str, Array]) -> tuple[dict[str, Array], Flags]:
-        """The signals with numbers alone, and where they are too little to drive by."""
+        """The signals with all NaN replaced, and where too few are known to drive."""
         seen = self._tracker(self._last_seen(raw))
         unknown = self._last_seen.silent.copy()
         for name in OBSERVED[:4]:
@@ -190,7 +190,8 @@ class Guard:
         return seen, unknown
 
     def _outside(self, seen: Mapping[str, Any]) -> Flags:
-        """Where a signal is, or was in the last 3 s, out of the coverage by more than a fifth of its span."""
+        """Where a signal is, or was in the last 3 s, outside the coverage by more than a fifth of its
+        span."""
         batch = len(seen["gap"])
         if self._away is None or len(self._away) != batch:
             self._away = np.zeros(batch)

@@ -76,8 +76,8 @@ def bridged_time_gap(promise: Promise) -> float:
 
 
 def _mild_brake(simulator: Simulator, deceleration: float) -> float:
-    """Share of the brake command that slows the truck down by `deceleration` (m/s^2) at the most, on the
-    level, its engine low, at 8..28 m/s; the mean of 2 s after a second."""
+    """Share of the brake command that decelerates the truck by at most `deceleration` (m/s^2) on a level
+    road, with a low engine command, at 8..28 m/s; the mean of 2 s, starting after one second."""
     scale, dt = ActionScale.of(simulator), simulator.dt
     speeds, shares = np.arange(8.0, 29.0, 4.0), np.linspace(0.0, 0.5, 26)
     v, share = (x.ravel() for x in np.meshgrid(speeds, shares))
@@ -95,7 +95,7 @@ def _mild_brake(simulator: Simulator, deceleration: float) -> float:
 
 
 def _gap(promise: Promise) -> float:
-    """Needed gap at 20 m/s behind 20 m/s, cold."""
+    """Needed gap at 20 m/s behind a leader at 20 m/s, with cold brakes."""
     v = np.array([20.0])
     return float(promise.needed_gap(v, v, np.zeros(1), promise.dt)[0])
 

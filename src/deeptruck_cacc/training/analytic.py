@@ -105,7 +105,7 @@ class _Run:
         return self._save()
 
     def _draw(self, path: int) -> Scene:
-        """Fresh scenes for a path, the same for the same seed and path whatever went before."""
+        """Fresh scenes for a path, which depend only on the seed and the path."""
         c = self.config
         rng = np.random.default_rng([c.seed, path])
         scene = scenes.DRAWERS[c.scene](rng, c.seeds * c.rollouts, c.window * c.windows, self.simulator.dt)
@@ -115,7 +115,7 @@ class _Run:
         return scene
 
     def _update(self, scene: Scene, state: Traffic) -> tuple[Traffic, list[float]]:
-        """One gradient step of every seed; the state after the window, and each seed's cost."""
+        """One gradient step of every seed; returns the state after the window, and each seed's cost."""
         state, window = self.road.drive(scene, self.policy, state, self.config.window)
         costs = window.cost.view(self.config.seeds, -1).mean(dim=1)
         self.adam.zero_grad()
@@ -125,7 +125,7 @@ class _Run:
         return detach(state), costs.tolist()
 
     def _clip(self) -> None:
-        """Limit the gradient of each seed on its own; a seed whose gradient is not finite stands still."""
+        """Limit the gradient of each seed; a seed whose gradient is not finite is not updated."""
         gradients = [p.grad for p in self.policy.parameters() if p.grad is not None]
         norm = torch.stack([g.flatten(1).norm(dim=1) for g in gradients]).norm(dim=0)
         factor = torch.where(
@@ -135,7 +135,7 @@ class _Run:
             g.nan_to_num_(0.0, 0.0, 0.0).mul_(factor.view(-1, *[1] * (g.dim() - 1)))
 
     def _validate(self) -> list[float]:
-        """Score of each seed: validation.scores and wasted pedal; keeps the best weights so far."""
+        """Score of each seed: validation.scores and wasted pedal; stores the best weights."""
         with torch.no_grad():
             start = self.road.start(self.exam, self.policy)
             _, window = self.road.drive(self.exam, self.policy, start, self.exam.steps)
@@ -157,7 +157,7 @@ class _Run:
         save_checkpoint(self.out, tensors, facts)
 
     def _restore(self) -> int:
-        """Continue from the checkpoint, if there is one; the number of iterations already done."""
+        """Continue from the checkpoint, if there is one; returns the number of iterations done."""
         found = load_checkpoint(self.out, self.identity)
         if found is None:
             return 0
@@ -170,7 +170,7 @@ class _Run:
         return int(facts["done"])
 
     def _save(self) -> MlpPolicy:
-        """Every seed at its best under seeds/, and the best of them in `out`."""
+        """Save the best of every seed under seeds/, and the best of them in `out`."""
         self.policy.load_state_dict(self.best)
         winner = int(np.argmin(self.best_score))
         for k in range(self.config.seeds):

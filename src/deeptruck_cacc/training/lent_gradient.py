@@ -86,7 +86,7 @@ class LentModule(torch.nn.Module):
         )
 
     def _pedals(self, speed: Tensor, u: Tensor, w: Tensor) -> Tensor:
-        """Settled acceleration, m/s^2, (batch,), straight between the ends of both pedals."""
+        """Settled acceleration, m/s^2, (batch,), linear in both pedals."""
         at = ((speed - self.first) / self.step).clamp(0.0, len(self.table) - 1.001)
         low = at.detach().long()
         share = (at - low)[:, None]

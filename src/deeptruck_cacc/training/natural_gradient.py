@@ -73,7 +73,7 @@ def _curvature(policy: Gaussian, seen: Tensor) -> Callable[[Tensor], Tensor]:
 
 
 def _solve(times: Callable[[Tensor], Tensor], target: Tensor) -> Tensor:
-    """Conjugate gradients for every seed at once."""
+    """Conjugate gradients for all seeds at once."""
     x, left = torch.zeros_like(target), target.clone()
     way, size = left.clone(), (left**2).sum(dim=1, keepdim=True)
     for _ in range(CONJUGATE_STEPS):
@@ -88,7 +88,7 @@ def _solve(times: Callable[[Tensor], Tensor], target: Tensor) -> Tensor:
 def _search(
     policy: Gaussian, step: Tensor, batch: tuple[Tensor, Tensor, Tensor, Tensor], most_kl: float
 ) -> Gaussian:
-    """The longest of ten shrinking steps that is better and within the trust region, for each seed."""
+    """For each seed, the longest of ten step lengths that improves and stays within the trust region."""
     chosen, open_ = policy.flat, torch.ones(len(step), dtype=torch.bool)
     for k in range(TRIES):
         trial = policy.at(policy.flat + SHRINK**k * step)

@@ -36,7 +36,8 @@ PULL_SCALE, BRAKE_SCALE = 0.3, 0.1
 
 
 class _ClipInward(torch.autograd.Function):
-    """Clip whose gradient still leads back from beyond a limit, so a released brake can be found again."""
+    """Clip with a gradient that beyond a limit still points back inside, so that training can apply a
+    released brake again."""
 
     @staticmethod
     def forward(ctx: Any, x: Tensor, low: float, high: float) -> Tensor:

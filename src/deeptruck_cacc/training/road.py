@@ -99,11 +99,11 @@ class Road:
         return after, self._judge(policy, *driven, ahead, wanted, time_gap)
 
     def _given(self, scene: Scene) -> tuple[Tensor, ...]:
-        """Speeds of the leader and of the ideal follower (T + 1, rows), the grade that the policy sees (T,
-        rows), the w that acts on the truck (T, rows, n_w), time gap, and command gain.
+        """Speeds of the leader and of the ideal follower (T + 1, rows), the grade that the policy observes
+        (T, rows), the w that acts on the truck (T, rows, n_w), time gap, and command gain.
 
-        The target is the speed of the ideal follower (see FeatureMap): to hold a time gap behind a leader
-        that accelerates takes another speed than the leader's.
+        The target is the speed of the ideal follower (see FeatureMap), because keeping a time gap behind an
+        accelerating leader needs a speed other than the leader's.
         """
         speeds, ideal = [scene.leader_speed], [scene.leader_speed]
         for pull in scene.leader_acceleration.T:
@@ -117,7 +117,7 @@ class Road:
         return tuple(_tensor(x) for x in (np.array(speeds), np.array(ideal), seen, w, scene.time_gap, gain))
 
     def _radar(self, scene: Scene) -> tuple[Tensor, Tensor]:
-        """What the radar adds to gap and leader speed, each (T, rows)."""
+        """The radar's errors of gap and leader speed, each (T, rows)."""
         nothing = np.zeros((scene.steps, scene.batch))
         offsets = scene.seen_gap_offset, scene.seen_speed_offset
         gap, speed = (_tensor(nothing if x is None else x.T) for x in offsets)
@@ -133,8 +133,8 @@ class Road:
         ideal: Tensor,
         time_gap: Tensor,
     ) -> Window:
-        """Cost and errors of a window; gap, speed, leader, ideal (steps, rows), action (steps + 1, rows,
-        2)."""
+        """Cost and errors of a window; gap, speed, leader, ideal (steps, rows), action (steps + 1,
+        rows, 2)."""
         gap_error, speed_error = gap - speed * time_gap, leader - speed
         taken = action[1:].flatten(0, 1)
         commands, scale = policy.commands(taken).view(*gap.shape, 2), policy.scale
@@ -158,7 +158,7 @@ class Road:
         return Window(total, time_gap_error, speed_error.detach(), crashed, wasted.detach())
 
     def _tracking(self, gap_error: Tensor, speed: Tensor, ideal: Tensor) -> Tensor:
-        """The reward's tracking terms, as the ideal follower's speed has them, and the time-gap error,
+        """The reward's tracking terms with the ideal follower's speed, and the time-gap error,
         (steps, rows)."""
         late = gap_error / speed.clamp(min=3.0) / 0.1
         cost: Tensor = self.paid.tracking(gap_error, ideal - speed)
@@ -167,7 +167,8 @@ class Road:
 
 
 def _arrived(commands: Tensor, sent: tuple[Tensor, ...], delay: Tensor) -> tuple[Tensor, tuple[Tensor, ...]]:
-    """CaccEnv._arrived in torch: what reaches each truck now, and what is still on its way."""
+    """CaccEnv._arrived in torch: commands that reach each truck now, and commands that have not yet
+    arrived."""
     sent = (*sent, commands)[-1 - int(delay.max()) :]
     oldest = (len(sent) - 1 - delay).clamp(min=0)
     return torch.stack(sent)[oldest, torch.arange(len(delay))], sent

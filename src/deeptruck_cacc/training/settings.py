@@ -55,7 +55,7 @@ class AnalyticConfig:
     """iterations between validations"""
 
     def __post_init__(self) -> None:
-        """Raises InputError for a value that no run can have."""
+        """Raises InputError for an invalid value."""
         check(self, ANALYTIC)
 
 
@@ -103,7 +103,7 @@ class TrpoConfig:
     """as sb3-contrib's"""
 
     def __post_init__(self) -> None:
-        """Raises InputError for a value that no run can have."""
+        """Raises InputError for an invalid value."""
         check(self, TRPO)
         if self.baseline not in get_args(BaselineName):
             known = ", ".join(get_args(BaselineName))

@@ -94,7 +94,7 @@ def _each(trainer: str, grid: Mapping[str, Sequence[Any]]) -> None:
 
 
 def _train(job: tuple[str, str, str, Settings]) -> str:
-    """One job, in whichever process; the name of its folder."""
+    """Run one job, in any process; returns the name of its folder."""
     import torch
 
     from deeptruck_model import simulators

@@ -118,7 +118,7 @@ class _Run:
         )
 
     def _validate(self) -> list[float]:
-        """Score of each seed's mean policy; keeps the best weights so far."""
+        """Score of each seed's mean policy; stores the best weights."""
         scores = [
             validation.score(self.env.simulator, self._policy(k, self.policy.mean, {}), self.exam)
             for k in range(self.config.seeds)
@@ -145,7 +145,7 @@ class _Run:
         save_checkpoint(self.out, tensors, facts)
 
     def _restore(self) -> int:
-        """Continue from the checkpoint, if there is one; the number of iterations already done."""
+        """Continue from the checkpoint, if there is one; returns the number of iterations done."""
         found = load_checkpoint(self.out, self.identity)
         if found is None:
             return 0
@@ -156,7 +156,7 @@ class _Run:
         return int(facts["done"])
 
     def _save(self) -> MlpPolicy:
-        """Every seed at its best under seeds/, and the best of them in `out`."""
+        """Save the best of every seed under seeds/, and the best of them in `out`."""
         policies = [self._policy(k, self.best, self._card(k)) for k in range(self.config.seeds)]
         for seed, policy in zip(self.seeds, policies, strict=True):
             policy.write_into(self.out / "seeds" / str(seed))

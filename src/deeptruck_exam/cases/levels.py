@@ -108,7 +108,8 @@ def _taken(effect: Effect) -> tuple[str, ...]:
 
 
 def _distinct() -> list[Effect]:
-    """Named laws that no parameter or sensor fault imitates: taking their name from the tool is fair."""
+    """Named laws that no parameter or sensor fault resembles, whose names can therefore be excluded
+    fairly."""
     other = {e.name for e in EFFECTS.values() if e.kind != "missing_physics"}
     some = [e for e in named() if not other & set(e.accepts) and e.name not in other]
     return [some[k] for k in np.random.default_rng(mark("unknown")).permutation(len(some))]

@@ -109,7 +109,7 @@ def draw_plan(
 
 
 def _simulator_values(level: str, values: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """The simulator's parameters: right, a little off, or clearly off."""
+    """The simulator's parameters: exact, slightly wrong, or clearly wrong."""
     spread = {"wrong_parameters": 1.0, "absorbed": 1.0}.get(level, 0.0)
     if level == "nothing_missing" and rng.random() < 0.5:
         spread = 0.01 / 0.06
@@ -123,7 +123,7 @@ def _simulator_values(level: str, values: dict[str, float], rng: np.random.Gener
 
 
 def _drives(chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) -> list[str]:
-    """Kinds of the drives: in two thirds of them, and in all held-out ones, an effect can act."""
+    """Kinds of the drives: an effect can act in two thirds of them, and in all held-out ones."""
     out = []
     for k in range(count):
         among: tuple[str, ...] = DRIVES
@@ -134,7 +134,7 @@ def _drives(chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) ->
 
 
 def _condition(chosen: tuple[Effect, ...], rng: np.random.Generator) -> str:
-    """A condition under which the effect can still act."""
+    """A driving condition in which the effect can still act."""
     where = {n for e in chosen for n in e.drives}
     possible = [c for c in CONDITIONS if not (c.startswith("above") and where <= {"suburban", "descent"})]
     possible = [c for c in possible if not (c == "below 11 m/s" and "suburban" not in where)]

@@ -22,7 +22,7 @@ SUBSTEPS = 10  # of the truck between two views; a law is asked in each, as at 0
 
 
 class _Recorder:
-    """A force of zero that records the state which forces are evaluated at."""
+    """A zero force that records the state at which forces are evaluated."""
 
     def __init__(self) -> None:
         self.seen: list[dict[str, Any]] = []

@@ -168,7 +168,7 @@ def _walk(target: Array, slope: Array, truth: Truth) -> Mapping[str, Array]:
 
 
 def _vehicle(package: Any, truth: Truth) -> Any:
-    """FASTSim's vehicle: a conventional one of its own, with every number of ours."""
+    """FASTSim's vehicle: one of its conventional vehicles, with all numbers replaced by ours."""
     s = sheet()
     data = package.Vehicle.from_resource("2012_Ford_Fusion.yaml").to_dict()
     engine, chassis = data["pt_type"]["Conv"]["fc"], data["chassis"]

@@ -73,7 +73,7 @@ def _row(out: Path, key: str, seed: int, simulator: str) -> Path:
 
 
 def _kept(out: Path, key: str, seed: int, simulator: str) -> dict[str, Any]:
-    """The stored row of a run; {} where it has not ended."""
+    """The stored row of a run; {} if it has not ended."""
     path = _row(out, key, seed, simulator)
     kept: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
     return kept

@@ -129,7 +129,7 @@ def examine_real(
 
 
 def _judge(fleet: Fleet, data: Path, out: Path, updates: int) -> list[Row]:
-    """Every drive of a fleet fitted, with the next one held out."""
+    """Fit every drive of a fleet, with the next drive held out."""
     layout = LAYOUTS / fleet.layout
     logs = [whole_log(data / log, layout, out / "import") for log in fleet.judged]
     trainers = [r for log in fleet.trainers for r in whole_log(data / log, layout, out / "import")]
@@ -147,7 +147,7 @@ def _judge(fleet: Fleet, data: Path, out: Path, updates: int) -> list[Row]:
 
 
 def _driven(recording: Recording) -> bool:
-    """Whether most of every input is valid: a simulator cannot be driven without one."""
+    """Whether most samples of every input are valid; a simulator needs all inputs."""
     return float(np.isfinite(np.hstack([recording.u, recording.w])).all(axis=1).mean()) > MOSTLY
 
 
@@ -176,7 +176,7 @@ def _read(kept: dict[str, Any]) -> Row:
 
 
 def _of_withheld(result: Mapping[str, Any]) -> Row:
-    """A row of what `withheld` found."""
+    """A row for a result of `withheld`."""
     source = next(s for s in SOURCES if s.name == result["source"])
     part = CHOSEN_ON if source.name in ("veh002", "bmw_i3 A01", "bmw_i3 B17") else REPORTED
     known: dict[str, Any] = {

@@ -152,8 +152,8 @@ def _right(source: Source, run: ToolRun, said: Sequence[str]) -> bool:
 
 
 def _written_blind(part: Sequence[Recording], bag: Path, hide: Sequence[str] = HIDE) -> list[Recording]:
-    """Write the recordings without what is hidden; returns them whole, with the names and starts a reader
-    sees."""
+    """Write the recordings without the hidden channels; returns them complete, with the names and starts that
+    a reader gives them."""
     if not bag.exists():
         blind = [withhold(r, hide) for r in part]
         write_bag(bag, blind, interface=blind[0].interface)
@@ -224,7 +224,7 @@ def compare_profile(
 
 
 def _windows(profile: tuple[Array, Array], piece: Recording, simulator: simulators.Simulator) -> Array:
-    """(windows, 3): means of recovered slope, withheld slope, and residual over -g (a slope too)."""
+    """(windows, 3): means of recovered slope, withheld slope, and residual over -g, which is also a slope."""
     time, value = profile
     since_bag = piece.start_s > 0.0 and time.min() > piece.start_s - piece.dt
     time = time - piece.start_s if since_bag else time

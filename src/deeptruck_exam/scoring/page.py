@@ -124,7 +124,7 @@ def _by_effect(scored: Sequence[Score]) -> list[str]:
 
 
 def _withheld(results: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A table of verdicts and agreement; the recovered profile's windows are 21 s long."""
+    """A table of verdicts and agreement, from windows of 21 s."""
     if not results:
         return ["Not run: the logs are not part of the project (set DEEPTRUCK_REAL_DATA)."]
     lines = ["| log | said | right | correlation | slope | residual R2 recovered / withheld |"]
@@ -141,7 +141,8 @@ def _withheld(results: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _failures(scored: Sequence[Score]) -> list[str]:
-    """One line a case in which the first name was wrong, something false was said, or the tool failed."""
+    """One line for each case in which the first name was wrong, a false statement was made, or the tool
+    failed."""
     return [
         f"- {r['simulator']} {r['level']} {r['seed']}: {' '.join(r['keys']) or 'nothing'} was called"
         f" {' '.join(r['said']) or r['verdict']} ({r['information_left_nats']:.0f} nats beyond parameters)"

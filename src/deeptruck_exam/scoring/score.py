@@ -157,7 +157,7 @@ Spans = list[tuple[float, float]]
 
 
 def _spans(segments: Sequence[Mapping[str, Any]]) -> dict[str, Spans]:
-    """Per recording the union of its segments."""
+    """For each recording the union of its segments."""
     raw: dict[str, Spans] = {}
     for s in segments:
         name = str(s["recording"]).split("#")[0]
@@ -209,8 +209,8 @@ def score_intervals(truth: Mapping[str, Any], verdict: Verdict) -> list[dict[str
 
 
 def _stated(parameters: Mapping[str, Any], name: str, unit: str) -> Mapping[str, Any] | None:
-    """The parameter of that name, else the only one of that unit; None without an interval or where several
-    could be meant."""
+    """The parameter of that name, else the only one of that unit; None without an interval or if several are
+    possible."""
     known = {n: p for n, p in parameters.items() if p.get("ci95") and p.get("unit") == unit}
     if name in known:
         return dict(known[name])

@@ -58,7 +58,8 @@ def simulate(truck: PhysicsTruck, roads: Roads, driver: Driver, leader_m: Array,
 
 
 def _on_bus_nm(forces: Sequence[Force]) -> Array | float:
-    """What the engine's controller reports beyond the requested torque, (batch,) N m."""
+    """The difference of the torque that the engine controller reports from the requested one,
+    (batch,) N m."""
     return sum((np.asarray(getattr(force, "on_bus_nm", 0.0)) for force in forces), start=np.zeros(()))
 
 

@@ -70,7 +70,7 @@ class Driver:
         return self._feet(u, speed, error)
 
     def _wish(self, k: int, speed: Array, error: Array, gap: Array) -> Array:
-        """Acceleration that is wanted, m/s2."""
+        """Desired acceleration, m/s2."""
         rows, last = np.arange(len(error)), self.target.shape[1] - 1
         later = np.minimum(k + self.steps, last)
         coming = (self.target[rows, later] - self.target[:, k]) / (self.steps * self.dt)
@@ -115,7 +115,7 @@ class Driver:
         self.brake = np.where(self.braking, self.brake, 0.0)
 
     def _feet(self, u: Array, speed: Array, error: Array) -> Array:
-        """What gliding and notches make of the engine command."""
+        """The engine command after coasting phases and discrete pedal steps."""
         full = self.truck.full_command
         self.pulls = np.where(error > 1.7 * self.band, True, np.where(error < -self.band, False, self.pulls))
         glides = self.glider & ~self.pulls & (speed > 5.0) & (error < 1.7 * self.band)

@@ -89,7 +89,7 @@ class Sensors:
         return channels
 
     def _stamp(self, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-        """Times of messages jitter, and responses come late."""
+        """Add jitter to message times, and delay responses."""
         clock = np.arange(len(channels["speed"])) * dt
         jitter = self.jitter_s * ou_series(rng, (1, len(clock)), dt, 0.2)[0]
         for name in TIMED:
@@ -99,7 +99,7 @@ class Sensors:
     def _knock(
         self, channels: Channels, distance: Array, truck: SimpleNamespace, dt: float, rng: np.random.Generator
     ) -> None:
-        """Runout of a tone ring, once a turn of the wheel, and spikes of a bracket that knocks."""
+        """Add the runout of a tone ring, once per wheel turn, and spikes of a loose bracket."""
         turns = distance / truck.wheel_radius + rng.uniform(0.0, 2.0 * np.pi)
         channels["speed"] = channels["speed"] * (1.0 + self.runout * np.sin(turns))
         knocks = rng.random(len(turns)) < self.spikes_per_min * dt / 60.0
@@ -127,7 +127,7 @@ def _sensed(values: Array, one: Sensor, unit: Array, dt: float, rng: np.random.G
 
 
 def _held(values: Array, missing: NDArray[np.bool_]) -> Array:
-    """The last value that came, in place of those that are missing."""
+    """The values with missing ones replaced by the last received one."""
     there = ~missing
     there[0] = True
     return np.asarray(values[np.maximum.accumulate(np.where(there, np.arange(len(values)), 0))])
@@ -139,7 +139,7 @@ def quantise(values: Array, step: float) -> Array:
 
 
 def _shaking(name: str, speed: Array, percent: float) -> Array:
-    """What a channel's noise is multiplied by, (n,): a truck shakes the more the faster it is driven."""
+    """Noise factor of a channel, (n,), which increases with speed because the truck vibrates more."""
     if name == "acceleration":
         return 0.5 + 0.5 * np.clip(speed / 18.0, 0.0, 1.4)
     return np.full(len(speed), percent if name == "engine_torque" else 1.0)

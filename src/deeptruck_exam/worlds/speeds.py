@@ -39,7 +39,7 @@ def _allowed(rng: np.random.Generator, of_kind: Mapping[str, Any]) -> float:
 
 
 def _snubbed(rng: np.random.Generator, speed: Array, dt: float) -> Array:
-    """Run up to the safe speed, brake 8 km/h off it, release: a saw tooth below the speed."""
+    """Sawtooth below the speed: accelerate to the safe speed, brake by 8 km/h, release."""
     rise, fall, depth = rng.uniform(0.10, 0.25), rng.uniform(0.6, 1.0), rng.uniform(1.4, 2.6)
     period = depth / rise + depth / fall
     phase = (np.arange(len(speed)) * dt + rng.uniform(0.0, period)) % period
@@ -48,7 +48,7 @@ def _snubbed(rng: np.random.Generator, speed: Array, dt: float) -> Array:
 
 
 def _eased(rng: np.random.Generator, speed: Array, dt: float, floor: float) -> Array:
-    """The speed with a slow wander and no corners."""
+    """The speed with a slow random variation and rounded corners."""
     n = len(speed)
     smooth = np.convolve(ou_series(rng, (1, n), dt, 10.0)[0], np.hanning(61) / 30.0, mode="same")
     speed = speed + 0.4 * smooth * np.clip(speed / 7.0 - 0.4, 0.0, 1.0)

@@ -177,7 +177,7 @@ def information_of(file: Path) -> dict[str, Any]:
 
 
 def _messages(information: dict[str, Any]) -> dict[str, int] | None:
-    """Messages by topic; None in compressed files, of which some recorders count none."""
+    """Messages by topic; None for compressed files, in which some recorders do not count them."""
     found: dict[str, int] = {}
     for entry in information["topics_with_message_count"]:
         name = str(entry["topic_metadata"]["name"])

@@ -80,7 +80,8 @@ def simulator(text: str) -> SimulatorFacts:
 
 
 def _check_beneath(path: Path, data: dict[str, Any]) -> None:
-    """Raises InputError where what a directory corrects is lost, or is an outside simulator that changed."""
+    """Raises InputError if the base of a corrected simulator is lost, or is an outside simulator that
+    changed."""
     if data["kind"] == "corrected":
         _check_beneath(path / "base", manifest(path / "base"))
     elif data["kind"] == KIND:

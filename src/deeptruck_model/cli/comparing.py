@@ -90,7 +90,7 @@ def _inputs(text: str, topic_map: Path | None):  # type: ignore[no-untyped-def]
 
 
 def _a_drive(text: str, sides: Sequence[str]) -> None:
-    """Raises InputError for a simulator without the drive along which it is to run."""
+    """Raises InputError for a simulator without a drive to run along."""
     from deeptruck_model.compare.naming import split_name
 
     simulator, bag = split_name(text)

@@ -99,7 +99,7 @@ def train(
 def _train(
     recordings: list[Recording], out: Path, arguments: Arguments, *, resumes: bool, overwrite: bool
 ) -> None:
-    """Train, and report."""
+    """Train, and print a summary."""
     from deeptruck_model.deep import finished
     from deeptruck_model.deep import train as train_truck
 

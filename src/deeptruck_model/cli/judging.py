@@ -128,7 +128,7 @@ def calibrate(
 def _remarks(
     simulator: Simulator, recordings: list[Recording], metrics: dict[str, Any], horizon: float
 ) -> None:
-    """Say where the errors are less certain than they look."""
+    """Print where the errors are less certain than they appear."""
     from deeptruck_model.deep import remarks
 
     if remarks.is_deep(simulator) and (line := remarks.warning(simulator, recordings)):

@@ -133,7 +133,7 @@ def _show(found: Mismatch, out: Path, units: str) -> None:
 
 
 def _serve(found: Mismatch, out: Path, units: str, again: Again) -> None:
-    """Serve the page until the program is ended."""
+    """Serve the page until the program ends."""
     from deeptruck_model.mismatch.serving import served
 
     with served(found, out, again, units) as address:
@@ -142,7 +142,7 @@ def _serve(found: Mismatch, out: Path, units: str, again: Again) -> None:
 
 
 def _spans(texts: list[str]) -> list[tuple[str, float, float]]:
-    """Rows as they are typed: NAME:FROM:TO. Raises InputError for a text that is none."""
+    """Parse rows given as NAME:FROM:TO. Raises InputError for other text."""
     out = []
     for text in texts:
         name, *ends = text.rsplit(":", 2)
@@ -159,7 +159,7 @@ def _spans(texts: list[str]) -> list[tuple[str, float, float]]:
 
 
 def _check_excluded(names: list[str]) -> None:
-    """Raises InputError for an unknown effect, before hours of driving are read."""
+    """Raises InputError for an unknown effect, before long recordings are read."""
     if names:
         from deeptruck_model.mismatch.excluded import check_excluded
 
@@ -283,14 +283,14 @@ def road(
 
 
 def _shared_roads(table: Path) -> SharedRoads:
-    """Raises InputError where it is no table of shared roads."""
+    """The shared roads in a table. Raises InputError for any other table."""
     from deeptruck_model.mismatch.roads.shared_roads import SharedRoads
 
     return SharedRoads.read(table)
 
 
 def _check_no_other(other: Path | None) -> None:
-    """Raises InputError where a folder of another vehicle is given beside roads.csv."""
+    """Raises InputError if a folder of another vehicle is given together with roads.csv."""
     if other is not None:
         raise InputError("--other is for a folder that 'mismatch' wrote; roads.csv finds roads by positions")
 

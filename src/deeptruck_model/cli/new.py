@@ -115,7 +115,7 @@ def _yaml(truck: Path) -> None:
 
 
 def _units(data: dict[str, Any], drives: list[Recording]) -> dict[str, Any]:
-    """Units of the commands: those of the sheet, else of the recordings where a physics truck has them."""
+    """Units of the commands: those of the sheet, else of the recordings if a physics truck has them."""
     known = {"engine_unit": ENGINE_UNITS[:2], "brake_unit": BRAKE_UNITS[:2]}
     recorded = drives[0].interface.to_dict() if drives else {}
     found = {name: recorded[name] for name, units in known.items() if recorded.get(name) in units}
@@ -123,7 +123,7 @@ def _units(data: dict[str, Any], drives: list[Recording]) -> dict[str, Any]:
 
 
 def _check_commands(truck: Path, units: dict[str, Any], drives: list[Recording]) -> None:
-    """Raises InputError where the recorded commands cannot drive a physics truck of these units."""
+    """Raises InputError if the recorded commands cannot drive a physics truck with these units."""
     interface = TruckInterface(truck.stem, **units, grade=False)
     for r in drives:
         given = Given(f"'{r.name}'", partial(_lacks, r), r.interface.unit)
@@ -141,9 +141,9 @@ def _lacks(recording: Recording, channel: str) -> bool:
 
 
 def _asked(drives: list[Recording], units: dict[str, Any]) -> dict[str, Any]:
-    """The data sheet as it is typed, and the units of the commands where no recording has them.
+    """The data sheet from questions on the terminal, and the units of the commands if no recording has them.
 
-    An answer that cannot be used is asked again.
+    An unusable answer is asked again.
     """
     from deeptruck_model import overall_ratios
     from deeptruck_model.trucks import own_truck

@@ -65,7 +65,7 @@ def _stands_for(simulator: str) -> Path:
 
 
 def _members(simulator: str) -> list[Row]:
-    """A row for each part that an outside simulator lacks; none where it can be driven."""
+    """A row for each missing member of an outside simulator; empty if it can be driven."""
     if not is_outside(simulator):
         return []
     lacking = lacks(made(refer(simulator)))
@@ -78,7 +78,7 @@ def _members(simulator: str) -> list[Row]:
 
 
 def _driven(simulator: str, changed: Path | None) -> list[Row]:
-    """The table of a simulator, or of what the folder `changed` stands for, as it is now."""
+    """The table of a simulator, or of the present simulator to which the folder `changed` refers."""
     from deeptruck_model import protocol_check, simulators
 
     if changed is None:
@@ -163,7 +163,7 @@ def calibrate_truck(
 
 
 def _check_no_worse(found: Calibration) -> None:
-    """Raises InputError where the fitted truck has a larger speed error on held-out recordings."""
+    """Raises InputError if the fitted truck has a larger speed error on held-out recordings."""
     if found.before is None or found.after is None or found.after.speed <= found.before.speed:
         return
     raise InputError(
@@ -174,7 +174,7 @@ def _check_no_worse(found: Calibration) -> None:
 
 
 def _stated_mass(found: Calibration, recordings: Sequence[Recording]) -> Iterator[str]:
-    """Where the mass that recordings state is outside the interval that their drives give."""
+    """Remarks if the mass stated by recordings is outside the interval from their drives."""
     from deeptruck_model.mismatch.unrecorded import contradicted_mass
 
     for p in found.parameters:
@@ -183,7 +183,7 @@ def _stated_mass(found: Calibration, recordings: Sequence[Recording]) -> Iterato
 
 
 def _calibrated(found: Calibration) -> Iterator[str]:
-    """The parameters, what they give as coast-down coefficients, and what they are worth."""
+    """Lines on the parameters, the resulting coast-down coefficients, and the improvement."""
     from deeptruck_model.trucks.coast_down import UNITS, CoastDown
 
     for p in found.parameters:

@@ -72,7 +72,7 @@ def offset(first: Side, other: Side) -> Offset:
 
 @dataclass(frozen=True)
 class _Pair:
-    """The speeds of two sides about their common mean, 0 where unknown; and 1 where known."""
+    """The speeds of two sides minus their common mean, 0 where unknown; and 1 where known."""
 
     a: Array
     b: Array
@@ -92,9 +92,11 @@ class _Pair:
         return bool(self.a_known.any() and self.b_known.any())
 
     def best(self) -> tuple[int, float]:
-        """The shift in samples, and the correlation there, of all that leave half of the shorter side.
+        """The best shift in samples, and its correlation, among all shifts that overlap by half of the
+        shorter side.
 
-        Of peaks that are nearly alike it is the one nearest to a common beginning."""
+        Of nearly equal peaks, the one nearest to a common start is chosen.
+        """
         number = correlate(self.a_known, self.b_known)
         squares = correlate(self.a**2, self.b_known) * correlate(self.a_known, self.b**2)
         agreement = correlate(self.a, self.b) / np.sqrt(np.maximum(squares, 1e-12))
@@ -106,8 +108,8 @@ class _Pair:
         return best - begun, float(agreement[best])
 
     def beyond_chance(self, shift: int) -> float:
-        """Standard deviations (Fisher's z) that the changes of speed agree by: a short segment of any speed
-        resembles another one, but it speeds up and slows down at other moments."""
+        """Significance of the agreement of speed changes, in standard deviations (Fisher's z). A short
+        segment resembles many others in speed, but not in the times of its changes."""
         begin, end = max(shift, 0), min(len(self.a), shift + len(self.b))
         theirs = slice(begin - shift, end - shift)
         both = (self.a_known[begin:end] * self.b_known[theirs]) > 0.0
@@ -120,13 +122,14 @@ class _Pair:
 
 
 def _renewed_after(x: Array) -> float:
-    """Samples after which a centred signal is new information: its autocorrelation is less than a half."""
+    """Samples after which the autocorrelation of a centred signal is below a half, so that it holds new
+    information."""
     own = correlate(x, x)[len(x) - 1 :]
     return float(np.argmax(own < 0.5 * own[0])) or float(len(x))
 
 
 def _peaks(x: Array) -> list[int]:
-    """Places where nothing beside them is higher."""
+    """Indices of local maxima."""
     wider = np.concatenate([[-np.inf], x, [-np.inf]])
     return [int(k) for k in np.flatnonzero((x >= wider[:-2]) & (x >= wider[2:]))]
 
@@ -165,7 +168,7 @@ def _by_position(first: Side, other: Side) -> Road | str:
 
 
 def _metres(side: Side, about: Side) -> Array:
-    """East and north of the middle of `about`, m, (n, 2)."""
+    """East and north coordinates relative to the centre of `about`, m, (n, 2)."""
     east_m, north_m = metres_per_degree(float(np.nanmean(about.columns["latitude"])))
     return np.stack([east_m * side.columns["longitude"], north_m * side.columns["latitude"]], axis=1)
 
@@ -190,7 +193,7 @@ def _by_slope(first: Side, other: Side) -> Road | str:
 
 
 def _slopes(side: Side) -> Array:
-    """Mean slope of every BIN_M of the way; 0 where unknown."""
+    """Mean slope in each BIN_M of distance; 0 where unknown."""
     distance = side.distance
     edges = np.arange(0.0, distance[-1] + 1e-9, BIN_M)
     if "grade" in side.columns and np.isfinite(side.columns["grade"]).any():
@@ -203,7 +206,8 @@ def _slopes(side: Side) -> Array:
 
 
 def _forward(place: Array, other: Side, by: str) -> Road | str:
-    """The road, if most of it is driven the same way: distance does not align the other way."""
+    """The road, if most of it is driven in the same direction; opposite directions cannot be aligned by
+    distance."""
     known = np.isfinite(place)
     steps = np.diff(place[known])
     if known.sum() < 2 or np.abs(steps).sum() < LEAST_M:

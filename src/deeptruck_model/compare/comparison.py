@@ -83,7 +83,7 @@ def _beside(first: Side, side: Side, given: Mapping[str, float]) -> Compared:
 
 
 def _on_one_clock(first: Side, side: Side) -> Offset:
-    """A simulator along the bag that it is compared with needs no offset."""
+    """Zero offset for a simulator along the bag with which it is compared."""
     return Offset(0.0, _correlation(first, side, 0.0), By.ONE_BAG)
 
 

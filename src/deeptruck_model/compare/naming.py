@@ -15,7 +15,7 @@ def split_name(text: str) -> tuple[str | None, Path]:
 
 
 def _last(simulator: str) -> str:
-    """The name of a simulator directory, and any other simulator as it was given."""
+    """The last part of a simulator directory's path; any other simulator as given."""
     return Path(simulator).name if Path(simulator).exists() else simulator
 
 

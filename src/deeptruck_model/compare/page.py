@@ -30,13 +30,13 @@ DIGITS = 5
 
 @dataclass(frozen=True)
 class _Speeds:
-    """In which unit speeds are shown, and how many of it are 1 m/s."""
+    """The unit in which speeds are shown, and the number of units in 1 m/s."""
 
     unit: str
     per: float
 
     def factor(self, unit: str) -> float:
-        """By what a value of a unit is multiplied to be shown."""
+        """The factor from a value of `unit` to the displayed value."""
         return self.per if unit == "m/s" else 1.0
 
     def of(self, unit: str) -> str:
@@ -77,7 +77,7 @@ def _file(name: str) -> str:
 
 
 def _off(c: Compared, shown: _Speeds) -> str:
-    """How far a side is off, as a part of the first sentence."""
+    """The error of a side, as a part of the first sentence."""
     if c.difference is None:
         return f"{c.side.name} has no time together with it"
     d = c.difference
@@ -108,7 +108,7 @@ def _to_dict(c: Compared, shown: _Speeds) -> dict[str, Any]:
 
 
 def _apart(comparison: Comparison, shown: _Speeds) -> list[dict[str, Any]]:
-    """The table of differences from the first side: a row for each number that any side has."""
+    """The table of differences from the first side, one row for each number that any side has."""
     out = []
     for name, (words, unit) in APART.items():
         numbers = [None if c.difference is None else asdict(c.difference)[name] for c in comparison.compared]
@@ -119,7 +119,7 @@ def _apart(comparison: Comparison, shown: _Speeds) -> list[dict[str, Any]]:
 
 
 def _rows(comparison: Comparison, shown: _Speeds) -> list[dict[str, Any]]:
-    """The table: a row for each number that any side has."""
+    """The table of statistics, one row for each number that any side has."""
     all_numbers = [asdict(c.statistics) for c in comparison.compared]
     out = []
     for name, (words, unit) in NAMES.items():
@@ -131,7 +131,7 @@ def _rows(comparison: Comparison, shown: _Speeds) -> list[dict[str, Any]]:
 
 
 def _drawn(comparison: Comparison, shown: _Speeds) -> dict[str, Any]:
-    """What the script reads: every side as means over `step_s`."""
+    """The data for the script: every side as means over `step_s`."""
     step_s, thinned = comparison.compared[0].side.step_s, _thinned(comparison)
     points = sum(len(c.side) for c in comparison.compared)
     per = max(int(np.ceil(SECONDS / step_s)), int(np.ceil(points / MOST_POINTS)))
@@ -152,13 +152,13 @@ def _channels(comparison: Comparison) -> list[str]:
 
 
 def _thinned(comparison: Comparison) -> int:
-    """How many native samples a drawn one is the mean of."""
+    """Number of native samples averaged per plotted sample."""
     values = sum(len(x) for c in comparison.compared for x in c.side.native.values())
     return max(1, int(np.ceil(values / MOST_VALUES)))
 
 
 def _native(side: Side, per: int, shown: _Speeds) -> dict[str, Any]:
-    """Every channel as base64 of little-endian float32, NaN where nothing is known."""
+    """Every channel as base64 of little-endian float32, NaN where unknown."""
     columns = {}
     for name, values in side.native.items():
         means = values if per == 1 else np.array(_means(values, per), dtype=np.float64)
@@ -189,7 +189,7 @@ def _side(c: Compared, per: int, shown: _Speeds) -> dict[str, Any]:
 
 
 def _means(values: NDArray[np.float64], per: int) -> list[float | None]:
-    """Means of `per` values in a row, None where none of them is known."""
+    """Means of `per` consecutive values, None if none of them is known."""
     whole = np.full(-(-len(values) // per) * per, np.nan)
     whole[: len(values)] = values
     blocks = whole.reshape(-1, per)

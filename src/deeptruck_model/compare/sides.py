@@ -75,7 +75,7 @@ def load(
 
 
 def _driven(simulator: Simulator, recordings: Sequence[Recording], text: str) -> list[Recording]:
-    """What the simulator does with the commands of the recordings, fed its own response all along."""
+    """Free runs of the simulator with the commands of the recordings."""
     out = []
     for r in recordings:
         if abs(r.dt - simulator.dt) > 1e-6:
@@ -106,7 +106,7 @@ def _segments(known: NDArray[np.bool_], least: float) -> list[tuple[int, int]]:
 
 
 def _side(name: str, recordings: Sequence[Recording], step_s: float) -> Side:
-    """The recordings of one bag as means over `step_s`, on one clock from the first sample on."""
+    """The recordings of one bag as means over `step_s`, on one clock from the first sample."""
     begin = min(r.start_s for r in recordings)
     count = max(int(np.ceil((r.start_s - begin + len(r) * r.dt) / step_s)) for r in recordings)
     columns = {c: np.full(count, np.nan) for c in SHOWN if any(c in r.channels for r in recordings)}
@@ -124,7 +124,7 @@ def _side(name: str, recordings: Sequence[Recording], step_s: float) -> Side:
 
 
 def _native(recordings: Sequence[Recording], begin: float) -> dict[str, Array]:
-    """Every channel on the clock of the first sample, as it was sampled; NaN between pieces."""
+    """Every channel at its native step, on the clock of the first sample; NaN between pieces."""
     dt = recordings[0].dt
     at = [round((r.start_s - begin) / dt) for r in recordings]
     count = max(k + len(r) for k, r in zip(at, recordings, strict=True))

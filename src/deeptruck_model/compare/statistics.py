@@ -119,7 +119,7 @@ def difference(first: Side, other: Side, offset_s: float) -> Difference | None:
 
 
 def _fit(off: Array, own: Array) -> float:
-    """100 (1 - rms of the difference `off` / standard deviation of `own`), percent; 0 where `own` is
+    """100 (1 - rms of the difference `off` / standard deviation of `own`), percent; 0 if `own` is
     constant."""
     spread = float(np.std(own[np.isfinite(off)]))
     return 100.0 * (1.0 - _rms(off) / spread) if spread > 0.0 else 0.0
@@ -133,7 +133,7 @@ def _gap(first: Side, other: Side, time: Array, moved: Array) -> float | None:
 
 
 def _at(time: Array, moved: Array, values: Array) -> Array:
-    """Values at other moments; NaN outside, and beside what is unknown."""
+    """Values interpolated to other times; NaN outside, and next to unknown values."""
     return np.asarray(np.interp(time, moved, values, left=np.nan, right=np.nan))
 
 

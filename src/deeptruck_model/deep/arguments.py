@@ -70,7 +70,7 @@ class Arguments:
     """validations, TensorBoard points and resume points of a run"""
 
     def __post_init__(self) -> None:
-        """Raises InputError for a value that no run can have."""
+        """Raises InputError for an invalid value."""
         for name, least in LEAST.items():
             value = getattr(self, name)
             if not least <= value < math.inf:

@@ -78,7 +78,7 @@ def _samples(recording: Recording) -> Array:
 
 
 def _grown(counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Counts of each bin and its neighbours along every axis."""
+    """Counts summed over each bin and its neighbours along every axis."""
     grown = np.pad(counts, 1)
     for axis in range(3):
         grown = grown + np.roll(grown, 1, axis) + np.roll(grown, -1, axis)

@@ -77,7 +77,7 @@ def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
 
 
 def _nearly_all(recordings: Sequence[Recording], channel: str) -> bool:
-    """Whether so few recordings lack a channel that they are left out, rather than the channel."""
+    """Whether so few recordings lack a channel that these recordings are omitted and not the channel."""
     lacking = sum(len(r) for r in recordings if not has(r, channel))
     return lacking <= LACKING * sum(map(len, recordings))
 

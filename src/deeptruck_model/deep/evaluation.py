@@ -137,7 +137,7 @@ def statistics(runs: Trials) -> dict[str, Any]:
 
 
 def _channel(error: Array) -> dict[str, float | None]:
-    """Statistics of an error (trials, T); those at the end are None where nothing was measured there."""
+    """Statistics of an error (trials, T); those at the end are None without measurements there."""
     last = error[:, -1][np.isfinite(error[:, -1])]
     return {
         "mean": float(np.nanmean(error)),
@@ -180,7 +180,7 @@ def _named(name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _held(runs: Trials) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """The responses of the start kept; no acceleration."""
+    """The initial responses held constant, with zero acceleration."""
     held = np.repeat(runs.modelled[:, :1], runs.modelled.shape[1], axis=1)
     held[:, :, ACCELERATION] = 0.0
     return held

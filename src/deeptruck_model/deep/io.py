@@ -199,7 +199,7 @@ def _shape(stored: dict[str, Any]) -> Shape:
 
 
 def _check_numbers(scales: Scales, dt: float) -> None:
-    """Raises ValueError for scales and steps that no training gives."""
+    """Raises ValueError for scales and steps that training cannot produce."""
     if scales.mean.ndim != 1 or scales.mean.shape != scales.scale.shape:
         raise ValueError("mean and scale are no lists of one length")
     if not (np.isfinite(scales.mean).all() and np.isfinite(scales.scale).all() and (scales.scale > 0).all()):
@@ -222,7 +222,7 @@ def _fill(network: TruckNetwork, path: Path) -> None:
 
 
 def _miss(path: Path, manifest: dict[str, Any]) -> None:
-    """Raises InputError where a file is lost without which the truck would promise what it cannot keep."""
+    """Raises InputError if a required file is missing."""
     for name in promised(manifest):
         if name in KEPT and not (path / name).exists():
             raise InputError(f"{path} has lost {name}, {KEPT[name]}; restore that file, or train again")
@@ -272,8 +272,8 @@ def load_reference(folder: Path) -> tuple[Recording, ...]:
 
 
 def _read_reference(path: Path) -> tuple[Recording, ...]:
-    """The reference recordings of a safetensors file. Raises KeyError, IndexError, TypeError or ValueError
-    for a file of another content."""
+    """The reference recordings in a safetensors file. Raises KeyError, IndexError, TypeError or ValueError
+    for other content."""
     with safe_open(path, framework="numpy") as file:
         heads = json.loads((file.metadata() or {})["recordings"])
         channels: list[dict[str, Array]] = [{} for _ in heads]

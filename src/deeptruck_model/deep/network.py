@@ -172,7 +172,7 @@ class TruckNetwork(nn.Module):
         return torch.cat([acceleration[..., None], fed[..., SPEED:]], dim=-1)
 
     def _code(self, speed: Tensor) -> Tensor:
-        """Speed (.., 1) on a logarithmic scale, where gears lie evenly: (.., code) soft steps."""
+        """Speed (.., 1) on a logarithmic scale, on which gears are evenly spaced: (.., code) soft steps."""
         if not self.shape.code:
             return speed[..., :0]
         width = math.log1p(self.top_speed) / self.shape.code
@@ -180,7 +180,8 @@ class TruckNetwork(nn.Module):
         return torch.tanh((torch.log1p(speed) - centres) / width)
 
     def _with_gains(self, raw: Tensor, conditions: Tensor, y: Tensor) -> Tensor:
-        """The named signals (.., named) of D's raw outputs; gains times factors are added to the response."""
+        """The named signals (.., named) among D's raw outputs; gains times factors are added to the
+        response."""
         free, named, factors = self.shape.responses - 1, self.shape.named, self.shape.factors
         if not factors:
             return raw
@@ -192,15 +193,15 @@ class TruckNetwork(nn.Module):
 
     @property
     def _columns(self) -> list[int]:
-        """Where the outputs of D lie in [u, w, y, auxiliary]: D leaves the speed to C."""
+        """Columns of D's outputs in [u, w, y, auxiliary]; speed is not among them, because C computes it."""
         first = self.shape.controls + self.shape.conditions
         return [first + ACCELERATION, *range(first + FUEL, first + 1 + self.shape.named)]
 
     def _constrain(self, raw: Tensor, y: Tensor) -> Tensor:
-        """C: v' = v + a dt, never negative, at rest when it hardly moves; fuel never negative.
+        """C: v' = v + a dt, never negative, and zero if it is very small; fuel never negative.
 
-        Where a bound holds, the gradient still reaches the decoder as if it did not (else a model that
-        wrongly stands could never learn to start), but no longer passes to the speed before.
+        Where a bound is active, the gradient still reaches the decoder as if it were not (otherwise a model
+        that wrongly stands could never learn to start), but not the previous speed.
         """
         acceleration, speed = raw[..., 0], y[..., SPEED]
         moved = speed + acceleration * self.dt
@@ -218,7 +219,7 @@ class TruckNetwork(nn.Module):
 
 
 def _initial_weights(shape: Shape, seed: int) -> dict[str, Tensor]:
-    """Uniform in +-1/sqrt(fan in), as nn.LSTM and nn.Linear; each member depends on its own seed alone."""
+    """Uniform in +-1/sqrt(fan in), as nn.LSTM and nn.Linear; each member depends only on its own seed."""
     generator = torch.Generator().manual_seed(seed)
 
     def uniform(bound: float, *size: int) -> Tensor:

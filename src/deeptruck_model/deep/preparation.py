@@ -118,7 +118,7 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
 def _judgeable(
     validation: Sequence[Recording], pieces: Sequence[Recording], interface: TruckInterface
 ) -> None:
-    """Raises InputError, before the training, where no held-out recording is long enough for a free run."""
+    """Raises InputError, before training, if no held-out recording is long enough for a free run."""
     if any(cut(piece, interface) for piece in validation):
         return
     dt, longest = pieces[0].dt, max(len(p) * p.dt for p in pieces)
@@ -130,8 +130,8 @@ def _judgeable(
 
 
 def _start(path: Path, interface: TruckInterface, dt: float) -> DeepTruck:
-    """The truck under `path` that is to be adapted. Raises InputError where it is no deep truck, or has
-    other signals."""
+    """The truck under `path` that is to be adapted. Raises InputError if it is no deep truck, or has other
+    signals."""
     manifest = read_manifest(path)
     if manifest.get("kind") != "deep":
         raise InputError(f"{path} is no deep truck; only one of those can be adapted")
@@ -148,7 +148,7 @@ def _start(path: Path, interface: TruckInterface, dt: float) -> DeepTruck:
 
 
 def _differences(theirs: TruckInterface, ours: TruckInterface) -> list[str]:
-    """In words, signals that only one of two interfaces has, or that they have in other units."""
+    """Signals that only one of two interfaces has, or that differ in units, in words."""
     found = []
     for name in CHANNELS:
         had, has_it = (name in (*x.u, *x.w, *x.y) for x in (theirs, ours))

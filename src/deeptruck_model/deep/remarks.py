@@ -67,7 +67,7 @@ def _overlap(recordings: Sequence[Recording], metrics: dict[str, Any]) -> str:
 
 
 def _outside(truck: DeepTruck, recordings: Sequence[Recording]) -> str:
-    """Driving that the truck was not trained on."""
+    """Remark on driving conditions on which the truck was not trained."""
     names = (*truck.interface.y, *truck.interface.w)
     whole = [r.columns(names) for r in recordings if all(name in r.channels for name in names)]
     samples = np.concatenate([x[np.isfinite(x).all(axis=1)] for x in [*whole, np.zeros((0, len(names)))]])
@@ -83,7 +83,8 @@ def _outside(truck: DeepTruck, recordings: Sequence[Recording]) -> str:
 
 
 def _other(truck: DeepTruck, recordings: Sequence[Recording], metrics: dict[str, Any]) -> str:
-    """Recordings that its own intervals do not hold: of another truck, or of this one with another load."""
+    """Remark on recordings outside the truck's intervals: of another truck, or of this one with
+    another load."""
     held = [m["inside_90"] for m in metrics.values() if isinstance(m, dict) and "inside_90" in m]
     if not held or min(held) >= HELD_ENOUGH:
         return ""
@@ -118,7 +119,7 @@ def refuse_twice(recordings: Sequence[Recording]) -> None:
 
 
 def _content(recording: Recording) -> str:
-    """SHA-256 of all channels; unlike `data_hash`, whatever the recording is called."""
+    """SHA-256 of all channels; unlike `data_hash` it does not depend on the recording's name."""
     digest = hashlib.sha256()
     for name, values in sorted(recording.channels.items()):
         known = np.where(np.isnan(values), np.nan, values)  # one NaN, whatever its bits

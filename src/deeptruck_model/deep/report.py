@@ -177,7 +177,7 @@ def error_figure(runs: Trials) -> Figure:
 
 
 def _legend_above(axis: Any) -> None:
-    """Over the axes, where no curve can run beneath it."""
+    """Put the legend above the axes, where it covers no curve."""
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
 
@@ -227,7 +227,7 @@ def sample_figure(runs: Trials, shown: int = 4) -> Figure:
 
 
 def _rank(place: int, runs: int) -> str:
-    """What a run is among all when the best comes first."""
+    """Description of a run's rank, with the best run first."""
     return {0: "best run", runs - 1: "worst run"}.get(place, f"run {place + 1} of {runs}")
 
 

@@ -105,7 +105,7 @@ def _folder(sweep_folder: Path, settings: sweeps.Settings, seed: int) -> Path:
 
 
 def _take_over(finished: Path, draft: Path) -> None:
-    """Copy the trucks of a finished sweep into the draft, each whole or not at all; they are small."""
+    """Copy the trucks of a finished sweep into the draft, each completely or not at all."""
     for manifest in finished.glob(f"*/seed-*/{MANIFEST}"):
         place = draft / manifest.parent.relative_to(finished)
         if not (place / MANIFEST).exists():
@@ -168,7 +168,7 @@ def _rank(row: dict[str, Any]) -> tuple[int, float]:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:
-    """Held-out mean absolute errors, each as min / median / max over the seeds."""
+    """Held-out mean absolute errors, as min / median / max over the seeds."""
     head = "| settings | speed error, m/s: min / median / max | acceleration error, m/s² |"
     lines = [head, "| --- | --- | --- |"]
     for row in rows:

@@ -85,7 +85,7 @@ def train(
 
 
 def _refuse_another(out: Path, identity: dict[str, Any]) -> None:
-    """Raises InputError where another run's truck is at `out`."""
+    """Raises InputError if the truck at `out` is from another run."""
     there = identity_in(out)
     if there is None:
         return
@@ -135,7 +135,7 @@ def finished(recordings: Sequence[Recording], out: Path, arguments: Arguments) -
 
 @dataclass(frozen=True)
 class _Run:
-    """A training run under way."""
+    """State of a training run."""
 
     data: Prepared
     arguments: Arguments
@@ -174,7 +174,8 @@ def _begin(data: Prepared, arguments: Arguments, identity: dict[str, Any]) -> _R
 
 
 def _copies(start: TruckNetwork, seeds: tuple[int, ...]) -> TruckNetwork:
-    """A network whose members begin with the weights of those of `start`, in turn; the data order differs."""
+    """A network whose members start with the weights of those of `start`, in turn; only their data order
+    differs."""
     scales = Scales(start.mean.numpy(), start.scale.numpy(), start.top_speed)
     network = TruckNetwork(replace(start.shape, members=len(seeds)), scales, start.dt, seeds)
     turn = [m % start.shape.members for m in range(len(seeds))]
@@ -184,7 +185,7 @@ def _copies(start: TruckNetwork, seeds: tuple[int, ...]) -> TruckNetwork:
 
 
 def _fresh(data: Prepared, arguments: Arguments, seeds: tuple[int, ...]) -> TruckNetwork:
-    """A network with random weights."""
+    """A network with random initial weights."""
     interface, default = data.interface, arguments.mode == "default"
     shape = Shape(
         len(interface.u),
@@ -201,7 +202,7 @@ def _fresh(data: Prepared, arguments: Arguments, seeds: tuple[int, ...]) -> Truc
 
 
 def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None:
-    """Rounds of updates, each followed by a validation and a resume point."""
+    """Rounds of updates, each followed by validation and a resume point."""
     arguments, per_round = run.arguments, math.ceil(run.updates / run.arguments.rounds)
     judged = np.where(np.arange(len(run.weight)) < run.network.shape.responses, run.weight, np.float32(0.0))
     score = ""
@@ -249,7 +250,7 @@ def _round(
 
 
 def _details(run: _Run, seconds: float) -> dict[str, Any]:
-    """What the manifest says of the training."""
+    """Manifest entries on the training."""
     data = run.data
     return {
         "config": asdict(run.arguments),
@@ -274,6 +275,6 @@ def _details(run: _Run, seconds: float) -> dict[str, Any]:
 def _draw(
     sequences: Sequences, seeds: tuple[int, ...], round_: int, count: int, steps: int
 ) -> np.ndarray[Any, Any]:
-    """Starts of one round, (members, count). They depend on seed and round alone, so a resumed run draws
+    """Starts of one round, (members, count). They depend only on seed and round, so that a resumed run draws
     the same."""
     return np.stack([sequences.draw(count, steps, np.random.default_rng([seed, round_])) for seed in seeds])

@@ -1,11 +1,12 @@
 """Names of drafts and of older and newer results next to a result.
 
-.NAME.unfinished         work that --resume goes on with .NAME.????????.tmp       a draft, which takes the
-place of NAME when it is whole .NAME.PID.new            a recording that takes the place of an older NAME when
-it is whole .NAME.PID.old            an older NAME, for the moment in which the new one is renamed
-.NAME.PID.unfinished     work that was set aside, because the user began anew NAME.new                 a whole
-result, in whose place something else lay at the end NAME.old                 an older NAME that was never
-finished, so that whose its files are is not known
+.NAME.unfinished         work that --resume continues
+.NAME.????????.tmp       a draft, which replaces NAME when complete
+.NAME.PID.new            a recording that replaces an older NAME when complete
+.NAME.PID.old            an older NAME, while the new one is being renamed
+.NAME.PID.unfinished     work that was set aside because the user started again
+NAME.new                 a complete result whose intended name was taken at the end
+NAME.old                 an older NAME that was never finished, so that the owner of its files is unknown
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def print_left_beside(out: Path) -> None:
 
 
 def _is_held(place: Path) -> bool:
-    """Whether a run still works there."""
+    """Whether a run is still working there."""
     with suppress(OSError):
         try:
             free(place)

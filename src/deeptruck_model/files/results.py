@@ -188,7 +188,7 @@ class Result:
 
     @contextmanager
     def _held(self, out: Path, overwrite: bool) -> Iterator[None]:
-        """`out` held against other runs; where it is new, an empty folder until then."""
+        """Lock `out` against other runs; a new name is occupied by an empty folder until then."""
         self.check(out, overwrite=overwrite)
         new = not out.exists()
 
@@ -210,8 +210,8 @@ class Result:
     def _drafted(
         self, draft: Path, out: Path, overwrite: bool, resumes_from: tuple[str, ...], where_full: str
     ) -> Iterator[None]:
-        """A block that fills `draft`, which takes the place of `out` when it ends well; else it is removed,
-        but for one with a file of `resumes_from`."""
+        """A block that fills `draft`, which replaces `out` if the block succeeds; otherwise the draft is
+        removed, unless it holds a file of `resumes_from`."""
 
         def leave() -> None:
             known = ledger.read(draft)
@@ -233,11 +233,12 @@ class Result:
                 raise InputError(f"cannot write {out}: {error.strerror or error}; {cure}") from None
 
     def _publish(self, draft: Path, out: Path, overwrite: bool) -> None:
-        """Rename a finished folder to `out`, where nothing came between; else keep it as NAME.new.
+        """Rename a finished folder to `out` if that is still free; else keep it as NAME.new.
 
-        An older result is renamed aside first, back where the new one cannot be put, and removed file by file
-        once the new one stands: a file that came meanwhile is kept, and said. So is one whose files are known
-        by their names only, as of a recorder that was killed. Raises InputError where `out` is not free.
+        An older result is first renamed aside, restored if the new one cannot be put in place, and afterwards
+        removed file by file, so that a file added meanwhile is kept and reported. A result whose files are
+        identified by name only, such as that of a killed recorder, is kept too. Raises InputError if `out` is
+        not free.
         """
         old, files = None, list[str]()
         try:
@@ -265,8 +266,8 @@ class Result:
             _note(f"the older {out.name} was not finished; it is kept as {kept}, remove it")
 
     def _tidy(self, out: Path) -> None:
-        """Say what killed runs left beside `out`, which is held. What is in a draft may be the user's, by any
-        name, so all of it stays; one in which nothing was written is removed."""
+        """Report what killed runs left next to `out`, which is locked. Files in a draft, under any name, may
+        be the user's and stay; an empty draft is removed."""
         places.print_left_beside(out)
         for draft in sorted(out.parent.glob(f".{glob.escape(out.name)}.????????.tmp")):
             if self.signed(draft) and [p.name for p in draft.rglob("*")] == [LEDGER]:
@@ -275,9 +276,8 @@ class Result:
                 _note(f"{draft} looks like the draft of a killed run; see what is in it, and remove it")
 
     def _written(self, folder: Path) -> set[str]:
-        """Files that this command wrote into a folder: those that it announced in the ledger and whose names
-        are the command's; all files where its names are not known in advance. Other files are never
-        removed."""
+        """Files that this command wrote into a folder: those announced in the ledger that have names of this
+        command; all files if its names are not known in advance. Other files are never removed."""
         found = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()} - {LEDGER}
         known = ledger.read(folder)
         if known is not None and known.files:
@@ -288,7 +288,7 @@ class Result:
         return {name for name in found if name in inside or _fits(folder, folder / name, names, exact=True)}
 
     def _older(self, out: Path, overwrite: bool) -> list[str]:
-        """The files of an older result at `out`, which may be replaced; none where there is no such."""
+        """The files of an older result at `out` that may be replaced; empty if there is none."""
         if out.name in ("", ".."):
             raise InputError(f"{out} is no new folder's name; {self.elsewhere}")
         check_writable(out, places.LONGEST.format(out.name), self.elsewhere)
@@ -313,7 +313,7 @@ class Result:
         return files
 
     def _claimed(self, folder: Path) -> tuple[Ledger | None, list[str]]:
-        """As `_found`, but a folder that is not empty must have a ledger."""
+        """As `_found`, but a folder with files must have a ledger."""
         known, files = self._found(folder)
         if known is None and any(folder.iterdir()):
             first = min((p.name for p in folder.iterdir() if p.name != LEDGER), default="nothing")
@@ -329,9 +329,10 @@ class Result:
             raise InputError(f"{says}; move it, or {self.elsewhere}")
 
     def _found(self, folder: Path) -> tuple[Ledger | None, list[str]]:
-        """The ledger of a folder, if there is one, and the files in it, relative to it.
+        """The ledger of a folder, if there is one, and the paths of the files in it, relative to it.
 
-        Raises InputError for a link, another command's folder, and a file of somebody else, by its name.
+        Raises InputError for a link, another command's folder, and, naming it, a file that this command did
+        not write.
         """
         if folder.is_symlink():
             raise InputError(f"{folder} is a symbolic link; remove it, or {self.elsewhere}")
@@ -360,8 +361,8 @@ def _holds(folder: Path, patterns: Iterable[str] = ("**/*",)) -> bool:
 
 
 def _fits(folder: Path, path: Path, patterns: list[list[str]], *, exact: bool) -> bool:
-    """Whether a path in `folder` is what a pattern says, a folder on the way to it, or, unless `exact`, its
-    draft."""
+    """Whether a path in `folder` matches a pattern, is a folder on the way to a match, or, unless `exact`, is
+    a draft of one."""
     parts, is_folder = path.relative_to(folder).parts, path.is_dir()
     return any(
         (len(parts) < len(pattern) if is_folder else len(parts) == len(pattern) and path.is_file())
@@ -374,7 +375,7 @@ def _fits(folder: Path, path: Path, patterns: list[list[str]], *, exact: bool) -
 
 
 def _remove(folder: Path, files: Iterable[str]) -> bool:
-    """Remove these files and the folders that this leaves empty; whether nothing is left."""
+    """Remove these files and the folders that become empty; returns whether nothing is left."""
     for name in files:
         with suppress(OSError):
             (folder / name).unlink()
@@ -386,7 +387,7 @@ def _remove(folder: Path, files: Iterable[str]) -> bool:
 
 
 def _visible(place: Path, out: Path, suffix: str) -> Path:
-    """Rename a hidden folder to NAME.suffix, or the next free name; where it is then."""
+    """Rename a hidden folder to NAME.suffix, or the next free name; returns the new path."""
     with suppress(OSError):
         return place.rename(aside(out.with_name(f"{out.name}.{suffix}")))
     return place

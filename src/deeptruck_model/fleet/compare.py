@@ -166,8 +166,9 @@ def _compared(job: Comparison) -> dict[str, Any]:
 
 
 def _replace_earlier(job: Comparison) -> None:
-    """Of an earlier result of this truck keep verdict and receipt as PREVIOUS, and remove it: its receipt,
-    then the files that this names. Killed in between, what was kept is there when it is done again."""
+    """Keep verdict and receipt of this truck's earlier result as PREVIOUS, and remove the result: first its
+    receipt, then the files that the receipt names. If interrupted, the kept files are still there when this
+    is repeated."""
     path, verdict = f"{job.folder}/{DONE}", f"{job.folder}/{VERDICT}"
     if not job.target.exists(path):
         return
@@ -185,7 +186,7 @@ def _rounded(nats: Mapping[str, float]) -> dict[str, float]:
 
 
 def _by_week(found: Any, drives: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Rms of the residual (m/s^2) over the compared rows of each week that has a date."""
+    """Rms of the residual (m/s^2) over the compared rows of each dated week."""
     e = found.evidence
     if e is None:
         return {}

@@ -225,7 +225,7 @@ def _place(drive: Drive, digest: str) -> str:
 
 
 def _kept(recordings: Sequence[Recording], target: Place, path: str) -> dict[str, Any]:
-    """Write the recordings; what their receipt says of them."""
+    """Write the recordings; returns their entries for the receipt."""
     pieces = [
         {
             "name": r.name,

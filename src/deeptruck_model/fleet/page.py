@@ -154,7 +154,7 @@ def _first(name: str, e: Mapping[str, Any]) -> tuple[str, str, str, str, str, st
 
 
 def _again(trucks: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Trucks that were compared again: their number, and earlier and present result where they differ."""
+    """Trucks that were compared again: their number, and the earlier and present results that differ."""
     again = {name: e for name, e in trucks.items() if "previous" in e}
     if not again:
         return None
@@ -175,7 +175,7 @@ def _batch(b: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _roads(target: Place) -> dict[str, Any] | None:
-    """What is said of shared roads, and their map where there are some; None before the stage was run."""
+    """Sentence and map of the shared roads; None before the stage was run."""
     if not target.exists(ROADS):
         return None
     found = target.read_json(ROADS)
@@ -188,7 +188,7 @@ def _says(result: Mapping[str, Any]) -> tuple[str, list[str]]:
 
 
 def _short(result: Mapping[str, Any]) -> tuple[str, str, str]:
-    """The result in short, the hours of driving, and the evidence."""
+    """Short result, hours of driving, and evidence, as text."""
     said = result["verdict"].replace("_", " ")
     said += f": {_stated(result['stated'])}" if result["stated"] else ""
     until = f" until {result['last_week']}" if result["last_week"] else ""
@@ -200,7 +200,7 @@ def _stated(stated: list[str]) -> str:
 
 
 def _nats(value: float | None, marked: bool) -> dict[str, str]:
-    """Text and darkness (0 to 1) of a cell."""
+    """Text and darkness (0 to 1) of a table cell."""
     if value is None:
         return {"text": "", "shade": "0"}
 
@@ -213,7 +213,7 @@ def _probability(p: float) -> dict[str, str]:
 
 
 def _weeks(trucks: list[tuple[str, Any]]) -> dict[str, Any] | None:
-    """Residual rms by truck and week; None where no date is known."""
+    """Residual rms by truck and week; None without dates."""
     weeks = sorted({w for _, e in trucks for w in e["weeks"]})
     if not weeks:
         return None

@@ -98,18 +98,19 @@ def headline(pooled: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _needed(c: Mapping[str, Any]) -> int:
-    """References needed before all tested trucks of a class could be discoveries; 0 where none is tested."""
+    """Number of references needed so that all tested trucks of a class could be discovered; 0 if none is
+    tested."""
     return int(c["references_needed"].get(str(c["tested"]), 0)) if c["tested"] else 0
 
 
 def _named(names: Iterable[str]) -> str:
-    """Up to a few trucks by name, more as a count."""
+    """Names of a few trucks; the number of more."""
     names = list(names)
     return ", ".join(names) if len(names) <= NAMED else str(len(names))
 
 
 def _nats(entries: Mapping[str, Mapping[str, Any]], text: str) -> str:
-    """The least and the most held-out evidence in a text; empty where none is known."""
+    """The range of held-out evidence as text; empty if none is known."""
     known = sorted(e["held_out"] for e in entries.values() if e["held_out"] is not None)
     if not known:
         return ""
@@ -136,7 +137,7 @@ def _entry(
 
 
 def _result(receipt: Mapping[str, Any], verdict: Mapping[str, Any]) -> dict[str, Any]:
-    """A verdict in short: what is stated, of how many hours, up to which week, and its held-out nats."""
+    """Summary of a verdict: statement, hours, last week, and held-out evidence, nats."""
     nats = total(receipt["nats_held_out"])
     return {
         "verdict": verdict["verdict"],
@@ -155,7 +156,7 @@ def _by_family(nats: Mapping[str, float]) -> dict[str, float]:
 def _class(
     tested: Mapping[str, Tested], verdicts: Iterable[Mapping[str, Any]], level: float
 ) -> dict[str, Any]:
-    """Effects that could be found in a class, and those that all of its trucks share."""
+    """Effects that can be found in a class, and those that all of its trucks share."""
     references = sum(t.role == REFERENCE for t in tested.values())
     candidates = sum(t.role == TESTED for t in tested.values())
     found = sum(t.differs for t in tested.values())
@@ -176,8 +177,8 @@ def _class(
 
 
 def _effects(entries: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The share of trucks that differ, of all and of each value of each trait, with its 95 % interval; and
-    what is stated of those."""
+    """The share of trucks that differ, over all and by each value of each trait, with 95 % intervals; and the
+    statements on these trucks."""
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for e in entries.values():
         for group in (("all", "all"), ("class", e["class"]), *e["traits"].items()):
@@ -204,8 +205,8 @@ def _effects(entries: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _sizes(verdicts: Mapping[str, tuple[str, Mapping[str, Any]]]) -> list[dict[str, Any]]:
-    """Sizes of findings that several trucks of a class share, raw and shrunk side by side; those along a
-    road are of that road alone."""
+    """Sizes of findings that several trucks of a class share, raw and shrunk; sizes along a road apply to
+    that road only."""
     found: dict[tuple[str, str, str, str], dict[str, tuple[float, float]]] = {}
     for truck, (kind, verdict) in verdicts.items():
         for f in verdict["findings"]:

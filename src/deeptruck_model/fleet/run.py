@@ -137,7 +137,7 @@ def extract(fleet: Fleet, workers: Workers) -> dict[str, Any]:
 
 
 def _probed(jobs: Sequence[Extraction]) -> tuple[list[Extraction], list[dict[str, Any]]]:
-    """The first files of each class, read here, and the files left to read."""
+    """The first files of each class, read in this process, and the remaining files."""
     by_simulator: dict[str, list[Extraction]] = {}
     for job in jobs:
         by_simulator.setdefault(job.reading.key, []).append(job)
@@ -182,7 +182,7 @@ def compare(
 
 
 def _shown(label: str, results: Iterator[dict[str, Any]], total: int) -> Iterator[dict[str, Any]]:
-    """The same results, with a progress bar: count, rate, time left, and failures."""
+    """The same results, with a progress bar: count, rate, remaining time, and failures."""
     begun, out, read = time.monotonic(), 0, 0
     with bar(label) as show:
         for done, one in enumerate(results, 1):

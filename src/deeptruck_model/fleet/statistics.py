@@ -152,7 +152,7 @@ class _Totals:
         self.references = references
 
     def within(self, own: Nats, level: float) -> tuple[dict[str, float], dict[str, float]]:
-        """p of the families that are discovered in a truck, and of the names within these."""
+        """p-values of the discovered families of a truck, and of the names within these."""
         p = {f: p_value(total(own, ns), self.of_families[f]) for f, ns in self.members.items()}
         kept = _rejected(p, level)
         below = level * len(kept) / len(p)

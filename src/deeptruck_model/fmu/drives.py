@@ -135,7 +135,7 @@ class Instances:
             running.step(inputs, self._can_save)
 
     def _free(self) -> RunningInstance:
-        """An instance whose drive nobody knows any more, a new one, or the one longest unused."""
+        """An instance whose drive is no longer referenced, a new one, or the least recently used one."""
         for running in self._running:
             if running.drive() is None:
                 return running

@@ -120,7 +120,7 @@ class Instance:
         )
 
     def _instantiate(self) -> None:
-        """FMPy prints what an FMU logs, unless somebody takes it."""
+        """Create the FMU instance; passing a logger keeps FMPy from printing the FMU's log."""
         if self._d.version == 3:
             self._fmu.instantiate(logMessage=lambda _, status, category, text: self._hear(status, text))
             return
@@ -160,7 +160,7 @@ class Instance:
             return self._out.read()
 
     def _begin_again(self) -> None:
-        """Reset; where the FMU cannot, a new instance in its place."""
+        """Reset; if the FMU cannot, replace it by a new instance."""
         if self._resets:
             try:
                 self._fmu.reset()
@@ -210,7 +210,7 @@ class Instance:
 
     @contextmanager
     def _asked(self, what: str) -> Iterator[None]:
-        """One line in place of what FMPy raises, with the FMU's own last word."""
+        """Turns FMPy's exceptions into one line with the FMU's last log message."""
         try:
             yield
         except InputError:

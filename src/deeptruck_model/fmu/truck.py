@@ -124,7 +124,7 @@ class FmuTruck:
         return Run(y, self._insides(out))
 
     def _driven(self, inputs: Array, y0: Array, recorded: Array | None) -> tuple[Array, Array]:
-        """Outputs of the FMU along one row (T, outputs), and the speeds (T-1,) that each step began with."""
+        """Outputs of the FMU along one row (T, outputs), and the speed (T-1,) at the start of each step."""
         instance = self._instances.alone()
         steps, dt, speed_of = inputs.tolist(), self.dt, self._scalar
         speed, acceleration = float(y0[SPEED]), _number(y0[ACCELERATION])
@@ -147,7 +147,7 @@ class FmuTruck:
         return np.array(out), np.array(before)
 
     def _takes(self, speed: float, acceleration: float, measured: Array) -> tuple[float, float, bool]:
-        """Speed and acceleration to go on from, and whether they are new to the FMU."""
+        """Speed and acceleration from which to continue, and whether they are new to the FMU."""
         to, at = float(measured[SPEED]), float(measured[ACCELERATION])
         if math.isnan(to) and math.isnan(at):
             return speed, acceleration, False
@@ -198,8 +198,8 @@ class FmuTruck:
         ]
 
     def _starts_elsewhere(self, speed: float, out: Sequence[float]) -> bool:
-        """Whether `out`, which the FMU has at its start, is not of that speed and an instance was tried,
-        whose outputs are valid after a step. Raises InputError where they are of another speed then, too."""
+        """Whether the initial outputs `out` have another speed although a test instance, whose outputs are
+        valid only after a step, has the right one. Raises InputError if its speed is wrong too."""
         has = self._scalar(out[0])
         if self._silent_at_start or abs(has - speed) <= STARTS_NEAR:
             return False

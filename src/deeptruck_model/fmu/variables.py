@@ -114,7 +114,7 @@ def _known(given: Mapping[Any, Any], known: Sequence[str], where: str) -> None:
 
 
 def _links(d: Description, section: str, given: Mapping[Any, Any]) -> dict[str, Link]:
-    """The links of one section: of the FMU's own names, and of the mapping's lines, which come first."""
+    """The links of one section: lines of the mapping first, then variables of equal name."""
     names = {
         "inputs": INPUTS, "outputs": OUTPUTS, "parameters": tuple(PARAMETERS), "start": START,
         "measured": MEASURED,
@@ -131,7 +131,7 @@ def _links(d: Description, section: str, given: Mapping[Any, Any]) -> dict[str, 
 
 
 def _fits(own: Variable, section: str) -> bool:
-    """Whether a variable of our name is also of the kind, as a name alone may mean anything."""
+    """Whether a variable of our name also has the right kind, because a name alone may mean anything."""
     kinds = {"inputs": "input", "measured": "input", "outputs": "output", "parameters": "parameter"}
     return own.causality == kinds.get(section, own.causality)
 
@@ -151,7 +151,8 @@ def _mapped_link(d: Description, section: str, name: str, line: Any) -> Link:
 
 
 def _check_kind(section: str, where: str, variable: Variable) -> None:
-    """An input takes a value at every step, a start value is taken, and each is one number."""
+    """Check that an input can be set at every step, that a start value can be set, and that each is one
+    number."""
     said = f"{where} is {variable.name}, which is"
     given = section in ("inputs", "measured")
     if given and variable.causality not in ("input", "parameter"):
@@ -189,7 +190,7 @@ def _link(section: str, name: str, variable: Variable, unit: Any, factor: float 
 
 
 def _conversion(section: str, name: str, variable: Variable, unit: Any) -> Conversion:
-    """From the FMU's unit to ours; the mapping's word comes before the FMU's own."""
+    """From the FMU's unit to ours; a unit in the mapping overrides the FMU's."""
     said = variable.unit if unit is None else str(unit)
     plain = None if said is None else _spelled(said)
     where = f"{section}: {name} ({variable.name})"
@@ -210,7 +211,7 @@ def _conversion(section: str, name: str, variable: Variable, unit: Any) -> Conve
 
 
 def _spelled(unit: str) -> str:
-    """A unit as Modelica and FMI spell it, as ours are spelled: N.m, m2, m.s-2."""
+    """A unit in Modelica's and FMI's spelling (N.m, m2, m.s-2), in our spelling."""
     text = unit.strip().replace("m.s-1", "m/s").replace("m.s-2", "m/s^2").replace("s-2", "s^2")
     text = text.replace("m2", "m^2").replace("m3", "m^3").replace(".", " ")
     return "1" if text == "-" else text
@@ -233,7 +234,7 @@ def _cure(d: Description) -> str:
 
 
 def _holds(d: Description) -> str:
-    """Inputs and outputs of the FMU, so that a mapping can be written, or given up, without another tool."""
+    """Inputs and outputs of the FMU as text, so that a user can write a mapping without another tool."""
     said = []
     for kind in ("input", "output"):
         names = [v.name for v in d.variables.values() if v.causality == kind]

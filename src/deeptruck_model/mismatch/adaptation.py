@@ -121,13 +121,13 @@ def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Ow
 
 
 def _constant(rise: Quantity) -> Quantity:
-    """A slope beside the recorded one as the acceleration that it is."""
+    """An unrecorded slope, expressed as an acceleration."""
     low, high = rise.ci95
     return replace(rise, value=-GRAVITY * rise.value, ci95=(-GRAVITY * high, -GRAVITY * low))
 
 
 def _drawn(p: Posterior, name: str) -> Array:
-    """The size of a block of one column in each draw (m,)."""
+    """The size of a one-column block in each draw (m,)."""
     (j,) = (j for j, k in enumerate(p.of) if k.name == name)
     return SD[name] * p.coefficients(j)[:, 0]
 
@@ -147,7 +147,8 @@ def _load(p: Posterior) -> Quantity:
 
 
 def _quantity(probability: float, drawn: Array, most: float) -> Quantity:
-    """A quantity from its draws (m,): estimated where more probable than not, and valid up to `most`."""
+    """A quantity from its draws (m,): estimated if its probability exceeds one half, and valid up to
+    `most`."""
     value = float(drawn.mean())
     low, high = (float(x) for x in np.quantile(drawn, [0.025, 0.975]))
     state = State.UNESTIMATED if probability < Rules.named else State.ESTIMATED

@@ -136,15 +136,15 @@ def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
 
 
 def _white(p: Posterior, starts: Sequence[int], steps: int) -> float:
-    """Expected squares of speed, summed over windows, that white noise as large as the innovations adds up
-    to."""
+    """Expected squared speeds, summed over windows, of integrated white noise with the variance of the
+    innovations."""
     variance = TAIL / (TAIL - 2.0) * (p.noise.sigma * p.search.series.relative * p.search.e.dt) ** 2
     return float(sum(np.cumsum(variance[k : k + steps]).sum() for k in starts))
 
 
 def _columns(p: Posterior) -> tuple[Array, Array, list[str]]:
-    """Columns (n, k) that are not zero in all draws, their coefficients (m, k) and the part of each. What
-    follows recorded channels and is no mechanism, as what forms are off by, is of no known one."""
+    """Columns (n, k) that are nonzero in any draw, their coefficients (m, k), and the part of each. Columns
+    that follow recorded channels without being a mechanism, such as form errors, have no known part."""
     b = p.draws.coefficients
     always = p.always.shape[1]
     own: list[Array] = [p.always]
@@ -161,7 +161,7 @@ def _columns(p: Posterior) -> tuple[Array, Array, list[str]]:
 
 
 def _products(columns: Array, starts: Sequence[int], steps: int, dt: float) -> Array:
-    """Inner products (k, k) of columns that are added up over windows."""
+    """Inner products (k, k) of columns integrated over windows."""
     out = np.zeros((columns.shape[1], columns.shape[1]))
     for k in starts:
         added = np.cumsum(columns[k : k + steps], axis=0) * dt
@@ -170,11 +170,14 @@ def _products(columns: Array, starts: Sequence[int], steps: int, dt: float) -> A
 
 
 def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -> Array:
-    """Shares of the squared error (m, parts + 1) for draws (m, k), what is unexplained last, that add up to
-    one. `products` (K, K) are those of the k columns that are drawn, of those taken as they are, and of the
-    error. A share is each part's marginal contribution averaged over all orders (Shapley's value of a
-    quadratic form), so that what two correlated parts explain is divided between them; what two parts cancel
-    of each other counts in neither."""
+    """Shares of the squared error (m, parts + 1) for draws (m, k), the unexplained part last, which add up to
+    one.
+
+    `products` (K, K) are those of the k drawn columns, of the fixed columns, and of the error. A share is
+    each part's marginal contribution averaged over all orders (Shapley's value of a quadratic form), so that
+    what two correlated parts explain is divided between them; parts that cancel each other count only by
+    their sum.
+    """
     one, zero = np.ones((len(draws), len(products) - draws.shape[1] - 1)), np.zeros((len(draws), 1))
     parts = np.hstack([draws, one, zero])
     left = np.hstack([-draws, -one, zero + 1.0])
@@ -190,8 +193,8 @@ def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -
 
 
 def _refitted(search: Regression, given: Evidence) -> dict[str, Array]:
-    """What is taken as it is (n,), m/s^2, by family: what refitting parameters changed of the residual, with
-    the means of their priors. What is not linear in them is divided as the linear parts are."""
+    """The fixed columns (n,), m/s^2, by family: the change of the residual by refitted parameters, including
+    their prior means. Its nonlinear part is divided in proportion to the linear parts."""
     e = search.e
     X, prior, layout = search.design(search.model((), frozenset()))
     linear = {p: np.nan_to_num(given.sensitivity[p]) * change for p, change in e.moved.items()}
@@ -208,7 +211,7 @@ def _refitted(search: Regression, given: Evidence) -> dict[str, Array]:
 
 
 def _starts(search: Regression, counted: Mask, steps: int) -> list[int]:
-    """First rows of windows, each half over the one before, that are compared throughout."""
+    """First rows of half-overlapping windows that are compared throughout."""
     return [
         k
         for s in search.e.stretches

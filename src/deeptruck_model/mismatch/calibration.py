@@ -118,8 +118,8 @@ def _off(found: Calibration, name: str) -> float:
 
 
 def _saves(drives: Drives, held: PhysicsTruck, moved: PhysicsTruck) -> float:
-    """The share of the held-out speed error with the mass held that is saved by moving it: the lower end of
-    its 95 % interval; 0 without a free run."""
+    """The share of the held-out speed error that is removed by changing the mass: the lower end of its 95 %
+    interval; 0 without a free run."""
     along = drives.part(held_out=True)
     long = horizon(along)
     errors = {name: free_windows(t, along, long) for name, t in (("before", held), ("after", moved))}
@@ -173,10 +173,10 @@ def _parameter(
 
 
 def _jackknife(search: Regression, identified: frozenset[str]) -> dict[str, float]:
-    """Sd of the relative changes as far as parts of the driving disagree, which no noise within them shows.
+    """Sd of the relative changes between parts of the driving, which the noise within parts does not show.
 
-    One of PARTS after the other is left out (delete-a-group jackknife: Kott, Journal of Official Statistics
-    17, 2001). Few drives would be too few parts, so that these are of equal time.
+    Each of PARTS is left out in turn (delete-a-group jackknife: Kott, Journal of Official Statistics 17,
+    2001). Parts have equal time, because there are too few drives to use as parts.
     """
     rows = np.flatnonzero(search.e.valid)
     part = np.full(len(search.e), -1)
@@ -188,7 +188,7 @@ def _jackknife(search: Regression, identified: frozenset[str]) -> dict[str, floa
 
 
 def _alike(model: Model, names: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Pairs of free parameters whose errors go together."""
+    """Pairs of free parameters with strongly correlated errors."""
     layout = dict(model.layout)
     at = {p: layout[f"parameter:{p}"].start for p in names}
     sd = np.sqrt(np.diag(model.fit.covariance))

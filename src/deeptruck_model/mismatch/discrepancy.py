@@ -55,14 +55,14 @@ def allowed_for(simulator: Simulator, e: Evidence, measured_acceleration: bool, 
 
 
 def _second_means(e: Evidence) -> Array:
-    """The residual of the rows that count, (m,), in means over a second."""
+    """One-second means (m,) of the residual over rows that count."""
     smooth = uniform_filter1d(np.where(e.valid, e.residual, 0.0), max(1, round(1.0 / e.dt)))
     out: Array = smooth[e.valid]
     return out
 
 
 def _slow_noise(own: Evidence) -> float:
-    """Sd (m/s^2) of means over SLOW_NOISE_S that may be the simulator's own, on other driving too."""
+    """Sd (m/s^2) of means over SLOW_NOISE_S due to the simulator's own error, also for other drives."""
     per = max(1, round(SLOW_NOISE_S / own.dt))
     means = [0.0]
     for s in own.stretches:

@@ -131,12 +131,12 @@ def find_events(
 
 
 def _speed_change(series: Series, rows: slice, dt: float) -> float:
-    """Of the residual in some rows, m/s."""
+    """Speed change of the residual over some rows, m/s."""
     return float(np.sum(series.y[rows][series.valid[rows]])) * dt
 
 
 def _go_on(x: Event, rows: slice, series: Series) -> bool:
-    """Whether an event goes on in the rows before or after it, to the same side."""
+    """Whether the residual before or after an event has the same sign, so that the event continues there."""
     touches = rows.start == x.stop or rows.stop == x.start
     same_drive = not series.starts[max(rows.start, x.start)]
     return touches and same_drive and _speed_change(series, rows, 1.0) * x.speed_change > 0.0
@@ -147,9 +147,9 @@ def _seconds(kind: int) -> int:
 
 
 class _Filters:
-    """Directions (n, D) that are sought in windows between `edges`. Windows (W,) have a `first` and a `last`
-    edge and a `kind`: the place of their length in LENGTHS_S, or as many places further in drives that are
-    held out, along which nothing was fitted."""
+    """Directions (n, D) that are searched in windows between `edges`. Windows (W,) have a `first` and a
+    `last` edge and a `kind`: the index of their length in LENGTHS_S, plus the number of lengths for held-out
+    drives, to which nothing was fitted."""
 
     def __init__(
         self, series: Series, noise: Fit, kernels: Sequence[Kernel], stretches: Sequence[Stretch], dt: float
@@ -172,8 +172,9 @@ class _Filters:
         self._make_windows(np.repeat(np.arange(len(parts)), [len(p) for p in parts]), held_out, dt)
 
     def _prepare_power(self) -> None:
-        """The power of a direction between two edges is the difference of one array at the last and another
-        at the first, if ORDER rows or more lie between: so far the whitening of what begins there reaches."""
+        """Prepare cumulative arrays: the power of a direction between two edges is the difference of one
+        array at the last and another at the first edge, if at least ORDER rows lie between, which is the
+        reach of the whitening filter."""
         n, squares = len(self.use), self.weight**2
         whitening = np.concatenate([[1.0], -self.ar])
         self._to, self._from = np.zeros((2, len(self.edges), self.directions.shape[1]))
@@ -202,7 +203,7 @@ class _Filters:
         self._half = self._half_variance(self.first, self.last).astype(np.float32)
 
     def _half_variance(self, first: Rows, last: Rows) -> Array:
-        """By which the square of an inner product is multiplied (W, D) to be a gain in nats."""
+        """Factor (W, D) from the square of an inner product to a gain in nats."""
         power = np.maximum(self._to[last] - self._from[first], 0.0)
         out: Array = 0.5 / (POWER * (power + LARGEST**-2))
         return out
@@ -216,9 +217,9 @@ class _Filters:
         return _sums(self.directions, back, self.edges)
 
     def scale(self, psi: Array) -> Array:
-        """By which gains are multiplied (kinds, D): the inverse square of a filter's spread over the
-        windows of a kind that inform of its direction. The spread is at least one, and the widest of what
-        QUANTILES say, wider where windows are few."""
+        """Factors on gains (kinds, D): the inverse square of a filter's spread over the windows of a kind
+        that are informative about its direction. The spread is at least one, is the largest estimate of
+        QUANTILES, and is increased if windows are few."""
         sums, spread = self.sums(psi), np.ones((2 * len(LENGTHS_S), self.directions.shape[1]))
         for i in np.unique(self.kind):
             own = self.kind == i
@@ -235,15 +236,15 @@ class _Filters:
         return spread**-2
 
     def largest(self, sums: Array, scale: Array, free: Mask) -> tuple[float, int, int]:
-        """The largest gain, nats, of the windows that are free, its window and its direction."""
+        """The largest gain, nats, of the windows that are free, with its window and direction."""
         gain, window, direction = _largest(sums, self.first, self.last, self.kind, self._half, scale, free)
         return float(gain), int(window), int(direction)
 
     def apart(
         self, sums: Array, scale: Array, window: int, direction: int, least: float
     ) -> list[tuple[int, int]]:
-        """First and last edges of the events that a window joins: it is parted where both parts gain `least`
-        or more, and together half of it more than the whole, as there are few ways to part one window."""
+        """First and last edges of the events in a window. It is split if both parts gain `least` or more and
+        together half of it more than the whole, because there are few ways to split one window."""
         first, last, kind = self.first[window], self.last[window], self.kind[window]
         seconds = _seconds(kind) / (last - first)  # of an edge
         shortest = max(round(LENGTHS_S[0] / seconds), -(-ORDER // self._step))
@@ -267,14 +268,14 @@ class _Filters:
 
 @dataclass(frozen=True)
 class _Null:
-    """The largest gain in noise: Gumbel's distribution, nats."""
+    """Distribution of the largest gain in noise: Gumbel's, nats."""
 
     mode: float
     width: float
 
     @staticmethod
     def of(filters: _Filters, rng: np.random.Generator) -> _Null:
-        """By the moments over simulated innovations, whose filters' spread is judged as that of a log."""
+        """From the moments over simulated innovations, with the filters' spread estimated as for a log."""
         n, free = len(filters.use), np.ones(len(filters.first), dtype=bool)
 
         def simulated() -> Array:
@@ -287,16 +288,16 @@ class _Null:
         return _Null(float(np.mean(gains)) - np.euler_gamma * width, width)
 
     def expected(self, gain: float) -> float:
-        """How many gains in noise are larger."""
+        """Expected number of larger gains in noise."""
         return float(np.exp(-(gain - self.mode) / self.width))
 
     def exceeded_by(self, count: float) -> float:
-        """The gain that so many are expected to exceed."""
+        """The gain that noise is expected to exceed `count` times."""
         return float(self.mode - self.width * np.log(count))
 
 
 def _name(series: Series, noise: Fit, kernels: Sequence[Kernel], rows: slice) -> str | None:
-    """The mechanism that explains the residual in some rows, or its family, where one is probable enough."""
+    """The mechanism that explains the residual in some rows, or its family, if one is probable enough."""
     near = np.arange(rows.start, min(rows.stop + ORDER, len(series.y)))
     near = near[series.usable()[near]]
     weight = 1.0 / (series.relative[near] * noise.sigma)
@@ -325,7 +326,8 @@ def _name(series: Series, noise: Fit, kernels: Sequence[Kernel], rows: slice) ->
 
 
 def _evidence(y: Array, X: Array) -> float:
-    """Log evidence (nats) of features (m, k) with coefficients N(0, size^2), over all sizes, beside noise."""
+    """Log evidence (nats) over noise of features (m, k) with coefficients N(0, size^2), averaged over
+    sizes."""
     left, values, _ = np.linalg.svd(X, full_matrices=False)
     power, along = values**2, (left.T @ y) * values
     gains = [0.5 * np.sum((s * along) ** 2 / (1.0 + s**2 * power) - np.log1p(s**2 * power)) for s in SIZES]

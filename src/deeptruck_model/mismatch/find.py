@@ -189,7 +189,7 @@ def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
 
 
 def _check_possible(e: Evidence) -> None:
-    """Raises InputError where the simulator answers what no vehicle does."""
+    """Raises InputError if the simulator's response is impossible for any vehicle."""
     beyond = float(np.mean(np.abs(e.simulated[e.valid]) > IMPOSSIBLE_ACCELERATION)) if e.valid.any() else 0.0
     if beyond > Limits.no_vehicle:
         raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))

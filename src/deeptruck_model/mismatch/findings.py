@@ -78,7 +78,7 @@ def _of_named(c: Compared, made: Made | None, named: Named, rules: Rules) -> Fin
 
 
 def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
-    """The road, where what is slow depends on its position and its name is stated."""
+    """The finding of the road, if the slow force depends on road position and its name is stated."""
     if road is None or road.tree.stated(rules.stated) == ROOT:
         return []
     m = LIBRARY[road.tree.first]
@@ -88,7 +88,7 @@ def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
 
 def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
     """Findings of forces that follow no recorded channel: slow, position-dependent, or different in each
-    drive. If the simulator is `good_enough`, only the last are reported."""
+    drive. If the simulator is `good_enough`, only those that differ between drives are reported."""
     out = []
     for part in (EACH_DRIVE,) if good_enough else (EACH_DRIVE, PLACE, SLOW):
         p, share = c.posterior.probability(part), c.budget.share(part)
@@ -101,9 +101,9 @@ def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
 
 
 def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
-    """The largest of what no name stands for, where the simulator is off by more than it may be and nothing
-    else was found: what is slow or adds up, what changes within seconds, or what follows recorded channels as
-    no mechanism does."""
+    """The largest unnamed part, if the simulator's error exceeds the tolerance and nothing else was found: a
+    slow or accumulating part, one that changes within seconds, or one that follows recorded channels without
+    being a mechanism."""
     b = c.budget
     unexplained = b.force(LEFT_OVER, c.residual)
     each = {
@@ -117,7 +117,7 @@ def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
 
 
 def _nameless(c: Compared, part: str, p: float, share: float, force: Array, rules: Rules) -> Finding:
-    """A part of the budget as a finding without a name, and what to record to find its cause."""
+    """A part of the budget as a finding without a name, with the signal to record to find its cause."""
     named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
     f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
     record = wording.to_record(part, grade=c.search.e.has("grade"))
@@ -125,8 +125,8 @@ def _nameless(c: Compared, part: str, p: float, share: float, force: Array, rule
 
 
 def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
-    """What each fitted drive has beside the middle one of them: the force (n,), m/s^2, and its size by drive,
-    with the 95 % interval of the draws that have it in."""
+    """The constant force of each fitted drive relative to the median drive: the force (n,), m/s^2, and its
+    size by drive, with the 95 % interval of the draws that include it."""
     e, p = c.search.e, c.posterior
     fitted = [s for s in e.stretches if not s.held_out]
     (block,) = (j for j, k in enumerate(p.of) if k.name == EACH_DRIVE)
@@ -142,7 +142,7 @@ def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
 
 
 def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
-    """An error of a parameter; None where it is no larger than that of any simulator may be."""
+    """A parameter error; None if it is no larger than any simulator's tolerance."""
     name, search = named.name, c.search
     change, sd = c.posterior.change(name)
     if abs(change) - sd < rules.nearly_right:
@@ -194,7 +194,7 @@ def _finding(e: Evidence, named: Named, kind: Kind, says: str, force: Array, rul
 
 
 def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
-    """The fitted drives in which a force acts; none where it does in all."""
+    """The fitted drives in which a force acts; empty if it acts in all."""
     seen = visible(e)
     own = {
         s.name: float(np.sqrt(np.mean(force[s.rows][seen[s.rows]] ** 2)))
@@ -207,8 +207,8 @@ def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
 
 
 def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
-    """Whether a finding is not only a lateness that ordinary message periods and filters have. Of a lateness
-    the sensors' own columns hold a part, so that the whole residual is compared."""
+    """Whether a delay exceeds that of ordinary message periods and filters. The nuisance terms of sensors
+    take up part of a delay, so that the whole residual is compared."""
     if f.effect not in LATE or f.force is None:
         return True
     late = e.rerun("delay_all", e.rules.least_delay_s)[e.valid]
@@ -217,7 +217,7 @@ def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
 
 
 def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[Finding]:
-    """The findings, each with its share of the squared speeds that all their forces add up to."""
+    """The findings with their shares of the squared speeds that result from all their forces."""
     squares = [_adds_up(e, f.force, budget.horizon_s) if f.force is not None else 0.0 for f in found]
     total = sum(squares) or 1.0
     return [
@@ -227,7 +227,8 @@ def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[
 
 
 def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
-    """Sum of the squared speeds, m/s, to which a force (n,), m/s^2, adds up over windows of these seconds."""
+    """Sum of the squared speeds, m/s, to which a force (n,), m/s^2, integrates over windows of
+    `horizon_s`."""
     steps, counted = max(1, round(horizon_s / e.dt)), np.where(e.valid, force, 0.0)
     starts = [k for s in e.stretches for k in range(s.start, s.stop, steps)]
     ends = [min(k + steps, s.stop) for s in e.stretches for k in range(s.start, s.stop, steps)]
@@ -237,14 +238,15 @@ def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
 
 
 def _share(f: Finding, budget: Budget) -> float | None:
-    """Of the budget: that of a drift, or that of the finding's family; None for one that is no part of it."""
+    """A share of the budget: that of a drift, or of the finding's family; None if it is no part of the
+    budget."""
     if f.share_of_error is not None:
         return f.share_of_error
     return next((p.share for p in budget.parts if p.part == f.family), None)
 
 
 def _strength(e: Evidence, force: Array) -> Strength:
-    """How strong a force (n,), m/s^2, is while it acts."""
+    """The strength of a force (n,), m/s^2, while it acts."""
     on = acts(force, visible(e), e.dt)
     part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
     one_way = bool(abs(part.mean()) > 0.5 * np.abs(part).mean())

@@ -45,7 +45,7 @@ def applicable(directory: Path, *, refit: bool = False) -> Path:
 
 
 def _is_validated(directory: Path) -> bool:
-    """As its manifest says."""
+    """Whether the manifest marks the simulator as validated."""
     try:
         return bool(json.loads((directory / "simulator.json").read_text())["validated"])
     except (OSError, ValueError, KeyError, TypeError):

@@ -63,7 +63,8 @@ def _refitted(s: Simulator) -> Row:
 
 
 def _moves(s: Simulator, name: str, value: float) -> bool:
-    """Whether a value above its own, or one below where it is at its upper bound, drives otherwise."""
+    """Whether a parameter value above the simulator's own changes the motion, or one below if its value is at
+    the upper bound."""
     change = accepted(s, {name: STEP})[name] or accepted(s, {name: -STEP})[name]
     i, other = s.interface, s.with_parameters({name: value * (1 + change)})
     pedals = [{"engine": ENGINE[i.engine_unit]}]
@@ -84,7 +85,7 @@ def _components(s: Simulator, seen: set[str]) -> Row:
 
 
 def _balance(s: Simulator) -> Row:
-    """Whether mass by acceleration is about what the forces add up to, on a level road."""
+    """Whether mass times acceleration is about the sum of the reported forces, on a level road."""
     pedals = [{"engine": ENGINE[s.interface.engine_unit]}, {}]
     pedals += [] if s.interface.brake_unit is None else [{"brake": BRAKE[s.interface.brake_unit]}]
     for pedal in pedals:
@@ -118,7 +119,8 @@ def _gears(seen: set[str]) -> Row:
 
 
 def _learned(s: Simulator) -> Row:
-    """Without parameters and forces it counts as learned: only its own recordings show its errors."""
+    """The statement that a simulator without parameters and forces counts as learned: its errors are known
+    only from its own recordings."""
     if getattr(s, "reference", ()):
         return Row("own errors", State.YES, "known from the recordings in its `reference`")
     says = "without parameters and forces it counts as learned, and its own errors count as the truck's"

@@ -98,8 +98,8 @@ def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
 
 
 def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
-    """For every mechanism that may be in, the few forms that add up to its mean force; `general` ones say
-    what it does in other drives too, and are all that a correction holds."""
+    """For every mechanism that may act, the few forms that add up to its mean force. `general` ones apply to
+    other drives too; a correction contains only these."""
     out = []
     for m in p.search.library:
         if p.inside(m.effect).mean() >= Limits.least_in:
@@ -116,8 +116,8 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
 
 
 def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
-    """The candidate term with the fewest coefficients, of those that leave hardly more of a force (n,) than
-    the best one: its sizes are what a finding states."""
+    """The candidate term with the fewest coefficients, among those that explain a force (n,) nearly as well
+    as the best one; findings state its sizes."""
     gram, pull, squares, own = _products(search, options, force)
     left = np.array([squares - _explained(gram, pull, a) for a in own])
     good = np.flatnonzero(left <= left.min() + Limits.simpler * squares)
@@ -127,8 +127,8 @@ def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array
 def _products(
     search: Regression, options: Sequence[CandidateTerm], force: Array
 ) -> tuple[Array, Array, float, list[NDArray[np.intp]]]:
-    """Inner products of all columns of some terms, and of these with a force (n,); its squares; and which
-    columns each term has."""
+    """Inner products of all columns of some terms, and of these with a force (n,); the force's sum of
+    squares; and the columns of each term."""
     rows = search.rows
     widths = np.cumsum([0, *(t.columns.shape[1] for t in options)])
     X = np.concatenate([np.nan_to_num(t.columns[rows]) for t in options], axis=1)
@@ -137,7 +137,7 @@ def _products(
 
 
 def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
-    """The few candidate terms that together leave the least of a force (n,), by greedy selection."""
+    """The few candidate terms that together explain most of a force (n,), by greedy selection."""
     gram, pull, squares, own = _products(search, options, force)
     taken: list[int] = []
     left = squares
@@ -155,7 +155,7 @@ def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -
 
 
 def _explained(gram: Array, pull: Array, at: NDArray[np.intp]) -> float:
-    """Sum of squares explained by some columns, with a small ridge."""
+    """Explained sum of squares for some columns, with a small ridge."""
     H, c = gram[np.ix_(at, at)], pull[at]
     b = np.linalg.solve(H + np.eye(len(H)) * (1e-6 * np.trace(H) / len(H) + 1e-12), c)
     return float(2.0 * b @ c - b @ H @ b)
@@ -182,7 +182,8 @@ class _Fold:
 
 
 def _folds(e: Evidence) -> list[_Fold]:
-    """Parts of the fitted drives left out in turn; all of them fitted and driven where they are few."""
+    """Parts of the fitted drives that are left out in turn; if drives are too few, one fold that fits and
+    tests all."""
     fitted = np.flatnonzero([not s.held_out for s in e.stretches])
     parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= FOLDS else []
     if not parts:
@@ -195,8 +196,8 @@ def _folds(e: Evidence) -> list[_Fold]:
 
 
 def _left_out(folds: Sequence[_Fold], recipe: Recipe) -> Array:
-    """Squared speed errors ((m/s)^2, to first order), and how many, of every drive that the recipe was not
-    fitted to, (drives, 2)."""
+    """Squared speed errors ((m/s)^2, to first order) and their number, for every drive, by a recipe not
+    fitted to it, (drives, 2)."""
     out = []
     for fold in folds:
         s = fold.search
@@ -215,7 +216,7 @@ def _rms(errors: Array) -> float:
 
 
 def _acts(search: Regression, model: Model) -> Array:
-    """Acceleration (n,) that a correction adds: its terms and the free parameters, without nuisance terms."""
+    """Acceleration (n,) that a correction adds: terms and free parameters, without nuisance terms."""
     X, _, layout = search.design(model)
     out = np.zeros(len(search.e))
     for name, part in layout:  # parameters too: all is linearised about others than those given
@@ -233,8 +234,8 @@ def _fitted(search: Regression, recipe: Recipe) -> Model:
 
 
 def _by_output_error(search: Regression, model: Model) -> Model:
-    """The model with the sizes of least squared speed error in free runs, to first order, under the same
-    priors and signs (Wahlberg and Ljung, IEEE Transactions on Automatic Control 31, 1986)."""
+    """The model with sizes of least squared speed error in free runs, to first order, under the same priors
+    and signs (Wahlberg and Ljung, IEEE Transactions on Automatic Control 31, 1986)."""
     counted = search.series.valid
     if not counted.any():
         return model
@@ -250,7 +251,8 @@ def _by_output_error(search: Regression, model: Model) -> Model:
 
 
 def _added_up(search: Regression, x: Array, counted: Mask) -> Array:
-    """Sums of x (n, k) over time, m/s, restarted every `horizons_s[0]` s; other rows add nothing."""
+    """Integral of x (n, k) over time, m/s, restarted every `horizons_s[0]` s; rows that are not counted add
+    nothing."""
     length = max(1, round(Limits.horizons_s[0] / search.e.dt))
     x, out = np.where(counted[:, None], np.nan_to_num(x), 0.0), np.empty_like(x)
     for s in search.e.stretches:

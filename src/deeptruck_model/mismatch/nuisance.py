@@ -58,7 +58,7 @@ def about_fitting_parameters(
 
 
 def _own_loads(search: Regression) -> tuple[CandidateTerm, ...]:
-    """A load of its own for every drive; none where that is left out, or there are too few drives."""
+    """A separate load for every drive; empty if payload changes are excluded, or there are too few drives."""
     if PAYLOAD_CHANGE not in search.library:
         return ()
     terms = search.candidate_terms(PAYLOAD_CHANGE)
@@ -90,7 +90,7 @@ def refitted(
 
 @dataclass(frozen=True)
 class _About:
-    """Linearises about changed parameters of the simulator."""
+    """Linearises at changed parameters of the simulator."""
 
     simulator: Simulator
     drives: Drives
@@ -101,7 +101,7 @@ class _About:
     say: Callable[[str], None]
 
     def parameters_of(self, search: Regression, model: Model, least: float) -> Evidence | None:
-        """The evidence about the parameters of a model; None if no parameter changes by more than `least`."""
+        """The evidence at the parameters of a model; None if no parameter changes by more than `least`."""
         own = self.simulator.parameters()
         change = {p: model.moved(p) for p in search.parameters if p in own}
         if all(abs(c) <= least for c in change.values()):
@@ -129,8 +129,8 @@ class _About:
 
 
 def _better(given: Regression, here: Model, moved: Regression, there: Model) -> bool:
-    """Whether moved parameters explain more of the rows that both may use. Parameters can compensate a force
-    they have nothing to do with, if they are moved far enough."""
+    """Whether changed parameters explain more of the rows that both may use. Parameters that are changed
+    enough can compensate a force of another cause."""
     both = given.e.valid & moved.e.valid
     doubt = np.maximum(given.e.disagreement, moved.e.disagreement)  # rows weigh alike in both
     sigma = max(given.sigma, moved.sigma)

@@ -66,8 +66,8 @@ def fill(draft: Path, mismatch: Mismatch, command: str, units: str = "m/s") -> N
 
 
 def _write_profiles(mismatch: Mismatch, path: Path) -> None:
-    """The force of each finding along time and distance, one row a second: in the unit of forces, of a slope
-    as rise over run. No file where nothing could be compared."""
+    """Write the force of each finding along time and distance, one row per second, in the unit of forces; a
+    slope as rise over run. Writes no file if nothing could be compared."""
     e = mismatch.evidence
     if e is None:
         return
@@ -104,7 +104,7 @@ def apply(directory: str | Path, out: str | Path, *, refit: bool = False, overwr
 
 
 def _check_loads(truck: Path) -> None:
-    """Raises InputError for a simulator that lost a file."""
+    """Raises InputError for a simulator that has lost a file."""
     try:
         simulators.load(truck)
     except InputError as error:

@@ -66,7 +66,7 @@ class Own:
         return q.value if self.known and q.state is not State.INVALID else 0.0
 
     def __str__(self) -> str:
-        """What is estimated, or that nothing is."""
+        """The estimates as text, or that there are none."""
         says = [_says(name, q) for name, q in self.each.items() if q.state is not State.UNESTIMATED]
         return "; ".join(says) or "nothing of its own shows: the simulator is as given"
 

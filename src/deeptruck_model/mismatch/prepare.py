@@ -112,7 +112,7 @@ def prepared(
 
 
 def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
-    """The drive with the rows of the spans marked invalid; the simulator still drives through them."""
+    """The drive with the rows of the spans marked invalid; the simulator still runs through them."""
     time, valid = p.recording.time, p.valid
     for s in spans:
         if s.recording == p.recording.name:
@@ -123,8 +123,8 @@ def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
 def _by_commands(
     simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault]
 ) -> list[checks.SensorFault]:
-    """The faults, where a lag or a scale between speed and acceleration is that of the sensor whose
-    correction leaves less of the residual: two sensors alone do not show which of them is wrong."""
+    """The faults; a lag or scale between speed and acceleration is attributed to the sensor whose correction
+    reduces the residual more, because the two sensors alone do not show which is wrong."""
     chosen = list(faults)
     for i, fault in enumerate(faults):
         if (other := fault.elsewhere()) is not None:
@@ -137,8 +137,8 @@ def _by_commands(
 def _misfits(
     simulator: Simulator, drives: Sequence[Recording], each: Sequence[Sequence[checks.SensorFault]]
 ) -> list[float]:
-    """Sum of squares of the residual in rows that are valid in all, for the drives corrected by each of
-    several lists of faults."""
+    """Sum of squared residuals in rows valid in all variants, for the drives corrected by each list of
+    faults."""
     prepared = [_corrected(simulator, drives, faults, measured=True) for faults in each]
     rows = np.all([np.concatenate([p.valid for p in one]) for one in prepared], axis=0)
     out = []

@@ -206,7 +206,7 @@ class Mismatch:
     refitted: CorrectedTruck | None = None
 
     def __repr__(self) -> str:
-        """What was found, in a line: its parts hold all samples."""
+        """The findings in one line, because the fields hold all samples."""
         names = ", ".join(f.effect for f in self.findings) or "no finding"
         return f"<Mismatch: {self.result.kind}; {names}; {'' if self.result.validated else 'not '}validated>"
 

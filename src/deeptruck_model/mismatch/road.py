@@ -69,7 +69,8 @@ def road(e: Evidence) -> Road | None:
 
 
 def _by_size(needed: Mapping[str, float]) -> Tree:
-    """Names by the size that each would need beside the largest that it can have, two standard deviations."""
+    """Probabilities of names from the size that each would need relative to the largest possible one, two
+    standard deviations."""
     weight = {n: float(np.exp(-0.5 * (2.0 * size / LARGEST[n]) ** 2)) for n, size in needed.items()}
     weight[UNKNOWN] = OTHER
     total = sum(weight.values())
@@ -77,8 +78,8 @@ def _by_size(needed: Mapping[str, float]) -> Tree:
 
 
 def _tree(e: Evidence, lock: RoadLock) -> Tree:
-    """Names by how many windows, beside each other, agree with another pass better than 99 % do by chance:
-    either direction may do so by chance, and a road is as probable beforehand as none."""
+    """Probabilities of names from the number of windows that agree with another pass better than 99 % do by
+    chance. Either direction may agree by chance, and a road has the prior probability one half."""
     beside = sum(float(np.ptp(e["distance"][s.rows])) // LENGTH_M for s in e.stretches)
     again = max(lock.same_way_km, lock.other_way_km) * 1000.0 / LENGTH_M
     by_chance = min(2.0 * float(gammainc(again, (1.0 - Limits.by_chance) * max(beside, 1.0))), 1.0)  # Poisson

@@ -85,8 +85,8 @@ def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous
 
 
 def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
-    """Whether both the root-mean-square and the mean absolute error along held-out drives fall, and that
-    significantly: by themselves, or with the fitted drives that were left out in turn."""
+    """Whether both the root-mean-square and the mean absolute error along held-out drives decrease
+    significantly, alone or combined with the fitted drives that were left out in turn."""
     before, after = errors["before"], errors[name]
     if (
         not len(before.speed)
@@ -104,8 +104,8 @@ def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
 
 
 def _falls(pairs: Array) -> bool:
-    """Whether the ratio of drives' errors (drives, 2), m/s, after over before, is significantly below
-    `better`; what is too small to be a finding counts as none."""
+    """Whether the ratio of drives' errors (drives, 2), m/s, after to before, is significantly below `better`;
+    errors too small for a finding count as zero."""
     if len(pairs) < Limits.drives_that_agree:
         return False
     floored = np.hypot(pairs, Rules.drift)
@@ -117,7 +117,7 @@ def _falls(pairs: Array) -> bool:
 def _without_exogenous(
     after: CorrectedTruck, held_out: list[Prepared], horizon_s: float
 ) -> WithoutExogenous | None:
-    """The corrected simulator with only the channels of the protocol, as others will drive it."""
+    """Errors of the corrected simulator with only the channels of the protocol, as others will run it."""
     lacks = after.needs_beyond()
     if not lacks:
         return None

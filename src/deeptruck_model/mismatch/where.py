@@ -62,7 +62,7 @@ def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int
 
 
 def _runs(on: Mask, dt: float) -> list[tuple[int, int]]:
-    """Runs of True; those nearer than 2 s are joined, those shorter than half a second dropped."""
+    """Runs of True; those less than 2 s apart are joined, those shorter than half a second are dropped."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
     runs: list[tuple[int, int]] = []
     for a, b in zip(edges[::2], edges[1::2], strict=True):
@@ -101,7 +101,7 @@ def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
 
 
 def _features(e: Evidence) -> dict[str, Array]:
-    """Signals and short memories of them, (n,) each."""
+    """Signals and short-term memories of them, (n,) each."""
     out = {name: e[name] for name in ("speed", "engine", "brake")}
     for name in (
         "grade",

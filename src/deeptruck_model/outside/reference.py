@@ -96,7 +96,7 @@ def _there(file: Path, otherwise: Path | None) -> Path:
 
 
 def _module_file(module: str, named: str) -> Path | None:
-    """The file of a module; None where it has none. Raises InputError where there is no such module."""
+    """The file of a module; None if it has none. Raises InputError if there is no such module."""
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.insert(0, here)
@@ -163,7 +163,7 @@ def made(reference: Reference) -> Any:
 
 
 def _opened(reference: Reference) -> Any:
-    """What opens a file of its scheme makes of it."""
+    """The object that the opener registered for the file's scheme makes."""
     scheme = reference.text.partition(":")[0]
     found = entry_points(group=OPENERS, name=scheme)
     if not found:

@@ -126,7 +126,7 @@ class Handler(BaseHTTPRequestHandler):
             self.post(rest)
 
     def _opened(self) -> str | None:
-        """The path below the token; None for a request that is refused or redirected, which is then
+        """The path after the token; None for a request that is refused or redirected, which is then
         answered."""
         token, slash, rest = self.path.removeprefix("/").partition("/")
         if not self._is_ours() or not hmac.compare_digest(token.encode(), self.server.place.token.encode()):
@@ -147,7 +147,7 @@ class Handler(BaseHTTPRequestHandler):
         return understood and allowed
 
     def _is_ours(self) -> bool:
-        """Whether the browser believes to talk to this machine, by whatever port a tunnel has."""
+        """Whether the request's Host is this machine, on any port because of tunnels."""
         hosts = self.headers.get_all("Host", [])
         return len(hosts) == 1 and hosts[0].partition(":")[0].lower() in HOSTS
 

@@ -65,7 +65,7 @@ def check_ros1(file: Path) -> None:
 
 
 def _ros1_record(stream: BinaryIO, size: int) -> dict[bytes, bytes]:
-    """The header fields of the record here; the stream goes to the next one."""
+    """The header fields of the present record; the stream is advanced to the next one."""
     found, parts = b"", []
     for part in ("head", "content"):
         length = int.from_bytes(stream.read(4), "little")

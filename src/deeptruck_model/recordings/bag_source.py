@@ -80,7 +80,7 @@ class BagSource:
         self._stack.close()
 
     def _check_path(self) -> None:
-        """Raises InputError where the path can be no bag; pipes and devices are not opened."""
+        """Raises InputError if the path cannot be a bag; pipes and devices are not opened."""
         if not self.path.exists():
             raise InputError(f"{self.path} does not exist")
         if self.path.is_dir() and not any(self._listed()):
@@ -97,7 +97,7 @@ class BagSource:
                 reading.check_file(file, "give a recorded bag")
 
     def _files(self) -> list[Path]:
-        """The files of the bag in order; of a database without metadata all of them."""
+        """The files of the bag in order; for a database without metadata all of them."""
         if not self.path.is_dir():
             return [self.path]
         if not (self.path / METADATA).exists():
@@ -129,7 +129,7 @@ class BagSource:
         return {topic: kind for (topic, kind), _ in sorted(self._counts().items(), key=lambda item: item[1])}
 
     def _counts(self) -> dict[tuple[str, str], int]:
-        """Number of messages by topic and type, as the indexes of the files have them."""
+        """Number of messages by topic and type, from the indexes of the files."""
         counts: dict[tuple[str, str], int] = {}
         for c in self.connections:
             counts[c.topic, c.msgtype] = counts.get((c.topic, c.msgtype), 0) + c.count
@@ -261,5 +261,5 @@ def _from_json(path: Path, key: str, text: Any) -> Any:
 
 
 def _one_line(error: BaseException) -> str:
-    """The message of a library, shortened to one plain line."""
+    """A library's message, shortened to one plain line."""
     return reading.plain(str(error)) or type(error).__name__

@@ -147,7 +147,7 @@ def _open(file: Path, stack: ExitStack) -> Storage:
 
 
 def _recovered(file: Path, stack: ExitStack) -> Path:
-    """The database, or a copy of it into which sqlite has written its journal."""
+    """The database, or a copy of it to which sqlite has applied its journal."""
     journals = [file.with_name(file.name + end) for end in JOURNALS]
     journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
     if not journals:

@@ -184,18 +184,19 @@ def _encoded(ticks: NDArray[np.int64], fields: list[_Field]) -> NDArray[np.uint8
 
 
 def _vector_fields(_: list[str], columns: list[Array]) -> list[_Field]:
-    """linear.x is the channel, the other five are zero."""
+    """Fields of a vector message: linear.x is the channel, the other five are zero."""
     return [("<f8", columns[0]), *[("<f8", 0.0)] * 5]
 
 
 def _range_fields(_: list[str], columns: list[Array]) -> list[_Field]:
-    """A radar: radiation_type, field of view (rad), limits (m), range, variance (0: unknown)."""
+    """Fields of a radar message: radiation_type, field of view (rad), limits (m), range, variance (0:
+    unknown)."""
     limits: list[_Field] = [("u1", 1), ("<f4", 0.35), ("<f4", 0.0), ("<f4", 250.0)]
     return [*limits, ("<f4", columns[0]), ("<f4", 0.0)]
 
 
 def _joint_fields(channels: list[str], columns: list[Array]) -> list[_Field]:
-    """name[], position[], and empty velocity[] and effort[]."""
+    """Fields of a joint state: name[], position[], and empty velocity[] and effort[]."""
     fields: list[_Field] = [("<u4", len(channels))]
     for channel in channels:
         text = channel.encode() + b"\0"

@@ -85,8 +85,8 @@ class Candidate:
         return f"{self.why}; {span(self.field)}{at}{still}{self._beyond()}"
 
     def _beyond(self) -> str:
-        """A warning where the values in this unit are impossible for a truck; of a vector none:
-        the field's values are those of one component."""
+        """A warning if the values in this unit are impossible for a truck; none for a vector, because the
+        range is that of one component."""
         if not self.unit or self.across:
             return ""
         ends = self.scale * np.array([self.field.low, self.field.high]) + self.offset
@@ -138,7 +138,7 @@ class Proposal:
             yield from ("", *block) if block else ()
 
     def _block(self, channel: str) -> Iterator[str]:
-        """The lines of one channel; none where it is not needed and has no candidate."""
+        """The lines of one channel; none if it is optional and has no candidate."""
         found, taken = self.candidates.get(channel, []), self.taken(channel)
         title = f"# {channel}: {CHANNELS[channel].meaning}."
         asked = [

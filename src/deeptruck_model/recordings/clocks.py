@@ -76,11 +76,11 @@ class Clocks:
         ]
 
     def _difference(self, reference: str) -> str:
-        """A sentence where the clocks differ by more than MOST_S, else ''.
+        """A sentence if the clocks differ by more than MOST_S, else ''.
 
-        A topic is compared with `reference` at the same log times, so that stamps which run slower or faster
-        than the log, as those of a simulation, agree with each other. Where all messages were logged at
-        once, as a conversion may do, log times say nothing and stamps are not compared.
+        A topic is compared with `reference` at the same log times, so that stamps that run slower or faster
+        than the log, as in a simulation, agree with each other. If all messages were logged at once, as by a
+        conversion, log times carry no information and stamps are not compared.
         """
         if reference not in self._topics:
             return ""
@@ -103,7 +103,7 @@ class Clocks:
 
 
 def _by(clock: TopicClock, log: Index, stamps: Index) -> str:
-    """By which clock a topic goes."""
+    """The clock that a topic uses, as text."""
     if not clock.stamped:
         return "no stamps, timed by the log"
     offset_s = float(np.median(stamps - log)) / 1e9

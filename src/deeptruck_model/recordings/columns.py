@@ -211,7 +211,7 @@ def _checked(channel: str, entry: Mapping[str, Any], convert: Conversion) -> Col
 
 def _extra(name: str, entry: Any) -> Column:
     """An extra column, without conversion of units. `entry` is the column's name, or a mapping as for a
-    channel but without a unit; raises InputError for a unit."""
+    channel, but without a unit. Raises InputError for a unit."""
     entry = entry if isinstance(entry, Mapping) else {"column": entry}
     if unit := {"unit", "density"} & set(entry):
         raise InputError(f"'{name}' of {EXTRA} is carried as it is written; give it no {unit.pop()}")

@@ -119,7 +119,7 @@ def draw(found: Coverage, units: str = "m/s") -> bytes:
 
 
 class _Axis(NamedTuple):
-    """An axis of the maps: the edges of its cells, and the least value drawn."""
+    """An axis of the maps: the edges of its cells, and the smallest value drawn."""
 
     label: str
     edges: Array
@@ -127,7 +127,7 @@ class _Axis(NamedTuple):
 
 
 def _axes(by_acceleration: Array, units: str) -> tuple[_Axis, _Axis, _Axis]:
-    """Speed, acceleration and grade; hard braking is drawn as far down as there was any."""
+    """Speed, acceleration and grade; the acceleration axis extends down to the hardest braking."""
     hardest = ACCELERATION_EDGES[np.flatnonzero(by_acceleration)[0]] if by_acceleration.any() else 0.0
     return (
         _Axis(f"speed [{units}]", speed_unit(units) * SPEED_EDGES, 0.0),
@@ -181,7 +181,7 @@ def draw_channels(recordings: Sequence[Recording], units: str = "m/s") -> bytes:
 
 
 def _envelope(axis: Axes, minutes: Array, values: Array) -> None:
-    """The least and the most of the valid values in each of COLUMNS columns."""
+    """Minimum and maximum of the valid values in each of COLUMNS columns."""
     columns = max(1, len(values) // COLUMNS)
     whole = len(values) // columns * columns
     blocks, times = values[:whole].reshape(-1, columns), minutes[:whole:columns]
@@ -212,13 +212,13 @@ def page(found: Mapping[str, Any], maps: bytes, channels: bytes, units: str = "m
 
 
 def _channels(recordings: Sequence[dict[str, Any]], units: str) -> list[Folded]:
-    """The channels of each recording, folded together where there are several."""
+    """The channels of each recording, collapsed if there are several."""
     each = [Folded(table.says, (table,)) for table in (_table(r, units) for r in recordings)]
     return [Folded(f"Channels of {len(each)} recordings", each)] if len(each) > 1 else each
 
 
 def _account(account: dict[str, Any]) -> Table:
-    """The account of one source: used samples and those set aside."""
+    """The account of one source: used and omitted samples."""
     rows = [
         (what, str(tally["read"]), str(tally["used"]), "", "")
         for what, tally in ((account["items"], account), *account["channels"].items())
@@ -312,7 +312,7 @@ class Coverage:
         }
 
     def _repr_png_(self) -> bytes:
-        """By which a notebook shows it: the figure that `save` writes."""
+        """The figure that `save` writes, for notebooks."""
         return draw(self)
 
     def save(self, folder: str | Path, *, overwrite: bool = False, units: str = "m/s") -> None:

@@ -87,7 +87,7 @@ def _times() -> list[Schema]:
 
 
 def _channels(keys: dict[str, str], required: list[str], *, unit: bool) -> Schema:
-    """Entries by channel; with `unit` each but those without dimension must say theirs."""
+    """Entries by channel; with `unit` each must state its unit, unless dimensionless."""
     entries = {}
     for channel, of_it in CHANNELS.items():
         needed = [*required, "unit"] if unit and of_it.unit != "1" else required
@@ -122,7 +122,7 @@ def _entry(channel: str, keys: dict[str, str]) -> Schema:
 
 
 def _unit(channel: str) -> Schema:
-    """The units of a channel to choose from, in any spelling that is understood."""
+    """The permitted units of a channel, in any accepted spelling."""
     spellings = known_units(channel)
     shown = dict.fromkeys((*canonical_units(channel), *spellings))
     one = [1] if "1" in spellings else []  # as YAML reads it
@@ -130,7 +130,7 @@ def _unit(channel: str) -> Schema:
 
 
 def _any_spelling(spellings: list[str]) -> str:
-    """A regular expression: case, blanks, dots between the parts and brackets around them do not count."""
+    """A regular expression that ignores case, blanks, dots between the parts and brackets around them."""
     parts = (re.findall(r"\^[23]|.", spelling) for spelling in spellings)
     alike = "|".join("[ ·]*".join(_POWERS.get(part) or _letter(part) for part in word) for word in parts)
     return rf"^[\[\]()\s·]*(?:{alike})[\[\]()\s·]*$"

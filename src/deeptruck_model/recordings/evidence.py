@@ -65,7 +65,7 @@ def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candi
 
 
 def _followed(one: Candidate, found: plausibility.Accelerometer | None) -> Candidate:
-    """The candidate with evidence for it or against it."""
+    """The candidate with evidence for or against it."""
     if found is None:
         return one
     by = f"slope {found.slope:.2f} on the derivative of speed, correlation {found.correlation:.2f}"
@@ -80,7 +80,7 @@ def _followed(one: Candidate, found: plausibility.Accelerometer | None) -> Candi
 
 
 def _recordings(chosen: Mapping[str, Candidate], values: Values) -> list[Recording]:
-    """The candidates read as one drive; none where that fails."""
+    """The candidates read as one drive; empty if that fails."""
     series, units = {}, {"engine_command": "N m", "brake_command": "percent"}
     for channel, one in chosen.items():
         found = values(one)

@@ -199,7 +199,7 @@ def _feed(
     obedience: Obedience,
     account: Account,
 ) -> None:
-    """Put every channel into the resampler, in s since the bag's first used sample; count the messages."""
+    """Pass every channel to the resampler, in s since the bag's first used sample; count the messages."""
     topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     by_topic: dict[str, list[str]] = {}
     for channel, source in sources.items():
@@ -239,7 +239,8 @@ def _feed(
 
 
 class _Vectors:
-    """The fields of a topic's channels, those of which a norm is taken, and what moves across the speed."""
+    """The fields of a topic's channels, those of which a norm is used, and the components across the
+    speed."""
 
     def __init__(
         self, channels: Sequence[str], sources: Mapping[str, Source], has: Callable[[str], bool]
@@ -257,7 +258,7 @@ class _Vectors:
         self._squares, self._count = 0.0, 0
 
     def resolved(self, columns: list[Array]) -> list[Array]:
-        """A column for each channel."""
+        """One column per channel."""
         if self._speed:
             sideways = _converted(columns[-1], self._speed)
             known = np.isfinite(sideways)
@@ -268,7 +269,7 @@ class _Vectors:
         return columns[: len(self._sources)]
 
     def check(self, where: str) -> None:
-        """Raises InputError where the mapped speed is one component of a vector in another frame."""
+        """Raises InputError if the mapped speed is one component of a vector in another frame."""
         across = (self._squares / max(self._count, 1)) ** 0.5
         if self._speed and across > SIDEWAYS:
             x, y = self._speed.field, f"{self._speed.field[:-1]}y"
@@ -279,7 +280,7 @@ class _Vectors:
 
 
 class _Drain:
-    """Passes samples on to the resampler, and counts the messages they came from."""
+    """Passes samples to the resampler, and counts their messages."""
 
     def __init__(
         self,
@@ -295,7 +296,7 @@ class _Drain:
         self.start: int | None = None  # the bag's first stamp
 
     def until(self, until: int | None) -> None:
-        """Samples stamped before `until` (None: all)."""
+        """Pass samples stamped before `until` (None: all)."""
         taken = {topic: queue.take(until) for topic, queue in self.queues.items()}
         firsts = [int(part.stamps[0]) for part in taken.values() if len(part.stamps)]
         if self.start is None and firsts:
@@ -332,7 +333,8 @@ class _Drain:
 
 
 def _repairs(account: Account) -> list[str]:
-    """What the recordings note of an account: not the messages without a number, which are NaN in them."""
+    """Notes of an account that recordings keep: all except messages without a number, which are NaN
+    in them."""
     _, *reasons = account.total.lines(account.items)
     return [*(line.strip() for line in reasons if _NO_NUMBER not in line), *account.remarks]
 
@@ -360,7 +362,7 @@ def _stored_notes(stored: dict[str, object]) -> list[str]:
 def _interface(
     name: str, stored: dict[str, object], sources: dict[str, Source], present: set[str]
 ) -> TruckInterface:
-    """The bag's own interface, with the units a topic map states for the commands."""
+    """The bag's own interface, with the command units that a topic map states."""
     data = stored.get(INTERFACE_KEY)
     found = TruckInterface.from_dict(data) if isinstance(data, dict) else None
     engine = _command_unit(sources, "engine_command", found.engine_unit if found else None)

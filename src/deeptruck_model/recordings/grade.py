@@ -42,5 +42,5 @@ def grade_from_elevation(
 
 
 def _middle(values: Array, count: NDArray[np.int64]) -> float:
-    """A central value that is subtracted so that the moments lose no digits."""
+    """A central value that is subtracted to keep the moments precise."""
     return float(values[count > 0].mean()) if (count > 0).any() else 0.0

@@ -72,7 +72,7 @@ def header(name: str, below: str = "") -> Header:
 
 
 def _at_end(text: str, name: str) -> str:
-    """A unit at the end of a name; of single letters only those that rarely mean anything else."""
+    """A unit at the end of a name; single letters only if they rarely have another meaning."""
     return spelled(text, name) if len(text) > 1 or text in "msgh%°CFK" else ""
 
 

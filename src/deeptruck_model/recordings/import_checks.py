@@ -37,7 +37,7 @@ def check(
 
 
 def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Callable[[], object]]:
-    """What is to be checked of a table, CAN log or bag, and of what says its meaning."""
+    """The checks of a table, CAN log or bag, and of its description."""
     if is_bag(table, columns):
         return [lambda: checks.inputs(None, [table], mapped=facts(columns))]
     if clock is not None:

@@ -170,7 +170,7 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
 
 
 def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
-    """Recordings with notes of what was set aside, which the bag then holds too."""
+    """Recordings with notes on what was omitted, which the bag then contains too."""
     said = [line.strip() for line in islice(account.lines(), 1, None)]
     return [replace(r, notes=tuple(dict.fromkeys((*r.notes, *said)))) for r in recordings]
 
@@ -190,9 +190,9 @@ def _values(table: TextTable, channel: str, column: Column) -> Array:
 
 
 def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
-    """The channel's samples, without the blank rows between them where a slow sensor fills only some rows.
+    """The channel's samples, without the blank rows between them if a slow sensor fills only some rows.
 
-    A column that alternates and then stops is no slow sensor, but one that failed.
+    A column that alternates and then stops belongs to a sensor that failed and is not treated as slow.
     """
     valid = ~np.isnan(values)
     every = 1 if channel in (*HELD, *LATCHED) else renewed_every(values[valid])
@@ -233,18 +233,18 @@ def _jumps(time: Array, values: Array, step: float) -> Array:
 
 
 def _segments(time: Array, cuts: list[float]) -> Array:
-    """Where the contiguous segments of a table begin, ascending; behind the last one infinity."""
+    """Starts of the contiguous segments of a table, ascending, followed by infinity."""
     gap = max(GAP_S, GAP_PERIODS * period(time))
     behind_gaps = time[1:][np.diff(time) > gap]
     return np.unique(np.concatenate([time[:1], behind_gaps, cuts, [np.inf]]))
 
 
 def _on_time(channel: str, series: Series, late_s: float, segments: Array) -> Series:
-    """The series with its stamps set right.
+    """The series with corrected stamps.
 
-    A sample that would leave its segment says nothing of the next segment and is dropped; a NaN ends every
-    segment, so that nothing is held on to where the next sample lies in another. Speed is the clock, which
-    has no tick behind a segment's last row.
+    A sample that would leave its segment is not valid in the next segment and is dropped; a NaN ends every
+    segment, so that no value is held into the next one. Speed is the clock, which has no tick after a
+    segment's last row.
     """
     own = period(series.time)
     stamps, values = [np.zeros(0)], [np.zeros(0)]
@@ -288,7 +288,7 @@ def _with_grade(recording: Recording, window_m: float, account: Account) -> Reco
 
 
 def _seal(recordings: list[Recording], concealed: tuple[str, ...]) -> tuple[list[Recording], bytes]:
-    """Recordings without the concealed channels, and the CSV that holds those, on the bag's own time."""
+    """Recordings without the withheld channels, and the CSV that holds those, on the bag's own time."""
     text = io.StringIO()
     text.write(",".join(["time_s", *(f"{name} [{channel_of(name).unit}]" for name in concealed)]) + "\n")
     bare = []
@@ -340,9 +340,9 @@ def _import_can_log(
 
 
 def _of_what_is_there(recordings: list[Recording]) -> list[Recording]:
-    """With the interface of a truck that has no brake, grade or fuel rate where these were never valid.
+    """Recordings whose interface omits brake, grade or fuel rate if these were never valid.
 
-    Raises InputError where a channel contradicts the others.
+    Raises InputError if a channel contradicts the others.
     """
     plausibility.refuse(recordings)
     interface, there = recordings[0].interface, {channel for r in recordings for channel in r.channels}

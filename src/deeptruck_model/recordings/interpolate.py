@@ -82,8 +82,7 @@ def _held(
 
 
 def _step_mean_of_held(time: Array, values: Array, ticks: Array, dt: float, patience: float) -> Array:
-    """Mean over [t_k, t_k + dt) of the zero-order-held command; the sample itself where it does not
-    change."""
+    """Mean over [t_k, t_k + dt) of the zero-order-held command; the sample if it does not change."""
     held, first = _held(time, values, ticks, dt, patience)
     last = np.searchsorted(time, ticks + (1 - SNAP) * dt) - 1
     if np.array_equal(first, last):
@@ -97,7 +96,7 @@ def _step_mean_of_held(time: Array, values: Array, ticks: Array, dt: float, pati
 
 
 def _mean_of_step_before(time: Array, values: Array, ticks: Array, dt: float, own_period: float) -> Array:
-    """Mean of the samples in (t_k - dt, t_k]; NaN where fewer than half of the expected ones are there."""
+    """Mean of the samples in (t_k - dt, t_k]; NaN if fewer than half of the expected ones exist."""
     ends = np.searchsorted(time, ticks + SNAP * dt, side="right")
     starts = np.searchsorted(time, ticks - (1 - SNAP) * dt, side="right")
     counts = ends - starts

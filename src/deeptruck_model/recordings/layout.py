@@ -195,7 +195,7 @@ class Columns:
     def _take(
         self, layout: Layout, buffer: Bytes, starts: Index, rest: Index, stamps: Index, columns: list[Array]
     ) -> Index:
-        """Read those of the messages `rest` that have this layout; return the others."""
+        """Read those of the messages `rest` that have this layout; returns the others."""
         if not len(rest):
             return rest
         same = np.ones(len(rest), dtype=bool)

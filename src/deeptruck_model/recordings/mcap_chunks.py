@@ -127,7 +127,7 @@ def _learn(summary: Summary, content: bytes) -> None:
 
 
 def _check_places(summary: Summary, size: int) -> None:
-    """Raises DamagedError where a chunk is not in the file, or cannot be of the summary's channels."""
+    """Raises DamagedError if a chunk is not in the file, or has channels that the summary lacks."""
     for index in summary.chunk_indexes:
         length = index.chunk_length + index.message_index_length
         if (
@@ -159,14 +159,14 @@ def read_chunks(chunks: Sequence[IndexedChunk], types: dict[str, str]) -> Iterat
 
 
 def _topics(chunk: IndexedChunk, types: dict[str, str]) -> dict[int, str]:
-    """The wanted topics of a chunk by channel; without an index it may hold any."""
+    """The requested topics of a chunk by channel; a chunk without an index may hold any."""
     held = chunk.index.message_index_offsets or chunk.channels
     found = {key: chunk.channels[key] for key in held}
     return {key: topic for key, (topic, kind) in found.items() if types.get(topic) == kind}
 
 
 def _far_into_each_other(ordered: Sequence[IndexedChunk]) -> bool:
-    """Whether chunks overlap in time by much."""
+    """Whether the time ranges of chunks overlap widely."""
     return any(
         a.index.message_end_time > b.index.message_start_time + OVERLAP_NS
         for a, b in itertools.pairwise(ordered)
@@ -191,7 +191,8 @@ def _by_topic(
 ) -> Iterator[Batch]:
     """The chunks topic by topic, each part in the order of its first message.
 
-    Chunks are unpacked once to find this order and again for each part, as not all of them fit into memory.
+    Chunks are decompressed once to find this order and again for each part, because they do not all fit into
+    memory.
     """
     parts = []
     for number, chunk in enumerate(ordered):
@@ -207,7 +208,7 @@ def _by_topic(
 def _checked(
     chunk: IndexedChunk, streams: Mapping[Path, BinaryIO], types: dict[str, str]
 ) -> tuple[bytes, dict[int, NDArray[np.void]], dict[int, str]]:
-    """A chunk's content, where its messages are, and its wanted topics, by channel."""
+    """A chunk's content, the positions of its messages, and its requested topics, by channel."""
     wanted = _topics(chunk, types)
     data, entries = _read(streams[chunk.file], chunk.index)
     for key in wanted.keys() & entries.keys():
@@ -216,7 +217,7 @@ def _checked(
 
 
 def _read(stream: BinaryIO, index: ChunkIndex) -> tuple[bytes, dict[int, NDArray[np.void]]]:
-    """A chunk's content, and where its messages are, by channel."""
+    """A chunk's content, and the positions of its messages, by channel."""
     stream.seek(index.chunk_start_offset)
     raw = stream.read(index.chunk_length + index.message_index_length)
     try:
@@ -255,7 +256,7 @@ _UNPACK: dict[str, Callable[[bytes], bytes]] = {
 
 
 def _check_entries(data: bytes, channel: int, entries: NDArray[np.void], index: ChunkIndex) -> None:
-    """Raises DamagedError where an entry of a message index does not lead to such a message."""
+    """Raises DamagedError if an entry of a message index does not point to a message of its channel."""
     buffer = np.frombuffer(data, np.uint8)
     offsets = entries["offset"]
     head = RECORD_HEAD + _MESSAGE_HEAD
@@ -283,7 +284,7 @@ def why(error: BaseException) -> str:
 
 
 class _Group:
-    """Chunks taken together, because a recorder that flushes every second leaves many small ones."""
+    """Chunks processed together, because a recorder that flushes every second writes many small ones."""
 
     def __init__(self) -> None:
         self.size = 0

@@ -55,14 +55,14 @@ MAGIC = b"\x89MCAP0\r\n"
 
 @dataclass(frozen=True)
 class _WholeChunk:
-    """An undamaged chunk, and the places of its messages by channel."""
+    """An undamaged chunk, and the positions of its messages by channel."""
 
     chunk: Chunk
     entries: dict[int, NDArray[np.void]]
 
     @classmethod
     def of(cls, content: bytes) -> _WholeChunk | None:
-        """The chunk in a record; None where that is damaged."""
+        """The chunk in a record; None if it is damaged."""
         try:
             chunk = Chunk.read(ReadDataStream(BytesIO(content)))
             records = 32 + len(chunk.compression.encode())  # behind times, size, checksum and compression
@@ -73,7 +73,7 @@ class _WholeChunk:
             return None
 
     def has_index(self, begin: bytes, length: int) -> bool:
-        """Whether a record of this length can be the index of one of its channels; `begin` names which."""
+        """Whether a record of this length can be the index of one of its channels, which `begin` names."""
         messages = self.entries.get(int.from_bytes(begin[:2], "little"), ())
         return len(begin) < 2 or length == 6 + ENTRY.itemsize * len(messages)
 
@@ -135,7 +135,7 @@ def is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
 
 
 def _take(found: Found, opcode: int, content: bytes, at: int, stream: BinaryIO, file: Path) -> bool:
-    """Record one record; False where it is damaged."""
+    """Note one record; False if it is damaged."""
     if opcode == Opcode.CHUNK:
         if (whole := _WholeChunk.of(content)) is None:
             return False
@@ -153,14 +153,15 @@ def _take(found: Found, opcode: int, content: bytes, at: int, stream: BinaryIO, 
 
 
 def _is_made_anew(opcode: int, length: int, begin: bytes, tail: _WholeChunk | None) -> bool:
-    """Whether the truncated record is only an index or the end of a file, which are rebuilt anyway."""
+    """Whether the truncated record is an index or the end of a file, which are rebuilt anyway."""
     if opcode == Opcode.MESSAGE_INDEX:
         return tail is not None and tail.has_index(begin, length)
     return _END.get(Opcode(opcode)) == length if opcode in _END else False
 
 
 def _chunk_index(whole: _WholeChunk, at: int, length: int) -> ChunkIndex:
-    """Of a chunk at `at`; its times are those of its messages, as no checksum is over those in its head."""
+    """Index entry of a chunk at `at`; its times are those of its messages, because no checksum protects those
+    in its header."""
     times = [int(ns) for entries in whole.entries.values() for ns in entries["log_ns"]]
     return ChunkIndex(
         chunk_length=length,
@@ -176,7 +177,7 @@ def _chunk_index(whole: _WholeChunk, at: int, length: int) -> ChunkIndex:
 
 
 def _note_index(found: Found, whole: _WholeChunk, content: bytes, at: int, stream: BinaryIO) -> None:
-    """Note a message index; one that leads elsewhere than to the chunk's messages is written again."""
+    """Note a message index; one with wrong positions is rewritten."""
     channel = int.from_bytes(content[:2], "little")
     if channel not in found.channels:
         _learn_channels(found, whole.chunk)
@@ -224,7 +225,7 @@ def _learn_channels(found: Found, chunk: Chunk) -> None:
 
 
 def _index_again(stream: BinaryIO, found: Found, chunk: Chunk) -> None:
-    """Write the last chunk's message indexes anew, in case the end of the file cut some off."""
+    """Rewrite the last chunk's message indexes, in case some were cut off."""
     last = found.chunks[-1]
     behind = last.chunk_start_offset + last.chunk_length
     stream.seek(behind)
@@ -335,7 +336,7 @@ def _behind(file: Path, at: int) -> bytes:
 
 
 def _kept(wanted: Path, content: bytes) -> Path:
-    """Write `content` under the wanted name, or under the next that is free or already holds it."""
+    """Write `content` under the desired name, or the next one that is free or already holds it."""
     names = chain([wanted], (wanted.with_name(f"{wanted.name}{number}") for number in count(2)))
     place = next(p for p in names if not p.exists() or (p.is_file() and p.read_bytes() == content))
     if not place.exists():
@@ -377,7 +378,7 @@ def _is_whole(file: Path) -> bool:
 
 
 def _is_one_file(stream: BinaryIO, size: int) -> bool:
-    """Whether the first end of a file is that of this one: two that were joined have another behind it."""
+    """Whether the first end marker is that of this file; two concatenated files have another one after it."""
     at = len(MAGIC)
     while at + RECORD_HEAD <= size:
         stream.seek(at)
@@ -389,7 +390,7 @@ def _is_one_file(stream: BinaryIO, size: int) -> bool:
 
 
 def _finish(stream: BinaryIO, found: Found) -> None:
-    """Cut after the last whole record and append the end that a writer would have written."""
+    """Truncate after the last complete record and append the end that a writer would have written."""
     stream.truncate(found.end)
     stream.seek(found.end)
     builder = RecordBuilder()

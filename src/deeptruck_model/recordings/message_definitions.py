@@ -59,7 +59,7 @@ class Definitions:
                     del self.types[name]
 
     def _lacking(self, names: Iterable[str] | None = None) -> set[str]:
-        """Types inside these (None: all) that are not there."""
+        """Missing types among these and their nested types (None: all)."""
         lacking, seen, left = set(), set(), list(self.types if names is None else names)
         while left:
             name = left.pop()
@@ -98,7 +98,7 @@ def _parsed(connection: Connection) -> Types:
 
 
 def _of_file(file: Path, wanted: set[str]) -> Types:
-    """The type in a .msg file: by its folders, PACKAGE/msg/NAME.msg, else the wanted one of that name."""
+    """The type in a .msg file: by its path PACKAGE/msg/NAME.msg, else the requested type with that name."""
     text = reading.text(file, _CURE)
     names = [name for name in wanted if _stem(name) == file.stem]
     package = file.resolve().parent.parent.name if file.resolve().parent.name == "msg" else ""

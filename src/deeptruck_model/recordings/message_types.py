@@ -52,7 +52,7 @@ def _known(
 
 
 def _types() -> Iterator[tuple[str, dict[str, tuple[Known, ...]]]]:
-    """Each message type with what its fields are."""
+    """Each message type with its known fields."""
     for entry in data_file("message_types.yaml"):
         fields: dict[str, tuple[Known, ...]] = {}
         for one in entry["fields"]:

@@ -43,14 +43,14 @@ def unrecorded_braking(r: Recording, speed: NDArray[np.float64]) -> NDArray[np.b
 
 
 def _brake(r: Recording) -> bool:
-    """Whether the brake command was recorded, and not a constant while the truck braked."""
+    """Whether the brake command was recorded and is not constant while the truck brakes."""
     if not _measured("brake_command")(r):
         return False
     return not (_measured("speed")(r) and unrecorded_braking(r, r.channels["speed"]).any())
 
 
 def _measured(*channels: str) -> Callable[[Recording], bool]:
-    """Whether one of the channels has a valid sample."""
+    """A function that says whether one of the channels has a valid sample."""
     return lambda r: any(c in r.channels and not np.isnan(r.channels[c]).all() for c in channels)
 
 

@@ -85,7 +85,7 @@ class Obedience:
         return channels
 
     def _engaged(self, series: dict[str, Series]) -> Series:
-        """The engaged bits since the last one of the earlier parts: those of the bridge, where recorded."""
+        """The engaged bits since the last one of the earlier parts: those of the bridge if recorded."""
         for name, before in self._bits.items():
             new = series.get(name, _NOTHING)
             there = ~np.isnan(new.values)
@@ -135,7 +135,7 @@ class Obedience:
 
 
 def _held(bits: Series, time: Array) -> Array:
-    """The newest bit at each time (n,), NaN where there is none or it is too old to hold."""
+    """The newest bit at each time (n,), NaN if there is none or it is too old."""
     if not len(bits.time):
         return np.full(len(time), np.nan)
     index = np.searchsorted(bits.time, time, side="right") - 1

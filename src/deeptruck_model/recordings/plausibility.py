@@ -113,8 +113,8 @@ def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[t
 
 
 def _dropped(t: Array, v: Array, step: float, rate: float, codes: Array, fix: bool) -> Mask:
-    """Runs of a code that are reached and left by jumps. At the beginning or end zero is one only of a
-    receiver that had no `fix`: a truck that stands where a log ends stood there."""
+    """Runs of a code that are entered and left by jumps. At the start or end, zero counts only for a receiver
+    without `fix`, because a truck may stand where a log starts or ends."""
     jump = np.abs(np.diff(v)) > step + rate * np.diff(t)
     edges = [0, *(np.flatnonzero(jump) + 1), len(v)]
     dropped = np.zeros(len(v), dtype=bool)
@@ -254,7 +254,8 @@ def degrees_of_tilt(offset: float) -> float:
 
 
 def _windows(recordings: Sequence[Recording], window_s: float, rising: str, *others: str) -> list[Array]:
-    """The rate of change of a channel over windows that do not overlap, and the means of others in them."""
+    """The rate of change of a channel over non-overlapping windows, and the means of other channels
+    in them."""
     out: list[list[Array]] = [[] for _ in range(1 + len(others))]
     for r in recordings:
         k = max(1, round(window_s / r.dt))
@@ -293,7 +294,7 @@ def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 
 
 def _speed_factor(factor: float, by: str, otherwise: str) -> Iterator[Doubt]:
-    """What a speed is that is so many times what others give."""
+    """The doubt for a speed that is `factor` times the value from other channels."""
     if SCALE[0] ** 0.25 < factor < SCALE[1] ** 0.25:
         return
     what = factor_of(factor, SPEEDS)
@@ -302,7 +303,7 @@ def _speed_factor(factor: float, by: str, otherwise: str) -> Iterator[Doubt]:
 
 
 def _speed_by_distance(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """Against channels under names of their own that state a length, such as trip_km."""
+    """Doubts from channels under user-defined names that state a length, such as trip_km."""
     for name in dict.fromkeys(c for r in recordings for c in r.channels if c not in CHANNELS):
         if not (metres := metres_of(name)):
             continue
@@ -373,7 +374,8 @@ def _steady(r: Recording) -> Array:
 
 
 def _ratios(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """In gear, engine speed over speed has one value a gear, and each is one that vehicles have."""
+    """Doubts from gear ratios: engine speed over speed has one value per gear, within the range of
+    vehicles."""
     seen = steady_ratios(recordings)
     if not len(seen) or len(seen) * recordings[0].dt < LEAST_STEADY_S:
         return
@@ -397,7 +399,7 @@ def _ratios(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 
 
 def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """Both pedals at once, pedals that are swapped, and a pressure that no brake of a truck has."""
+    """Doubts for both pedals at once, swapped pedals, and a pressure that no truck brake has."""
     has = [r for r in recordings if {"engine_command", "brake_command"} <= set(r.channels)]
     engine, brake = (
         np.concatenate([np.zeros(0), *(r.channels[name] for r in has)])
@@ -437,7 +439,7 @@ def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 
 
 def _rising(r: Recording) -> Array:
-    """The derivative of speed, m/s^2: what a faulty accelerometer reads must not swap the pedals."""
+    """The derivative of speed, m/s^2, so that a faulty accelerometer cannot make pedals appear swapped."""
     speed = r.channels["speed"]
     return np.gradient(speed, r.dt) if len(speed) > 1 else np.full(len(speed), np.nan)
 

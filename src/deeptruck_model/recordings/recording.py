@@ -45,7 +45,7 @@ class Recording:
         return len(self.channels["speed"])
 
     def __repr__(self) -> str:
-        """What it is, in a line: a notebook shows many of them."""
+        """A one-line summary, for notebooks that show many recordings."""
         length = f"{self.dt * len(self):.1f} s at {1 / self.dt:g} Hz"
         return f"<Recording {self.name!r}: {length}; {', '.join(self.channels)}; {self.interface.summary}>"
 

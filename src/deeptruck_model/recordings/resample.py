@@ -158,7 +158,7 @@ class Resampler:
         return at_ticks("gear", gear.time, gear.values, time, self.dt, period(gear.time))
 
     def _settle(self, channel: str, series: Series, until: float) -> None:
-        """Count the channel's samples that came to a piece, and those that are in none, up to a time."""
+        """Count the channel's samples inside and outside of pieces, up to a time."""
         now = slice(*np.searchsorted(series.time, [self._settled, until], side="right"))
         time = series.time[now][~np.isnan(series.values[now])]
         beyond = 0.0 if channel == "speed" else self._gap  # commands are held, others are interpolated
@@ -207,7 +207,7 @@ class Resampler:
         return found
 
     def _accounted(self) -> Account:
-        """The account with spans and channels. What its reader counted as used was added here."""
+        """The account with spans and channels, from the samples added here."""
         account = self._account or Account(self.name, "samples")
         account.spans = [(piece.start, piece.end) for piece in self._pieces]
         for channel in sorted(self._tallies, key=_usual_order):
@@ -238,7 +238,7 @@ class Resampler:
         return [(i, j) for i, j in pairwise(edges) if clock[j - 1] > self._closed]
 
     def _segment(self, series: dict[str, Series], clock: Array, i: int, j: int, until: float) -> None:
-        """Compute a segment's missing ticks before `until`; close it where it ends before."""
+        """Compute a segment's missing ticks before `until`; close the segment if it ends before."""
         end = clock[j - 1]
         complete = end < until
         if clock[i] >= until or (complete and clock[i] == end):
@@ -293,7 +293,7 @@ class _Piece:
         notes: list[str],
         account: Account,
     ) -> Recording:
-        """As a recording; the channels of `needed`, which another piece may have, stay as NaN."""
+        """The piece as a recording; channels of `needed`, which another piece may have, are kept as NaN."""
         joined = {channel: np.concatenate(blocks) for channel, blocks in self._blocks.items()}
         channels = {c: v for c, v in joined.items() if c in needed or not np.isnan(v).all()}
         if "acceleration" not in channels or np.isnan(channels["acceleration"]).all():
@@ -304,7 +304,7 @@ class _Piece:
 
 
 def _usual_order(channel: str) -> tuple[int, str]:
-    """CHANNELS in their order, then those with names of their own."""
+    """Sort key: the order of CHANNELS, then user-defined channels."""
     order = list(CHANNELS)
     return (order.index(channel) if channel in CHANNELS else len(order), channel)
 
@@ -346,7 +346,7 @@ def _joined(parts: list[Series]) -> Series:
 
 
 def _step(clock: Array, native: float, rate_hz: float) -> float:
-    """The recording's dt: that of rate_hz, or the source's own where it is slower by more than 5 %."""
+    """The recording's dt: that of rate_hz, or the source's own if that is longer by more than 5 %."""
     if native <= 1.05 / rate_hz:
         return 1.0 / rate_hz
     steps = np.diff(clock)

@@ -107,7 +107,7 @@ def _trials(table: TextTable, headers: Mapping[str, Header]) -> Iterator[_Trial]
 
 
 def _dated(names: tuple[str, ...], cell: str, place: int) -> Iterator[_Trial]:
-    """Clocks of dates or times of day as this cell."""
+    """Clocks of dates or times of day in the format of this cell."""
     what = " and ".join(f"'{name}'" for name in names)
     if OF_DAY.fullmatch(cell) or is_iso(cell):
         yield _Trial(Clock(names, unit="iso"), f"{what} as {cell}", place)

@@ -91,7 +91,8 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
 
 
 def _without_outliers(table: TextTable, time: Array) -> tuple[TextTable, Array]:
-    """Without the few rows that are stamped far off their neighbours, where time is back in its place."""
+    """The table without the few rows with stamps far from their neighbours, after which time continues as
+    before."""
     outlier = np.zeros(len(time), dtype=bool)
     steps = np.diff(time)
     jumps = np.flatnonzero((steps < -BACK_S) | (steps > RETURN_S))
@@ -137,7 +138,7 @@ def _in_pieces(table: TextTable, time: Array, usual: float) -> tuple[TextTable, 
 
 
 def _check_whole_stamps(table: TextTable, time: Array, name: str, clock: Clock) -> None:
-    """Raises InputError where several rows have each stamp: the log is faster than its clock."""
+    """Raises InputError if several rows share each stamp, because the log is faster than its clock."""
     starts = np.flatnonzero(np.r_[True, np.diff(time) != 0])
     if len(time) <= 1.5 * len(starts) or (np.diff(time) < 0).any():
         return
@@ -165,7 +166,7 @@ def _check_whole_stamps(table: TextTable, time: Array, name: str, clock: Clock) 
 
 
 def _seconds(table: TextTable, clock: Clock) -> Array:
-    """Times (n,) in s since some row's, NaN where a row has none. Raises InputError where no row has one."""
+    """Times (n,) in s relative to some row, NaN if a row has none. Raises InputError if no row has one."""
     column = table.column(clock.columns[0])
     kind = column.type
     if len(clock.columns) == 1 and not pa.types.is_string(kind):
@@ -189,13 +190,13 @@ def _seconds(table: TextTable, clock: Clock) -> Array:
 
 
 def _joined(table: TextTable, clock: Clock) -> pa.ChunkedArray:
-    """The time's cells as text; those of two columns with a blank between."""
+    """The time's cells as text; those of two columns joined by a blank."""
     cells = [table.cells(name) for name in clock.columns]
     return cells[0] if len(cells) == 1 else pc.binary_join_element_wise(*cells, " ")
 
 
 def _since_first(ticks: pa.ChunkedArray, tick_s: float) -> Array:
-    """Integers less the first of them, in s (n,); NaN for nulls."""
+    """Integers minus the first of them, in s (n,); NaN for nulls."""
     known = pc.is_valid(ticks).to_numpy()
     if not known.any():
         return np.full(len(ticks), np.nan)
@@ -205,7 +206,7 @@ def _since_first(ticks: pa.ChunkedArray, tick_s: float) -> Array:
 
 
 def _of_numbers(table: TextTable, clock: Clock, column: pa.ChunkedArray) -> Array:
-    """Of a Parquet file's numbers."""
+    """Times from a Parquet file's numbers."""
     scale = TIME_UNITS[clock.unit]
     try:
         if pa.types.is_integer(column.type):
@@ -225,7 +226,7 @@ def _scaled(values: Array, scale: float) -> Array:
 
 
 def _of_texts(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
-    """Of numbers in a text: whole ones as integers, others as floats."""
+    """Times from numbers as text: integers where whole, floats otherwise."""
     scale = TIME_UNITS[clock.unit]
     values, unreadable = floats(cells, table.decimal)
     if np.isnan(values).all():
@@ -237,7 +238,7 @@ def _of_texts(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
 
 
 def _of_iso(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
-    """Of ISO 8601 dates, also with slashes, dots and single digits, or of times of day."""
+    """Times from ISO 8601 dates, also with slashes, dots and single digits, or from times of day."""
     first = cells.drop_null()[0].as_py()
     if OF_DAY.fullmatch(first):
         return _over_midnight(table, _parsed(table, clock, cells, _ticks_of_day), DAY_S)
@@ -268,7 +269,7 @@ def _of_format(table: TextTable, clock: Clock, cells: pa.ChunkedArray) -> Array:
 def _parsed(
     table: TextTable, clock: Clock, cells: pa.ChunkedArray, ticks: Callable[[str], int | None]
 ) -> Array:
-    """Times of cells by a function that gives ns."""
+    """Times of cells by a function that returns ns."""
     found = pa.chunked_array(
         [[None if cell is None else ticks(cell) for cell in cells.to_pylist()]], pa.int64()
     )
@@ -278,7 +279,8 @@ def _parsed(
 
 
 def _over_midnight(table: TextTable, seconds: Array, period_s: float) -> Array:
-    """Times of day with a day (or hour) added at each fall by more than half of one; the account says so."""
+    """Times of day with a day (or hour) added at each decrease by more than half of one; noted in the
+    account."""
     known = np.flatnonzero(~np.isnan(seconds))
     falls = np.r_[False, np.diff(seconds[known]) < -period_s / 2]
     if falls.any():
@@ -357,7 +359,7 @@ def usual_formats(cell: str) -> list[str]:
 def _none(
     table: TextTable, clock: Clock, cells: pa.ChunkedArray, unreadable: NDArray[np.bool_]
 ) -> InputError:
-    """That no cell is a time, with the first and what to set."""
+    """The error that no cell is a time, with the first cell and the key to set."""
     at = int(np.argmax(unreadable))
     cell = cells[at]
     wanted = f"the format '{clock.format}'" if clock.format else f"unit '{clock.unit}'"

@@ -65,7 +65,7 @@ def _name(bag: Path, end: tuple[str, ...], others: Sequence[tuple[str, ...]]) ->
 
 
 def _called(name: str, recordings: list[Recording]) -> list[Recording]:
-    """The recordings of one bag by another name; the numbers of its pieces stay."""
+    """The recordings of one bag under another name; the numbers of its pieces are kept."""
     if len(recordings) == 1:
         return [replace(recordings[0], name=name)]
     return [replace(recording, name=f"{name}#{k}") for k, recording in enumerate(recordings)]

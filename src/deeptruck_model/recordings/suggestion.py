@@ -103,7 +103,7 @@ def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
 
 
 def _along(one: Candidate, axis: str) -> Candidate | None:
-    """The same vector's other component; None where there is none that was ever a number."""
+    """The other component of the same vector; None if it never has a number."""
     path = one.field.path
     if one.topic is None or not path.endswith("x") or path[-2:-1] not in (".", ""):
         return None
@@ -114,7 +114,7 @@ def _along(one: Candidate, axis: str) -> Candidate | None:
 
 
 def _candidate(topic: Topic, field: Field, interface: TruckInterface | None) -> Candidate | None:
-    """The field as the one channel that it may be, by our own topics, its type, or its words."""
+    """The field as the channel that it may be, by our own topics, its type, or its words."""
     if np.isnan(field.largest):
         return None  # never a number
     for channel, source in DEFAULT_TOPICS.items():
@@ -163,7 +163,7 @@ def _by_words(topic: Topic, field: Field) -> Candidate | None:
 
 
 def _own_words(path: str) -> tuple[frozenset[str], str]:
-    """The words that say what a field is, without those of any message, and which part of a vector it is."""
+    """The words that describe a field, without those common to all messages, and its vector component."""
     named = re.search(r"\[\w+=(.+)\]$", path)
     if named:
         return words(named[1]), ""
@@ -172,7 +172,7 @@ def _own_words(path: str) -> tuple[frozenset[str], str]:
 
 
 def _unit(channel: str, topic: Topic, field: Field) -> tuple[str, str]:
-    """The unit and what shows it; '' where nothing does."""
+    """The unit and the evidence for it; '' if there is none."""
     named = words(topic.name) | words(field.path)
     for word in sorted(named & UNIT_WORDS.keys()):
         try:

@@ -119,7 +119,7 @@ def values_of(
 
 
 def _topic(name: str, msgtype: str, bag: BagSource) -> Topic:
-    """The topic, before its messages are read; its first one says whether they are worth it."""
+    """The topic before its messages are read; its first message decides whether they are worth reading."""
     _, _, first = next(bag.messages({name}), ("", 0, b""))
     why = ""
     if not first:
@@ -144,7 +144,7 @@ def _take(topic: Topic, batch: Batch, walker: Walker, readers: dict[str, Columns
 
 
 def _paths(topic: Topic, batch: Batch, walker: Walker) -> list[str]:
-    """The numbers in some messages of the batch, each once, in the order of the message."""
+    """The paths of numbers in some messages of the batch, each once, in the order of the message."""
     found: dict[str, None] = {}
     some = np.unique(np.linspace(0, len(batch.starts) - 1, LOOKED_AT).astype(int))
     for k in some:
@@ -169,7 +169,7 @@ def _fields(layout: Layout) -> Iterator[str]:
 
 
 def _names(layout: Layout, path: str, count: int) -> tuple[str, list[str]] | None:
-    """The list of names beside an array of numbers, as long as the array."""
+    """The list of names next to an array of numbers, of the array's length."""
     folder = path.rpartition(".")[0]
     for other, texts in layout.texts.items():
         beside = other.rpartition(".")[0] == folder and other in layout.lists
@@ -179,5 +179,5 @@ def _names(layout: Layout, path: str, count: int) -> tuple[str, list[str]] | Non
 
 
 def _sayable(label: str) -> bool:
-    """Whether the field of this name can be written in a topic map."""
+    """Whether a field with this name can be written in a topic map."""
     return label.isprintable() and bool(label.strip()) and not {"[", "]"} & {*label}

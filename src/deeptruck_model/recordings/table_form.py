@@ -85,7 +85,7 @@ def _encoding(data: bytes) -> str:
 
 
 def _header(lines: Sequence[str], delimiter: str) -> tuple[int, int, int]:
-    """By one delimiter: cells of a row of numbers, names in the header (0 without one), lines before it."""
+    """For one delimiter: cells in a row of numbers, names in the header (0 without one), lines before it."""
     rows = []
     for line in lines:
         try:
@@ -112,7 +112,8 @@ def _header(lines: Sequence[str], delimiter: str) -> tuple[int, int, int]:
 
 
 def _below_units(rows: Sequence[list[str]], as_wide: Sequence[int]) -> int:
-    """The header among lines as wide as the rows: the last, unless units stand in it below the names."""
+    """Index of the header among lines as wide as the rows: the last, or the one before if the last holds
+    units."""
     *others, last = as_wide
     if others and others[-1] >= last - 2 and any(_is_unit(cell) for cell in rows[last]):
         return others[-1]

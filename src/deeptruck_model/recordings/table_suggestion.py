@@ -167,7 +167,7 @@ class TableSuggestion(Proposal):
 
 
 def _extra_name(column: str, taken: Set[str]) -> str:
-    """A name under `extra` for a column: its letters and digits, and a number where another has the same."""
+    """A name under `extra` for a column: its letters and digits, and a number if another has the same."""
     stem = re.sub(r"\W+", "_", column, flags=re.ASCII).strip("_").lower()[:50]
     stem = stem if re.match(r"[a-z]", stem) else f"column_{stem}".rstrip("_")
     stem = f"{stem}_column" if stem in CHANNELS or stem.startswith(("driver_", "engaged")) else stem
@@ -229,7 +229,7 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
 
 
 def _units_of(table: TextTable, names: str) -> dict[str, str]:
-    """The unit of each name, where a column of units stands beside names and values."""
+    """The unit of each name, if there is a column of units next to names and values."""
     beside = next((column for column in table.columns if header(column).words & _UNITS), None)
     if beside is None:
         return {}
@@ -238,7 +238,7 @@ def _units_of(table: TextTable, names: str) -> dict[str, str]:
 
 
 def _one_value(table: TextTable) -> tuple[str, str] | None:
-    """The columns of names and of values where each row has one value; None where rows have several."""
+    """The columns of names and of values if each row has one value; None if rows have several."""
     named = {column: header(column).words for column in table.columns}
     name = next((c for c, found in named.items() if found & _NAMES), None)
     value = next((c for c, found in named.items() if found & _VALUES), None)
@@ -249,7 +249,7 @@ def _one_value(table: TextTable) -> tuple[str, str] | None:
 
 @dataclass(frozen=True)
 class _Meaning:
-    """The channel that a column may be, and the units in which it may be."""
+    """The channel that a column may be, and its possible units."""
 
     column: TableColumn
     channel: str
@@ -296,7 +296,7 @@ def _column(table: TextTable, name: str, named: Header) -> TableColumn | None:
 
 
 def _below(table: TextTable, name: str) -> str:
-    """The cell of a row of units, a text above numbers, or the unit behind the numbers of the cells."""
+    """The cell of a row of units, a text above numbers, or the unit after the numbers of the cells."""
     if spelled(within := table.unit_in_cells(name), name):
         return within
     if not pa.types.is_string(table.column(name).type):
@@ -306,7 +306,7 @@ def _below(table: TextTable, name: str) -> str:
 
 
 def _system(headers: dict[str, Header]) -> str:
-    """'metric' or 'imperial' by all units and the language of the headers; '' where both or none occur."""
+    """'metric' or 'imperial' by all units and the language of the headers; '' if both or none occur."""
     units = {one.unit.lower() for one in headers.values()}
     metric = bool(units & METRIC) or any(one.german for one in headers.values())
     imperial = bool(units & IMPERIAL)
@@ -314,7 +314,7 @@ def _system(headers: dict[str, Header]) -> str:
 
 
 def _meaning(column: TableColumn, system: str) -> _Meaning | None:
-    """The first channel by the words of the header that can be in its unit."""
+    """The first channel that matches the words of the header and can have its unit."""
     words, unit = column.header.words, column.header.unit
     for named in named_channels(words, frozenset()):
         channel = named.channel
@@ -340,13 +340,13 @@ def _meaning(column: TableColumn, system: str) -> _Meaning | None:
 
 
 def _grows(values: Array) -> bool:
-    """Whether values never fall, as those of an odometer."""
+    """Whether values never decrease, as those of an odometer."""
     steps = np.diff(values[np.isfinite(values)])
     return bool((steps >= 0.0).all() and (steps > 0.0).any())
 
 
 def _compared(meanings: list[_Meaning], clock: RowClock, columns: list[TableColumn]) -> list[_Meaning]:
-    """Meanings whose unit was open, with the one that agrees with columns whose units are known."""
+    """Meanings whose unit was undecided, with the one that agrees with columns of known units."""
     travelled = [
         (plain(c.name), metres * c.values[:LOOKED_AT]) for c in columns if (metres := metres_of(c.name))
     ]

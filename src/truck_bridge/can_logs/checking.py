@@ -90,7 +90,7 @@ class _Replay:
         return self._found
 
     def _listen(self) -> None:
-        """Faults anew: what was reported before a hole is not known to last."""
+        """Reset the faults, because those reported before a gap may not persist."""
         self._found.notes += unread(self._faults.finish())
         self._faults = FaultWatch(self._vehicle)
 
@@ -105,7 +105,7 @@ class _Replay:
         self._found.losses += self._safety.losses
 
     def _note(self, now: float) -> None:
-        """When each reason came."""
+        """Note the time of each new reason."""
         counts, at = (self._safety.refusals, self._safety.losses), now - self._start
         for times, count, seen in zip(
             (self._found.refused_s, self._found.lost_s), counts, self._seen, strict=True
@@ -148,7 +148,8 @@ class _Replay:
             self._turn()
 
     def _turn(self) -> None:
-        """10 ms of the drive: a controller that coasts, and a person who asks whenever they may."""
+        """10 ms of the drive: a controller that coasts, and a person who requests control whenever
+        possible."""
         safety, found = self._safety, self._found
         found.seconds += STEP_S
         safety.command({axis.name: axis.rest for axis in self._table.axes}, True, self._now)

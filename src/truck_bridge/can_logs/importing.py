@@ -119,7 +119,8 @@ def _defaults(found: Decoding, torque: float) -> dict[str, Series]:
 
 
 def _best(found: Decoding, message: str, signal: str) -> Series | None:
-    """The source with most valid samples; the lowest address where two have as many. Others are remarked."""
+    """The source with most valid samples; if two have as many, the one with the lower address. Others are
+    remarked."""
     keys = [key for key in found.series if key[:2] == (message, signal)]
     if not keys:
         return None
@@ -156,7 +157,8 @@ def _chosen(found: Decoding, channel: str, spec: Any, torque: float) -> Series:
 
 
 def _command(found: Decoding, channel: str, spec: Any) -> tuple[Series, str]:
-    """A command in a unit that a truck interface can have, and that unit. What is no braking brakes by 0."""
+    """A command in a unit of truck interfaces, and that unit. Values that do not brake become a brake command
+    of 0."""
     message, name, (times, values) = _raw(found, channel, spec)
     factor, unit = of_command(channel, found.codec[message].signals[name].unit)
     values = factor * values
@@ -164,7 +166,7 @@ def _command(found: Decoding, channel: str, spec: Any) -> tuple[Series, str]:
 
 
 def _raw(found: Decoding, channel: str, spec: Any) -> tuple[str, str, Series]:
-    """Message and signal that a channel is to be taken from, and its samples in the unit of the bus."""
+    """Message and signal of a channel, and its samples in the unit of the bus."""
     if not isinstance(spec, Mapping) or "signal" not in spec or set(spec) - {"signal", "source"}:
         raise InputError(
             f"columns: channel {channel} needs {{signal: MESSAGE.SIGNAL, source: ADDRESS (optional)}}"

@@ -131,7 +131,7 @@ def replay(
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Which file bears the name; None for none."""
+    """Device and inode of the file with this name; None if there is none."""
     try:
         found = path.stat(follow_symlinks=False)
     except OSError:
@@ -140,13 +140,13 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 def _outline(log: Path) -> bytes | int:
-    """What a log holds but its numbers, the times among them; of a binary one, its size."""
+    """Content of a log without its numbers and times; for a binary log, its size."""
     data = log.read_bytes()
     return re.sub(rb"\d+", b"0", data) if log.suffix in log_files.LINES else len(data)
 
 
 def _outline_of_silence(path: Path) -> bytes | int:
-    """The same of a log of this kind in which nothing was received."""
+    """The outline of a log of this kind without frames."""
     with tempfile.TemporaryDirectory() as place:
         like = Path(place) / path.name
         with _writing(_logger(like, new=True), like):
@@ -155,14 +155,15 @@ def _outline_of_silence(path: Path) -> bytes | int:
 
 
 def _all(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
-    """Reading begins before anything is opened, so that a bad log opens nothing."""
+    """All frames; reading starts before anything is opened, so that a damaged log opens nothing."""
     yield first
     yield from rest
 
 
 @contextmanager
 def _end_requested() -> Iterator[threading.Event]:
-    """Set by the signals that end a recording: an exception amid a write would leave half a record."""
+    """An event set by the signals that end a recording; an exception during a write would leave half a
+    record."""
     ended = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield ended  # only the main thread may handle signals
@@ -180,7 +181,7 @@ def _end_requested() -> Iterator[threading.Event]:
 def _writing(
     logger: Callable[[Path], Any], path: Path, shown: Path | None = None
 ) -> Iterator[Callable[[can.Message], None]]:
-    """A function that writes a frame. Raises InputError where the file cannot be written (any further)."""
+    """A function that writes a frame. Raises InputError if the file cannot be written (any further)."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         log = logger(path)
@@ -196,9 +197,9 @@ def _writing(
 
 
 def _logger(path: Path, *, new: bool) -> Callable[[Path], Any]:
-    """What makes a python-can listener that writes the kind of log that the suffix names.
+    """A function that makes a python-can listener for the kind of log in the suffix.
 
-    A `new` one takes its name, with folders, and never another's file.
+    A `new` one creates the file, with folders, and never replaces another's.
     """
     if path.suffix.lower() == log_files.BAG:
         from truck_bridge.can_logs.rosbag import RosbagWriter
@@ -218,7 +219,8 @@ def _new_log(path: Path) -> Any:
 
 
 def _flushing(log: Any) -> Callable[[can.Message], None]:
-    """What is older than half a second survives a kill, where the form can be read without its end."""
+    """A function that writes and flushes, so that frames older than half a second survive a kill, if the
+    format can be read without its end."""
     flushed, file = time.monotonic(), getattr(log, "file", None)
 
     def write(message: can.Message) -> None:

@@ -79,7 +79,7 @@ def busmaster(path: Path, account: Account) -> Iterator[Frame]:
 
 @dataclass(frozen=True)
 class _Packet:
-    """One packet of a capture: its time, the interface and link type it came by, and its bytes."""
+    """One packet of a capture: its time, its interface and link type, and its bytes."""
 
     time: float
     interface: str
@@ -187,7 +187,7 @@ def _options(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 
 def _cut(path: Path, account: Account) -> None:
-    """Account for a packet that is cut off at the end of a capture, whose recorder was killed."""
+    """Account for a packet that is cut off at the end of a killed recorder's capture."""
     account.total.read += 1
     account.total.set_aside("frame cut off at the end of the log")
     account.remarks.append(f"{path} is cut off in its last packet, which is left out")
@@ -211,8 +211,8 @@ def table(path: Path, account: Account) -> Iterator[Frame]:
 
 @dataclass(frozen=True)
 class _Form:
-    """Which column is what, and how numbers are written in it; `tick` is below 0 of times without sign that
-    were written with one (SavvyCAN: negative and falling)."""
+    """The meaning of the columns, and the format of their numbers; `tick` is negative for unsigned times that
+    were written as signed (SavvyCAN: negative and falling)."""
 
     time: int
     tick: float
@@ -251,7 +251,7 @@ class _Form:
 
 
 def _base(cells: Sequence[str]) -> int:
-    """16 where a letter or a leading zero shows it, else 10."""
+    """16 if a letter or a leading zero shows it, else 10."""
     hexadecimal = any(re.search(r"[a-fA-F]|^0x|^0\d", cell.rstrip("xX")) for cell in cells)
     return 16 if hexadecimal else 10
 

@@ -64,7 +64,7 @@ class _Clock:
         self._overtaken, self._most = 0, 0.0
 
     def follows(self, time: float) -> bool:
-        """Whether a frame comes soon behind the latest one, as nearly all do; if so, it is noted."""
+        """Whether a frame comes shortly after the latest one, as nearly all do; if so, it is noted."""
         if self.last == self._latest and self._first is not None and 0.0 <= time - self.last <= HOLE_S:
             self.last = self._latest = time
             return True
@@ -74,14 +74,14 @@ class _Clock:
         return self._first is not None and not -BACK_S <= frame.time - self.last <= HOLE_S
 
     def has_returned(self, held: list[Frame], frame: Frame) -> bool:
-        """Whether time is where it was before the held frames."""
+        """Whether time has returned to that before the held frames."""
         ahead = held[0].time > self.last
         step = frame.time - held[-1].time
         opposite = step < -BACK_S if ahead else step > HOLE_S
         return opposite and -BACK_S <= frame.time - self.last <= RETURN_S
 
     def placed(self, frame: Frame) -> Frame:
-        """The frame at its place; notes where a piece ends."""
+        """The frame at its place; notes the end of a piece."""
         if self._first is None:
             self._first = self._begun = self._latest = self.last = frame.time
         step = frame.time - self.last
@@ -106,11 +106,12 @@ class _Clock:
         return self.moved(frame)
 
     def moved(self, frame: Frame) -> Frame:
-        """The frame by the clock of what is yielded."""
+        """The frame with its time shifted to the clock of the frames already yielded."""
         return frame._replace(time=frame.time + self._shift) if self._shift else frame
 
     def _check(self) -> None:
-        """Raises InputError for times that are no clock: they go back and forth and get nowhere."""
+        """Raises InputError for times that cannot be a clock because they jump back and forth without
+        progress."""
         frames = self._account.total.read
         if self._latest - self._begun < HOLE_S and self._overtaken > max(TRUSTED, BACK_AND_FORTH * frames):
             raise InputError(

@@ -96,7 +96,7 @@ def _listed(account: Account) -> str:
 
 
 def _unpacked(path: Path, stack: ExitStack) -> Path:
-    """The log, unpacked beside the temporary files where it is packed by gzip."""
+    """The log, decompressed to a temporary file if it is compressed by gzip."""
     if path.suffix.lower() != log_files.PACKED:
         return path
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="deeptruck-log-")))

@@ -78,7 +78,7 @@ _Raw = tuple[dict[str, str], str, int, bytes]  # buses by topic; topic, log time
 
 
 def _of_mcap(files: list[Path], held: set[str]) -> Iterator[_Raw]:
-    """The frames of MCAP files, whatever is in which form on other topics; `held` gets the types of all."""
+    """The frames of MCAP files, whatever the serialisation of other topics; `held` gets the types of all."""
     for file in files:
         with file.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
@@ -104,7 +104,7 @@ def _of_others(path: Path, held: set[str]) -> Iterator[_Raw]:
 
 
 def _read_unfinished(path: Path) -> Iterator[Frame]:
-    """The whole chunks of a file without its end. Raises InputError where there is none."""
+    """The complete chunks of a file without its end. Raises InputError if there is none."""
     store = _types()
     schemas: set[int] = set()
     topics: dict[int, str] = {}  # by channel id
@@ -131,7 +131,7 @@ def _channels(topics: set[str]) -> dict[str, str]:
 
 
 def _whole_chunks(stream: BinaryIO, size: int) -> Iterator[Chunk]:
-    """The chunks of a file up to the record that its end cuts off."""
+    """The chunks of a file up to its truncated record."""
     if size < MAGIC_SIZE:
         return
     read_magic(ReadDataStream(stream))
@@ -160,7 +160,7 @@ def _frame(message: Any, stamp: int, channel: str) -> Frame:
 
 
 def _topic(bus: int | str | None) -> str:
-    """Where the frames of a bus go, as ros2_socketcan names it for several."""
+    """The topic of a bus, as ros2_socketcan names it for several."""
     name = str(bus or "can0")
     return name if name.startswith("/") else TOPIC if name == "can0" else f"/{name}{TOPIC}"
 

@@ -140,18 +140,18 @@ def _lines(path: Path) -> Lines:
 
 
 def _is_cut(number: int, frame: Frame | None) -> bool:
-    """Whether a last line without its end was cut off with its recorder."""
+    """Whether a last line without its end was cut off when its recorder was killed."""
     return number > 1 and (frame is None or (frame.kind is Kind.DATA and len(frame.data) < WHOLE))
 
 
 def _leave_out_cut(path: Path, number: int, account: Account) -> None:
-    """The recorder was killed in the middle of a line."""
+    """Omit a line in which the recorder was killed, and count it."""
     account.total.set_aside("frame cut off at the end of the log", f"in line {number}")
     account.remarks.append(f"{path} is cut off in its last line, {number}, which is left out")
 
 
 def _why(line: str) -> str:
-    """What a line of candump lacks, where that can be said."""
+    """The error in a line of candump, if it can be named."""
     if re.match(r"\s*\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]", line):
         return " with a time (record with 'candump -t a' or 'candump -l')"
     return ""
@@ -192,7 +192,7 @@ def _of_console(line: str) -> Frame | None:
 
 
 def _identified(time: float, channel: str, digits: str, data: bytes) -> Frame | None:
-    """A frame, its class by the number of digits; None where an identifier cannot be."""
+    """A frame, with its class by the number of digits; None for an impossible identifier."""
     raw = int(digits, 16)
     if len(digits) <= STANDARD_DIGITS:
         return Frame(time, raw, data, channel, False) if raw <= STANDARD_MASK else None
@@ -207,7 +207,8 @@ def _identified(time: float, channel: str, digits: str, data: bytes) -> Frame | 
 
 
 def _seconds(text: str) -> float:
-    """Of an instant in s, or a date as candump -t A has it (taken as UTC: only differences count)."""
+    """Time in s of a number, or of a date in the format of candump -t A (taken as UTC: only differences
+    count)."""
     if text[4:5] != "-":
         whole, _, fraction = text.partition(".")
         return float(whole) + 1.0 if fraction == _OVERFLOWN else float(text)
@@ -217,7 +218,7 @@ def _seconds(text: str) -> float:
 
 
 def _of_asc(event: str, time: float, base: int) -> Frame | None:
-    """The frame of an ASC event; None for other events. Raises ValueError where its data are none."""
+    """The frame of an ASC event; None for other events. Raises ValueError for invalid data."""
     if (found := _ASC_FRAME.match(event)) is not None:
         channel, can_id, extended, kind, rest = found.groups()
         tokens = rest.split()

@@ -65,7 +65,7 @@ def _is_short(message: can.Message) -> bool:
 
 
 def _end(path: Path) -> tuple[int, bool]:
-    """The number of a log's last line, and whether it lacks its line break."""
+    """The number of a log's last line, and whether its line break is missing."""
     number, line = 0, b"\n"
     with path.open("rb") as file:
         for number, line in enumerate(file, 1):  # noqa: B007 - the values after the loop are used

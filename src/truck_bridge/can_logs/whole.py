@@ -60,7 +60,7 @@ def check_blf(path: Path) -> None:
 
 
 def _object_end(data: mmap.mmap, at: int, size: int) -> int | None:
-    """Where the object at a place ends; None where there is none."""
+    """The end of the object at a position; None if there is no object."""
     if at + _BLF_OBJECT.size > size:
         return None
     signature, _, _, length, _ = _BLF_OBJECT.unpack_from(data, at)
@@ -68,7 +68,7 @@ def _object_end(data: mmap.mmap, at: int, size: int) -> int | None:
 
 
 def _is_sound(one: bytes) -> bool:
-    """Whether an object is no container, or one whose content is as long as it says."""
+    """Whether an object is no container, or a container whose content has the stated length."""
     if _BLF_OBJECT.unpack_from(one)[4] != _BLF_CONTAINER:
         return True
     if len(one) < 32:

@@ -166,7 +166,7 @@ class EcuEmulator:
 
 
 def _as_driven(truck: Simulator) -> Simulator:
-    """A physics truck steps by 10 ms and feels the road even where it has no grade sensor."""
+    """A physics truck with steps of 10 ms, on whose motion the road acts even without a grade sensor."""
     for method, arguments in (("with_grade_input", ()), ("with_dt", (0.01,))):
         if hasattr(truck, method):
             truck = getattr(truck, method)(*arguments)

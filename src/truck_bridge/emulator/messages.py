@@ -60,7 +60,7 @@ def _full_command(truck: Truck) -> float:
 
 
 def _torque_mode(truck: Truck, obeyed: int) -> int:
-    """SPN 899: on whose behalf the engine makes torque; a brake's demand is a limit of torque."""
+    """SPN 899: the source of the torque request; a brake's demand limits torque."""
     names = {address: who for who, address in truck.vehicle.addresses.items()}
     if obeyed == 0xFF:
         return 1 if truck.driver.accelerator > 0 else 0  # the driver, or nobody and the idle governor
@@ -69,7 +69,7 @@ def _torque_mode(truck: Truck, obeyed: int) -> int:
 
 
 def _obeyed(truck: Truck, axis: str) -> int:
-    """Source address of the controlling device: the controller's own where nobody demands."""
+    """Source address of the controlling device; the controller's own without a demand."""
     receiver = truck.receivers.get(axis)
     obeyed = 0xFF if receiver is None else receiver.controlling
     return truck.vehicle.addresses[axis] if obeyed == 0xFF else obeyed

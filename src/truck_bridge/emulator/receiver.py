@@ -16,7 +16,7 @@ GOOD_LIMIT = 10  # good ones in a row before it is received again
 
 @dataclass
 class _Source:
-    """What one source address asked of one controller."""
+    """The demand of one source address on one controller."""
 
     demand: float = math.nan  # NaN: it hands back
     priority: int = 3

@@ -39,7 +39,7 @@ class Broken(NamedTuple):
 
 @dataclass
 class _Session:
-    """What is known of one message under way."""
+    """State of one message under way."""
 
     pgn: int
     size: int
@@ -106,7 +106,7 @@ class Transport:
             self.broken[Broken(pgn, key[0], "wrong size")] += 1
 
     def _ask(self, key: tuple[int, int], pgn: int, data: bytes, now: float) -> None:
-        """The receiver asks for packets, or (none at once) for time."""
+        """The receiver requests packets, or (no packets at once) more time."""
         session = self._alive(key, now)
         if session is None or session.pgn != pgn:
             return
@@ -139,7 +139,7 @@ class Transport:
         return Message(session.pgn, *key, b"".join(session.parts)[: session.size])
 
     def _alive(self, key: tuple[int, int], now: float) -> _Session | None:
-        """The session, unless it has waited too long or the clock was set back."""
+        """The session, unless it has timed out or the clock was set back."""
         session = self._open.get(key)
         if session is not None and abs(now - session.received) > session.patience:
             self._break(key, "timed out")

@@ -107,7 +107,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
 
 
 def _named(data: dict[str, Any]) -> dict[str, list[tuple[int, dict[str, str]]]]:
-    """Who sends a message of `receive`, with the core's name of each of its signals."""
+    """Senders of each message of `receive`, with the core's name of each of its signals."""
     found: dict[str, list[tuple[int, dict[str, str]]]] = {}
     for key, spec in data["receive"].items():
         names = {source: name for name, source in spec["signals"].items()}
@@ -157,7 +157,7 @@ def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Co
 
 
 def _allowed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[tables.Allowed]:
-    """What each controller may demand by TSC1; the only message whose modes the core knows."""
+    """The permitted TSC1 demands of each controller; TSC1 is the only message whose modes the core knows."""
     for who, axes in data["demands"].items():
         for axis, spec in axes.items():
             place = f"demands.{who}.{axis}"
@@ -204,9 +204,8 @@ def _pair(key: str, values: list[float]) -> tuple[float, float]:
 
 
 def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> tables.Heard:
-    """One entry of `receive`: its name is the message's, unless it says `message` itself because two
-    controllers send the same one.
-    """
+    """One entry of `receive`: its name is that of the message, unless it has a `message` key because two
+    controllers send the same one."""
     layout = codec[spec.get("message", key)]
     if spec.get("check", checksums.NONE) != checksums.NONE:
         _room_to_sign(key, layout)
@@ -230,7 +229,7 @@ def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec
 
 
 def _room_to_sign(key: str, layout: Layout) -> None:
-    """Counter and checksum sit in byte 8. Raises InputError where the DBC has something else there."""
+    """Raises InputError if the DBC has other signals in byte 8, which holds counter and checksum."""
     for signal in layout.signals.values():
         if signal.start + signal.bits > 56 and not signal.name.endswith(("Counter", "Checksum")):
             raise InputError(
@@ -240,7 +239,7 @@ def _room_to_sign(key: str, layout: Layout) -> None:
 
 
 def _distinct(what: str, names: list[str]) -> set[str]:
-    """The names as a set. Raises InputError where one comes twice: the later would silently win."""
+    """The names as a set. Raises InputError for a duplicate, which would silently replace the earlier one."""
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{what} '{name}' is named twice")

@@ -122,7 +122,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         return 0.005
 
     def _tell(self, now: float) -> None:
-        """The engaged bit, back to the controller: its half of the heartbeat."""
+        """Send the engaged bit back to the controller, as the bridge's half of the heartbeat."""
         engaged = self._bridge.engaged
         self._in_control += (now - self._counted_at) * engaged
         self._counted_at = now
@@ -167,7 +167,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self.diagnose(stamp, level, says, {**values, **counters, **would})
 
     def _stands_against(self) -> tuple[str, ...]:
-        """Every reason why control is not given now, whether or not somebody asked."""
+        """Every reason why control is not given now, requested or not."""
         if self._bridge.engaged:
             return ()
         reasons = self._bridge.obstacles(time.monotonic(), lead_vehicle=self._lead_is_fresh())
@@ -207,7 +207,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
 
 
 def _say(text: str) -> None:
-    """Print to the terminal; a full disk under the log ends nothing."""
+    """Print to the terminal; a full disk of the log is ignored."""
     with contextlib.suppress(OSError):
         print(text, flush=True)
 

@@ -51,7 +51,8 @@ class Controller(DeeptruckNode):
         return IDLE if self.lockstep else self._repeat()
 
     def _repeat(self) -> float:
-        """Send the newest command again while it may still be obeyed; returns when the next is due."""
+        """Send the newest command again while it may still be obeyed; returns the time until the next
+        repetition."""
         silent = [name for name in self._received if self._is_stale(name)]
         if silent or self._is_old(self._observed_at):
             says = f"no {' and '.join(silent) or 'whole observation'}: no command is sent"
@@ -71,7 +72,7 @@ class Controller(DeeptruckNode):
 
     @property
     def _drives(self) -> bool:
-        """Whether the commands drive the truck, as bridge or simulated truck said last."""
+        """Whether the commands drive the truck, as last reported by the bridge or the simulated truck."""
         return self._engaged and (self.lockstep or not self._is_old(self._engaged_at))
 
     def _is_stale(self, name: str) -> bool:
@@ -81,7 +82,8 @@ class Controller(DeeptruckNode):
         return time.monotonic() - at > self.p["stale_after_s"]
 
     def _on_engaged(self, message: JointState) -> None:
-        """Whether commands are passed on; a change is answered at once, as the bridge waits for it."""
+        """Store whether commands are passed on; a change is answered at once, because the bridge waits for
+        the answer."""
         engaged = messages.read_scalars(message).get("engaged") == 1.0
         changed, self._engaged, self._engaged_at = engaged != self._engaged, engaged, time.monotonic()
         if changed and engaged:

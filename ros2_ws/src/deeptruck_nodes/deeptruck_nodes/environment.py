@@ -56,7 +56,7 @@ class DomainLock:
         self._file.flush()
 
     def _holder(self) -> str:
-        """Who holds the lock: the run's own description, or the processes that it left behind."""
+        """The holder of the lock: the run's own description, or the processes that it left behind."""
         self._file.seek(0)
         says = self._file.read()
         alive = _who_has_open(self._path)
@@ -75,7 +75,7 @@ class DomainLock:
 
 
 def _who_has_open(path: Path) -> list[str]:
-    """Numbers of the other processes that have a file open, as far as this user may see them."""
+    """Numbers of the other processes that have a file open, if visible to this user."""
     found = set()
     for handle in Path("/proc").glob("[0-9]*/fd/*"):
         with suppress(OSError):

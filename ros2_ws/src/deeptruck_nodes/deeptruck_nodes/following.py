@@ -82,7 +82,7 @@ class Following:
         return self.held
 
     def _steps_to(self, seen: Observation) -> int:
-        """How many steps of `dt` have passed since the last one; stamps may jitter by a tenth of one."""
+        """Number of steps of `dt` since the last one; stamps may have a jitter of a tenth of a step."""
         passed = math.inf if self._acted is None else seen.stamp - self._acted.stamp
         if abs(passed) > max(HOLE_S * SECOND, 3 * self._period):
             self._guard.forget()
@@ -119,7 +119,8 @@ class Following:
 
 
 def _between(before: Observation, after: Observation, share: float) -> Observation:
-    """What was seen at a share of the way; NaN where either end is, but at the end."""
+    """The observation interpolated at a share of the interval; NaN if either end is NaN, except at
+    the end."""
     if share == 1.0:
         return after
     names = ("speed", "gap", "leader_speed", "grade")

@@ -56,7 +56,7 @@ LEVEL_NAMES = {value: name for name, value in LEVELS.items()}
 
 
 class _Unwatched(CallbackGroup):
-    """Subscriptions that the executor leaves alone: their messages are taken, not awaited."""
+    """Subscriptions that the executor ignores; their messages are polled."""
 
     def can_execute(self, entity: object) -> bool:
         return False
@@ -93,13 +93,13 @@ class LivePage(DeeptruckNode):
         self._server.start()
 
     def _own_place(self) -> local.Place:
-        """Started by hand: say where."""
+        """Create and print an address, if the page was started by hand."""
         made = local.made(self.p["port"])
         print(f"page: {made.address}", flush=True)
         return made
 
     def _nodes(self) -> tuple[str, ...]:
-        """The nodes of this run; all nodes of the topic table where the page was started by hand."""
+        """The nodes of this run; all nodes of the topic table if the page was started by hand."""
         return tuple(self.p["peers"]) or KNOWN
 
     def _links(self) -> tuple[Link, ...]:
@@ -115,7 +115,7 @@ class LivePage(DeeptruckNode):
         return tuple(links)
 
     def _units(self) -> dict[str, str]:
-        """The commands' units, where the run knows its truck."""
+        """The commands' units, if the run knows its truck."""
         if not self.p["interface"]:
             return {}
         interface = TruckInterface.from_dict(json.loads(self.p["interface"]))
@@ -146,7 +146,7 @@ class LivePage(DeeptruckNode):
             self._control.publish(messages.scalars(self.now(), REPLAY_CONTROL.fields, values))
 
     def _take(self, name: str, subscription: Subscription) -> None:
-        """What waits of a topic; its content is read only where the page shows it."""
+        """Take the waiting messages of a topic; their content is read only if the page shows it."""
         reader, count, newest = self._readers.get(name), 0, 0
         with subscription.handle:
             while count < PAGE_QOS.depth:
@@ -209,7 +209,7 @@ class LivePage(DeeptruckNode):
         self._server.close(self._why())
 
     def _why(self) -> str:
-        """What the start script says of the run's end; empty where it says nothing."""
+        """The start script's reason for the run's end; empty if there is none."""
         try:
             return (Path(os.environ.get("ROS_LOG_DIR", "")) / ENDED).read_text().strip()
         except OSError:
@@ -220,7 +220,7 @@ SHOWN = (("truck_sim", "simulator"), ("can_bridge", "vehicle"), ("controller", "
 
 
 def _what_runs() -> str:
-    """Simulator or vehicle, policy and folder of the run, as its parameters have them; empty by hand."""
+    """Simulator or vehicle, policy and folder of the run, from its parameters; empty if started by hand."""
     folder = os.environ.get("ROS_LOG_DIR", "")
     try:
         sections = yaml.safe_load((Path(folder) / PARAMETERS).read_text()) if folder else {}

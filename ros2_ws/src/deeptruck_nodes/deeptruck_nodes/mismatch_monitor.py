@@ -97,13 +97,13 @@ class MismatchMonitor(DeeptruckNode):
         self._monitor.hear_road(self._seconds(message), messages.read_scalars(message))
 
     def _keep(self, topic: str, message: TwistStamped | AccelStamped | JointState | Range) -> None:
-        """Keep the first and the last minutes of samples, by which questions are answered."""
+        """Keep the first and the last minutes of samples, from which questions are answered."""
         for window in (self._newest, self._begin):
             if window is not None:
                 window.hear(topic, nanoseconds(message.header.stamp), messages.numbers(message))
 
     def _seconds(self, message: TwistStamped | JointState) -> float:
-        """Seconds since the first stamp: since the epoch they would lose their digits."""
+        """Seconds since the first stamp, because seconds since the epoch would lose precision."""
         stamp = nanoseconds(message.header.stamp)
         self._first = stamp if self._first is None else self._first
         return (stamp - self._first) / SECOND
@@ -111,8 +111,8 @@ class MismatchMonitor(DeeptruckNode):
     # -- names, and what this drive has of its own ----------------------------------------------
 
     def _ask(self, seconds: float, stamp: int) -> None:
-        """What is due, unless another question is being answered. In lock-step, which has no clock that would
-        pass meanwhile, the answer is waited for, so that equal runs give equal bags."""
+        """Ask the question that is due, unless another one is being answered. In lock-step, whose clock
+        stands still meanwhile, the answer is awaited, so that equal runs give equal bags."""
         if self._companion.busy:
             return
         self._due = min(self._due, seconds + FIRST_S)  # of a replay that was moved back
@@ -146,7 +146,7 @@ class MismatchMonitor(DeeptruckNode):
             self._refuse(answer.refused)
 
     def _refuse(self, why: str) -> None:
-        """Said once, however often it happens."""
+        """Print the reason of a refusal, once."""
         self._said["names"] = why
         if why not in self._refused:
             print(f"no answer from the last minutes: {why}", flush=True)

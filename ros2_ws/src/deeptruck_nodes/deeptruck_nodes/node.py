@@ -107,10 +107,10 @@ class DeeptruckNode(Node):
 
 
 class _Stop:
-    """Set by SIGINT, SIGTERM and, unless it is ignored, SIGHUP.
+    """Flag set by SIGINT, SIGTERM and, unless it is ignored, SIGHUP.
 
-    rclpy's own handlers lose a signal occasionally, so they are off.
-    A node that is still being made, which takes seconds, has nothing to leave in order and ends at once.
+    rclpy's own handlers occasionally lose a signal, so they are switched off. A node that is still being
+    created, which takes seconds, ends at once.
     """
 
     def __init__(self) -> None:

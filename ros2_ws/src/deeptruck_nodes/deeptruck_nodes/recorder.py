@@ -56,7 +56,7 @@ class Recorder(DeeptruckNode):
         return self._opened
 
     def _find_topics(self) -> None:
-        """Subscribe to what has a known type: our own topics at once, others when somebody publishes them."""
+        """Subscribe to topics with known types: our own at once, others when they have a publisher."""
         graph = {name: types[0] for name, types in self.get_topic_names_and_types() if types}
         graph |= {name: topic.type_name for name, topic in TOPICS.items()}
         for name in [name for name in self._undiscovered if name in graph]:
@@ -74,7 +74,8 @@ class Recorder(DeeptruckNode):
         )
 
     def _on_message(self, topic: str, type_name: str, cdr: bytes) -> None:
-        """Write this message and those waiting behind it: a turn of the executor costs ten takes."""
+        """Write this message and those waiting after it, because an executor cycle costs as much as ten
+        reads."""
         self._write(topic, type_name, cdr)
         subscription = self._subscribed[topic]
         with subscription.handle:
@@ -125,7 +126,7 @@ def header_stamp(cdr: bytes) -> int:
 
 
 def _stored_with(bag: str) -> dict[str, str]:
-    """Interface, notes and whatever else is stored with the bag that is copied, by key; of no bag nothing."""
+    """Interface, notes and other data stored in the bag that is copied, by key; empty without a bag."""
     if not bag:
         return {}
     with BagSource(Path(bag)) as source:

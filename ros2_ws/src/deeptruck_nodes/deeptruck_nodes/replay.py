@@ -55,7 +55,7 @@ class Replay(DeeptruckNode):
             raise InputError(f"{path} ends before start_s = {self.p['start_s']:g} s")
 
     def _publisher(self, name: str, type_name: str) -> Publisher:
-        """One that waits, as every node's do, for its listeners, and until they have its last word."""
+        """A publisher that waits for its subscribers at the start and until they have its last message."""
         known = TOPICS.get(name)
         subscribers = known.subscribers if known else ()
         return self.publish_on(Topic(name, message_class(type_name), ("replay",), subscribers, "", ""))
@@ -64,7 +64,7 @@ class Replay(DeeptruckNode):
         self._since = time.monotonic()
 
     def _go_to(self, position: float) -> None:
-        """Go on from a recorded time, s."""
+        """Continue from a recorded time, s."""
         self._since, self._log_then = time.monotonic(), self._first + round(position * SECOND)
         self._messages: Iterator[Message] = self._bag.messages(set(self._publishers_of), self._log_then)
         self._next: Message | None = next(self._messages, None)
@@ -101,7 +101,7 @@ class Replay(DeeptruckNode):
         return min(IDLE, (self._next[1] - log_now) / SECOND / self.p["speed"])
 
     def _say(self, log_now: int) -> None:
-        """The recorded time: on its topic, and every ten seconds on the terminal."""
+        """Publish the recorded time, and print it every ten seconds."""
         now, position = time.monotonic(), min((log_now - self._first) / SECOND, self._duration)
         if now >= self._state_due or self.finished:
             self._state_due = now + IDLE

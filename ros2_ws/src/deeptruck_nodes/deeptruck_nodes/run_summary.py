@@ -96,7 +96,7 @@ def _read(bag: Path) -> Signals:
 
 
 def _counts(message: Any) -> dict[str, int]:
-    """What the controller has counted, of a DiagnosticArray; empty of another node's."""
+    """The controller's counters in a DiagnosticArray; empty for another node's."""
     said = {
         value.key: value.value
         for status in message.status

@@ -145,7 +145,8 @@ def _mend(bag: Path) -> None:
 def _look_at_driving(
     misfits: Misfits, common: Common, sections: Sections, policy: str, truck: TruckInterface | None
 ) -> None:
-    """What every run with a controller needs: its policy, its leader, and a monitor that fits the truck."""
+    """Check what every run with a controller needs: its policy, its leader, and a monitor that fits the
+    truck."""
     misfits.of(lambda: run_checks.policy_fits(policy, truck))
     if common.monitor:
         misfits.of(lambda: run_checks.monitor_fits(common.monitor, truck))
@@ -154,8 +155,7 @@ def _look_at_driving(
 
 
 def _compile(truck: str) -> None:
-    """Drive a truck one step: on a new machine it is compiled for that, and a run would wait on a silent
-    bus."""
+    """Simulate one step, so that compilation on a new machine does not delay the run."""
     import numpy as np
 
     from deeptruck_model import simulators
@@ -183,21 +183,21 @@ def _recorder(common: Common, interface: TruckInterface | None) -> dict[str, Any
 
 
 def _monitor(common: Common) -> Sections:
-    """The monitor's parameters where one is wanted."""
+    """The monitor's parameters, if there is a monitor."""
     if not common.monitor:
         return {}
     return {"mismatch_monitor": {"simulator": _named(common.monitor)}}
 
 
 def _page(common: Common, interface: TruckInterface | None) -> Sections:
-    """The page's parameters where one is wanted."""
+    """The page's parameters, if there is a page."""
     if not common.page:
         return {}
     return {PAGE: {"interface": json.dumps(interface.to_dict()) if interface else ""}}
 
 
 def _map(given: Sections) -> Sections:
-    """The road map's parameters where the road ahead is known."""
+    """The road map's parameters, if the road ahead is known."""
     return {"road_map": {}} if "road_map" in given else {}
 
 
@@ -211,7 +211,7 @@ def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]
 
 
 def _driver(policy: str) -> str:
-    """A policy as the nodes find it, which start where this program did."""
+    """The text of a policy with absolute paths, for the nodes."""
     from deeptruck_cacc.controllers.loading import ECONOMY, PLANNER
 
     if policy.startswith(PLANNER):
@@ -226,7 +226,8 @@ def _named(simulator: str) -> str:
 
 
 def _merged(sections: Sections, given: Sections, common: Common, misfits: Misfits) -> Sections:
-    """Own parameter file over the start script's options over what follows from the run."""
+    """Parameters by priority: the user's file, the start script's options, values that follow from
+    the run."""
     own = misfits.of(lambda: _own(common, sections)) or {}
     merged = {
         name: {**values, **given.get(name, {}), **own.get(name, {})} for name, values in sections.items()
@@ -254,7 +255,7 @@ def _own(common: Common, sections: Sections) -> Sections:
 
 
 def _checked(misfits: Misfits, common: Common, sections: Sections, lockstep: bool = False) -> int:
-    """The ROS domain of a run in which everything fits. Raises InputError with all that does not."""
+    """The ROS domain of a run without misfits. Raises InputError with all misfits."""
     for name, values in sections.items():
         of_run = {"lockstep": lockstep, "peers": [peer for peer in sections if peer != name]}
         misfits.found += [
@@ -284,7 +285,7 @@ def _run(
     others: tuple[Program, ...] = (),
     duration: float = 0.0,
 ) -> int:
-    """Lock the domain, make room for the bag, then start. Everything has been checked before."""
+    """Lock the domain, prepare the bag, then start. All checks have been made before."""
     lock = environment.DomainLock(domain)
     try:
         with ExitStack() as stack, bag_place.made(common.record, common.overwrite) as bag:
@@ -314,8 +315,8 @@ def _run(
 
 @contextmanager
 def _watched(sections: Sections, file: Path) -> Iterator[tuple[Program, ...]]:
-    """The page's program where one is wanted, first to start and last to end; its address is said here,
-    as logs may be read by others."""
+    """The page's program if there is a page, first to start and last to end; its address is printed here,
+    because logs may be readable by others."""
     if PAGE not in sections:
         yield ()
         return

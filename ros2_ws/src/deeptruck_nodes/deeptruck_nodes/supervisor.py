@@ -54,7 +54,7 @@ class _Child:
     repeated: int = 0  # bytes of the log that went to the terminal
 
     def repeat(self) -> None:
-        """Whole new lines of the log, to the terminal."""
+        """Copy new complete lines of the log to the terminal."""
         if not self.program.speaks or self.log.stat().st_size == self.repeated:
             return
         with self.log.open("rb") as log:
@@ -183,7 +183,7 @@ class Supervisor:
         return None
 
     def _look_after_spectators(self) -> None:
-        """Start those that died again, a few times: one that cannot live is left out."""
+        """Restart spectators that died, a few times at most."""
         for place, child in enumerate(self._children):
             if not child.program.spectator or child.process.poll() is None or self._revivals == 0:
                 continue
@@ -227,7 +227,8 @@ def _ends() -> list[signal.Signals]:
 
 
 def _begin(parent: int, spectator: bool) -> None:
-    """Runs in the child: the kernel ends it when a killed supervisor cannot. A spectator gives way."""
+    """Runs in the child: the kernel ends it if the supervisor is killed. A spectator gets a lower
+    priority."""
     if spectator:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         os.nice(SPECTATOR_NICE)

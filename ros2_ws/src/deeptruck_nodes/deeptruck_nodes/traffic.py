@@ -87,7 +87,7 @@ class Sumo:
 
 
 def _reason(said: str) -> str:
-    """SUMO's first error; where there is none, its last word."""
+    """SUMO's first error, or its last message if there is none."""
     lines = [" ".join(line.split()) for line in said.splitlines() if line.strip()]
     errors = [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
     return (errors or lines[-1:] or ["SUMO ended without a word"])[0]
@@ -185,7 +185,7 @@ class Traffic:
         return TrafficEnded(f"after {self._steps * STEP:.1f} s {why}; the traffic ends here")
 
     def _see(self) -> None:
-        """Who is ahead on our lane, as of SUMO's last step. SUMO counts its gaps without our minGap."""
+        """The vehicle ahead in our lane, after SUMO's last step. SUMO's gaps exclude our minGap."""
         found = self._sumo.vehicle.getLeader(self._truck, AHEAD)
         self.vehicle = found[0] if found else ""
         if not self.vehicle:

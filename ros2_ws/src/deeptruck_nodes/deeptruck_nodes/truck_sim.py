@@ -57,7 +57,7 @@ class TruckSim(DeeptruckNode):
         return self._await_command() if self.lockstep else self._keep_time()
 
     def _await_command(self) -> float:
-        """Lock-step: the next step is taken when the command for this one is here."""
+        """Lock-step: the next step is taken when the command for this one has arrived."""
         if self._answered == self._stamp:
             if self._monitor_is_near():
                 self._advance()
@@ -71,7 +71,8 @@ class TruckSim(DeeptruckNode):
         return IDLE
 
     def _monitor_is_near(self) -> bool:
-        """A monitor that is slower than the truck is waited for, but not one that never says a thing."""
+        """Whether the monitor is close enough in time; a slower monitor is awaited, unless it never
+        publishes."""
         if self._stamp - max(self._watched, self._first_stamp) <= AHEAD:
             return True
         if time.monotonic() - self._published_at > MONITOR_PATIENCE_S:

@@ -136,8 +136,8 @@ class TruckWithForces:
         return after, y
 
     def _pushed(self, y: Array, extra: Array, before: Array) -> Array:
-        """The response with `extra` acceleration, (batch,); a force against motion does not push a standing
-        truck."""
+        """The response with `extra` acceleration, (batch,); a resisting force does not move a
+        standing truck."""
         y, dt = y.copy(), self.base.dt
         speed = np.maximum(before + (y[:, ACCELERATION] + extra) * dt, 0.0)
         speed = np.where((y[:, SPEED] <= 0.0) & (extra <= 0.0), 0.0, speed)
@@ -150,14 +150,14 @@ class TruckWithForces:
         return replace(state, base=self._feed(state.base, y), speed=speed)
 
     def _feed(self, inner: Any, y: Array) -> Any:
-        """The base truck's state, corrected by y (batch, n_y), as where its forces were fitted."""
+        """The base truck's state after feedback of y (batch, n_y), as in the fit of its forces."""
         return self.base.force(inner, fed_back(self.base, y))
 
     def inside(self, state: State) -> dict[str, Array]:
         return self.base.inside(state.base)
 
     def _now(self, inner: Any, y: Array, u: Array, w: Array, state: State) -> dict[str, Array]:
-        """The signals of this step, by the names mechanisms use."""
+        """The signals of this step, by the names that mechanisms use."""
         speed, inside = y[:, SPEED], self.base.inside(inner)
         now: dict[str, Array] = {
             "speed": speed,
@@ -181,7 +181,7 @@ class TruckWithForces:
         return now
 
     def _own_forces(self, inside: Mapping[str, Array], speed: Array, u: Array) -> dict[str, Array]:
-        """The truck's own forces per mass, read from its inside or computed by shares."""
+        """The truck's own forces per mass, reported by it or computed from shares."""
         if "traction_force" not in inside:
             return dict(self._shares.now(speed, u)) if self._shares is not None else {}
         mass = inside["mass"]
@@ -196,7 +196,7 @@ class TruckWithForces:
 
 
 def _streamed(forces: Iterable[tuple[Expression, Size]]) -> tuple[Stream, list[Size]]:
-    """What computes the expressions, each different one once, and the size of each."""
+    """The Stream of the distinct expressions, and the size of each."""
     forces = list(forces)
     places = Stream([x for x, _ in forces]).outputs
     sizes: dict[int, Size] = {}

@@ -108,7 +108,7 @@ class CorrectedTruck:
     def _like(
         self, *, moved: dict[str, float] | None = None, validated: bool | None = None
     ) -> CorrectedTruck:
-        """The same with other changes of parameters, or marked as validated or not."""
+        """The same truck with other parameter changes or another validation mark."""
         return CorrectedTruck(
             self.original,
             self.terms,
@@ -199,7 +199,7 @@ class CorrectedTruck:
 def _added(
     terms: Sequence[Term], forces_of_moved: Sequence[tuple[Expression, float]], carried: Mapping[str, float]
 ) -> Added:
-    """The columns of the terms, beside the forces of moved parameters that the truck has not."""
+    """The columns of the terms, and the forces of changed parameters that the base truck lacks."""
     forces = list(forces_of_moved)
     paths = []
     for term in terms:
@@ -249,7 +249,7 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
 def _check_numbers(
     terms: Sequence[Term], gears: Sequence[float], moved: Mapping[str, float], carried: Mapping[str, float]
 ) -> None:
-    """Raises ValueError for numbers and names that no correction has."""
+    """Raises ValueError for numbers and names that a correction cannot have."""
     numbers = [*gears, *moved.values(), *carried.values(), *(b for t in terms for b in t.coefficients)]
     if not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
         raise ValueError("it holds a value that is no number")

@@ -26,7 +26,8 @@ BOOTSTRAPS = 1000
 
 @dataclass(frozen=True)
 class _Row:
-    """A pass along a recording, the recording's place in the list, and samples at which free runs begin."""
+    """A pass along a recording, the recording's index in the list, and the samples at which free runs
+    start."""
 
     prepared: Prepared
     place: int
@@ -74,7 +75,7 @@ def _rows(prepared: Sequence[Prepared], steps: int) -> list[_Row]:
 
 
 def _errors(rows: Sequence[_Row], predicted: Array, steps: int) -> Errors:
-    """Of the windows of `rows`, `steps` long, along which responses (rows, T, n_y) were predicted."""
+    """Errors of the windows of `rows`, `steps` long, for predicted responses (rows, T, n_y)."""
     cuts = [(k, slice(s + 1, s + 1 + steps)) for k, row in enumerate(rows) for s in row.starts]
     speed = [predicted[k, cut, SPEED] - rows[k].prepared.y[cut, SPEED] for k, cut in cuts]
     acceleration = [predicted[k, cut, ACCELERATION] - rows[k].prepared.observed[cut] for k, cut in cuts]
@@ -97,7 +98,7 @@ def horizon(prepared: Sequence[Prepared]) -> float:
 
 
 def _run(simulator: Simulator | TruckWithForces, rows: Sequence[_Row], steps: int, exogenous: bool) -> Array:
-    """Responses (rows, T, n_y): free within the windows, corrected by the recorded ones outside."""
+    """Responses (rows, T, n_y): free within the windows, forced by the recorded ones outside."""
     length = max(len(row.prepared.recording) for row in rows)
     u, w, y = (np.stack([padded(getattr(r.prepared, f), length) for r in rows]) for f in ("u", "w", "y"))
     free = np.zeros(u.shape[:2], dtype=bool)
@@ -136,7 +137,7 @@ def _exogenous(rows: Sequence[_Row], length: int) -> dict[str, Array]:
 
 
 def _starts(p: Prepared, settle: int, steps: int, more: int) -> list[int]:
-    """Samples at which free runs begin; the first after each gap is `more` samples later than possible."""
+    """Samples at which free runs start; the first after each gap is delayed by `more` samples."""
     out, k, after_gap = [], settle, True
     while k + steps + 1 < len(p.recording):
         if p.valid[k : k + steps].mean() <= Limits.least_compared:

@@ -42,7 +42,7 @@ def _kind(truck: Simulator) -> tuple[Any, ...]:
 
 
 def _of(truck: Simulator) -> tuple[Simulator, dict[str, float]]:
-    """The simulator beneath a correction, and its changed parameters."""
+    """The base simulator of a correction, and its changed parameters."""
     return (truck.original, truck.inner) if isinstance(truck, CorrectedTruck) else (truck, {})
 
 

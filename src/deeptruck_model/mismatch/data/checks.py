@@ -108,7 +108,7 @@ def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
 def _errors_in_both(
     a: Array, d: Array, jerk: Array, use: NDArray[np.bool_], width: float
 ) -> tuple[float, float, float, Array]:
-    """Least squares of a on (d, 1, -jerk); standard errors count one sample per smoothing width."""
+    """Least squares of a on (d, 1, -jerk); the standard errors count one sample per smoothing width."""
     X = np.stack([d, np.ones_like(d), -jerk], axis=1)[use]
     y = a[use]
     b, *_ = np.linalg.lstsq(X, y, rcond=None)
@@ -255,21 +255,21 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
 
 
 def _level(r: Recording, found: plausibility.Accelerometer) -> Recording:
-    """The recording without the gravity that its accelerometer feels; NaN where no grade is known."""
+    """The recording with its accelerometer corrected for gravity on slopes; NaN where no grade is known."""
     grade = r.channels.get("grade", np.full(len(r), np.nan))
     felt = found.offset + found.gravity * GRAVITY * np.sin(np.arctan(grade))
     return replace(r, channels={**r.channels, "acceleration": r.channels["acceleration"] - felt})
 
 
 def _late(channel: str, lag_s: float) -> str:
-    """That a channel is the wrong one, where acceleration is later than speed by `lag_s`."""
+    """Sentence that a channel is wrong because acceleration is later than speed by `lag_s`."""
     other = "speed" if channel == "acceleration" else "acceleration"
     side = "later" if (lag_s > 0.0) is (channel == "acceleration") else "earlier"
     return f"{channel} is stamped {abs(lag_s):.2f} s {side} than {other}, which fits the commands better"
 
 
 def _scaled(channel: str, factor: float) -> str:
-    """That a channel is the wrong one, where speed changes `factor` times as much."""
+    """Sentence that a channel is wrong because speed changes `factor` times as much."""
     fits = f"{'speed' if channel == 'acceleration' else 'acceleration'} fits the commands better"
     taken = units.likely(factor, SPEEDS | units.ACCELEROMETERS)
     return f"speed changes {factor:.3f} times as much as the accelerometer says: {taken or fits}"
@@ -292,13 +292,13 @@ def corrected(r: Recording, faults: Sequence[SensorFault]) -> Recording:
 
 
 def _sooner(x: Array, samples: float) -> Array:
-    """x (n,) moved forward by so many samples; NaN where it is unknown."""
+    """x (n,) shifted earlier by `samples`; NaN where unknown."""
     at = np.arange(len(x), dtype=float)
     return np.interp(at + samples, at, x, left=np.nan, right=np.nan)
 
 
 def _pool(values: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:
-    """Weighted mean over recordings; its error is at least what the recordings scatter by."""
+    """Weighted mean over recordings; its error is at least the scatter between recordings."""
     v, w = np.array(values), 1.0 / np.maximum(np.array(errors), 1e-6) ** 2
     mean = float(np.average(v, weights=w))
     spread = (

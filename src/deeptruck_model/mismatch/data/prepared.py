@@ -72,7 +72,7 @@ def with_inputs(simulator: Simulator, recordings: Sequence[Recording]) -> tuple[
 
 
 def _bag(r: Recording) -> str:
-    """Pieces of a bag are named after it: `bag#0`, `bag#1`."""
+    """The bag of a piece: pieces are named `bag#0`, `bag#1`."""
     return r.name.partition("#")[0]
 
 
@@ -81,7 +81,7 @@ def _valid(r: Recording, channel: str) -> bool:
 
 
 def _other_rate(r: Recording, rate_hz: float) -> str:
-    """What mends it: the command line reads a bag at the simulator's rate, unless it was recorded at a lower
+    """The remedy: the command line reads a bag at the simulator's rate, unless it was recorded at a lower
     one."""
     own_hz = 1 / r.dt
     if own_hz > rate_hz:

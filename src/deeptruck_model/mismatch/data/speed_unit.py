@@ -63,8 +63,7 @@ def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> 
 
 
 def _scaled(drives: Sequence[Array]) -> tuple[float, float] | None:
-    """The common factor of all drives' ratios, (m,) each, and its standard error; None where there is
-    none."""
+    """The common factor of all drives' ratios, (m,) each, and its standard error; None if there is none."""
     drives = [x for x in drives if len(x)]
     if not drives:
         return None
@@ -87,14 +86,14 @@ def _beyond(
 
 
 def _scale(simulator: Simulator, p: Prepared) -> float | None:
-    """By how much speed is too large; None where the simulator or the recording lacks a channel."""
+    """The factor by which speed is too large; None if the simulator or the recording lacks a channel."""
     ratios = _ratios(simulator, p)
     return float(np.median(ratios)) if len(ratios) else None
 
 
 def _ratios(simulator: Simulator, p: Prepared, same_gear: bool = False) -> Array:
-    """Simulated engine speed by the recorded one (m,) where the truck moves, in the `same_gear` alone; none
-    where the simulator or the recording lacks a channel."""
+    """Ratios of simulated to recorded engine speed (m,) while the truck moves in the `same_gear`; empty if
+    the simulator or the recording lacks a channel."""
     recorded, gear = (p.recording.channels.get(name) for name in ("engine_speed", "gear"))
     if recorded is None:
         return np.zeros(0)

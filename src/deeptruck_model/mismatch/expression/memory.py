@@ -109,8 +109,8 @@ class Change(Expression):
 
 @cache
 def _spring(frequency_hz: float, damping: float, dt: float) -> tuple[Array, Array]:
-    """Position and speed of a mass on a spring after a step: A (2, 2) times them, and b (2,) times the
-    acceleration that is held over it."""
+    """Discrete state of a mass on a spring: position and speed after a step are A (2, 2) times them, plus b
+    (2,) times the acceleration, which is constant in the step."""
     from scipy.linalg import expm
 
     w = 2 * np.pi * frequency_hz

@@ -177,7 +177,7 @@ class Monitor:
         return self._judge(end, residual, float(predicted[1:].std(ddof=1)))
 
     def _predict(self, u: Array, w: Array, acceleration: float, speed: float) -> Array:
-        """Simulated acceleration (1 + JITTER_RUNS,), with inputs as recorded and moved by their noise."""
+        """Simulated acceleration (1 + JITTER_RUNS,), with inputs as recorded and perturbed by their noise."""
         noise = self._noise()
         moved = np.tile(u, (JITTER_RUNS + 1, 1))
         moved[1:] += noise[1:] * self._rng.uniform(-0.5, 0.5, (JITTER_RUNS, len(u)))
@@ -189,7 +189,8 @@ class Monitor:
         return np.asarray(y[:, ACCELERATION])
 
     def _noise(self) -> Array:
-        """The noise of speed and the step of each command, from the newest inputs once there are enough."""
+        """The noise of speed and the quantisation step of each command, estimated once there are enough
+        inputs."""
         if len(self._inputs) < 30:
             return np.zeros(1 + len(self._simulator.interface.u))
         inputs = np.stack(self._inputs)

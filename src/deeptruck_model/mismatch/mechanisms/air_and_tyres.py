@@ -49,14 +49,14 @@ def _wind(wind_m_s: float) -> Column:
 
 
 def _more_wind(around_m_s: float, most: float = np.inf) -> Column:
-    """1 m/s more wind than `around_m_s`."""
+    """Additional headwind of 1 m/s, linearised at `around_m_s`."""
     more = -(PER_SQUARE * (SPEED * 2.0 + around_m_s))
     return Column(more, STEADY_M_S, "wind", "m/s", sign=0, most=most)
 
 
 def _behind(length_m: float, usual_m: float) -> Column:
-    """`length_m` is the gap over which air drag comes back, `usual_m` that at which a simulation without a
-    leader follows."""
+    """`length_m` is the gap over which air drag recovers, `usual_m` the gap that a simulation without a
+    leader assumes."""
     gap = Signal("gap", missing=NOBODY_M, simulated=usual_m)
     return Column(DRAG * exp(-(gap / length_m)), 0.4, "share_of_drag")
 
@@ -81,7 +81,7 @@ def _power_of_speed(order: int) -> Column:
 
 
 def _grips(e: Evidence) -> Iterable[Constants]:
-    """The largest pull and brake force (m/s^2) that the tyres hold."""
+    """The largest drive and brake forces per mass (m/s^2) that the tyres transmit."""
     for q in (0.8, 0.92, 0.97):
         pull = max(quantile(e, e["engine"], e["engine"] > 0.05, q), LEAST_GRIP)
         brake = quantile(e, e["brake"], e["brake"] > 0.1, q)

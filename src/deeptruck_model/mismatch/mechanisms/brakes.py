@@ -38,13 +38,13 @@ def _faded(effect: Expression) -> Column:
 
 
 def _brake_rates(e: Evidence) -> Iterable[Constants]:
-    """Rates by how long the full range takes, in units of the brake command per s."""
+    """Rates for several times over the full range, in units of the brake command per s."""
     full = float(np.ptp(e["brake_command"][e.valid]))
     return grid(side=RATES, rate=[full / full_s for full_s in FULL_RANGE_S]) if full > 0 else ()
 
 
 def _held(keeps_s: float) -> Expression:
-    """Minus a brake force that rises at once and falls late."""
+    """The negative of a brake force that rises at once and releases late."""
     return RisingLag((-BRAKE,), keeps_s)
 
 

@@ -19,25 +19,25 @@ WAYS = {"engine": ("rate", "climb", "drop", "soft", "shaped"), "brake": ("rate",
 
 
 def _delay(which: str, tau_s: float) -> Column:
-    """All commands, or one of them, late by so much; negative: early."""
+    """Delay of all commands, or of one of them; negative: early."""
     name = "delay" if which == "all" else f"delay_{which}"
     return Column(Rerun(f"delay_{which}", tau_s), 0.3, name, "s", tau_s, mean=1.0)
 
 
 def _slewed(how: str, which: str, rate: float) -> Column:
-    """A command slewed in the way `how` of `CommandPath` with a rate in its unit per s."""
+    """A command with the kind of rate limit `how` of `CommandPath`, its rate in command units per s."""
     return Column(Rerun(f"{how}_{which}", rate), 0.3, f"share_{which}", mean=1.0)
 
 
 def _ranges(e: Evidence) -> dict[str, float]:
-    """The full range of each command that is known."""
+    """The full range of each known command."""
     known = (w for w in WAYS if e.has(f"{w}_command"))
     return {which: float(np.ptp(e[f"{which}_command"][e.valid])) for which in known}
 
 
 def _rates_of_one(e: Evidence) -> Iterable[Constants]:
-    """By how long the full range takes. Torque is often shaped: eased into its target, and taken away faster
-    than it is added."""
+    """Rates for several times over the full range. Torque is often shaped: it approaches its target smoothly,
+    and is reduced faster than it is increased."""
     for which, full in _ranges(e).items():
         if full > 0:
             yield from grid(how=WAYS[which], which=(which,), rate=[full / s for s in FULL_RANGE_S])

@@ -55,7 +55,7 @@ def _gears(e: Evidence) -> Iterable[Constants]:
 
 
 def _at_the_input(reference: float) -> list[Column]:
-    """Drag at the input shaft and a share of the pull, as regulation 2017/2400, annex VI, has it."""
+    """Drag at the input shaft and a share of the traction, as in regulation 2017/2400, annex VI."""
     drag = -(OVERALL_RATIO / reference)
     return [
         force(drag, 0.05, "drag"),
@@ -75,12 +75,12 @@ def _between(since: Expression, first: float, last: float) -> Expression:
 
 
 def _stages(until_s: tuple[float, ...]) -> Iterator[tuple[float, float]]:
-    """The parts of the time after an event, by the ends of the parts."""
+    """The phases of the time after an event, given by their ends."""
     return itertools.pairwise((0.0, *until_s))
 
 
 def _locked(e: Evidence) -> Iterable[Constants]:
-    """Gears, and the ratio (rad/m) of each with the converter locked."""
+    """The gears, and the ratio (rad/m) of each with the converter locked."""
     ratio, gear = e["ratio"], np.round(np.nan_to_num(e["gear"]))
     locked = {
         g: quantile(e, ratio, (gear == g) & (e["speed"] > 1.0), 0.1)
@@ -91,35 +91,36 @@ def _locked(e: Evidence) -> Iterable[Constants]:
 
 
 def _slipping(locked: tuple[tuple[float, float], ...]) -> Column:
-    """By how much faster the engine turns than it would with the converter locked."""
+    """Excess of the engine speed over that with the converter locked."""
     own = sum(((absolute(GEAR - g) < 0.5) * r for g, r in locked), lift(0.0))
     return Column(-(PULL * maximum(1.0 - own / maximum(RATIO, 0.01), 0.0)), 1.0, "share_per_slip", sign=0)
 
 
 def _turning(reference: float, share: float) -> Column:
-    """F = -J r^2 a with a the acceleration that is left: -a0 x / (1 + x), x the share of the mass; `share`
-    is that at the ratio `reference` (rad/m)."""
+    """F = -J r^2 a with a the resulting acceleration: -a0 x / (1 + x), where x is the share of the mass;
+    `share` is that at the ratio `reference` (rad/m)."""
     # first gear over top gear; beyond, the clutch slips
     x = (minimum(OVERALL_RATIO / reference, 20.0) ** 2) * share
     return Column(-(SIMULATED * (x / (x + 1.0))), 0.3, "share_of_mass", "1", share, mean=1.0)
 
 
 def _strong_pull(e: Evidence) -> list[float]:
-    """A large engine force, m/s^2; empty where there is hardly any."""
+    """A large engine force, m/s^2; empty if there is hardly any."""
     size = quantile(e, np.abs(e["engine"]), np.abs(e["engine"]) > 0.0, 0.8)
     return [max(size, 0.05)] if np.isfinite(size) else []
 
 
 def _plays(e: Evidence) -> Iterable[Constants]:
-    """By how long a strong pull takes to take it up, and what a soft spring in it holds of that pull."""
+    """Plays by the time that a strong traction force takes to cross them, and the share of that force held by
+    a soft spring."""
     for strong in _strong_pull(e):
         for turns_s, soft in itertools.product((0.15, 0.3, 0.6, 1.2), (0.0, 0.3)):
             yield {"reach": strong * turns_s, "holds": strong * soft, "reference": ratio_if_known(e)}
 
 
 def _play(reach: float, holds: float, reference: float) -> Column:
-    """A play by the force times s that takes it up, and the force a soft spring in it holds; both at the
-    ratio `reference` (rad/m), zero where gears are not known."""
+    """A play, given by the force times time that crosses it and the force that a soft spring in it holds;
+    both at the ratio `reference` (rad/m), zero if gears are not known."""
     play = Play((ENGINE / maximum(geared(reference), 0.05),), reach, holds)
     return Column(-(play * geared(reference)), 0.5, "share")
 

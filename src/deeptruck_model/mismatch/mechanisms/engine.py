@@ -32,7 +32,7 @@ POWER, TORQUE = PULL * SPEED, PULL / maximum(OVERALL_RATIO, 0.05)
 
 
 def _boosted(reference: float, aspirated: float) -> Expression:
-    """Torque above what the engine gives without boost, as a force at the ratio `reference` (rad/m)."""
+    """Torque above the naturally aspirated torque, as a force at the ratio `reference` (rad/m)."""
     return maximum(PULL / maximum(geared(reference), 0.05) - aspirated, 0.0)
 
 
@@ -69,7 +69,7 @@ def _aspirated(e: Evidence) -> Iterable[Constants]:
 
 
 def _full_power(e: Evidence) -> list[float]:
-    """Of the engine, m^2/s^3; empty where it hardly ever pulls."""
+    """Full power of the engine per mass, m^2/s^3; empty if it hardly ever drives."""
     pull = np.maximum(e["engine"], 0.0)
     full = quantile(e, pull * e["speed"], pull > 0.02, 0.95)
     return [full] if np.isfinite(full) else []
@@ -90,7 +90,7 @@ def _beyond(share: Expression) -> Column:
 
 
 def _shares(e: Evidence, x: Array) -> list[float]:
-    """Shares of the largest value of x (n,) while the engine pulls."""
+    """Shares of the largest value of x (n,) while the engine drives."""
     most = quantile(e, x, np.maximum(e["engine"], 0.0) > 0.02, 0.98)
     return [share * most for share in LIMITS] if 0.0 < most < np.inf else []
 
@@ -107,7 +107,7 @@ def _forces(e: Evidence) -> Iterable[Constants]:
 
 
 def _commands(e: Evidence) -> Iterable[Constants]:
-    """A torque that no gear ratio gives."""
+    """Constants for a torque that does not follow from any gear ratio."""
     known = "ratio" in e.signals or not e.has("engine_command")
     return [] if known else grid(limit_command=_shares(e, e["engine_command"]))
 

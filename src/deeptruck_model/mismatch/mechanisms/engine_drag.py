@@ -52,8 +52,8 @@ DRIVEN: tuple[tuple[str, Expression, Trend], ...] = (  # what a pump or a fan ma
 
 
 def _demanded(full: float, order: int = 0, reference: float = 0.0) -> Column:
-    """Braking by a negative engine command, `full` at most: a force, or a torque that follows engine speed to
-    `order` and is reported as a force at the ratio `reference` (rad/m)."""
+    """Braking by a negative engine command, at most `full`: a force, or a torque that increases with engine
+    speed to the power `order` and is reported as a force at the ratio `reference` (rad/m)."""
     asked = minimum(ENGINE_COMMAND, 0.0) / full
     if reference:
         asked = asked * (OVERALL_RATIO / reference)
@@ -79,7 +79,8 @@ def released(e: Evidence) -> list[float]:
 
 
 def _coasting(small: float, after_s: float = 0.0) -> Expression:
-    """One where the engine command is below `small` and the engine does not pull, from `after_s` later on."""
+    """One while the engine command is below `small` and the engine does not drive, starting `after_s`
+    later."""
     coast = (small + 1e-9 > ENGINE_COMMAND) * (ENGINE < 0.05)
     return coast * (Since((1.0 - coast,)) > after_s) if after_s else coast
 
@@ -91,13 +92,14 @@ def _by_engine_speed(small: float, after_s: float, reference: float, order: int)
 
 
 def _friction(reference: float, order: int) -> Column:
-    """A torque, as a force at the ratio `reference` (rad/m), that follows engine speed to `order`."""
+    """A torque that increases with engine speed to the power `order`, as a force at the ratio `reference`
+    (rad/m)."""
     drive = OVERALL_RATIO / reference
     return force(-(drive * ENGINE_SPEED / OMEGA if order else drive), 0.03)
 
 
 def _torque(reference: float, order: int) -> Column:
-    """A torque at the engine that is always the same, or grows with engine speed to `order`."""
+    """A torque at the engine that is constant, or increases with engine speed to the power `order`."""
     at_the_engine = OVERALL_RATIO / reference
     return force(-(at_the_engine * TURNING**order) if order else -at_the_engine, 0.3)
 

@@ -53,7 +53,7 @@ def _tuple(x: Any) -> Any:
 
 
 def _is_number(x: Any) -> bool:
-    """Whether it is a finite number, or made of such."""
+    """Whether it is a finite number, or consists of such numbers."""
     if isinstance(x, tuple):
         return all(map(_is_number, x))
     return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)

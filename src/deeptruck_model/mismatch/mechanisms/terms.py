@@ -76,7 +76,7 @@ def build(mechanism: Mechanism, variants: Sequence[Variant]) -> list[Column]:
 
 
 def _acceleration(force: Expression) -> Expression:
-    """The acceleration a force gives; the simulator's own answers are accelerations already."""
+    """The acceleration that a force causes; rerun columns are accelerations already."""
     return force if _asked(force) else with_effective_mass(force)
 
 
@@ -110,7 +110,7 @@ def _varied(c: Column, course: Course) -> list[Column]:
 
 
 def _of_curve(curve: Curve, at: Sequence[float], scale: float) -> list[Column]:
-    """The pieces of a curve with knots `at`; `scale` is the carrier's rms, or one."""
+    """The basis columns of a curve with knots `at`; `scale` is the carrier's rms, or one."""
     names = [f"at {curve.by} {x:.3g}" for x in at]
     return [
         Column(
@@ -137,7 +137,7 @@ def pieces(curve: Curve, at: Sequence[float]) -> Iterator[tuple[Expression, list
 
 
 def _knots_of(curve: Curve, e: Evidence) -> dict[str, Any]:
-    """Knots and scale of a curve; empty where its carrier or its variable hardly moves."""
+    """Knots and scale of a curve; empty if its carrier or its variable hardly varies."""
     carrier, x = np.abs(curve.carrier.rows(e)), curve.of.rows(e)
     acts = e.valid & (carrier > ACTING * float(np.quantile(carrier[e.valid], 0.98))) & (carrier > 0)
     if acts.sum() < LEAST_ROWS:

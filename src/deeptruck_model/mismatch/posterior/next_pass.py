@@ -67,8 +67,8 @@ def _columns(both: list[tuple[int, Array, Array]]) -> tuple[list[Array], list[Ar
 
 
 def _ahead(w: Windows, i: int, j: int, reverse: bool) -> tuple[Array, Array] | None:
-    """The force ahead of window i, and that of the pass of window j there, as it feels here, (AHEAD,) each
-    without the mean of its window; None where a profile ends."""
+    """The force ahead of window i, and that of the pass of window j in this driving direction, (AHEAD,) each
+    minus the mean of its window; None if a profile ends."""
     far = SEAM + AHEAD
     k, m = i + far, j - far if reverse else j + far
     if not (_same(w, i, k) and _same(w, j, m)):
@@ -80,7 +80,7 @@ def _ahead(w: Windows, i: int, j: int, reverse: bool) -> tuple[Array, Array] | N
 
 
 def _same(w: Windows, i: int, k: int) -> bool:
-    """Whether both windows are of one profile."""
+    """Whether both windows are from one profile."""
     return 0 <= k < len(w.at) and bool(w.profile[i] == w.profile[k])
 
 

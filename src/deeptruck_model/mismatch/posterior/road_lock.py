@@ -60,15 +60,14 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
 
 
 def _beyond_chance(found: NDArray[np.bool_]) -> float:
-    """Kilometres of the windows that were found again, 0 where they are so few that chance alone finds
-    them."""
+    """Kilometres of the repeated windows; 0 if there are no more than chance would give."""
     km = round(EVERY * STEP_M / 1000.0 * int(found.sum()), 1)
     enough = found.mean() >= Limits.road_share and km >= Limits.road_windows * LENGTH_M / 1000.0
     return km if enough else 0.0
 
 
 def _windows(e: Evidence, force: Array) -> Windows:
-    """Those along each recording, over what is valid there."""
+    """The windows along each recording, over valid rows."""
     profiles = []
     for s in e.stretches:
         along, known = e["distance"][s.rows], e.valid[s.rows]
@@ -80,7 +79,7 @@ def _windows(e: Evidence, force: Array) -> Windows:
 
 
 def _elsewhere(windows: Windows, picked: Indices, alike: Array) -> Array:
-    """The similarity (p, m) of `picked` windows with all, but with those that overlap them."""
+    """The similarity (p, m) of `picked` windows with all windows that do not overlap them."""
     for row, i in enumerate(picked):
         here = (windows.profile == windows.profile[i]) & (np.abs(windows.at - windows.at[i]) < LENGTH_M)
         alike[row, here] = -1.0

@@ -62,7 +62,7 @@ def plain_truck(e: Evidence) -> PlainTruck | None:
 
 
 def _tractions(e: Evidence) -> Iterator[tuple[Array, float]]:
-    """Something proportional to the engine's force at the wheels, and its factor times mass (0: unknown)."""
+    """A signal proportional to the engine's force at the wheels, and its factor times mass (0: unknown)."""
     speed = np.maximum(e["speed"], 3.0)
     sources = []
     if e.has("engine_torque", "engine_speed"):
@@ -117,7 +117,7 @@ def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
 
 
 def _fast(e: Evidence, x: Array) -> Array:
-    """Without what changes slowly, recording by recording."""
+    """The signal minus its slow part, for each recording."""
     out = np.empty_like(x)
     for s in e.stretches:
         part = gaussian_filter1d(np.nan_to_num(x[s.rows]), SMOOTH_S / e.dt, mode="reflect")
@@ -162,7 +162,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
 
 
 def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """The slow part without its mean, and where it is known, both (n,)."""
+    """The slow part minus its mean, and where it is known, both (n,)."""
     width = WIDTH_S / e.dt
     use = np.where(e.valid, weight, 0.0)
     amount = gaussian_filter1d(use, width)
@@ -172,7 +172,7 @@ def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, NDArray[
 
 
 def _size(force: Array, per_unit: Array, known: NDArray[np.bool_]) -> float:
-    """Rms of the amount of something that acts with `per_unit`, where it acts at all."""
+    """Rms size of a cause with the effect `per_unit`, where it has any effect."""
     acting = known & (per_unit > 0.3 * float(np.mean(per_unit[known])))
     if not acting.any():
         return float("inf")

@@ -59,7 +59,7 @@ def headline(v: Verdict) -> str:
 
 
 def _good_enough(v: Verdict) -> bool:
-    """Whether what was found does not matter for driving, and no sensor is to be repaired."""
+    """Whether the findings do not matter for driving, and no sensor must be repaired."""
     good = v.advice.get("simulator")
     sound = all(f.kind is not Kind.SENSOR for f in v.findings)
     return sound and good is not None and good.answer is Answer.YES
@@ -74,7 +74,7 @@ def _in_drives(f: Finding) -> str:
 
 
 def _larger(v: Verdict) -> str:
-    """A part of the budget that is much larger than the first finding and that no finding stands for."""
+    """A part of the budget that is much larger than the first finding and is covered by no finding."""
     share, parts = v.findings[0].share_of_error, v.budget.parts if v.budget is not None else ()
     stated = {f.family for f in v.findings} | {LEFT_OVER, UNKNOWN}
     other = max((p for p in parts if p.part not in stated), key=lambda p: p.share, default=None)
@@ -84,13 +84,13 @@ def _larger(v: Verdict) -> str:
 
 
 def _drive(f: Finding, name: str) -> str:
-    """A drive in which a finding acts, with its constant force where that is known."""
+    """A drive in which a finding acts, with its constant force if known."""
     size = f.parameters.get(f"force[{name}]")
     return f"{name} ({size.value:+.3g} {size.unit})" if size is not None else name
 
 
 def _by_drive(f: Finding) -> str:
-    """The size in every drive, where it differs between a few."""
+    """The size in each drive, if it differs between a few."""
     sizes = {name.partition("[")[2][:-1]: x for name, x in f.parameters.items() if name.endswith("]")}
     if not 1 < len(sizes) <= MOST_DRIVES or any(x.unit not in ("kg", "N") for x in sizes.values()):
         return ""
@@ -268,7 +268,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
 
 
 def _refitted(v: Verdict) -> str:
-    """The parameters that a correction changes as well, in a subordinate clause."""
+    """The parameters that a correction also changes, as a subordinate clause."""
     changes = v.fit.refitted if v.fit is not None else {}
     large = [
         f"{PARAMETERS[n].says} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= WORTH_SAYING

@@ -84,7 +84,7 @@ def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
 
 
 def _error(found: Mismatch, key: str) -> str:
-    """Speed error of one of the simulators along the held-out drives, m/s; empty where none was driven."""
+    """Speed error of one of the simulators along the held-out drives, m/s; empty without free runs."""
     e = found.errors.get(key)
     return f"{e.rmse().speed:.3f}" if e is not None and len(e.speed) else ""
 
@@ -196,7 +196,7 @@ def errors_say(v: Verdict) -> str:
 
 
 def _where(v: Verdict) -> str:
-    """The segment that the picture begins with, and the regime in which most of it is."""
+    """The segment shown first, and the regime that holds most of the error."""
     out = []
     if v.segments:
         s = v.segments[0]
@@ -211,7 +211,7 @@ def _where(v: Verdict) -> str:
 
 
 def _data(found: Mismatch, e: Evidence) -> str:
-    """Block means of every drive and channel as one JSON text that can stand within a script element."""
+    """Block means of every drive and channel as one JSON text for a script element."""
     v = found.result
     per = max(1, round(max(1.0, len(e) * e.dt / MOST_BLOCKS) / e.dt))
     forces = [f.force for f in v.findings if f.force is not None]

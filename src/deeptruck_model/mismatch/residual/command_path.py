@@ -63,7 +63,7 @@ def lagged(dt: float, tau_s: float) -> tuple[float, float]:
 
 @entry
 def _one_sided_lag(x: Array, end: float, mean: float, rising: bool) -> Array:
-    """A lag in one direction only: shoes that come late, or that let go late."""
+    """A lag in one direction only: brakes that apply late, or release late."""
     out, held = x.copy(), x[0]
     for k in range(len(x)):
         mean_of_step, at_end = x[k] + mean * (held - x[k]), x[k] + end * (held - x[k])
@@ -73,7 +73,7 @@ def _one_sided_lag(x: Array, end: float, mean: float, rising: bool) -> Array:
 
 
 def _lag(x: Array, end: float, mean: float) -> Array:
-    """The mean over each step of a first-order lag behind commands held over the steps."""
+    """The mean over each step of a first-order lag applied to commands held over the steps."""
     after = lfilter([1 - end], [1, -end], x, zi=end * x[:1])[0]
     before = np.concatenate([x[:1], after[:-1]])
     out: Array = x + mean * (before - x)
@@ -82,7 +82,7 @@ def _lag(x: Array, end: float, mean: float) -> Array:
 
 @entry
 def _limit_rate(x: Array, up: float, down: float, share: float) -> Array:
-    """What follows x by `share` of the distance in each step, and by no more than `up` and `down`."""
+    """Follows x by `share` of the distance in each step, at most by `up` and `down`."""
     out = x.copy()
     for k in range(1, len(out)):
         out[k] = out[k - 1] + min(max(share * (x[k] - out[k - 1]), -down), up)
@@ -115,7 +115,7 @@ class CommandPath:
         return u, after
 
     def _moved(self, what: str, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        """One path of all commands, and its new memory: a queue, or where each command stands."""
+        """Applies one path to all commands; returns the new memory: a queue, or the state of each command."""
         if what == "delay":
             return self._delayed(u, amount, memory)
         held = u if memory is None else memory

@@ -167,7 +167,8 @@ def signals(
 
 
 def _places(grid: Grid, parts: Sequence[Array]) -> Array:
-    """Block means of places; where one road ends and another begins, no place between the two."""
+    """Block means of positions; NOWHERE in blocks that contain the end of one road and the start of
+    another."""
     mean, last = grid.stack(parts), grid.last(parts)
     return np.where(np.abs(mean - last) < NEAR_M, mean, last)
 
@@ -178,8 +179,8 @@ def reports_forces(run: Run) -> bool:
 
 
 def _known(name: str, prepared: Sequence[Prepared], grid: Grid) -> bool:
-    """Whether any recording that is fitted has the channel. What only those held out have, as another logger
-    made them, would stand as unknown for what a simulator reports instead."""
+    """Whether any fitted recording has the channel. A channel of held-out recordings only would otherwise
+    replace, as unknown, what a simulator reports."""
     fitted = [p for p, s in zip(prepared, grid.stretches, strict=True) if not s.held_out]
     return any(np.isfinite(p.recording.channels.get(name, np.nan)).any() for p in fitted)
 
@@ -203,7 +204,7 @@ def _column(p: Prepared, name: str) -> Array:
 
 
 def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run], grid: Grid) -> float:
-    """Specific forces of a physics truck; also its gear and engine speed where the recording has none."""
+    """Specific forces reported by a physics truck; also its gear and engine speed if not recorded."""
 
     def inside(name: str) -> list[Array]:
         return [r.inside[name][0] for r in runs]
@@ -229,12 +230,12 @@ def _from_questions(
     grid: Grid,
     known_mass: float | None,
 ) -> float:
-    """Specific forces of a black box, and its mass: what is known, else an estimate.
+    """Specific forces of a black-box simulator, and its mass: the known one, else an estimate.
 
-    Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and
-    rolling, with the grade as known. Traction is the first of these that is recorded: power over speed from
-    measured torque, from commanded torque, from fuel; without engine speed or fuel, the answer to
-    counterfactual runs. A mass that the simulator reports is the mass.
+    The simulated acceleration is split by non-negative least squares into traction, brake, drag and rolling
+    resistance, with a known grade. Traction is the first of these that is available: power over speed from
+    measured torque, from commanded torque, from fuel; without engine speed or fuel, the response to
+    counterfactual runs. A mass that the simulator reports is used.
     """
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     speed = np.maximum(out["speed"], 1.0)
@@ -261,7 +262,7 @@ def _from_questions(
 
 
 def _traction(out: dict[str, Array], speed: Array) -> tuple[Array | None, float]:
-    """Something proportional to the engine's force at the wheels; its factor times mass (0: unknown)."""
+    """A signal proportional to the engine's force at the wheels; its factor times mass (0: unknown)."""
     if "engine_torque" in out and "engine_speed" in out:
         return out["engine_torque"] * out["engine_speed"] / speed, DRIVELINE
     if "engine_speed" in out:
@@ -272,10 +273,10 @@ def _traction(out: dict[str, Array], speed: Array) -> tuple[Array | None, float]
 
 
 def _asked(simulator: Simulator, p: Prepared) -> Array:
-    """Acceleration (n,) that the engine command gives: what is missing of the answer where it is silent.
+    """Acceleration (n,) due to the engine command: the change of the response if it is set to zero.
 
-    At some moments the last LOOK_BACK_S are silenced, so that the truck is in the gear it was in. Where a
-    drive that is silent throughout answers the same there, it gives every step in between too.
+    At some times the last LOOK_BACK_S are set to zero, so that the truck stays in its gear. If a drive
+    without any engine command gives the same response there, it is used for every step in between too.
     """
     back, warm = max(1, round(LOOK_BACK_S / p.dt)), round(WARM_UP_S / p.dt)
     length = warm + back + 1
@@ -291,8 +292,8 @@ def _asked(simulator: Simulator, p: Prepared) -> Array:
 
 
 def _missed(simulator: Simulator, u: Array, w: Array, y: Array, last: int) -> Array:
-    """What the answer (batch, T) lacks without the engine command of the `last` steps; what brakes the engine
-    stays."""
+    """Change of the response (batch, T) without the engine command of the `last` steps; negative (braking)
+    commands are kept."""
     silent = u.copy()
     silent[:, -last:, 0] = np.minimum(silent[:, -last:, 0], 0.0)
     asked, lacking = (forced_run(simulator, commands, w, y).y[:, :, ACCELERATION] for commands in (u, silent))
@@ -300,8 +301,8 @@ def _missed(simulator: Simulator, u: Array, w: Array, y: Array, last: int) -> Ar
 
 
 def _ratio(out: dict[str, Array]) -> None:
-    """Engine turns per metre (rad/m), where engine speed is known; the overall gear ratio, without slip
-    and noise, and the engine speed that goes with it."""
+    """Adds engine angle per distance (rad/m), if engine speed is known; the overall gear ratio, without slip
+    and noise, and the corresponding engine speed."""
     if "engine_speed" not in out:
         return
     ratio = out["ratio"] = turns(out["engine_speed"], out["speed"])

@@ -66,7 +66,7 @@ class WithEffectiveMass(Expression):
 
 
 def _late(held_force: Array, e: Evidence) -> Array:
-    """What brakes have compensated of a force that acts while they hold, (n,); afresh in each recording."""
+    """The part of a force that brakes have compensated while they hold, (n,); restarted in each recording."""
     keep = float(np.exp(-e.dt / HOLD_S))
     apart = np.zeros(round(FORGOTTEN * HOLD_S / e.dt) + 1)
     parts = [part for s in e.stretches for part in (held_force[s.rows], apart)]

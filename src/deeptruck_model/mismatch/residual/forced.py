@@ -53,7 +53,7 @@ def forgotten(simulator: Simulator, prepared: Sequence[Prepared]) -> float:
 
 
 def _alike(lengths: Sequence[int]) -> list[list[int]]:
-    """Indices in groups of about one length, the longest of each first."""
+    """Indices in groups of similar length, the longest of each first."""
     groups: list[list[int]] = []
     for i in sorted(range(len(lengths)), key=lambda i: -lengths[i]):
         if groups and lengths[i] > ALIKE * lengths[groups[-1][0]]:

@@ -69,18 +69,18 @@ class _Driven:
     grid: Grid
 
     def residual(self) -> tuple[Array, Array]:
-        """Observed less simulated acceleration (n,), and the simulated."""
+        """Observed minus simulated acceleration (n,), and the simulated one."""
         simulated = self.grid.stack([r.y[0, :, ACCELERATION] for r in self.runs])
         return self.grid.stack([p.observed for p in self.prepared]) - simulated, simulated
 
     def other_gear(self, held_out: Sequence[bool]) -> tuple[list[Mask], list[Mask]]:
-        """Native samples of each drive in which the simulator's gear is another for long, and at all."""
+        """Native samples of each drive in which the simulator's gear differs: for long, and at all."""
         if self.known_physics:
             return other_gear(self.prepared, self.runs, held_out=held_out)
         return other_gear(self.prepared, with_predicted_gears(self.simulator, self.prepared), True, held_out)
 
     def turning(self) -> Array:
-        """What a force gives in each block without brakes, for a force per mass of one."""
+        """Acceleration without brakes for a unit force per mass, in each block."""
         each = [effective_mass.free(run.inside) for run in self.runs]
         known = [x[0] for x in each if x is not None]
         return self.grid.stack(known) if len(known) == len(self.runs) else np.ones(len(self.grid))
@@ -135,7 +135,7 @@ def _compared(
 def _with_parameters(d: _Driven, e: Evidence) -> Evidence:
     """The evidence with the sensitivities to parameters and the effective-mass gain.
 
-    Brakes that hold a deceleration answer more rolling resistance as they answer any force, so their gain is
+    Brakes that hold a deceleration respond to more rolling resistance as to any force, so that their gain is
     computed last.
     """
     holds, turning = e.has("brake_command") and effective_mass.holds(d.simulator), d.turning()
@@ -150,7 +150,7 @@ def _with_parameters(d: _Driven, e: Evidence) -> Evidence:
 
 
 def _stated_mass(simulator: Simulator, prepared: Sequence[Prepared], mass_kg: float | None) -> float | None:
-    """Mass (kg) as the user, the recordings or the simulator's training data state it, in this order."""
+    """Mass (kg) stated by the user, the recordings or the simulator's training data, in this order."""
     recorded = [p.recording.interface.mass_kg for p in prepared]
     known = [m for m in recorded if m is not None]
     if mass_kg is not None or not known:
@@ -161,8 +161,8 @@ def _stated_mass(simulator: Simulator, prepared: Sequence[Prepared], mass_kg: fl
 def _disagreement(
     simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, seed: int, apart_by: float
 ) -> Array:
-    """Sd of the simulated acceleration when inputs move by their quantisation and noise, and speed by its
-    change over `apart_by` samples, within which the moment of a shift is unknown."""
+    """Sd of the simulated acceleration when inputs are perturbed by their quantisation and noise, and speed
+    by its change over `apart_by` samples, within which the time of a shift is unknown."""
     rng = np.random.default_rng(seed)
     parts = []
     for p in prepared:

@@ -109,10 +109,11 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
 
 
 def _occam(X: Array, weight: Array, left: Array, b: Array, prior: Prior) -> float:
-    """Log of the integral over all coefficients that their signs allow, less the log likelihood at b (nats).
+    """Log of the integral over all coefficients that their signs permit, minus the log likelihood at b
+    (nats).
 
-    The log posterior is a parabola about b, whose top may lie beyond a sign: a column that was dropped at
-    zero is paid for too, by the share of the posterior with the right sign (Laplace's method).
+    The log posterior is a parabola about b, whose maximum may violate a sign: a column dropped at zero is
+    penalised too, by the share of the posterior with the right sign (Laplace's method).
     """
     precision, gap = 1 / prior.sd**2, b - prior.mean
     H = (X * weight[:, None]).T @ X + np.diag(precision)
@@ -149,7 +150,7 @@ def log_orthant(mean: Array, covariance: Array) -> float:
 
 
 def _without_samples(series: Series, prior: Prior) -> Fit:
-    """What is known where not one sample counts, as in a part of the recordings: the prior."""
+    """The fit if no sample counts, as in a part of the recordings: the prior."""
     n, k = len(series.y), len(prior.mean)
     covariance, zero = np.diag(prior.sd**2), np.zeros(n)
     return Fit(
@@ -197,8 +198,8 @@ def _finish(
 def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> Array:
     """Sd of the coefficients from the gradients of the log likelihood (m, k), summed over each recording.
 
-    Where a form is not quite right every drive asks for another size of it, which no noise within a drive
-    shows: the cluster-robust variance of Liang and Zeger, widened by Student's t for few recordings.
+    If a form is not exact, its best size differs between drives, which the noise within a drive does not
+    show: the cluster-robust variance of Liang and Zeger, widened by Student's t for few recordings.
     """
     drive = np.cumsum(series.starts)[use]
     count = len(np.unique(drive))
@@ -252,12 +253,12 @@ def ridge(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]
 def _autoregression(series: Series, n: Array, use: Mask, weight: Array, top: float) -> Array:
     """Coefficients (ORDER,) by weighted least squares, shrunk inside the stable region.
 
-    Noise is what is ordinary. A force that acts intermittently would set them alone where the simulator is
-    right elsewhere, and be called noise: rows count less as what came before them stands out (the generalised
-    M-estimate of Denby and Martin, Journal of the American Statistical Association 74, 1979).
-    Differentiated speed noise alone would make slow errors look impossible; no simulator is that good. So the
-    sum of the coefficients is kept from going below zero: slow noise is at least as strong as white noise.
-    Nor may it go above `top`: what changes as slowly and strongly as that is no noise but a force.
+    The noise model describes typical rows. An intermittent force would otherwise dominate the estimate and be
+    absorbed as noise; rows therefore have less weight if the preceding ones are outliers (the generalised
+    M-estimate of Denby and Martin, Journal of the American Statistical Association 74, 1979). Differentiated
+    speed noise alone would make slow errors appear impossible, which they are not for any simulator; the sum
+    of the coefficients is therefore at least zero, so that slow noise is at least as strong as white noise.
+    It is at most `top`, because slower and stronger variations are forces.
     """
     lags = np.stack([np.roll(n, k) for k in range(1, ORDER + 1)], axis=1)[use]
     relative = series.relative[use]

@@ -46,8 +46,7 @@ def other_gear(
 def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
     """Whether gears differ in more than half of the samples, so that they cannot be compared.
 
-    Either of all recordings or of those to be fitted: another logger may have made these, of which nothing
-    would be left.
+    Checked for all recordings and for the fitted ones, because the two may be from different loggers.
     """
     fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
     return any(np.concatenate(part).mean() > 0.5 for part in (apart, fitted))
@@ -72,7 +71,8 @@ def _longer(x: Array, n: int) -> Array:
 
 
 def _by_label(prepared: Sequence[Prepared], runs: Sequence[Run], numbered_alike: bool) -> list[Mask] | None:
-    """Unless they are numbered alike, each recorded gear stands for the simulated one it mostly meets."""
+    """Unless gears are numbered alike, each recorded gear is mapped to the simulated one with which it
+    coincides most."""
     if not all("gear" in p.recording.channels for p in prepared):
         return None
     recorded = [np.round(p.recording.channels["gear"]) for p in prepared]

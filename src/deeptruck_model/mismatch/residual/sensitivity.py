@@ -64,8 +64,8 @@ def sensitivities(
 
 
 def _steps(simulator: Simulator, name: str) -> tuple[float, float]:
-    """Relative changes to either side of a parameter, smaller or 0 where its bound is nearer than STEP; both
-    0 of one that the simulator does not have or that cannot be changed in proportion."""
+    """Relative changes to either side of a parameter, smaller or 0 if its bound is nearer than STEP; both 0
+    for a parameter that the simulator lacks or that cannot be scaled."""
     if simulator.parameters().get(name, 0.0) == 0.0:
         return 0.0, 0.0
     return _accepted(simulator, name, -STEP, 0.0), _accepted(simulator, name, STEP, 0.0)
@@ -80,8 +80,8 @@ def _rerun_slope(
     below: float,
     above: float,
 ) -> Array:
-    """The slope between two reruns. Near a gear shift these shift at different samples, which hides it: there
-    it is the slope of the components, plus its offset from the reruns interpolated across."""
+    """The slope between two reruns. Near gear shifts, which occur at different samples in the two, it is
+    replaced by the slope of the components plus its interpolated offset."""
     value = simulator.parameters()[name]
     us = [p.u for p in prepared]
     low, high = (
@@ -101,6 +101,6 @@ def _rerun_slope(
 
 
 def _shifts(run: Run, dt: float) -> Mask:
-    """Samples (n,) near a shift: the clutch opens before the gear changes."""
+    """Samples (n,) near a shift; the clutch opens before the gear changes."""
     gear, near = run.inside["gear"][0], round(SHIFT_S / dt)
     return widen(np.diff(gear, prepend=gear[0]) != 0, near, near)

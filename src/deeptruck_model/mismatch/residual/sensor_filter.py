@@ -43,7 +43,7 @@ def known(e: Evidence) -> tuple[Array, Prior]:
 
 
 def _late_slope(e: Evidence) -> list[Array]:
-    """Acceleration (n,) that is hidden where slope is recorded a second late, m/s^2; none without a recorded
+    """Apparent acceleration (n,), m/s^2, if slope is recorded one second late; empty without a recorded
     slope."""
     if not e.has("grade"):
         return []
@@ -67,12 +67,12 @@ def rows(e: Evidence) -> int:
 
 
 def _shifted(e: Evidence, most: int) -> list[Array]:
-    """The simulated acceleration some rows before and after each row, minus that at the row."""
+    """The simulated acceleration some rows before and after each row, minus that in the row."""
     return [_row_after(e, k) - e.simulated for k in range(-most, most + 1) if k]
 
 
 def _row_after(e: Evidence, k: int) -> Array:
-    """The simulated acceleration k rows later, or as it ends."""
+    """The simulated acceleration k rows later; the last one beyond the end."""
     rows = np.arange(len(e)) + k
     parts = [np.clip(rows[s.rows], s.start, s.stop - 1) for s in e.stretches]
     out: Array = e.simulated[np.concatenate(parts)]

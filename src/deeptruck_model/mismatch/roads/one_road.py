@@ -51,8 +51,8 @@ def on_one_road(drives: Sequence[Prepared]) -> tuple[Prepared, ...]:
 
 
 def _between(driven: Array, own: Array) -> Array:
-    """The place at every row (n,) of a drive, interpolated between its steps (k,), but never from one road to
-    another."""
+    """The position at every row (n,) of a drive, interpolated between its steps (k,), but never across two
+    roads."""
     if len(own) < 2:
         return np.full(len(driven), own[0])
     steps = np.maximum((driven - driven[0]) / STEP_M, 0.0)
@@ -109,7 +109,7 @@ def _position(p: Prepared) -> tuple[float, float]:
 
 def _way(p: Prepared, about: tuple[float, float]) -> Array:
     """Every STEP_M of a drive: east and north of a position (m), and its heading as a vector of length
-    NEAR_M, so that the other way along one road is another place, (k, 4)."""
+    NEAR_M, so that the opposite direction of a road is a different place, (k, 4)."""
     track = gaussian_filter1d(_track(p, about, STEP_M), SMOOTH, axis=1, mode="nearest")
     if track.shape[1] < 2:
         return np.concatenate([track, np.zeros_like(track)]).T
@@ -119,14 +119,14 @@ def _way(p: Prepared, about: tuple[float, float]) -> Array:
 
 
 def _track(p: Prepared, about: tuple[float, float], step_m: float) -> Array:
-    """East and north of a position at every step of the way that was driven, m, (2, k)."""
+    """East and north of a position at every step of the driven distance, m, (2, k)."""
     driven = p.distance()
     grid = np.arange(driven[0], driven[-1] + step_m, step_m)
     return np.stack([np.interp(grid, driven, x) for x in _metres(p, about)])
 
 
 def _metres(p: Prepared, about: tuple[float, float]) -> tuple[Array, Array]:
-    """East and north of a position (degrees), m, (n,) each. Longitude may pass 180 degrees."""
+    """East and north of a position (degrees), m, (n,) each. Longitude may cross 180 degrees."""
     latitude, longitude = about
     east = np.remainder(p.recording.channels["longitude"] - longitude + 180.0, 360.0) - 180.0
     north = p.recording.channels["latitude"] - latitude
@@ -147,7 +147,8 @@ def driven_by_positions(p: Prepared) -> Array:
 
 
 def _as_driven(way: Array) -> bool:
-    """Whether the positions of a way (k, 4) cover about the driven distance: a receiver may have frozen."""
+    """Whether the positions of a way (k, 4) have about the length of the driven distance; a receiver may have
+    frozen."""
     gone = float(np.hypot(*np.diff(way[:, :2], axis=0).T).sum())
     return (
         gone > Limits.position_agrees * STEP_M * (len(way) - 1)
@@ -156,8 +157,8 @@ def _as_driven(way: Array) -> bool:
 
 
 def _placed(way: Array, known: Array, places: Array, end: float) -> Array:
-    """Place of every step of a way (k, 4): of what is known there, else of this way's own earlier lap, else
-    on a new road. That goes on at `end` where it is the road's own end that was driven beyond."""
+    """Position of every step of a way (k, 4): that of a known way nearby, else of its own earlier lap, else
+    on a new road, which continues from `end` if the road's end was passed."""
     own = np.full(len(way), np.nan)
     if len(known):
         apart, nearest = cKDTree(known).query(way)

@@ -86,7 +86,7 @@ class Votes:
     windows that vote for the same offset."""
 
     def __init__(self, own: Windows, other: Windows, alike: Array, way: float) -> None:
-        """`alike` (a, b); `way` is 1 where the distances run against each other, else -1."""
+        """`alike` (a, b); `way` is 1 if the distances run in opposite directions, else -1."""
         self.place: Indices = alike.argmax(axis=1)
         self.best: Array = alike.max(axis=1)
         apart = np.round((own.at + way * other.at[self.place]) / (NEAR * STEP_M)).astype(int)
@@ -141,8 +141,8 @@ def _distance(recording: Recording) -> Array:
 
 
 def _overlaid(own: Windows, found: Shared, i: int, grid: Array) -> tuple[Array, Array]:
-    """Along the places `grid` (m,) of profile i: the median slope of the windows that cover one, NaN without
-    any, and the share of them that drove the other way."""
+    """At the positions `grid` (m,) of profile i: the median slope of the windows that cover it, NaN without
+    any, and the share of them driven in the other direction."""
     mine = own.profile[found.windows] == i
     first = np.round((own.at[found.windows[mine]] - grid[0]) / STEP_M).astype(int) if mine.any() else []
     stack = np.full((int(mine.sum()), len(grid)), np.nan)
@@ -162,7 +162,7 @@ def _overlaid(own: Windows, found: Shared, i: int, grid: Array) -> tuple[Array, 
 
 
 def _pieces(recording: Recording, distance: Array, grid: Array, slope: Array) -> list[Recording]:
-    """The recording's pieces along which the slope is known, with it as grade."""
+    """The recording's pieces along which the slope is known, with that slope as grade."""
     known = np.concatenate([[False], np.isfinite(slope), [False]])
     begin, end = np.flatnonzero(~known[:-1] & known[1:]), np.flatnonzero(known[:-1] & ~known[1:])
     out = []

@@ -181,7 +181,7 @@ def _shown(values: Mapping[str, float], names: Iterable[str]) -> list[list[objec
 
 
 def _age(ages: Ages, now: float) -> list[object]:
-    """State, age in s, messages a second."""
+    """State, age in s, and messages per second."""
     rate = 1 / max(ages.period, 1e-4)
     return [ages.state(now), round(now - ages.at, 2), round(rate, 1 if rate > 0.1 else 4)]
 

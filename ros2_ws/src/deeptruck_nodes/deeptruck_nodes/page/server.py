@@ -130,7 +130,7 @@ class Server(local.Server):
         stream: Stream,
         control: Callable[[dict[str, float]], None] | None = None,
     ) -> None:
-        """`control` takes what a viewer asks of the replay; None where there is none."""
+        """`control` receives the viewers' requests to the replay; None if there is no replay."""
         super().__init__(place, _Handler, policy)
         self.page, self.stream, self.control = page, stream, control
 
@@ -170,7 +170,7 @@ class _Handler(local.Handler):
             self.answer(HTTPStatus.NO_CONTENT, b"")
 
     def _asked(self) -> dict[str, float] | None:
-        """Numbers by name out of a request's body; None where it is anything else."""
+        """Numbers by name from a request's body; None for anything else."""
         values = self.posted(CONTROL_BYTES)
         known = isinstance(values, dict) and values.keys() <= CONTROLS
         if not known or not all(isinstance(x, int | float) and math.isfinite(x) for x in values.values()):
