@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.comparison import Compared, Uncompared
 from deeptruck_model.mismatch.conclude import conclude, useless
+from deeptruck_model.mismatch.correction.improvement import free_windows
 from deeptruck_model.mismatch.data.prepared import too_little
 from deeptruck_model.mismatch.discrepancy import allowed_for
 from deeptruck_model.mismatch.events import events
@@ -96,12 +97,13 @@ def find_mismatch(
         made = correct(truck, c.posterior, rules)
         driven = validate(truck, made, c.drives.part(held_out=True), c.drives.part(held_out=False))
         verdict = conclude(c, slow_road, seen_by, made, driven, rules)
+        along_fitted = free_windows(truck, c.drives.part(held_out=False), driven.fit.horizon_s)
     evidence = replace(c.search.e.everywhere(), residual=c.residual)  # of the simulator as given
     offered = verdict.fit.offered if verdict.fit is not None else AS_GIVEN
     return Mismatch(
         verdict,
         evidence,
-        driven.errors,
+        {**driven.errors, "fitted": along_fitted},
         driven.corrected.marked(offered == CORRECTION),
         c.drives.prepared,
         driven.refitted.marked(verdict.validated and driven.refit_better),

@@ -196,7 +196,11 @@ class Verdict:
 
 @dataclass(frozen=True, repr=False)
 class Mismatch:
-    """The verdict and the data that the report plots; None if nothing could be compared."""
+    """The verdict and the data that the report plots; None if nothing could be compared.
+
+    `errors` are those of free runs along the held-out drives: `before`, `parameters_only` and `after` the
+    correction; and of the simulator as given along the drives that were `fitted`.
+    """
 
     result: Verdict
     evidence: Evidence | None

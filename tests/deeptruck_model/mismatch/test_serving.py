@@ -124,6 +124,15 @@ def test_in_a_browser_rows_are_marked_and_all_is_compared_again(
     with page_browser.opened(tmp_path / "profile") as open_page:
         page = open_page(address, 420, 800)
         page.wait("document.getElementById('compare').disabled")
+        page.get("drives.value = 0; view = null; against.value = 'speed'; draw()")
+        assert re.match(r"simulated speed fits [\d.]+ %, off by [\d.]+ m/s \(rms\)", page.text("fit"))
+        page.get("view = [20, 50]; against.value = ''; draw()")
+        assert page.text("without") == "--without drive0:20.0:50.0"
+        assert page.get("rows(data.drives[0], 'speed').step") == 0.1  # as recorded
+        page.get("canvas.onpointermove({clientX: canvas.getBoundingClientRect().left + 200})")
+        page.wait("document.getElementById('cursor').textContent.includes(' s: speed ')")
+        page.get("document.getElementById('correlations').open = true")
+        page.wait("document.getElementById('ranked').textContent")
         page.get("view = null; document.getElementById('mark').click()")
         assert "Drag over rows first" in page.text("step") and page.text("marks") == ""
         page.get("view = [20, 60]; drives.value = 1; document.getElementById('mark').click()")

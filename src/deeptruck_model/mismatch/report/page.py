@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
-from numpy.typing import NDArray
 
 from deeptruck_model import pages
 from deeptruck_model.mismatch.budget import Part
-from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.prepare import LEFT_OUT
-from deeptruck_model.mismatch.report import lines
+from deeptruck_model.mismatch.report import explorer_data, lines
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
-from deeptruck_model.mismatch.residual.evidence import Evidence, unit
-from deeptruck_model.mismatch.result import Finding, Mismatch, Segment, Verdict
+from deeptruck_model.mismatch.result import Finding, Mismatch, Verdict
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN
 from deeptruck_model.signals import speed_unit, speeds_in
 
-Array = NDArray[np.float64]
-
-MOST_BLOCKS = 20000  # of all drives together: five hours and a half at one second
-AROUND_S = 20.0  # of a segment that is shown on either side
 LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
 LEAST = 0.02  # of the budget before or after: the same beside another
 ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}
@@ -128,7 +120,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "where": _where(v),
         "events": bool(v.events),
         "has_data": e is not None,
-        "data": _data(found, e) if e is not None else "",
+        "data": explorer_data.text(found, e) if e is not None else "",
     }
 
 
@@ -210,76 +202,6 @@ def _where(v: Verdict) -> str:
     return " ".join(out)
 
 
-def _data(found: Mismatch, e: Evidence) -> str:
-    """Block means of every drive and channel as one JSON text for a script element."""
-    v = found.result
-    per = max(1, round(max(1.0, len(e) * e.dt / MOST_BLOCKS) / e.dt))
-    forces = [f.force for f in v.findings if f.force is not None]
-    explained = np.sum(forces, axis=0) if forces else np.zeros(len(e))
-    nan = np.where(e.valid, 0.0, np.nan)
-    channels = {
-        n: x
-        for n, x in e.signals.items()
-        if not n.startswith("sensitivity:") and n not in ("speed", "time", "place") and np.isfinite(x).any()
-    }
-    if v.budget is not None:
-        channels |= {f"part: {spoken(p.part)}": p.force for p in v.budget.parts if len(p.force)}
-    drives: list[dict[str, Any]] = []
-    for s in e.stretches:
-        rows = slice(s.start, s.start + (s.stop - s.start) // per * per)
-        drives.append(
-            {
-                "name": s.name,
-                "start": round(s.start_s, 2),
-                "n": (rows.stop - rows.start) // per,
-                "speed": _means(e["speed"][rows], per),
-                "residual": _means((e.residual + nan)[rows], per),
-                "explained": _means((explained + nan)[rows], per),
-                "channels": {n: _means(x[rows], per) for n, x in channels.items()},
-            }
-        )
-    drives = [d for d in drives if d["n"] > 2]
-    where: list[Segment | Event] = [*v.segments, *v.events]
-    first = where[0] if where else None
-    content = {
-        "step": round(per * e.dt, 4),
-        "drives": drives,
-        "found": bool(forces),
-        "events": [{"drive": x.recording, "from": x.start_s, "to": x.end_s} for x in v.events],
-        "segments": [{"drive": s.recording, "from": s.start_s, "to": s.end_s} for s in v.segments],
-        "first": _shown(first)
-        if first is not None and any(d["name"] == first.recording for d in drives)
-        else None,
-        "labels": {n: _label(n, e) for n in channels},
-        "channel": next((n for n in _of_interest(v) if n in channels), next(iter(channels), "")),
-    }
-    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _label(channel: str, e: Evidence) -> str:
-    """A channel as the page names it, with its unit."""
-    of_it = unit(channel, e.command_units)
-    return channel.replace("_", " ") + (f", {of_it}" if of_it else "")
-
-
-def _of_interest(v: Verdict) -> tuple[str, ...]:
-    """The channels to show first."""
-    brakes = v.findings and v.findings[0].family == "brakes"
-    return ("brake_command", "engine_command") if brakes else ("engine_command",)
-
-
 def _digits(x: float) -> str:
     """Three significant digits, without an exponent."""
     return f"{x:,.0f}" if abs(x) >= 100.0 else f"{x:.3g}"
-
-
-def _shown(s: Segment | Event) -> dict[str, Any]:
-    return {"drive": s.recording, "from": max(s.start_s - AROUND_S, 0.0), "to": s.end_s + AROUND_S}
-
-
-def _means(x: Array, per: int) -> list[float | None]:
-    blocks = x.reshape(-1, per)
-    known = np.isfinite(blocks)
-    count = known.sum(axis=1)
-    mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(count, 1)
-    return [float(f"{m:.4g}") if k else None for m, k in zip(mean.tolist(), count.tolist(), strict=True)]
