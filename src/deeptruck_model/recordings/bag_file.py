@@ -28,6 +28,10 @@ class DamagedError(Exception):
     """A bag whose bytes are corrupt; the message says where."""
 
 
+class TornError(DamagedError):
+    """An MCAP file whose records or end do not fit: what comes before can be kept by 'repair'."""
+
+
 @dataclass(frozen=True)
 class Records:
     """Offsets of the records that readers look up, and the end of the data section."""
@@ -83,16 +87,18 @@ def _ros1_record(stream: BinaryIO, size: int) -> dict[bytes, bytes]:
 
 
 def check_mcap(file: Path) -> Records:
-    """Check every record of an MCAP file. Raises DamagedError if a record does not fit or a checksum is
-    wrong."""
+    """Check every record of an MCAP file. Raises TornError if a record does not fit, DamagedError for a
+    wrong checksum or a file that is none."""
     size = file.stat().st_size
+    if not size:
+        raise DamagedError("it is empty")
     if size < 2 * len(MAGIC) + RECORD_HEAD + _FOOTER.size:
-        raise DamagedError("it is too short for an MCAP file")
+        raise TornError("it is too short for an MCAP file")
     with file.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if data[: len(MAGIC)] != MAGIC:
             raise DamagedError("it does not begin as an MCAP file")
         if data[-len(MAGIC) :] != MAGIC:
-            raise DamagedError("its end is missing")
+            raise TornError("its end is missing")
         return _walk(data, size - len(MAGIC))
 
 
@@ -101,11 +107,11 @@ def _walk(data: mmap.mmap, end: int) -> Records:
     data_end, checksum, metadata = end, 0, []
     while opcode != Opcode.FOOTER:
         if at + RECORD_HEAD > end:
-            raise DamagedError("it has no footer")
+            raise TornError("it has no footer")
         opcode, length = struct.unpack_from("<BQ", data, at)
         content = at + RECORD_HEAD
         if content + length > end:
-            raise DamagedError(f"its record at byte {at} is longer than the file")
+            raise TornError(f"its record at byte {at} is longer than the file")
         if opcode == Opcode.METADATA:
             metadata.append((content, length))
         elif opcode == Opcode.DATA_END and length >= 4:
@@ -113,7 +119,7 @@ def _walk(data: mmap.mmap, end: int) -> Records:
             behind_data = content + length
         at = content + length
     if at != end or length != _FOOTER.size:
-        raise DamagedError("its footer is not at its end")
+        raise TornError("its footer is not at its end")
     if checksum and checksum != _crc(data, 0, data_end):  # 0: none was written
         raise DamagedError("the checksum of its data is not kept")
     _check_summary(data, end, behind_data)
@@ -123,7 +129,7 @@ def _walk(data: mmap.mmap, end: int) -> Records:
 def _check_summary(data: mmap.mmap, end: int, behind_data: int) -> None:
     summary, _, checksum = _FOOTER.unpack_from(data, end - _FOOTER.size)
     if summary not in (0, behind_data):
-        raise DamagedError("its summary is not where its footer says")
+        raise TornError("its summary is not where its footer says")
     if summary and checksum and checksum != _crc(data, summary, end - 4):
         raise DamagedError("the checksum of its summary is not kept")
 

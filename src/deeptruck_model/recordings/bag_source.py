@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import struct
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,7 @@ from deeptruck_model.checks import EXTRA_KEY, INTERFACE_KEY, MANIFEST, METADATA,
 from deeptruck_model.checks.bags import data_file, information_of
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import bag_file
-from deeptruck_model.recordings.bag_file import DamagedError
+from deeptruck_model.recordings.bag_file import DamagedError, TornError
 from deeptruck_model.recordings.bag_storage import open_storages
 from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chunks, read_chunks
 from deeptruck_model.recordings.message_definitions import Definitions
@@ -46,6 +48,7 @@ class BagSource:
         self._message_files = messages
         self._stack = ExitStack()
         self._custom: Mapping[str, Any] = {}
+        self.untimed = Counter[str]()  # messages by topic that were logged at an impossible time
         self._packs_messages = False  # whether each message is compressed by itself
 
     def __enter__(self) -> BagSource:
@@ -64,12 +67,7 @@ class BagSource:
             raise
         except Exception as error:  # the libraries raise whatever a damaged byte leads them to
             self._stack.close()
-            cure = "a table or CAN log needs 'deeptruck-model import'"
-            if self.path.suffix == ".mcap" or (self.path.is_dir() and any(self.path.glob("*.mcap"))):
-                cure = f"one whose end is missing is repaired by 'deeptruck-model repair {self.path}'"
-            elif self.ros1:
-                cure = f"one whose end is missing is repaired by 'rosbag reindex {self.path.name}' of ROS 1"
-            raise InputError(f"{self.path} cannot be read as a bag ({_one_line(error)}); {cure}") from None
+            raise self._unopened(error) from None
         if not any(c.count for c in self.connections):
             self._stack.close()
             raise InputError(f"{self.path} is empty, it holds no message; {RECORD_AGAIN}")
@@ -78,6 +76,17 @@ class BagSource:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+
+    def _unopened(self, error: Exception) -> InputError:
+        """Why the bag could not be opened, with a cure."""
+        cure = "copy it anew from where it was recorded, or leave it out"
+        if isinstance(error, TornError):
+            cure = f"what comes before the damage is kept by 'deeptruck-model repair {self.path}'"
+        elif self.ros1:
+            cure = f"one whose end is missing is repaired by 'rosbag reindex {self.path.name}' of ROS 1"
+        elif self.path.is_file():
+            cure = "a table or CAN log needs 'deeptruck-model import'"
+        return InputError(f"{self.path} cannot be read as a bag ({_one_line(error)}); {cure}")
 
     def _check_path(self) -> None:
         """Raises InputError if the path cannot be a bag; pipes and devices are not opened."""
@@ -199,9 +208,19 @@ class BagSource:
             if self._mcap_files and not self._packs_messages:
                 chunks = indexed_chunks(self._mcap_files)
             types = {topic: kind for topic, kind in self.topics.items() if topic in topics}
-            yield from self._one_by_one(topics) if chunks is None else read_chunks(chunks, types)
+            all_of = self._one_by_one(topics) if chunks is None else read_chunks(chunks, types)
+            yield from filter(None, map(self._timed, all_of))
         except DamagedError as error:
             raise self._damaged(error) from None
+
+    def _timed(self, batch: Batch) -> Batch | None:
+        """The messages that were logged at a possible time; the others are counted."""
+        good = (batch.log_ns >= 0) & (batch.log_ns < LATEST_NS)
+        if good.all():
+            return batch
+        self.untimed[batch.topic] += int((~good).sum())
+        kept = replace(batch, starts=batch.starts[good], sizes=batch.sizes[good], log_ns=batch.log_ns[good])
+        return kept if good.any() else None
 
     @property
     def last_ns(self) -> int:
@@ -221,8 +240,6 @@ class BagSource:
                 }
                 unpack = zstandard.ZstdDecompressor().decompressobj
                 for key, log_ns, data in storage.messages(set(wanted), from_ns):
-                    if not 0 <= log_ns < LATEST_NS:
-                        raise DamagedError(f"a message on {wanted[key]} has no possible time")
                     yield wanted[key], log_ns, unpack().decompress(data) if self._packs_messages else data
         except Exception as error:  # the libraries raise whatever a damaged byte leads them to
             raise self._damaged(error) from None

@@ -230,6 +230,9 @@ def _feed(
             drain.until(horizon - REORDER_NS)
     drain.until(None)
     vectors[clock_topic].check(f"{bag.path}: {clock_topic}")
+    for topic, count in bag.untimed.items():
+        account.sources[topic] += count
+        account.total.set_aside(f"on {topic} logged before 1970 or after 2116", count=count)
     account.total.read = sum(account.sources.values())
     for topic, kind, count in bag.other_types(set(readers)):
         account.total.read += count

@@ -137,8 +137,6 @@ def _check_places(summary: Summary, size: int) -> None:
             raise DamagedError(f"it has no chunk at byte {index.chunk_start_offset}")
         if not set(index.message_index_offsets) <= set(summary.channels):
             raise DamagedError(f"its chunk at byte {index.chunk_start_offset} is of an unknown channel")
-        if index.message_index_offsets and index.message_start_time >= LATEST_NS:  # else it has no message
-            raise DamagedError(f"its chunk at byte {index.chunk_start_offset} has no possible time")
 
 
 def read_chunks(chunks: Sequence[IndexedChunk], types: dict[str, str]) -> Iterator[Batch]:
@@ -270,10 +268,6 @@ def _check_entries(data: bytes, channel: int, entries: NDArray[np.void], index: 
             and (heads["channel"] == channel).all()
             and (heads["log_ns"] == entries["log_ns"]).all()
         )
-        if fine and int(heads["log_ns"].max()) >= LATEST_NS:
-            raise DamagedError(
-                f"a message has the log time {int(heads['log_ns'].max())} ns, later than the year 2116"
-            )
     if not fine:
         raise DamagedError(f"the message index of its chunk at byte {index.chunk_start_offset} does not fit")
 

@@ -386,7 +386,7 @@ def _is_one_file(stream: BinaryIO, size: int) -> bool:
         if opcode in (Opcode.DATA_END, Opcode.FOOTER):
             return is_an_end(stream, at, size)
         at += RECORD_HEAD + length
-    return True
+    return False  # a record runs over the end
 
 
 def _finish(stream: BinaryIO, found: Found) -> None:

@@ -66,7 +66,7 @@ class _Replay:
         self._names = {message.key: message.name for message in vehicle.table.heard}
         self._safety = Safety(self._table)
         self._vehicle, self._faults = vehicle, FaultWatch(vehicle)
-        self._now = self._start = 0.0
+        self._now = self._start = self._latest = 0.0
         self._seen = Counter[str](), Counter[str]()
         self._found = Checked(vehicle.name)
 
@@ -74,11 +74,12 @@ class _Replay:
         self._found.account.source = str(path)
         for frame in read(path, self._found.account, channel=channel):
             if self._found.frames == 0:
-                self._start = frame.time
-            step = frame.time - self._now
-            if self._found.frames and step > HOLE_S:
+                self._start = self._latest = frame.time
+            step, since = frame.time - self._now, frame.time - self._latest
+            if self._found.frames and since > HOLE_S:  # a clock that goes back comes to this time again
                 self._found.pauses += 1
-                self._found.paused_s += step
+                self._found.paused_s += since
+            self._latest = max(self._latest, frame.time)
             if self._found.frames == 0 or not 0 <= step <= HOLE_S:
                 self._begin(frame.time)
                 self._listen()

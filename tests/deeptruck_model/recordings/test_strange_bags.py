@@ -289,10 +289,16 @@ def test_a_msg_file_that_is_none(tmp_path: Path) -> None:
         read(bag, topic_map={"speed": {"topic": "/report", "field": "speed"}}, msg=[tmp_path / "Nowhere.msg"])
 
 
-def test_a_log_time_that_no_clock_shows_is_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize("log_ns", [2**63 - 5, 2**62])
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_a_message_logged_at_a_time_that_no_clock_shows_is_set_aside(
+    tmp_path: Path, storage: StoragePlugin, log_ns: int
+) -> None:
     """Near 2**63 ns, as a log time that was never set."""
     messages = drive_messages()
     topic, message, _ = messages[-1]
-    bag = bag_of(tmp_path / "bag", [*messages[:-1], (topic, message, 2**63 - 5)])
-    with pytest.raises(InputError, match="a message has the log time 9223372036854775803 ns, later than"):
-        read(bag)
+    bag = bag_of(tmp_path / "bag", [*messages, (topic, message, log_ns)], storage=storage)
+    (recording,) = read(bag)
+    assert recording.account is not None and recording.account.balanced
+    aside = recording.account.total.aside
+    assert aside[f"on {topic} logged before 1970 or after 2116"].count == 1

@@ -131,6 +131,17 @@ def test_a_log_with_a_pause_starts_hearing_anew(tmp_path):
     assert any("rolling radius by the gears: 1.0" in line for line in lines(found))
 
 
+def test_a_clock_that_goes_back_adds_no_pause_it_had_before(tmp_path):
+    """Two loggers in one file, one of them 100 s late: 20 times back and forth."""
+    frames = driven("trucksim", 2.0)
+    found = checked(
+        tmp_path,
+        "trucksim",
+        [(t + 100.0 * (round(10 * t) % 2), i, d) for t, i, d in frames],
+    )
+    assert (found.pauses, found.paused_s) == (1, pytest.approx(100.0, abs=0.2))
+
+
 def test_who_is_never_heard_says_why(tmp_path):
     found = checked(tmp_path, "volvo", [f for f in driven("volvo") if f[1] & 0xFF != 0x0B])
     assert not found.clean
