@@ -195,7 +195,7 @@ def table_of(name: str) -> Table:
 def jumping(table: Table) -> Table:
     """The table without limits to how fast a signal may change, for tests of what follows a jump."""
     heard = [
-        replace(one, signals=tuple(replace(signal, fastest=math.inf) for signal in one.signals))
+        replace(one, signals=tuple(replace(s, fastest=math.inf, rises=math.inf) for s in one.signals))
         for one in table.heard
     ]
     return replace(table, heard=tuple(heard))

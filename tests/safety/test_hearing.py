@@ -290,8 +290,8 @@ def test_contradictions_of_speeds_may_last_half_a_second(bench):
     assert driving(bench, engine_speed=0).doubts(1.0, {}) == {"wheel and engine speed": 0.5}
 
 
-def moving(bench, fastest=math.inf, still=math.inf):
-    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250, fastest, still),))
+def moving(bench, fastest=math.inf, still=math.inf, rises=math.inf):
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250, fastest, still, rises),))
     refusals: Counter[str] = Counter()
     return Hearing(table(bench, (message,)), refusals), refusals
 
@@ -307,6 +307,16 @@ def test_a_value_moves_no_faster_than_a_truck_and_one_step_of_its_field(bench, a
     assert ears.accepted == ({"a"} if taken else set())
     assert refusals == ({} if taken else {"a jumps": 1})
     assert ears.stale(1.0 + 0.301) == ([] if taken else ["M"])
+
+
+@pytest.mark.parametrize(("after", "to", "taken"), [(0.05, 52, True), (0.05, 53, False), (0.05, 40, True),
+    (0.25, 53, True), (0.25, 54, False), (0.25, 0, True), (2.0, 71, True), (2.0, 72, False)])  # fmt: skip
+def test_a_value_rises_no_faster_than_its_own_limit_and_may_fall_faster(bench, after, to, taken):
+    ears, refusals = moving(bench, rises=10.0)
+    ears.take(ID, frame(a=50), 1.0)
+    ears.take(ID, frame(a=to), 1.0 + after)
+    assert ears.value("a") == (to if taken else 50)
+    assert refusals == ({} if taken else {"a jumps up": 1})
 
 
 def test_a_value_that_stands_still_for_too_long_refreshes_nothing(bench):

@@ -274,6 +274,7 @@ def test_the_times_and_tolerances_are_the_requirement(bench):
     assert (table.speed_gap_m_s, line.tolerance, line.above_m_s, line.slack_m_s) == (2.0, 0.04, 3.0, 0.5)
     signals = {signal.name: signal for heard in table.heard for signal in heard.signals}
     assert {name for name, signal in signals.items() if signal.fastest == 12.0} == {"speed", "second_speed"}
+    assert {name for name, signal in signals.items() if signal.rises == 4.0} == {"speed", "second_speed"}
     assert {name for name, signal in signals.items() if signal.still_s == 0.5} == {"engine_speed"}
     assert {one.signal: one.explained for one in table.obeyed} == {
         "engine_obeys": (0x00, 0x2A),

@@ -55,10 +55,13 @@ class Hearing:
             value = _valid(signal, word)
             last, at, since = self._values.get(signal.name, NEVER)
             since = since if value == last else now
+            elapsed = max(now - at, heard.period_s)
             if value is None:
                 self._refuse(f"{signal.name} invalid")
-            elif abs(value - last) > signal.fastest * max(now - at, heard.period_s) + signal.field.scale:
+            elif abs(value - last) > signal.fastest * elapsed + signal.field.scale:
                 self._refuse(f"{signal.name} jumps")
+            elif value - last > signal.rises * elapsed + signal.field.scale:
+                self._refuse(f"{signal.name} jumps up")
             elif now - since > signal.still_s:
                 self._refuse(f"{signal.name} stands still")
             else:

@@ -73,6 +73,7 @@ class Measured:
     high: float
     fastest: float = math.inf  # greatest change, unit/s
     still_s: float = math.inf  # longest that a sound sensor repeats one value exactly
+    rises: float = math.inf  # greatest rise, unit/s
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from truck_bridge.vehicles.schema import VEHICLE, check
 from truck_bridge.vehicles.vehicle import Blocking, Transmitted, Vehicle
 
 NAMES = ("trucksim", "freightliner", "volvo")
+MOTION = ("fastest", "still", "rises")  # columns of a received message, as `Measured` has them
 
 
 def load(name: str | Path) -> Vehicle:
@@ -209,7 +210,7 @@ def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec
     layout = codec[spec.get("message", key)]
     if spec.get("check", checksums.NONE) != checksums.NONE:
         _room_to_sign(key, layout)
-    for column in ("range", "fastest", "still"):
+    for column in ("range", *MOTION):
         for name in spec.get(column, {}):
             if name not in spec["signals"]:
                 raise InputError(f"receive.{key}.{column}: no signal '{name}' in this message")
@@ -220,8 +221,8 @@ def _received(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec
         field = _field(signal, factor)
         own = field.offset, field.offset + field.scale * field.last
         low, high = spec.get("range", {}).get(name) or channels.physical_range(layout.name, source) or own
-        fastest, still = (spec.get(column, {}).get(name, math.inf) for column in ("fastest", "still"))
-        measured.append(tables.Measured(name, field, low, high, fastest, still))
+        fastest, still, rises = (spec.get(column, {}).get(name, math.inf) for column in MOTION)
+        measured.append(tables.Measured(name, field, low, high, fastest, still, rises))
     sender = layout.pgn << 8 | _address(data, spec["from"])
     return tables.Heard(
         key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none")

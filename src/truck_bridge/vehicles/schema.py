@@ -76,6 +76,7 @@ RECEIVE = {
     "signals": MapOf(str),
     "range": Optional(MapOf([ANY])),
     "fastest": Optional(MapOf(Number(1e-6, 1e6))),
+    "rises": Optional(MapOf(Number(1e-6, 1e6))),
     "still": Optional(MapOf(SECONDS)),
 }
 FAULTS = {
