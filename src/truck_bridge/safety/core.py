@@ -24,8 +24,10 @@ from truck_bridge.safety.tables import SIGNED, Axis, Table
 
 
 class State(Enum):
-    """What may leave: nothing; address claims; demands; demands on their way to rest; frames that hand
-    back.
+    """Each state says which frames may leave.
+
+    SILENT none; STANDBY address claims; ENGAGED the controller's demands; FADING demands that move towards
+    rest; RELEASING the frames that hand back.
     """
 
     SILENT = "silent"
@@ -89,10 +91,11 @@ class Safety:
         self.state, self.warning = State.SILENT, ""
 
     def command(self, demands: Mapping[str, float], engaged: bool, now: float) -> bool:
-        """The controller's demands by axis, and whether it believes to be engaged: its heartbeat.
+        """Take one demand per axis, in the axis's unit; each call is also the controller's heartbeat.
 
-        Refused (False) and answered with a graded release when a demand is NaN, missing or outside the
-        envelope.
+        `engaged` is the bridge's engaged bit as the controller received it last; False for too long ends
+        control. A demand that is NaN, missing or outside the envelope is refused: the result is False and
+        control fades.
         """
         for axis in self.table.axes:
             demand = demands.get(axis.name, math.nan)

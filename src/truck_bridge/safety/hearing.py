@@ -112,11 +112,11 @@ class Hearing:
         return False
 
     def value(self, name: str) -> float:
-        """Last valid value of a signal; NaN before the first, which compares as false with everything."""
+        """Last valid value of a signal. NaN before the first, so that every comparison with it is False."""
         return self._values.get(name, NEVER)[0]
 
     def stale(self, now: float) -> list[str]:
-        """Messages of which a signal has not come validly for longer than its time-out."""
+        """Messages with a signal whose last valid value is older than the message's time-out."""
         return [
             heard.name
             for heard in self._table.heard
