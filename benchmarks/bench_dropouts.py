@@ -80,8 +80,7 @@ def drive(truck: str, policy: str, scene: Scene) -> Drive:
         samples.put("gap", stamp, gap if math.isfinite(gap) else math.nan)
         seen = samples.put("leader_speed", stamp, speed)
         assert seen is not None
-        command = following.take(seen)
-        plant.step(*(command if math.isfinite(sum(command)) else (0.0, 0.0)))
+        plant.step(*following.take(seen))
         rates.append(plant.acceleration)
         least = min(least, ahead.gap)
     settled = np.array(rates[round(SETTLED_S / plant.dt) :] if scene.seconds > 100 else rates)

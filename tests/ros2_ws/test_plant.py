@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -37,6 +38,26 @@ def test_distance_and_road_follow_the_speed(truck: simulators.Simulator) -> None
     for _ in range(50):
         flat.step(800.0, 0.0)
     assert uphill < flat.speed - 0.3
+
+
+def test_a_command_that_is_lost_fades_without_a_jerk_and_the_next_one_counts_at_once(
+    truck: simulators.Simulator,
+) -> None:
+    plant, coasting = (Plant(truck, roads.parse("flat"), 20.0) for _ in range(2))
+    for _ in range(30):
+        plant.step(1800.0, 0.0)
+        coasting.step(1800.0, 0.0)
+    rates = [plant.acceleration]
+    for k in range(1, 31):
+        plant.step(math.nan, math.nan)
+        coasting.step(max(1800.0 * (1.0 - 0.1 * k), 0.0), 0.0)
+        rates.append(plant.acceleration)
+    jerks = [(b - a) / plant.dt for a, b in pairwise(rates)]
+    assert min(jerks) > -1.0
+    assert plant.speed == pytest.approx(coasting.speed)
+    plant.step(0.0, 50.0)
+    coasting.step(0.0, 50.0)
+    assert plant.acceleration == pytest.approx(coasting.acceleration)
 
 
 def test_status_has_what_the_truck_shows(truck: simulators.Simulator) -> None:

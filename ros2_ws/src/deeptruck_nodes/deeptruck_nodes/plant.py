@@ -11,6 +11,8 @@ from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_nodes.roads import Road
 
+FADE_S = 1.0  # in which a command that is lost runs out, as the bridge fades the engine by 100 % a second
+
 
 class Plant:
     """State, response and position of the truck. SI units; commands in the units of the truck interface."""
@@ -23,6 +25,7 @@ class Plant:
         self._state = simulator.reset(self._y)
         idle = np.zeros((1, len(self.interface.u))), np.zeros((1, len(self.interface.w)))
         simulator.step(self._state, *idle)  # compiles what is compiled, before anybody waits for it
+        self._held, self._left = (0.0, 0.0), 1.0  # the last command, and the share of it that still counts
         self.distance = 0.0
         self.grade, self.elevation = road.at(0.0)
 
@@ -36,9 +39,13 @@ class Plant:
         return float(self._y[0, ACCELERATION])
 
     def step(self, engine_command: float, brake_command: float) -> None:
-        """Advance by dt under a held command."""
-        before = self.speed
-        u = np.array([[engine_command, brake_command][: len(self.interface.u)]])
+        """Advance by dt under a held command; without one (NaN) the last one fades to nothing in FADE_S."""
+        before, given = self.speed, (engine_command, brake_command)
+        if math.isfinite(engine_command + brake_command):
+            self._held, self._left = given, 1.0
+        else:
+            self._left = max(self._left - self.dt / FADE_S, 0.0)
+        u = self._left * np.array([self._held[: len(self.interface.u)]])
         w = np.full((1, len(self.interface.w)), self.grade)
         self._state, self._y = self._simulator.step(self._state, u, w)
         self.distance += (before + self.speed) / 2 * self.dt

@@ -86,7 +86,7 @@ class TruckSim(DeeptruckNode):
             return -late
         self._latest_by = max(self._latest_by, late)
         if time.monotonic() - self._commanded_at > self.p["command_timeout_s"]:
-            self._command, self._coasting = (0.0, 0.0), True
+            self._command, self._coasting = (math.nan, math.nan), True
         self._advance()
         return 0.0
 
@@ -135,7 +135,7 @@ class TruckSim(DeeptruckNode):
         values = messages.read_scalars(message)
         engine, brake = values.get("engine_command", math.nan), values.get("brake_command", 0.0)
         self._coasting = not (math.isfinite(engine) and math.isfinite(brake))  # NaN: the controller has none
-        self._command = (0.0, 0.0) if self._coasting else (engine, brake)
+        self._command = (engine, brake)
         self._answered = messages.nanoseconds(message.header.stamp)
         self._commanded_at = time.monotonic()
 
