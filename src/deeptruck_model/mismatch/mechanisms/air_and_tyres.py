@@ -19,10 +19,12 @@ from deeptruck_model.mismatch.expression import (
 from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, each_wind, from_moments, slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
+    ACTS,
     BRAKE,
     DISTANCE,
     DRAG,
     ELAPSED,
+    LEAST_SPEED,
     PULL,
     SPEED,
     UPPER,
@@ -37,7 +39,7 @@ STEADY_M_S, GUST_M_S = 7.0, 5.0  # prior sd of a drive's mean wind, and the larg
 # calm, or is met round a bend. What swings further is slopes or brakes under another name.
 SWING_M_S = 12.0
 SIDE = 0.4  # sd of the drag that wind from the side adds, SAE J1252: 5 to 10 % a degree of yaw
-PER_SQUARE = DRAG / maximum(SPEED, 1.0) ** 2
+PER_SQUARE = DRAG / maximum(SPEED, LEAST_SPEED) ** 2
 LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
 HOLDS = 1e3  # m/s^2: tyres that never slip
 
@@ -83,7 +85,7 @@ def _power_of_speed(order: int) -> Column:
 def _grips(e: Evidence) -> Iterable[Constants]:
     """The largest drive and brake forces per mass (m/s^2) that the tyres transmit."""
     for q in (0.8, 0.92, 0.97):
-        pull = max(quantile(e, e["engine"], e["engine"] > 0.05, q), LEAST_GRIP)
+        pull = max(quantile(e, e["engine"], e["engine"] > ACTS, q), LEAST_GRIP)
         brake = quantile(e, e["brake"], e["brake"] > 0.1, q)
         if np.isfinite(pull) or np.isfinite(brake):
             yield {
@@ -93,7 +95,7 @@ def _grips(e: Evidence) -> Iterable[Constants]:
 
 
 def _slippery(e: Evidence) -> Iterable[Constants]:
-    pull = max(quantile(e, e["engine"], e["engine"] > 0.05, 0.6), LEAST_GRIP)
+    pull = max(quantile(e, e["engine"], e["engine"] > ACTS, 0.6), LEAST_GRIP)
     return ({"pull": pull},) if np.isfinite(pull) else ()
 
 

@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.expression import (
 from deeptruck_model.mismatch.mechanisms.commands import FULL_RANGE_S
 from deeptruck_model.mismatch.mechanisms.courses import always, each_drive, from_moments, slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
-from deeptruck_model.mismatch.mechanisms.symbols import BRAKE, BRAKED_AGO, DISTANCE, SPEED, over
+from deeptruck_model.mismatch.mechanisms.symbols import ACTS, BRAKE, BRAKED_AGO, DISTANCE, SPEED, over
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 HEAT_CAPACITY = 12.5  # J/kg/K: about 500 kg of drums at 500 J/kg/K under 20 t
@@ -54,7 +54,7 @@ def _after_braking(decay_s: float, braking: float) -> Column:
 
 
 def _hard_braking(e: Evidence) -> Iterable[Constants]:
-    threshold = max(0.05, 0.05 * float(np.nanmax(e["brake"])))
+    threshold = max(ACTS, 0.05 * float(np.nanmax(e["brake"])))
     return grid(decay_s=(5.0, 20.0, 80.0), braking=[threshold])
 
 
@@ -150,7 +150,7 @@ DRAGGING_BRAKE = Mechanism(
             units={"frees_m": "m"},
         ),
         "time since braking": Curve(
-            (BRAKE < 0.05) * -1.0,
+            (BRAKE < ACTS) * -1.0,
             BRAKED_AGO,
             "time since braking",
             "any",

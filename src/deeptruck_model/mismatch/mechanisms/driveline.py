@@ -21,10 +21,12 @@ from deeptruck_model.mismatch.expression import (
 )
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
+    ACTS,
     ELAPSED,
     ENGINE,
     ENGINE_SPEED,
     GEAR,
+    LEAST_SPEED,
     OMEGA,
     OVERALL_RATIO,
     PULL,
@@ -83,7 +85,7 @@ def _locked(e: Evidence) -> Iterable[Constants]:
     """The gears, and the ratio (rad/m) of each with the converter locked."""
     ratio, gear = e["ratio"], np.round(np.nan_to_num(e["gear"]))
     locked = {
-        g: quantile(e, ratio, (gear == g) & (e["speed"] > 1.0), 0.1)
+        g: quantile(e, ratio, (gear == g) & (e["speed"] > LEAST_SPEED), 0.1)
         for g in np.unique(gear[e.valid]).tolist()
         if g > 0
     }
@@ -107,7 +109,7 @@ def _turning(reference: float, share: float) -> Column:
 def _strong_pull(e: Evidence) -> list[float]:
     """A large engine force, m/s^2; empty if there is hardly any."""
     size = quantile(e, np.abs(e["engine"]), np.abs(e["engine"]) > 0.0, 0.8)
-    return [max(size, 0.05)] if np.isfinite(size) else []
+    return [max(size, ACTS)] if np.isfinite(size) else []
 
 
 def _plays(e: Evidence) -> Iterable[Constants]:

@@ -16,6 +16,7 @@ from deeptruck_model.mismatch.mechanisms.record import (
     grid,
 )
 from deeptruck_model.mismatch.mechanisms.symbols import (
+    ACTS,
     BRAKE,
     BRAKED_AGO,
     ELAPSED,
@@ -44,7 +45,7 @@ PUMP = OVERALL_RATIO * -1.0  # a pump takes a torque, a fan one with speed squar
 FAN = OVERALL_RATIO * TURNING**2 * -1.0
 COASTING = ENGINE < 0.02
 # since the first touch of the brake, which may set a retarder going
-BRAKED = Since((BRAKE > 0.05,)) < Since((PULL > 0.05,))
+BRAKED = Since((BRAKE > ACTS,)) < Since((PULL > ACTS,))
 DRIVEN: tuple[tuple[str, Expression, Trend], ...] = (  # what a pump or a fan may follow
     ("engine power over 60 s", over(60.0, POWER), "rising"),
     ("time since standing", STOOD, "falling"),
@@ -81,7 +82,7 @@ def released(e: Evidence) -> list[float]:
 def _coasting(small: float, after_s: float = 0.0) -> Expression:
     """One while the engine command is below `small` and the engine does not drive, starting `after_s`
     later."""
-    coast = (small + 1e-9 > ENGINE_COMMAND) * (ENGINE < 0.05)
+    coast = (small + 1e-9 > ENGINE_COMMAND) * (ENGINE < ACTS)
     return coast * (Since((1.0 - coast,)) > after_s) if after_s else coast
 
 
@@ -148,7 +149,7 @@ ENGINE_BRAKE = Mechanism(
             )
             for acts, when in (
                 (COASTING, "while coasting"),
-                (COASTING * (BRAKE > 0.05), "while coasting with the brake on"),
+                (COASTING * (BRAKE > ACTS), "while coasting with the brake on"),
                 (COASTING * BRAKED, "while coasting since a touch of the brake"),
             )
             for ratio, of, by, needs in (
