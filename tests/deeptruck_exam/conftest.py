@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+sys.path.append(str(Path(__file__).parent))  # law_trace.py is next to the tests
+
+from law_trace import Trace, setting_of
+
 from deeptruck_exam.cases.build import Built, accelerations, build
 from deeptruck_exam.cases.plan import draw_plan
-from deeptruck_exam.cases.trace import Trace, setting_of
 from deeptruck_exam.laws import EFFECTS
 from deeptruck_exam.laws.law import Array, Setting
 from deeptruck_exam.worlds import trucks

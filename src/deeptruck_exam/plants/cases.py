@@ -15,7 +15,6 @@ from deeptruck_model.recordings import Recording, write_bag
 LENGTH_S = 400.0
 PARTS = (("hwfet", 0.0), ("udds", 0.0), ("udds", 900.0), ("hwfet", 350.0))  # the last is held out
 NAMES = tuple(f"drive_{k}" for k in range(len(PARTS)))
-NOMINAL = "nominal"  # the drives that simulators are made of
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from deeptruck_exam.scoring.score import FAILED, score_names
 from deeptruck_exam.tool import ToolRun, run_tool
 from deeptruck_model import files
 
-PLANTS = ("fastsim",)
 FIT = NAMES[:-1]
 OFFERS = ("as_given", "parameters_only", "correction")  # `fit.offered` of verdict.json, as page.DRIVEN
 NULL, NULL_FACTOR = "nothing", 4  # nulls need numbers: of its own equations so many times the cases

@@ -35,7 +35,6 @@ class Known:
     needs: str = ""
 
 
-FORWARD = "forward speed, as x is forward (REP 103)"
 GNSS = "position by satellites"
 WITH_QUATERNION = ("sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry")
 

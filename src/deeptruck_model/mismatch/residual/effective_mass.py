@@ -6,7 +6,7 @@ commanded deceleration compensate any other force within a second.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift, rows_of
+from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator, free_run
@@ -79,15 +79,6 @@ def _late(held_force: Array, e: Evidence) -> Array:
 def with_effective_mass(force: Expression) -> Expression:
     """The acceleration that a force per mass causes, along a recording or in a simulation."""
     return WithEffectiveMass((force, EFFECTIVE_MASS_GAIN, HOLDS, MADE_UP))
-
-
-def acceleration_of(x: Expression, column: Array, e: Evidence) -> tuple[Array, Callable[[Array], Array]]:
-    """The force (n,) of an expression with rows `column`, and the function from such a force to acceleration;
-    the identity if the expression is already an acceleration."""
-    if not isinstance(x, WithEffectiveMass):
-        return column, lambda force: force
-    force, *others = rows_of(x.inputs, e)
-    return force, lambda force: np.nan_to_num(x.over([force, *others], e))
 
 
 def free(inside: Mapping[str, Array]) -> Array | None:

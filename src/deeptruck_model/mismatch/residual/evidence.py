@@ -106,17 +106,6 @@ class ForceUnit:
     name: str
     scale: float
 
-    @property
-    def symbol(self) -> str:
-        """Symbol of such a force in an equation."""
-        return "F" if self.scale > 1.0 else "F/m"
-
-    def worded(self, acceleration: float, sign: str = "") -> str:
-        """A force per mass (m/s^2) as text with its unit; `sign` as in a format specification, "+" to always
-        show it."""
-        digits = 0 if self.scale > 1.0 else 3
-        return f"{acceleration * self.scale:{sign}.{digits}f} {self.name}"
-
     def of(self, unit: str) -> str:
         """The unit in which a size is reported whose `unit` is given in newtons."""
         return unit if self.scale > 1.0 else self.name if unit == "N" else f"{unit}/kg"
