@@ -34,10 +34,10 @@ def _array(value: Any) -> Array:
 
 @dataclass
 class LastSeen:
-    """Bridges what the truck does not say of itself: a signal that is no number stays as it was last seen.
+    """Replaces signals of the truck that are not finite by their last value.
 
-    A setting and a slope may stay so for good, the speed for `hold_s`. A speed that changed faster than any
-    truck's can is none.
+    Settings and slope may be kept indefinitely, the speed for `hold_s`. A speed that changed faster than any
+    truck can is treated as missing.
     """
 
     dt: float
@@ -72,14 +72,13 @@ class LastSeen:
 
 @dataclass
 class Guard:
-    """A policy fit for a truck. Same contract as Policy; `acted` marks where the shield overrode.
+    """A policy made fit for a truck. Same contract as Policy; `acted` marks where the shield overrode.
 
     `handed_over` (batch,) marks where the fallback drove: outside the policy's coverage (until 3 s inside
-    again), or where its commands were not numbers.
+    again), or where its commands were not finite.
 
-    Policy and fallback get finite numbers only, so that their memory holds no NaN. Where the
-    speed is silent for over a second, or a signal was never seen, there is no command of theirs: the shield
-    brakes gently.
+    Policy and fallback get finite numbers only, so that their memory holds no NaN. If the speed is missing
+    for over a second, or a signal was never received, their commands are not used: the shield brakes gently.
     """
 
     policy: Policy
@@ -98,17 +97,17 @@ class Guard:
 
     @property
     def unseen_s(self) -> Array:
-        """For how long no reading of the radar was believed, s (batch,); inf: none ever was."""
+        """Time since the last accepted radar reading, s (batch,); inf if there was none."""
         return self._tracker.unseen_s
 
     @property
     def contradicted_s(self) -> Array:
-        """For how long the radar's range and the speeds have contradicted each other, s (batch,)."""
+        """Time for which the radar's range and the speeds have contradicted each other, s (batch,)."""
         return self._tracker.contradicted_s
 
     @property
     def speed_is_silent(self) -> Flags:
-        """Where the truck's own speed was not received for over a second."""
+        """Where the truck's own speed has been missing for over a second."""
         return self._last_seen.silent
 
     @property
@@ -118,23 +117,23 @@ class Guard:
 
     @property
     def dt(self) -> float:
-        """The policy's."""
+        """The time step of the policy."""
         return self.policy.dt
 
     def reset(self) -> None:
-        """Forget the past; the brakes count as cold."""
+        """Reset the state, with cold brakes."""
         self._forget()
         if self.shield is not None:
             self.shield.reset()
 
     def forget(self) -> None:
-        """Forget the past, but not how hot the brakes are. The last command was not obeyed."""
+        """Reset the state but keep the brake temperature; the last command was not obeyed."""
         self._forget()
         if self.shield is not None:
             self.shield.forget()
 
     def spare(self) -> None:
-        """The last command was not obeyed: it heated no brakes."""
+        """Note that the last command was not obeyed, and so heated no brakes."""
         if self.shield is not None:
             self.shield.spare()
 
@@ -205,9 +204,9 @@ class Guard:
 
 
 def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True) -> Guard:
-    """A policy behind tracker, hand-over and, unless `shield` is False, shield.
+    """A policy with tracker, hand-over and, unless `shield` is False, shield.
 
-    The promise is the one given, else the one kept for a truck of this name, else the cautious default.
+    The promise is the given one, else the one stored for a truck of this name, else the cautious default.
     """
     learned = policy if isinstance(policy, MlpPolicy | OnnxPolicy) else None
     scale = learned.scale if learned else ActionScale.of(policy)
@@ -224,5 +223,5 @@ def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True
 def load_controller(
     path: str | Path, interface: TruckInterface | None = None, *, shield: bool = True
 ) -> Guard:
-    """What a controller node should run: load_policy behind a guard."""
+    """The controller for a node: load_policy with a guard."""
     return guard(load_policy(path, interface), shield=shield)

@@ -1,10 +1,10 @@
-"""The promise put to the test: batched rollouts, and a search for a violation that breeds near misses.
+"""Tests the promise: batched rollouts, and an adversarial search for a violation.
 
-The truck is the worst that the promise allows: it accelerates by a(v) for `response_s` after
-the full brake command, then brakes with exactly `braking(heat)`; short of the full command it does what the
-policy wishes, within its limits. Policy, leader, radar error and dropouts are the adversary's; a leader that
-is not seen may brake as the promise says. Two things are counted: how near the gap comes to d_safety, and how
-far from need the shield brakes.
+The truck is the worst one that the promise permits: it accelerates by a(v) for `response_s` after the full
+brake command, then brakes with exactly `braking(heat)`; below the full command it follows the policy's wish,
+within its limits. The adversary controls policy, leader, radar error and dropouts; a leader that the radar
+has lost may brake as hard as the promise says. Two results are counted: how close the gap comes to d_safety,
+and how early the shield brakes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ WIDTH = 5 + 4 * KNOTS  # numbers that describe one rollout, each in 0..1
 class Outcome:
     """What a search found. `least_margin_m` is the smallest gap - d_safety of all; negative is a crash.
 
-    `earliest_m` is the most that was left to the gap which the worst leader needs when the shield braked.
+    `earliest_m` is the largest excess of the gap over that needed behind the worst leader, at times when the
+    shield braked.
     """
 
     rollouts: int
@@ -47,7 +48,8 @@ class Margins(NamedTuple):
 
 
 class _Leader(NamedTuple):
-    """The leader as it is, each (batch,), and the worst that it could be since it was last seen."""
+    """The true state of the leader, each (batch,), and the worst possible state since it was last
+    detected."""
 
     speed: Array
     slow: Array  # speed when seen, through the filter of the promise
@@ -58,7 +60,7 @@ class _Leader(NamedTuple):
 
     def moved(self, p: Promise, pull: Array, lost: Flags) -> _Leader:
         """The leader one step later, at the acceleration `pull` (batch,); `lost` marks rollouts in which the
-        truck does not see the leader in that step."""
+        truck does not detect the leader in that step."""
         may = np.where(lost, np.minimum(self.braking + p.unseen_jerk * p.dt, p.leader_braking), 0.0)
         rate = np.where(lost, np.maximum(pull, -may), pull)
         speed = np.maximum(self.speed + p.dt * rate, 0.0)
@@ -71,9 +73,9 @@ class _Leader(NamedTuple):
 
 
 def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool = True) -> Margins:
-    """Drive genes (batch, WIDTH).
+    """Simulate rollouts with genes (batch, WIDTH).
 
-    Every rollout starts where the promise begins to hold: at or above the gap from which braking at once
+    Every rollout starts at a state covered by the promise: at or above the gap from which immediate braking
     suffices.
     """
     p, batch = promise, len(genes)
@@ -115,7 +117,7 @@ def _piece(k: int, steps: int) -> int:
 def _measured(
     p: Promise, gap: Array, leader: Array, speed: Array, noise: Array, lost: Flags
 ) -> tuple[Array, Array, Array]:
-    """Radar and speedometer at the edge of their stated errors."""
+    """Readings of radar and speedometer at the limits of their stated errors."""
     sign = 2.0 * (noise > 0.3) - 1.0  # mostly flattering: further and faster than true
     seen_gap = np.where(lost, np.nan, gap + sign * p.gap_error)
     seen_leader = np.where(lost, np.nan, np.maximum(leader + sign * p.speed_error, 0.0))
@@ -123,7 +125,7 @@ def _measured(
 
 
 def _policy(wish: Array) -> tuple[Array, Array]:
-    """Anything: full engine, some brake, or not a number."""
+    """Commands of any policy: full engine, some brake, or NaN."""
     engine = np.where(wish > 0.95, np.nan, np.clip(2.0 * wish - 0.5, 0.0, 1.0))
     return engine, np.clip(0.4 - 2.0 * wish, 0.0, 1.0)
 
@@ -144,7 +146,7 @@ def _worst_truck(
 
 
 def random_search(promise: Promise, count: int, seed: int = 0, *, shielded: bool = True) -> Outcome:
-    """`count` rollouts with everything drawn uniformly."""
+    """`count` rollouts with uniformly random genes."""
     rng = np.random.default_rng(seed)
     return _outcome(
         rollouts(promise, rng.random((min(10_000, count - done), WIDTH)), shielded=shielded)
@@ -160,7 +162,7 @@ def adversarial_search(
     seed: int = 0,
     shielded: bool = True,
 ) -> Outcome:
-    """Cross-entropy search for the smallest margin: each generation is bred about the worst 4 % so far."""
+    """Cross-entropy search for the smallest margin: each generation is drawn around the worst 4 % so far."""
     rng = np.random.default_rng(seed)
     genes = rng.random((population, WIDTH))
     elite, elite_margin = np.zeros((0, WIDTH)), np.zeros(0)
@@ -187,9 +189,9 @@ def _outcome(parts: Iterable[Margins]) -> Outcome:
 
 
 def hardest_braking_when_lost(promise: Promise, speed: Array, time_gap: float, seconds: float) -> Array:
-    """Hardest braking (m/s^2, (batch,)) while a leader of the truck's speed (batch,) is lost for `seconds`.
+    """Hardest braking (m/s^2, (batch,)) while a leader with the truck's speed (batch,) is lost for `seconds`.
 
-    The policy keeps the speed; the truck slows down in proportion to the brake command, by `mild_braking` at
+    The policy keeps the speed; the truck decelerates in proportion to the brake command, by `mild_braking` at
     `mild_brake`.
     """
     p, shield = promise, Shield(promise, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The shield: commands pass while the truck could still stop in time; otherwise it brakes.
+"""The shield passes commands on while the truck could still stop in time; otherwise it brakes.
 
 Derived in docs/cacc_shield.md.
 
@@ -53,13 +53,13 @@ class Promise:
     bridged_time_gap: float = 2.8  # s, from this time gap on (5 to 29 m/s)
 
     def braking_when(self, heat: Array) -> Array:
-        """Least deceleration (m/s^2) with `heat` J/kg in the brakes, never more than the leader's."""
+        """Least deceleration (m/s^2) with `heat` J/kg in the brakes, at most the leader's."""
         lost = self.fade_per_heat * np.maximum(heat - self.fade_from, 0.0)
         share = np.maximum(1.0 - lost, self.least_braking_share)
         return np.asarray(np.minimum(self.braking * share, self.leader_braking))
 
     def acceleration_at(self, speed: Array) -> Array:
-        """The most the truck accelerates at a speed, m/s^2."""
+        """Largest acceleration of the truck at a speed, m/s^2."""
         return np.asarray(np.minimum(self.max_acceleration, self.power_per_mass / np.maximum(speed, 0.1)))
 
     def needed_gap(self, speed: Array, leader_speed: Array, heat: Array, wait_s: float) -> Array:
@@ -75,7 +75,7 @@ class Promise:
 
 
 class Bounds(NamedTuple):
-    """What the measurements leave possible, each (batch,)."""
+    """Bounds of the states that are possible given the measurements, each (batch,)."""
 
     gap: Array  # m, the lowest
     leader: Array  # m/s, the lowest of the leader's speed
@@ -88,7 +88,7 @@ class Bounds(NamedTuple):
 
     @classmethod
     def unknown(cls, batch: int) -> Bounds:
-        """Before the first measurement: whatever is possible."""
+        """Bounds before the first measurement."""
         nothing = np.zeros(batch)
         never = np.full(batch, np.inf)
         return cls(nothing, nothing, np.full(batch, 40.0), nothing, nothing, nothing, never, nothing)
@@ -96,7 +96,7 @@ class Bounds(NamedTuple):
 
 @dataclass
 class Shield:
-    """Stands between commands and truck. `acted` and `braking` (batch,) say what it did in the last call."""
+    """Filters commands to the truck. `acted` and `braking` (batch,) describe the last call."""
 
     promise: Promise
     engine_low: float
@@ -107,16 +107,16 @@ class Shield:
     _cooled: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # J/kg, without the last command
 
     def reset(self) -> None:
-        """Forget the past; the brakes count as cold."""
+        """Reset the state, with cold brakes."""
         self._seen = None
 
     def forget(self) -> None:
-        """Forget leader and speed, but not how hot the brakes are. The last command was not obeyed."""
+        """Reset leader and speed but keep the brake temperature; the last command was not obeyed."""
         if self._seen is not None:
             self._seen = Bounds.unknown(len(self._cooled))._replace(heat=self._cooled)
 
     def spare(self) -> None:
-        """The last command was not obeyed: it heated nothing."""
+        """Note that the last command was not obeyed, and so heated no brakes."""
         if self._seen is not None:
             self._seen = self._seen._replace(heat=self._cooled)
 
@@ -125,7 +125,7 @@ class Shield:
     ) -> tuple[Array, Array]:
         """Commands to send, each (batch,). NaN in gap or speeds is 'not measured', in a command 'no command'.
 
-        Where nothing was ever measured, it brakes.
+        It brakes if nothing was ever measured.
         """
         p = self.promise
         seen = self._bounds(gap, leader_speed, speed)
@@ -153,16 +153,17 @@ class Shield:
         return sent_engine, sent_brake
 
     def steady_gap(self, speed: Array) -> Array:
-        """Least gap (m, (batch,)) at which the truck may follow a leader of its speed without the shield."""
+        """Least gap (m, (batch,)) for following a leader of equal speed without intervention of the
+        shield."""
         p = self.promise
         heat = np.zeros(len(speed)) if self._seen is None else self._seen.heat
         slow, fast = np.maximum(speed - p.speed_error, 0.0), speed + p.speed_error
         return p.needed_gap(fast, slow, heat, p.dt) + p.gap_error + 2 * p.soft_m
 
     def _bounds(self, gap: Array, leader_speed: Array, speed: Array) -> Bounds:
-        """What this step's measurements and the last bounds leave possible.
+        """Bounds from this step's measurements and the last bounds.
 
-        A leader that is not seen goes on as it was seen to, and brakes harder by `unseen_jerk`.
+        A leader that is not detected continues with its last motion, braking harder by `unseen_jerk`.
         """
         p = self.promise
         gap, leader_speed, speed = (np.asarray(x, float) for x in (gap, leader_speed, speed))

@@ -1,4 +1,4 @@
-"""The vehicle ahead as the radar shows it: which readings are believed, and what is carried on without."""
+"""Tracks the vehicle ahead: which radar readings are accepted, and what is used without one."""
 
 from __future__ import annotations
 
@@ -15,32 +15,33 @@ Flags = NDArray[np.bool_]
 
 
 class Track(NamedTuple):
-    """A vehicle ahead, each (batch,)."""
+    """State of a vehicle ahead, each (batch,)."""
 
     gap: Array  # m, carried on by the speeds and corrected by the range
     speed: Array  # m/s
     credit_s: Array  # s, for how long readings have agreed with it
 
     def where(self, flags: Flags, other: Track) -> Track:
-        """This one where `flags`, else the other."""
+        """This track where `flags`, else the other."""
         return Track(*(np.where(flags, mine, its) for mine, its in zip(self, other, strict=True)))
 
 
 @dataclass
 class Tracker:
-    """Believes a reading that fits the track. Without one a leader keeps its speed.
+    """Accepts readings that fit the track. Without a reading the leader is assumed to keep its speed.
 
-    Range and speeds must agree: a range that leaves by more than `drift_m` what the speeds add up to is
-    frozen, or a speed is, or has the wrong sign. Such readings are not believed; where the range closes in
-    faster than the speeds say, the vehicle is taken to be as near as the range says and as slow as it closes.
+    Range and speeds must agree: if the range deviates by more than `drift_m` from the integrated relative
+    speed, the range or a speed is frozen or has the wrong sign. Such readings are not accepted; if the range
+    decreases faster than the speeds say, the vehicle is assumed to be as near as the range says and as slow
+    as its rate implies.
 
-    A reading elsewhere begins a second track. It becomes the first once readings have agreed with it for
-    `nearer_s` if it is nearer (a cut-in, not a single ghost), for `farther_s` if not (a cut-out, not a change
-    of lane). The track it replaces is believed again at once for as long as twice `farther_s`.
+    A reading elsewhere starts a second track. It replaces the first one after readings have agreed with it
+    for `nearer_s` if it is nearer (a cut-in, not a single false reading), for `farther_s` if not (a cut-out,
+    not a lane change). The replaced track is accepted again at once for twice `farther_s`.
 
-    After each call `radar` holds gap and leader speed as measured, NaN where not believed, and `unseen_s` for
-    how long no reading was believed, inf where none ever was, and `contradicted_s` for how long readings have
-    come whose range and speeds contradict each other; each (batch,).
+    After each call `radar` holds gap and leader speed as measured, NaN if not accepted; `unseen_s` the time
+    since the last accepted reading, inf before the first; and `contradicted_s` the time for which readings
+    have come whose range and speeds contradict each other; each (batch,).
     """
 
     dt: float
@@ -65,7 +66,7 @@ class Tracker:
         self._tracks = None
 
     def __call__(self, observation: Observation) -> dict[str, Array]:
-        """The observation with gap and leader speed as believed; NaN only where nothing was ever seen."""
+        """The observation with accepted gap and leader speed; NaN only before the first accepted reading."""
         names = ("gap", "leader_speed", "speed")
         columns = (np.atleast_1d(np.asarray(observation[n], float)) for n in names)
         gap, leader, speed = np.broadcast_arrays(*columns)
@@ -114,8 +115,8 @@ class Tracker:
         return first, second
 
     def _second(self, reading: Track, elsewhere: Flags, fits: Flags, second: Track) -> Track:
-        """The second track: `elsewhere` a reading agrees with it or replaces it; one that `fits` the first
-        takes credit from it."""
+        """The second track: a reading `elsewhere` agrees with it or replaces it; one that `fits` the first
+        track reduces its count."""
         reach = np.where(second.credit_s > self.farther_s, self.jump_m, self.same_m)  # was it ever the first?
         agrees = np.abs(reading.gap - second.gap) <= reach
         agrees &= np.abs(reading.speed - second.speed) <= self.jump_speed

@@ -123,7 +123,7 @@ def _simulator_values(level: str, values: dict[str, float], rng: np.random.Gener
 
 
 def _drives(chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) -> list[str]:
-    """Kinds of the drives: an effect can act in two thirds of them, and in all held-out ones."""
+    """Kinds of the drives. In two thirds of them, and in all held-out ones, the effect can act."""
     out = []
     for k in range(count):
         among: tuple[str, ...] = DRIVES

@@ -227,7 +227,7 @@ def _with_shares(e: Evidence, found: Sequence[Finding], budget: Budget) -> list[
 
 
 def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
-    """Sum of the squared speeds, m/s, to which a force (n,), m/s^2, integrates over windows of
+    """Sum of the squared speeds, (m/s)^2, to which a force (n,), m/s^2, integrates over windows of
     `horizon_s`."""
     steps, counted = max(1, round(horizon_s / e.dt)), np.where(e.valid, force, 0.0)
     starts = [k for s in e.stretches for k in range(s.start, s.stop, steps)]

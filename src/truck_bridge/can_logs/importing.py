@@ -119,8 +119,8 @@ def _defaults(found: Decoding, torque: float) -> dict[str, Series]:
 
 
 def _best(found: Decoding, message: str, signal: str) -> Series | None:
-    """The source with most valid samples; if two have as many, the one with the lower address. Others are
-    remarked."""
+    """The source with most valid samples; if two have as many, the one with the lower address. A remark names
+    the others."""
     keys = [key for key in found.series if key[:2] == (message, signal)]
     if not keys:
         return None

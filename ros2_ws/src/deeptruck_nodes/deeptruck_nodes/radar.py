@@ -49,7 +49,7 @@ class Gap:
         self._last = (t, opening)
 
     def close(self) -> None:
-        """Does nothing; `Traffic` has resources to release."""
+        """Does nothing; exists because `Traffic`, which can replace a Gap, must be closed."""
 
 
 @dataclass(frozen=True)

@@ -154,8 +154,10 @@ class Regression:
 
     def possible(self, parameter: str, model: Model) -> bool:
         """Whether a parameter stays physically possible: rolling resistance, for example, is not negative.
-        Scaling all parameters down alike has hardly any effect, and would compensate whatever is not scaled
-        with them."""
+
+        The bounds also keep all parameters from shrinking together, which hardly changes the motion but would
+        compensate any effect that is not scaled with them.
+        """
         low, high = self.e.vehicle.possible(parameter)
         change = model.moved(parameter)
         return low < self.e.total_change(parameter, change) < high
