@@ -5,6 +5,7 @@ Nodes, supervisor, layouts and docs/topics.md use these; tests compare the last 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,8 +13,6 @@ from geometry_msgs.msg import AccelStamped, TwistStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Range
-
-from deeptruck_model.mismatch.tree import NAMES, PARTS
 
 
 def _reliable(depth: int) -> QoSProfile:
@@ -42,7 +41,7 @@ SOURCES = ("truck_sim", "can_bridge", "replay")
 
 @dataclass(frozen=True)
 class Topic:
-    """`fields` are the names in a JointState, always in this order; `rate` describes how often it is
+    """`named` are the names in a JointState, or a function that gives them; `rate` describes how often it is
     published, and `pause_s` is the usual time between two messages if that exceeds 2 s."""
 
     name: str
@@ -51,13 +50,31 @@ class Topic:
     subscribers: tuple[str, ...]
     rate: str
     content: str
-    fields: tuple[str, ...] = ()
+    named: tuple[str, ...] | Callable[[], tuple[str, ...]] = ()
     pause_s: float = 0.0
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The names in a JointState, always in this order."""
+        return self.named() if callable(self.named) else self.named
 
     @property
     def type_name(self) -> str:
         """The type's name in bags and in the node graph."""
         return f"{self.message.__module__.split('.')[0]}/msg/{self.message.__name__}"
+
+
+# The library of mechanisms takes longer to import than all else a node needs, and few nodes need its names.
+def _probable() -> tuple[str, ...]:
+    from deeptruck_model.mismatch.tree import NAMES
+
+    return (*NAMES, *(name for names in NAMES.values() for name in names), "unknown", "nothing")
+
+
+def _budget() -> tuple[str, ...]:
+    from deeptruck_model.mismatch.tree import PARTS
+
+    return ("speed_rmse", "horizon_s", *PARTS)
 
 
 TWIST = Topic(
@@ -118,13 +135,13 @@ MISMATCH_RESIDUAL = Topic(
 MISMATCH_NAMES = Topic(
     "/mismatch/names", JointState, ("mismatch_monitor", "replay"), ("recorder",),
     "every 30 s", "probability of each family and of each name in it, of the last minutes",
-    (*NAMES, *(name for names in NAMES.values() for name in names), "unknown", "nothing"),
+    _probable,
     30.0,
 )  # fmt: skip
 MISMATCH_BUDGET = Topic(
     "/mismatch/budget", JointState, ("mismatch_monitor", "replay"), ("recorder",),
     "every 30 s", "speed error after horizon_s, m/s, and the shares of its square by part",
-    ("speed_rmse", "horizon_s", *PARTS),
+    _budget,
     30.0,
 )  # fmt: skip
 DIAGNOSTICS = Topic(
