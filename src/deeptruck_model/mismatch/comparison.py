@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from deeptruck_model.mismatch.names import Names
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.unrecorded import NotRecorded
 
 
@@ -45,3 +46,12 @@ class Compared:
     def search(self) -> Regression:
         """The regression on which all names are compared."""
         return self.posterior.search
+
+    @property
+    def fitted(self) -> Evidence:
+        """The evidence of the fitted drives, with what their fit leaves out because it acts for seconds."""
+        e = self.search.e
+        rows = np.zeros(len(e), dtype=bool)
+        for x in self.events:
+            rows[x.start : x.stop] = True
+        return replace(e, valid=e.valid | (rows & e.everywhere().valid & ~e.held_out))

@@ -53,7 +53,7 @@ def conclude(
     rules: Rules,
 ) -> Verdict:
     """The verdict from all results of the comparison."""
-    e, fit = c.search.e, driven.fit
+    e, fit = c.fitted, driven.fit
     numbers = _numbers(c, driven)
     found = findings(c, made, road, numbers.error, decide.tolerance(numbers.own, rules), rules)
     shares = [f.share_of_explainable_error for f in found]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from deeptruck_model.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, Kernel, kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.sampler import SIZES
-from deeptruck_model.mismatch.residual.evidence import Stretch
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Series, whiten
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import FAMILY
@@ -69,7 +70,25 @@ def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
     Held-out drives are searched too, after subtracting their medians, because each drive has a constant force
     of its own.
     """
-    e, b = p.search.e.everywhere(), p.draws.coefficients.mean(axis=0)
+    e = p.search.e.everywhere()
+    return find_events(_left_over(p, e), p.noise, kernels(p.search), e.stretches, e.dt, seed)
+
+
+def together(p: Posterior, happened: Sequence[Event]) -> tuple[dict[str, float], Array]:
+    """Log evidence (nats) of every name for the events together, as if its force acted in these and at no
+    other time; and what is left of the residual in them (n,), m/s^2."""
+    left, rows = _left_over(p, p.search.e.everywhere()), [slice(x.start, x.stop) for x in happened]
+    inside = np.zeros(len(left.y), dtype=bool)
+    for own in rows:
+        inside[own] = True
+    mechanisms = [k for k in kernels(p.search) if k.part != "parameter"]
+    return _nats(left, p.noise, mechanisms, rows), np.where(inside, left.y, 0.0)
+
+
+def _left_over(p: Posterior, e: Evidence) -> Series:
+    """The residual of all rows less the posterior mean of all forces, and along each held-out drive less its
+    median too."""
+    b = p.draws.coefficients.mean(axis=0)
     y = e.residual - p.mean - p.always @ b[: p.always.shape[1]]
     for k, at in zip(p.of, p.at, strict=True):
         if np.abs(b[at]).max(initial=0.0) > 0.0:
@@ -80,7 +99,7 @@ def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
         known = series.valid[s.rows]
         if s.held_out and known.any():
             y[s.rows] -= np.where(known, np.median(y[s.rows][known]), 0.0)
-    return find_events(replace(series, y=y), p.noise, kernels(p.search), e.stretches, e.dt, seed)
+    return replace(series, y=y)
 
 
 def find_events(
@@ -298,21 +317,7 @@ class _Null:
 
 def _name(series: Series, noise: Fit, kernels: Sequence[Kernel], rows: slice) -> str | None:
     """The mechanism that explains the residual in some rows, or its family, if one is probable enough."""
-    near = np.arange(rows.start, min(rows.stop + ORDER, len(series.y)))
-    near = near[series.usable()[near]]
-    weight = 1.0 / (series.relative[near] * noise.sigma)
-    part = slice(max(rows.start - ORDER, 0), rows.stop + ORDER)  # all that the whitening of `near` reads
-    at = near - part.start
-    inside = np.zeros(len(series.y[part]), dtype=bool)
-    inside[rows.start - part.start : rows.stop - part.start] = True
-    y = whiten(np.where(inside, series.y[part], 0.0), noise.ar, at, weight)
-    nats: dict[str, list[float]] = {}
-    for k in kernels:
-        features = np.where(inside[:, None], np.nan_to_num(k.features[part]), 0.0)
-        nats.setdefault(k.name, []).append(
-            _evidence(y, whiten(features, noise.ar, at, weight)) + np.log(k.chance)
-        )
-    each = {name: float(logsumexp(x)) for name, x in nats.items()}
+    each = _nats(series, noise, kernels, [rows])
     unit = series.rules.evidence_temperature
     total = logsumexp([x / unit for x in each.values()])
     probability = {name: float(np.exp(x / unit - total)) for name, x in each.items() if name != UNKNOWN}
@@ -323,6 +328,33 @@ def _name(series: Series, noise: Fit, kernels: Sequence[Kernel], rows: slice) ->
         if family >= series.rules.stated:
             return FAMILY[name]
     return None
+
+
+def _nats(
+    series: Series, noise: Fit, kernels: Sequence[Kernel], windows: Sequence[slice]
+) -> dict[str, float]:
+    """Log evidence (nats) of every name for the residual in some windows of rows together, in which alone its
+    force acts, its chance counted."""
+    usable, n = series.usable(), len(series.y)
+    near = [np.arange(rows.start, min(rows.stop + ORDER, n)) for rows in windows]
+    near = [rows[usable[rows]] for rows in near]
+    weights = [1.0 / (series.relative[rows] * noise.sigma) for rows in near]
+
+    def whitened(x: NDArray[Any]) -> Array:
+        out = []
+        for rows, own, weight in zip(windows, near, weights, strict=True):
+            part = slice(max(rows.start - ORDER, 0), rows.stop + ORDER)  # all that their whitening reads
+            inside = np.nan_to_num(x[part])
+            inside[: rows.start - part.start] = 0.0
+            inside[rows.stop - part.start :] = 0.0
+            out.append(whiten(inside, noise.ar, own - part.start, weight))
+        return np.concatenate(out)
+
+    y = whitened(series.y)
+    nats: dict[str, list[float]] = {}
+    for k in kernels:
+        nats.setdefault(k.name, []).append(_evidence(y, whitened(k.features)) + np.log(k.chance))
+    return {name: float(logsumexp(x)) for name, x in nats.items()}
 
 
 def _evidence(y: Array, X: Array) -> float:

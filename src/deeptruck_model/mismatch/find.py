@@ -174,7 +174,7 @@ def compared(
         missing,
         e.residual,
         found,
-        names(found, rules),
+        names(found, rules, happened),
         parts,
         behind,
         happened,

@@ -38,12 +38,12 @@ def findings(
     """The findings: sensor faults, the road, every accepted name, differences between drives, and slow or
     position-dependent forces if the simulator's error exceeds `tolerance`, m/s. Sizes are absent if no
     correction was made."""
-    e = c.search.e
+    e = c.fitted
     out = [of_fault(f) for f in c.drives.faults]
     of_road = _of_road(e, road, rules)
     out += of_road
     for named in c.names.found:
-        f = _of_named(c, made, named, rules)
+        f = _of_named(c, e, made, named, rules)
         if f is not None and named.accepted and _longer_than_sensors(f, e):
             out.append(replace(f, missing_input=c.behind.get(f.effect, "")))
     of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)
@@ -55,17 +55,17 @@ def findings(
     return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
 
 
-def _of_named(c: Compared, made: Made | None, named: Named, rules: Rules) -> Finding | None:
+def _of_named(c: Compared, e: Evidence, made: Made | None, named: Named, rules: Rules) -> Finding | None:
     search, name = c.search, named.name
     if name in search.parameters and name not in LIBRARY:
         return _of_parameter(c, named, rules)
     if name in search.parameters and c.posterior.is_parameter(name):
         return _of_parameter(c, named, rules)
     if name == UNKNOWN:
-        f = _finding(search.e, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force, rules)
+        f = _finding(e, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force, rules)
         return replace(f, separating_manoeuvre=wording.RECORD_MORE)
     m = LIBRARY[name]
-    f = _finding(search.e, named, Kind(m.kind), m.says, named.force, rules)
+    f = _finding(e, named, Kind(m.kind), m.says, named.force, rules)
     term = next((t for t in made.terms if t.mechanism.effect == name), None) if made is not None else None
     sizes = sizes_of(term, made.fit, search.e) if made is not None and term is not None else {}
     return replace(
@@ -103,7 +103,7 @@ def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
 def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
     """The largest unnamed part, if the simulator's error exceeds the tolerance and nothing else was found: a
     slow or accumulating part, one that changes within seconds, or one that follows recorded channels without
-    being a mechanism."""
+    being a mechanism. Its probability is that of the last, since a mechanism that was missed is none."""
     b = c.budget
     unexplained = b.force(LEFT_OVER, c.residual)
     each = {
@@ -113,7 +113,7 @@ def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
     }
     part = max(each, key=lambda part: each[part][0])
     share, force = each[part]
-    return [_nameless(c, part, 1.0 - c.names.any, share, force, rules)] if b.parts else []
+    return [_nameless(c, part, c.names.each.get(UNKNOWN, 0.0), share, force, rules)] if b.parts else []
 
 
 def _nameless(c: Compared, part: str, p: float, share: float, force: Array, rules: Rules) -> Finding:
@@ -208,11 +208,12 @@ def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
 
 def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
     """Whether a delay exceeds that of ordinary message periods and filters. The nuisance terms of sensors
-    take up part of a delay, so that the whole residual is compared."""
+    take up part of a delay, so that the whole residual is compared, where the finding's force acts."""
     if f.effect not in LATE or f.force is None:
         return True
-    late = e.rerun("delay_all", e.rules.least_delay_s)[e.valid]
-    times = abs(float(e.residual[e.valid] @ late)) / max(float(late @ late), 1e-12)
+    rows = e.valid & (f.force != 0.0)
+    late = e.rerun("delay_all", e.rules.least_delay_s)[rows]
+    times = abs(float(e.residual[rows] @ late)) / max(float(late @ late), 1e-12)
     return times > 1.0
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from deeptruck_model.json_data import stored
+from deeptruck_model.mismatch.events import Event, together
+from deeptruck_model.mismatch.posterior.kernels import TIME_VARYING, VARYING, kernels
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import FAMILY, SLOW, Tree
@@ -52,9 +55,10 @@ class Names:
     each: Mapping[str, float]
 
 
-def names(p: Posterior, rules: Rules) -> Names:
+def names(p: Posterior, rules: Rules, happened: Sequence[Event] = ()) -> Names:
     """The names of a posterior. Each finding has the most probable name of the most probable family not yet
-    represented by an earlier finding; its alternatives are the names that may act in its place."""
+    represented by an earlier finding; its alternatives are the names that may act in its place. Without
+    any accepted, the finding is the possible common cause of the events that `happened`."""
     there = {n: p.inside(n) for n in dict.fromkeys(k.name for k in p.of)}
     slow = float(there[SLOW].mean()) if SLOW in there else 0.0
     own = {n: x for n, x in there.items() if n not in NO_NAME}
@@ -72,6 +76,8 @@ def names(p: Posterior, rules: Rules) -> Names:
         if sum(tree.names.values()) >= rules.named:
             found.append(_named(p, name, tree, rules))
             left.pop(found[-1].name, None)
+    if len(happened) >= Limits.events_agree and not any(x.accepted for x in found):
+        found = [_cause(p, happened, rules)]
     each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= Limits.rare}
     return Names(tuple(found), some, slow, _explanations(own), each)
 
@@ -82,6 +88,17 @@ def _named(p: Posterior, sought: str, tree: Tree, rules: Rules) -> Named:
     sure = sum(tree.names.values()) >= rules.stated  # a learned simulator is off in many ways
     accepted = (sure or p.search.e.known_physics) and p.gain(first) > _own_gain(p, rules)
     return Named(first, tree, p.gain(first), p.force(drawn, p.inside(drawn)), accepted)
+
+
+def _cause(p: Posterior, happened: Sequence[Event], rules: Rules) -> Named:
+    """What may be the one cause of some events, of which noise makes hardly two. Names that do not vary in
+    time of themselves are less probable by the odds of that."""
+    nats, force = together(p, happened)
+    varies = {k.name for k in kernels(p.search) if k.part == VARYING}
+    odds = [0.0 if n in varies else np.log(TIME_VARYING) for n in nats]
+    chosen = softmax(np.array([*nats.values()]) / rules.evidence_temperature + odds)
+    tree = Tree({n: float(q) for n, q in zip(nats, chosen, strict=True) if q >= Limits.rare})
+    return Named(tree.first, tree, nats[tree.first], force, p.search.e.known_physics)
 
 
 def _own_gain(p: Posterior, rules: Rules) -> float:

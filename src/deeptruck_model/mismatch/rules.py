@@ -198,6 +198,12 @@ class Limits:
     event_compared: float = _rule(
         0.7, "1", "of the samples of a window, above which an event may be in it", CHOSEN
     )
+    events_agree: int = _rule(
+        2,
+        "events",
+        "of which one cause is sought where nothing acts always: noise has hardly two",
+        STATISTICS,
+    )
     notable: float = _rule(
         0.02, "m/s^2", "of a 1 s mean, above which a force acts: noise of ordinary sensors", SENSORS
     )

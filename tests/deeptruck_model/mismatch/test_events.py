@@ -12,6 +12,7 @@ from small_drives import DT, N, evidence
 
 from deeptruck_model.json_data import from_json, to_json
 from deeptruck_model.mismatch.events import CLIP, LARGEST, POWER, Event, _Filters, events, find_events
+from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels, without
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -166,6 +167,31 @@ def test_events_are_found_beside_what_acts_always_and_left_out_of_its_fit() -> N
     assert not set(other.rows) & set(range(ROWS.start, ROWS.stop))
     assert set(range(ROWS.start, ROWS.stop)) <= set(p.search.rows)
     assert posterior(other, e.rules, sweeps=5).probability("brake_gain") > 0.3
+
+
+THREE = (slice(800, 835), slice(2700, 2735), slice(4900, 4935))
+
+
+@pytest.mark.parametrize("rows", [THREE, THREE[:1]], ids=["three", "one"])
+def test_events_that_agree_have_one_cause_where_nothing_acts_always(rows: tuple[slice, ...]) -> None:
+    """A share of the engine's force is lost for seconds; of one event no cause is sought."""
+    lost = -0.5 * evidence()["engine"]
+    e = evidence(sum(during(r, lost) for r in rows))
+    p = posterior(Regression(e), e.rules, sweeps=30)
+    happened = events(p)
+    assert len(happened) == len(rows)
+    outside = np.zeros(N, dtype=bool)
+    for x in happened:
+        outside[x.start : x.stop] = True
+    p = posterior(without(p.search, outside), e.rules, sweeps=30)
+    found = names(p, e.rules, happened).found
+    assert len(found) == (len(rows) > 1)
+    for cause in found:
+        assert next(iter(cause.tree.families)) == "engine_driveline"
+        assert sum(cause.tree.names.values()) == pytest.approx(1.0, abs=0.1)
+        middle = slice(rows[1].start + 5, rows[1].stop - 5)
+        np.testing.assert_allclose(cause.force[middle], lost[middle], atol=0.1)
+        assert not cause.force[~outside].any()
 
 
 def false_events(seeds: range) -> tuple[int, float]:

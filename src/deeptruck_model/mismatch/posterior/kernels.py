@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 UNKNOWN = "unknown"
 LAW, IN_TIME, UNNAMED = 24, 60, 40  # leading directions that are kept of a kernel
 TIME_VARYING = 0.3  # prior odds that a name which may be time-varying is
+VARYING = "in time"  # part of such a kernel
 CARRIERS = {
     "engine": 0.15,
     "brake": 0.15,
@@ -109,7 +110,7 @@ def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int, odds:
         _thin(features, search, most),
         typical if signed else None,
         mechanism.chance(search.e) * odds,
-        "in time" if most == IN_TIME else "law",
+        VARYING if most == IN_TIME else "law",
     )
 
 

@@ -74,7 +74,8 @@ class Posterior:
         """Whether the parameter of a name acts more often than its other forces."""
         inside = self.draws.inside
         own = {k.part: float(inside[:, j].mean()) for j, k in enumerate(self.of) if k.name == name}
-        return own.pop("parameter", 0.0) >= max(own.values(), default=0.0)
+        parameter = own.pop("parameter", 0.0)
+        return parameter > 0.0 and parameter >= max(own.values(), default=0.0)
 
     def change(self, parameter: str) -> tuple[float, float]:
         """Mean and standard deviation of a parameter's relative change from the simulator as given, over

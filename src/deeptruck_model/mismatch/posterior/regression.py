@@ -120,9 +120,9 @@ class Regression:
         self._models: dict[tuple[object, ...], Model] = {}
 
     def without(self, rows: Mask) -> Regression:
-        """The same regression without some rows (n,)."""
+        """The same regression without some rows (n,), which `everywhere` still has."""
         other = copy(self)
-        other.e = replace(self.e, valid=self.e.valid & ~rows)
+        other.e = replace(self.e, valid=self.e.valid & ~rows, whole=self.e.everywhere().valid)
         other.series = replace(self.series, valid=self.series.valid & ~rows)
         other.rows = np.flatnonzero(other.series.usable())
         other._models = {}

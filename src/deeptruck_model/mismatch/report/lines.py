@@ -213,7 +213,8 @@ def cause(f: Finding) -> str:
     """The stated node and the probabilities below it."""
     if f.effect == UNKNOWN:
         share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
-        return f"{opened(f.says)}: probability {percent(f.probability)}{share}."
+        probable = f": probability {percent(f.probability)}" if f.stated != ROOT else ""
+        return f"{opened(f.says)}{probable}{share}."
     if f.kind is Kind.SENSOR:
         return f"{opened(spoken(f.effect))}: {f.says}."
     split = f"{spoken(f.effect)} {percent(f.probability)}"
