@@ -82,7 +82,8 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
 
 
 def _of_terms(search: Regression, terms: Sequence[CandidateTerm]) -> list[Kernel]:
-    """One kernel of the laws among a name's terms, and one of those that vary in time."""
+    """One kernel of the laws among a name's terms, and one of those that vary in time, in any order."""
+    terms = sorted(terms, key=lambda t: repr(t.variants))
     laws = [t for t in terms if not t.varies_in_time]
     varying = [t for t in terms if t.varies_in_time]
     parts = ((laws, LAW, 1.0), (varying, IN_TIME, TIME_VARYING))

@@ -78,3 +78,10 @@ def test_rows_that_are_left_out_leave_the_kernels_as_they_are() -> None:
     assert kernels(other) is kernels(search())
     assert not set(other.rows) & set(range(100, 200))
     assert set(range(100, 200)) <= set(search().rows)
+
+
+def test_the_order_of_forms_does_not_matter() -> None:
+    terms = candidate_terms(LIBRARY["engine_brake"], search().e)
+    for one, other in zip(k._of_terms(search(), terms), k._of_terms(search(), terms[::-1]), strict=True):
+        assert (one.part, one.chance) == (other.part, other.chance)
+        np.testing.assert_array_equal(one.features, other.features)
