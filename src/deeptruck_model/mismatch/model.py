@@ -51,7 +51,8 @@ class Made:
     sizes, which findings state even if other sizes predict better; and the parameters of the refit.
 
     `left_out` are first-order speed errors (drives,), rms in m/s, of fitted drives that were left out in
-    turn, by simulator as in `FreeRunErrors`; empty if they are too few. The recipe was selected by them.
+    turn, by simulator as in `FreeRunErrors`; empty if they are too few. Those of the corrected
+    simulator are of the recipe that the other drives select.
     """
 
     corrected: CorrectedTruck
@@ -76,10 +77,8 @@ def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
         options += [Recipe(terms, free) for free in sorted(frees, key=len)]
     options += [replace(o, output_error=True) for o in options[1:]]
     folds = _folds(search.e)
-    errors = [_left_out(folds, recipe) for recipe in (*options, tuning)]
-    whole_error = [_rms(e) ** 2 for e in errors[:-1]]
-    chosen = int(np.argmin([x if k else rules.better**2 * x for k, x in enumerate(whole_error)]))
-    best = options[chosen]
+    *errors, tuned = (_left_out(folds, recipe) for recipe in (*options, tuning))
+    best = options[_best(errors, rules)]
     whole = Regression(search.e.everywhere(), only=~search.e.held_out & search.e.valid, held=PINNED)
     alone = whole.model((), parameters)
     return Made(
@@ -90,8 +89,12 @@ def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
         {n: _refitted(simulator, whole.e, alone, n) for n in sorted(alone.free)},
         stated,
         {
-            name: np.array([_rms(drive[None]) for drive in errors[k]])
-            for name, k in (("before", 0), ("parameters_only", -1), ("after", chosen))
+            name: np.array([_rms(drive[None]) for drive in own])
+            for name, own in (
+                ("before", errors[0]),
+                ("parameters_only", tuned),
+                ("after", _nested(errors, rules)),
+            )
             if len(folds) > 1
         },
     )
@@ -207,6 +210,20 @@ def _left_out(folds: Sequence[_Fold], recipe: Recipe) -> Array:
             rows = s.e.record == drive
             out.append((float(speed[rows] @ speed[rows]), int(fold.left_out[rows].sum())))
     return np.array(out, dtype=float).reshape(-1, 2)
+
+
+def _best(errors: Sequence[Array], rules: Rules) -> int:
+    """The recipe of least error; the first one, which corrects nothing, where none is clearly better. Errors
+    are those of `_left_out`."""
+    squares = [_rms(e) ** 2 for e in errors]
+    return int(np.argmin([rules.better**2 * squares[0], *squares[1:]]))
+
+
+def _nested(errors: Sequence[Array], rules: Rules) -> Array:
+    """Errors of every drive (drives, 2) by the recipe that is best on the others: the one that is best on all
+    is so on each by chance too."""
+    drives = np.arange(len(errors[0]))
+    return np.array([errors[_best([e[drives != k] for e in errors], rules)][k] for k in drives])
 
 
 def _rms(errors: Array) -> float:

@@ -9,7 +9,7 @@ import pytest
 from small_drives import N, evidence
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.model import Recipe, _folds, _forms, _left_out, _rms, _terms
+from deeptruck_model.mismatch.model import Recipe, _best, _folds, _forms, _left_out, _nested, _rms, _terms
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -33,6 +33,13 @@ def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
     loud = posterior(Regression(lost), Rules(), sweeps=40)
     assert len(_terms(quiet)) <= 1
     assert _terms(loud)
+
+
+def test_the_error_of_a_drive_is_by_the_recipe_that_the_others_choose() -> None:
+    """A recipe that is best on all by one lucky drive is worse on the others."""
+    errors = [np.array([[x, 1.0] for x in squares]) for squares in ([1.0, 1.0, 1.0], [0.0, 1.2, 1.2])]
+    assert _best(errors, Rules()) == 1
+    np.testing.assert_array_equal(_nested(errors, Rules())[:, 0], [1.0, 1.2, 1.2])
 
 
 def test_every_fitted_drive_is_driven_by_what_was_fitted_to_others() -> None:
