@@ -82,15 +82,19 @@ def conclude(
 
 
 def tree(c: Compared, found: Sequence[Finding], road: Road | None, rules: Rules) -> tuple[Node, ...]:
-    """The tree of the road if it states a name; else of the first finding that has one, else of the most
-    probable name; without any, every mechanism with its probability, and `nothing`."""
+    """The tree of the road if it states a name; else of the first finding that has one, else of the first
+    name that was not accepted; without any, `nothing` and every mechanism with its probability, but for
+    accepted names that became no finding, as a delay of ordinary sensors."""
     if road is not None and road.tree.stated(rules.stated) != ROOT:
         return road.tree.nodes()
-    by_name = {named.name: named.tree for named in c.names.found}
-    trees = [by_name[f.effect] for f in found if f.effect in by_name] or list(by_name.values())
+    by_name = {x.name: x.tree for x in c.names.found}
+    trees = [by_name[f.effect] for f in found if f.effect in by_name]
+    trees += [x.tree for x in c.names.found if not x.accepted]
     if trees:
         return trees[0].nodes()
-    return (Node("nothing", ROOT, round(1.0 - c.names.any, 4)), *Tree(c.names.each).nodes())
+    each = {name: p for name, p in c.names.each.items() if name not in by_name}
+    some = np.any([c.posterior.inside(name) for name in each], axis=0).mean() if each else 0.0
+    return (Node("nothing", ROOT, round(1.0 - float(some), 4)), *Tree(each).nodes())
 
 
 def _numbers(c: Compared, driven: Validated) -> decide.Numbers:

@@ -70,7 +70,7 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
         return NamesReply(c.drives.useless or "")
     found = findings(c, None, None, c.budget.speed_rmse, rules.visible, rules)
     stated = [f for f in found if f.stated != ROOT or f.effect == UNKNOWN]
-    nodes = conclude.tree(c, (), None, rules)
+    nodes = conclude.tree(c, found, None, rules)
     if stated:
         says = " ".join(lines.cause(f) for f in stated)
     elif found:
