@@ -83,7 +83,8 @@ STEERING: dict[str, dict[str, str]] = {
     },
     "what a page shows": {
         "report/lines.py": "LARGE MOST_DRIVES MUCH_LARGER WORTH_SAYING",
-        "report/page.py": "AROUND_S LEAST LEAST_SHARE MOST_BLOCKS",
+        "report/explorer_data.py": "AROUND_S",
+        "report/page.py": "LEAST LEAST_SHARE",
         "where.py": "SMALL",
     },
     "marks": {
