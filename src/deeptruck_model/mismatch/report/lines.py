@@ -55,7 +55,7 @@ def headline(v: Verdict) -> str:
         own = next((one for one in v.findings if one.effect == UNKNOWN and one.in_drives), None)
         what = f"{_in_drives(own)}; otherwise {GOOD_ENOUGH}" if own is not None else GOOD_ENOUGH
         return opened(what) + (f"; better still: {_next_step(v)}" if v.validated else "")
-    return f"{opened(_in_drives(f))}{_larger(v)}: {_next_step(v)}"
+    return f"{opened(_larger(v) + _in_drives(f))}: {_next_step(v)}"
 
 
 def _good_enough(v: Verdict) -> bool:
@@ -80,7 +80,7 @@ def _larger(v: Verdict) -> str:
     other = max((p for p in parts if p.part not in stated), key=lambda p: p.share, default=None)
     if other is None or share is None or other.share < MUCH_LARGER * share:
         return ""
-    return f"; more is {spoken(other.part)}, {percent(other.share)}, of which no name is certain"
+    return f"most is {spoken(other.part)}, {percent(other.share)}, of which no name is certain; "
 
 
 def _drive(f: Finding, name: str) -> str:
