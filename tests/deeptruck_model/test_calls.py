@@ -69,6 +69,13 @@ WRONG: dict[str, tuple[Call, str]] = {
     "find: say": (lambda r: find_mismatch(TRUCK, r, say="x"), "say must be"),
     "find: held out": (lambda r: find_mismatch(TRUCK, r, "nowhere"), "nowhere does not exist"),
     "find: judges itself": (lambda r: find_mismatch(TRUCK, r, r), "'one' is to be fitted and held out"),
+    "find: one bag twice": (
+        lambda r: find_mismatch(TRUCK, "one", ["./one"]),
+        "among the recordings and held",
+    ),
+    "import: number": (lambda r: recordings.import_table(3, {}, "out"), "a table must be a path"),
+    "import: columns": (lambda r: recordings.import_table("one", 3, "out"), "columns must be a mapping"),
+    "suggest: number": (lambda r: recordings.suggest(3), "a bag must be a path"),
     "train: number": (lambda r: train(3, "out"), "recordings must be"),
     "train: no bag": (lambda r: train(["nowhere"], "out"), "nowhere does not exist"),
     "train: out": (lambda r: train(r, None), "out must be a path"),

@@ -136,7 +136,7 @@ def held_out(recordings: Sequence[Path], others: Sequence[Path]) -> None:
     fitted = {path.resolve() for path in recordings}
     if twice := [str(path) for path in dict.fromkeys(others) if path.resolve() in fitted]:
         raise InputError(
-            f"{', '.join(twice)}: in --recordings and in --held-out; hold out drives that are not fitted"
+            f"{', '.join(twice)}: among the recordings and held out; hold out drives that are not fitted"
         )
 
 

@@ -10,7 +10,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.prepare import Span
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.given import check_apart, drives
+from deeptruck_model.recordings.given import check_apart, check_paths_apart, drives
 from deeptruck_model.simulators import Simulator, completed
 
 
@@ -38,6 +38,7 @@ def called(
         calls.number(mass_kg, "mass_kg", "kg")
     if isinstance(exclude, str):
         raise InputError(f"exclude must be a list of effects: exclude=[{exclude!r}]")
+    check_paths_apart(recordings, held_out)
     truck = completed(simulator)
     rate = 1.0 / truck.dt
     fit = drives(recordings, "recordings", rate_hz=rate, among=held_out)

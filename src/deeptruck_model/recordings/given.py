@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from deeptruck_model import calls
+from deeptruck_model import calls, checks
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.several import read_all
@@ -39,6 +39,15 @@ def _parts(given: Any) -> list[Any] | None:
     if isinstance(given, str | Path | Recording):
         return [given]
     return list(given) if isinstance(given, Iterable) else None
+
+
+def check_paths_apart(recordings: Any, held_out: Any) -> None:
+    """Raises InputError for a bag that is both fitted and held out, before any is read."""
+    fitted, held = (
+        [Path(part) for part in _parts(given) or () if isinstance(part, str | Path)]
+        for given in (recordings, held_out)
+    )
+    checks.held_out(fitted, held)
 
 
 def check_apart(recordings: Sequence[Recording], held_out: Sequence[Recording]) -> None:

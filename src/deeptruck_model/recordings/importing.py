@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import files, row_keys
+from deeptruck_model import calls, files, row_keys
 from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.csv_text import RAGGED
@@ -82,7 +82,9 @@ def import_table(
     `overwrite` replaces an imported bag, never a file of withheld channels. Raises InputError with one line
     for input that cannot be used; nothing is left behind.
     """
-    table, out = Path(table), Path(out)
+    table, out = calls.path(table, "a table"), calls.path(out, "out")
+    if not isinstance(columns, Mapping | str | Path):
+        raise InputError(f"columns must be a mapping or a YAML file, not {calls.shown(columns)}")
     import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     if import_checks.is_bag(table, columns):
         recordings = _of_what_is_there(read(table, topic_map=columns, clock=clock, msg=msg))

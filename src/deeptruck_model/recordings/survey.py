@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import reading
+from deeptruck_model import calls, reading
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, BagSource
 from deeptruck_model.recordings.layout import STAMP, Columns, Layout, Walker
 from deeptruck_model.recordings.mcap_chunks import Batch
@@ -80,7 +80,7 @@ class Survey:
 
 def survey(path: str | Path, msg: Sequence[str | Path] = ()) -> Survey:
     """Survey every topic of a bag. Raises InputError if the bag is missing, damaged or empty."""
-    path = Path(path)
+    path = calls.path(path, "a bag")
     with reading.of(path), BagSource(path, [Path(file) for file in msg]) as bag:
         stored = bag.custom_data().get(INTERFACE_KEY)
         walker = Walker(bag.definitions, ros1=bag.ros1, bag=str(path))

@@ -19,7 +19,7 @@ from deeptruck_model.signals import TruckInterface
 
 def test_a_drive_is_fitted_or_held_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=r"a: in --recordings and in --held-out; hold out drives"):
+    with pytest.raises(InputError, match=r"a: among the recordings and held out; hold out drives"):
         checks.held_out([Path("a"), Path("b")], [tmp_path / "a"])
     checks.held_out([Path("a")], [Path("b")])
 
