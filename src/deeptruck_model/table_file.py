@@ -111,6 +111,8 @@ class TextTable:
         if pa.types.is_string(column.type):
             cells = self.cells(name)
             values, unreadable = floats(cells, self.decimal)
+            if unreadable.any() and self._has_thousands(name):
+                values, unreadable = floats(pc.replace_substring(cells, ",", ""), self.decimal)
             if unreadable.any() and (self.unit_in_cells(name) or not np.isfinite(values).any()):
                 return self._beside_numbers(cells)
             return values, unreadable
@@ -119,6 +121,17 @@ class TextTable:
         except pa.ArrowException:
             raise InputError(f"{self.path}: column '{name}' of type {column.type} holds no numbers") from None
         return numbers.astype(np.float64), np.zeros(len(numbers), dtype=bool)
+
+    def _has_thousands(self, name: str) -> bool:
+        """Whether commas in a column can only separate thousands: its cells are as '1,300', and another
+        column has a decimal point."""
+        cells = self.cells(name)
+        commas = pc.match_substring(cells, ",")
+        grouped = pc.match_substring_regex(cells, _GROUPED)
+        if self.decimal != "." or not pc.all(pc.equal(commas, grouped)).as_py():
+            return False
+        texts = [c for other, c in self.columns.items() if other != name and pa.types.is_string(c.type)]
+        return any(pc.any(pc.match_substring_regex(c, r"^\s*[-+]?\d+\.\d+\s*$")).as_py() for c in texts)
 
     def unit_in_cells(self, name: str) -> str:
         """The unit after the numbers in nearly all cells of a column, as in '54 km/h'; '' if there is
@@ -278,6 +291,7 @@ def _parquet(path: Path) -> pa.Table:
     return parquet.read_table(path, page_checksum_verification=True)
 
 
+_GROUPED = r"^\s*[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?\s*$"  # 1,300 and 1,300.5
 _THOUSANDS = r"^[-+]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?$"
 
 

@@ -240,3 +240,21 @@ def test_points_beside_a_decimal_comma_mark_thousands(cells: list[str], expected
     values, unreadable = floats(pa.chunked_array([pa.array(cells)]), ",")
     assert values.tolist() == pytest.approx(expected, nan_ok=True)
     assert unreadable.tolist() == [math.isnan(value) for value in expected]
+
+
+@pytest.mark.parametrize(
+    ("cells", "others", "expected"),
+    [
+        (["1,300", "980", "12,500.5"], ["0.1", "2.5", "3.0"], [1300.0, 980.0, 12500.5]),
+        (["1,300", "0,980", "2,5"], ["0.1", "2.5", "3.0"], [math.nan] * 3),
+        (["7,081", "12,345", "9,100"], ["1", "2", "3"], [math.nan] * 3),  # no point shows what the comma is
+    ],
+)
+def test_commas_mark_thousands_where_another_column_has_points(
+    tmp_path: Path, cells: list[str], others: list[str], expected: list[float]
+) -> None:
+    rows = "".join(f'{other},"{cell}"\n' for other, cell in zip(others, cells, strict=True))
+    (tmp_path / "t.csv").write_text("t,n\n" + rows)
+    values, unreadable = read_table(tmp_path / "t.csv").values("n")
+    assert values.tolist() == pytest.approx(expected, nan_ok=True)
+    assert unreadable.tolist() == [math.isnan(value) for value in expected]

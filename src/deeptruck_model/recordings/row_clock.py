@@ -56,7 +56,7 @@ def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence
 
     `speeds`, each (n,), are columns of a speed in any unit: their rates of change decide between units of
     time. Of several clocks the one with fractions of a second is preferred, then date with time of day, then
-    the plainest name.
+    one that never goes back (a time of the lap does), then the plainest name.
     """
     found: list[tuple[tuple[object, ...], RowClock]] = []
     refused = ""
@@ -73,11 +73,20 @@ def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence
         extra = len(frozenset().union(*(headers[name].words for name in columns)) - TIME)
         off = time[-1] if trial.sure else _unlikely(seconds, speeds)  # days for months make it long
         whole = not trial.sure or bool(np.allclose(time, np.rint(time)))
-        order = (whole, -len(columns), extra, trial.place, off)
+        order = (whole, -len(columns), _falls(table, columns), extra, trial.place, off)
         found.append((order, RowClock(_line(trial.clock), trial.why, columns, seconds)))
     if found:
         return min(found, key=lambda one: one[0])[1]
     return RowClock("", refused or "no column looks like a clock")
+
+
+def _falls(table: TextTable, columns: tuple[str, ...]) -> bool:
+    """Whether a clock of plain numbers goes back."""
+    column = table.column(columns[0])
+    if len(columns) > 1 or pa.types.is_temporal(column.type):
+        return False
+    values = table.values(columns[0])[0]
+    return bool((np.diff(values[np.isfinite(values)]) < 0.0).any())
 
 
 def _line(clock: Clock) -> str:

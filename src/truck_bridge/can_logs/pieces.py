@@ -18,6 +18,7 @@ BACK_S = 1.0  # frames may overtake one another by this much, as in bags; furthe
 RETURN_S = 5.0  # time is back in its place where it is within this of where it was left
 TRUSTED = 20  # frames behind a jump that make it a new piece
 PAUSE_S = 86400.0  # a longer jump ahead is no pause of the truck but a clock that was set
+SELDOM = 1 / 10  # of the frames; where fewer are earlier than the one before, a clock begins again
 BACK_AND_FORTH = 1 / 3  # of the frames; where more go back, and all lie within HOLE_S, times are differences
 APART_S = 60.0  # between sessions that are put one behind the other
 
@@ -61,7 +62,7 @@ class _Clock:
         self._account, self._ascending = account, ascending
         self._first: float | None = None
         self._begun = self._latest = self._shift = 0.0
-        self._overtaken, self._most = 0, 0.0
+        self._overtaken, self._returns, self._most = 0, 0, 0.0
 
     def follows(self, time: float) -> bool:
         """Whether a frame comes shortly after the latest one, as nearly all do; if so, it is noted."""
@@ -100,6 +101,7 @@ class _Clock:
             self._begun = frame.time
         elif frame.time < self._latest:
             self._overtaken += 1
+            self._returns += step < 0.0
             self._most = max(self._most, self._latest - frame.time)
         self.last = frame.time
         self._latest = max(self._latest, frame.time)
@@ -114,6 +116,12 @@ class _Clock:
         progress."""
         frames = self._account.total.read
         if self._latest - self._begun < HOLE_S and self._overtaken > max(TRUSTED, BACK_AND_FORTH * frames):
+            if self._returns < SELDOM * frames:
+                raise InputError(
+                    f"{self._account.source}: times begin again {self._returns} times, and none lasts longer "
+                    f"than {self._latest - self._begun:.3g} s: a part of the clock was not recorded; record "
+                    "whole times"
+                )
             raise InputError(
                 f"{self._account.source}: the times of {self._overtaken} of {frames} frames go back; are "
                 "they differences ('candump -t d')? Record with 'candump -t a' or 'candump -l'"

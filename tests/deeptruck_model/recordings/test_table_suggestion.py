@@ -418,3 +418,9 @@ HEADERS = {
 )
 def test_words_of_headers(channel: str, name: str) -> None:
     assert meant(name) == channel
+
+
+def test_a_clock_that_never_goes_back_comes_before_that_of_a_lap(tmp_path: Path) -> None:
+    columns = {"Time": TIME % 20.0, "Absolute Time": TIME, "speed_mps": SPEED, "throttle_pct": PEDAL}
+    found = suggest_columns(written(tmp_path / "laps.csv", columns))
+    assert found.clock.columns == ("Absolute Time",)

@@ -466,6 +466,15 @@ def test_times_that_are_differences_are_refused(tmp_path):
     assert "\n" not in str(error.value)
 
 
+def test_a_clock_of_fractions_alone_is_said(tmp_path):
+    """As an adapter that stamps 0 to 1 s again and again."""
+    lines = [
+        line.replace(line[1 : line.index(")")], f"{0.01 * k % 1:09.6f}") for k, line in enumerate(drive())
+    ]
+    with pytest.raises(InputError, match=r"times begin again 3 times, and none lasts longer than 0\.99 s"):
+        can_logs.decode(written(tmp_path, "".join(lines)))
+
+
 def test_replay_takes_one_bus_of_several(both):
     with pytest.raises(InputError, match="replay: --log-channel NAME"):
         can_logs.replay(both, "loopback", "no-bus")
