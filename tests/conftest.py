@@ -1,4 +1,4 @@
-"""For all tests: one thread each, as two run side by side, and figures without a screen."""
+"""For all tests: one thread each, as one runs on every core, and figures without a screen."""
 
 from __future__ import annotations
 

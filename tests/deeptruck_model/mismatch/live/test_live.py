@@ -66,10 +66,26 @@ def lazy_brake() -> Question:
     return Question("truck:trucksim", heard(drive))
 
 
-def test_a_companion_names_what_the_function_names(lazy_brake: Question) -> None:
+@pytest.fixture(scope="module")
+def right_truck() -> Question:
+    (drive,) = drives(TRUCK, 1, 240.0)
+    return Question("truck:trucksim", heard(drive))
+
+
+def test_brakes_that_are_slow_are_named(lazy_brake: Question) -> None:
+    found = answer(lazy_brake).found
+    assert isinstance(found, NamesReply)
+    probable = max((n for n in found.nodes if n.parent == "mismatch"), key=lambda n: n.probability)
+    assert probable.node in ("brakes", "timing")
+    assert sum(found.shares.values()) == pytest.approx(1.0)
+
+
+def test_with_the_right_truck_nothing_is_named_and_a_companion_answers_as_the_function(
+    right_truck: Question,
+) -> None:
     companion = Companion(share=8.0)
     try:
-        companion.ask(lambda: lazy_brake)
+        companion.ask(lambda: right_truck)
         assert companion.busy
         other = companion.taken(waits=True)
         assert other is not None and companion.busy and companion.taken() is None
@@ -77,18 +93,9 @@ def test_a_companion_names_what_the_function_names(lazy_brake: Question) -> None
         assert not companion.busy  # it has rested
     finally:
         companion.close()
-    own = answer(lazy_brake)
-    assert isinstance(other.found, NamesReply)
-    assert other.found == own.found and other.cpu_s > 0.0
-    probable = max((n for n in own.found.nodes if n.parent == "mismatch"), key=lambda n: n.probability)
-    assert probable.node in ("brakes", "timing")
-    assert sum(own.found.shares.values()) == pytest.approx(1.0)
-
-
-def test_beside_the_right_truck_nothing_is_named() -> None:
-    (drive,) = drives(TRUCK, 1, 240.0)
-    found = answer(Question("truck:trucksim", heard(drive))).found
+    found = answer(right_truck).found
     assert isinstance(found, NamesReply) and found.says == NOT_DETECTED and found.nodes[0].node == "nothing"
+    assert other.found == found and other.cpu_s > 0.0
 
 
 def test_what_a_drive_has_of_its_own_is_that_of_adapt() -> None:
