@@ -58,7 +58,7 @@ def excluded(case: Case) -> list[str]:
 
 def summary(run: ToolRun) -> dict[str, Any]:
     """Summary of a run on real logs: statements and sizes, free-run speed errors before and after, and the
-    budget as shares of the squared speed error by part; None for what the verdict does not have."""
+    budget as shares of the squared speed error by part. Values that the verdict lacks are None."""
     findings, fit = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
     strengths = [f.get("strength") or {} for f in findings]
     budget = run.verdict.get("budget")

@@ -93,7 +93,8 @@ class CaccGymEnv(_Face, gymnasium.Env):
         return self._start(int(self.np_random.integers(2**31)))[0], {}
 
     def step(self, action: NDArray[Any]) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """One dt. A crash is reported in info and reduces the reward; the path is truncated after `steps`."""
+        """Advance by one dt. A crash is reported in info and reduces the reward; the path is truncated after
+        `steps`."""
         seen, reward, info = self._act(np.asarray(action)[None])
         return seen[0], float(reward[0]), False, self.cacc.done, {name: v[0] for name, v in info.items()}
 

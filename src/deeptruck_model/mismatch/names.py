@@ -102,8 +102,8 @@ def _cause(p: Posterior, happened: Sequence[Event], rules: Rules) -> Named:
 
 
 def _own_gain(p: Posterior, rules: Rules) -> float:
-    """What a name must gain beside a learned simulator, nats: more than the best one does, in as much
-    driving, on the recordings that the simulator keeps."""
+    """The gain that a name must exceed for a learned simulator, nats: the largest gain of any name, scaled to
+    as much driving, on the simulator's own held-out recordings."""
     own = p.search.own
     if own is None:
         return 0.0
@@ -120,8 +120,8 @@ def _most_probable(left: Mapping[str, Mask]) -> tuple[str, float]:
 
 
 def _without(left: Mapping[str, Mask], name: str, chosen: Mapping[str, float]) -> dict[str, Mask]:
-    """The draws (m,) in which names are in, without one name, and in draws without that one also without the
-    one most probably `chosen` in its place."""
+    """For each name the draws (m,) in which it acts: all without the given one, and those without it in which
+    the name most probably `chosen` in its place is left out too."""
     out = dict(left)
     open_ = ~out.pop(name)
     for n in sorted((n for n in out if chosen.get(n, 0.0) >= Limits.rare), key=lambda n: -chosen[n]):

@@ -82,7 +82,7 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
 
 
 def _of_terms(search: Regression, terms: Sequence[CandidateTerm]) -> list[Kernel]:
-    """One kernel of the laws among a name's terms, and one of those that vary in time, in any order."""
+    """One kernel of a name's constant terms, and one of its terms that vary in time, in any order."""
     terms = sorted(terms, key=lambda t: repr(t.variants))
     laws = [t for t in terms if not t.varies_in_time]
     varying = [t for t in terms if t.varies_in_time]
@@ -116,7 +116,7 @@ def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int, odds:
 
 
 def _of_any_size(v: Variant) -> Variant:
-    """The variant with knots of one size, of which several have the same columns."""
+    """The variant with knots of unit size; variants that differ only in this size have the same columns."""
     return replace(v, course=replace(v.course, size=1.0)) if isinstance(v.course, Spline) else v
 
 
@@ -137,7 +137,7 @@ def _thin(features: NDArray[Any], search: Regression, most: int) -> NDArray[Any]
 
 
 def _anything(search: Regression) -> Array:
-    """Shares of the known forces that are smooth functions of common signals: no name's own."""
+    """Shares of the known forces that are smooth functions of common signals, as no single name has them."""
     e = search.e
     known = [np.nan_to_num(e[n]) * share for n, share in CARRIERS.items() if n in e.signals]
     carriers = np.stack([np.full(len(e), ALL_THE_TIME), *known], axis=1)
@@ -147,7 +147,7 @@ def _anything(search: Regression) -> Array:
 
 
 def _functions(x: Array, rows: NDArray[np.intp]) -> list[Array]:
-    """A slope, and a bump at either end, of one signal."""
+    """A linear function of one signal, and a bump at each end of its range."""
     x = np.nan_to_num(x, nan=float(np.nanmedian(x[rows])) if np.isfinite(x[rows]).any() else 0.0)
     low, middle, high = np.quantile(x[rows], [0.1, 0.5, 0.9])
     width = max(high - low, 1e-6) / 2.0

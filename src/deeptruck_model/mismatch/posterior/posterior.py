@@ -202,7 +202,7 @@ def gains(search: Regression, rules: Rules) -> dict[str, float]:
 
 
 def _products(search: Regression, columns: Sequence[Array], y: Array, noise: Fit) -> tuple[Array, Array]:
-    """Inner products of whitened columns, and of these with y; rows are whitened in chunks."""
+    """Inner products of whitened columns, and of these with y; rows are whitened in chunks to save memory."""
     rows = search.rows
     weight = np.sqrt((TAIL + 1) / (TAIL + noise.innovations[rows] ** 2))
     weight = weight / (search.series.relative[rows] * noise.sigma)
@@ -227,8 +227,8 @@ def _signed(k: Kernel, search: Regression) -> Array:
 
 
 def _drift(search: Regression) -> list[Kernel]:
-    """What is no mechanism: slow in time, of a road position, constant in a drive; and a slope that was
-    not recorded."""
+    """Blocks that are no mechanism: slow in time, dependent on road position, constant in a drive; and an
+    unrecorded slope."""
     e, rows = search.e, search.rows
     fitted = [i for i, s in enumerate(e.stretches) if not s.held_out]
     drive = np.stack([e.record == i for i in fitted], axis=1).astype(float)
@@ -244,7 +244,7 @@ def _drift(search: Regression) -> list[Kernel]:
 
 
 def _slope(search: Regression) -> Kernel:
-    """A slope that was not recorded: splines over distance within each drive, fine and coarse."""
+    """An unrecorded slope: splines over distance within each drive, fine and coarse."""
     e = search.e
     along = np.nan_to_num(e["distance"])
     hills = np.concatenate([_splines(search, along, knot) for knot in (FINE_M, COARSE_M)], axis=1)
@@ -259,8 +259,8 @@ def _knots(search: Regression) -> Array:
 
 
 def _splines(search: Regression, along: Array, least: float) -> Array:
-    """A linear spline over what grows `along` each drive (n,), with knots `least` apart, or as far as
-    MOST_KNOTS reach, (n, k)."""
+    """A linear spline over `along` (n,), which increases within each drive, with knots `least` apart, or
+    farther if MOST_KNOTS would be exceeded, (n, k)."""
     e = search.e
     fitted = [s for s in e.stretches if not s.held_out]
     spacing = max(least, sum(float(np.ptp(along[s.rows])) for s in fitted) / MOST_KNOTS)
@@ -275,8 +275,8 @@ def _splines(search: Regression, along: Array, least: float) -> Array:
 
 
 def _places(search: Regression) -> Array | None:
-    """A linear spline over road positions that more than one drive passes, (n, k); None where hardly any of
-    the road is driven again."""
+    """A linear spline over road positions that more than one drive passes, (n, k); None if hardly any of the
+    road is driven twice."""
     e = search.e
     known = e.valid & (e["place"] >= 0.0)
     if not known.any() or np.array_equal(e["place"], e["distance"]):  # positions were not recorded
