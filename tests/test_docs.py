@@ -9,6 +9,7 @@ import shlex
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -300,10 +301,16 @@ def test_the_versions_of_python_are_the_same_everywhere() -> None:
     assert f"{first} <= sys.version_info[:2] <= {last}" in (ROOT / "Makefile").read_text()
 
 
-@pytest.mark.parametrize("word", WORDS)
-def test_the_terms_are_those_of_the_field(word: str) -> None:
+@cache
+def written() -> dict[str, str]:
+    """Every source file, page and template by its path."""
     kinds = {".py", ".md", ".jinja", ".yaml", ".html", ".js"}
     roots = (ROOT / root for root in ("src", "ros2_ws/src", "docs", "benchmarks"))
-    files = [path for root in roots for path in root.rglob("*") if path.suffix in kinds]
-    found = [name(p) for p in files if re.search(rf"\b({word})\b", p.read_text(encoding="utf-8"), re.I)]
+    paths = [path for root in roots for path in root.rglob("*") if path.suffix in kinds]
+    return {name(path): path.read_text(encoding="utf-8") for path in paths}
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_the_terms_are_those_of_the_field(word: str) -> None:
+    found = [path for path, text in written().items() if re.search(rf"\b({word})\b", text, re.I)]
     assert not found, f"not '{word}' but {WORDS[word]}"
