@@ -21,6 +21,7 @@ DATA = ("data", "databytes", "payload")
 BYTES = re.compile(r"(?:data|d|b|byte)(\d)")
 MDF = (".mf4", ".mdf", ".dat")
 SHOWN = 8  # names that a message lists
+COMMENT, MOST_COMMENTS = "#", 64  # of lines above a table of frames, as loggers of the CLX000 series write
 CAPTURES = (".pcap", ".pcapng")
 
 
@@ -41,6 +42,10 @@ def holds_frames(path: Path) -> bool:
     opened = gzip.open if path.suffix.lower() == ".gz" else open
     with suppress(OSError, EOFError, zlib.error, csv.Error), opened(path, "rb") as file:
         line = file.readline(4096).decode("utf-8-sig", "replace")
+        for _ in range(MOST_COMMENTS):
+            if not line.startswith(COMMENT):
+                break
+            line = file.readline(4096).decode("utf-8", "replace")
         return any(is_frames(next(csv.reader([line.strip()], delimiter=mark), [])) for mark in ",;\t")
     return False
 

@@ -1,6 +1,7 @@
 """Reads frames from BUSMASTER logs, SocketCAN captures (pcap, pcapng), and tables of raw frames.
 
-Tables are those of cabana, Kvaser and SavvyCAN, and any other with a time, an identifier and bytes.
+Tables are those of cabana, Kvaser, SavvyCAN and loggers of the CLX000 series, and any other with a time, an
+identifier and bytes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from itertools import chain, islice, pairwise
 from pathlib import Path
 
 from deeptruck_model.account import Account
-from deeptruck_model.log_kinds import BYTES, DATA, IDS, plain_name
+from deeptruck_model.log_kinds import BYTES, COMMENT, DATA, IDS, plain_name
 from truck_bridge.can_logs.frames import (
     ERROR_FLAG,
     EXTENDED_FLAG,
@@ -33,6 +34,7 @@ _LINE = re.compile(
     r"(?P<kind>sr?|xr?)\s+(?P<length>\d+)\s*(?P<data>[0-9A-Fa-f\s]*)$"
 )
 _DAY_S = 86400.0
+_PACKED = re.compile(r"(\d\d)T(\d\d):?(\d\d):?(\d\d)\.?(\d*)")
 _SAMPLED = 200  # rows by which the form of numbers is found
 _MICROSECONDS = 50.0  # between rows with whole numbers: more are no seconds
 _CAN, _COOKED, _COOKED_2 = 227, 113, 276  # link types of captures
@@ -196,7 +198,9 @@ def _cut(path: Path, account: Account) -> None:
 def table(path: Path, account: Account) -> Iterator[Frame]:
     """The frames of a table. Raises InputError at a damaged row."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as lines:
-        head = lines.readline()
+        head, above = lines.readline(), 0
+        while head.startswith(COMMENT):
+            head, above = lines.readline(), above + 1
         mark = max(",;\t", key=head.count)
         names = [plain_name(cell) for cell in next(csv.reader([head.strip()], delimiter=mark))]
         rows = csv.reader(lines, delimiter=mark)
@@ -204,7 +208,7 @@ def table(path: Path, account: Account) -> Iterator[Frame]:
         form = _Form.of(names, some)
         if form.tick < 0.0:
             account.remarks.append("times are negative and fall: they are read without their sign")
-        for number, row in enumerate(chain(some, rows), 2):
+        for number, row in enumerate(chain(some, rows), 2 + above):
             if any(row):
                 yield _of_row(path, number, row, form, account)
 
@@ -256,6 +260,17 @@ def _base(cells: Sequence[str]) -> int:
     return 16 if hexadecimal else 10
 
 
+def _time(cell: str, tick: float) -> float:
+    """The time of a row in s: a number of ticks, or a time of day behind the day of the month, as
+    01T102030123."""
+    packed = _PACKED.fullmatch(cell.strip())
+    if packed is None:
+        return float(cell) * tick
+    day, hours, minutes, seconds, fraction = packed.groups()
+    of_day = 3600.0 * int(hours) + 60.0 * int(minutes) + int(seconds) + float(f"0.{fraction or 0}")
+    return _DAY_S * int(day) + of_day
+
+
 def _of_row(path: Path, number: int, cells: list[str], form: _Form, account: Account) -> Frame:
     account.total.read += 1
     try:
@@ -273,7 +288,7 @@ def _of_row(path: Path, number: int, cells: list[str], form: _Form, account: Acc
             if len(data) != stated:
                 raise ValueError("another number of bytes than the length says")
         said = cells[form.extended].strip().lower() if form.extended is not None else ""
-        time = float(cells[form.time]) * form.tick
+        time = _time(cells[form.time], form.tick)
         if not 0 <= can_id <= EXTENDED_MASK or not -1e12 < time < 1e12:
             raise ValueError("an identifier or time that cannot be")
     except (ValueError, IndexError) as error:

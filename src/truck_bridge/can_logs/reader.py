@@ -17,7 +17,7 @@ from pathlib import Path
 import can
 
 from deeptruck_model.account import Account
-from deeptruck_model.log_kinds import CAPTURES
+from deeptruck_model.log_kinds import CAPTURES, holds_frames
 from deeptruck_model.reading import plain
 from truck_bridge import log_files
 from truck_bridge.can_logs import other_logs, text_logs, trc_logs
@@ -116,6 +116,8 @@ def _of_file(path: Path, file: Path, account: Account) -> Iterator[Frame]:
             with file.open("rb") as begin:
                 if begin.read(len(other_logs.BUSMASTER)) == other_logs.BUSMASTER.encode():
                     written = other_logs.busmaster
+                elif suffix == ".txt" and holds_frames(file):
+                    written = other_logs.table
             yield from written(file, account)
         elif file.is_file() and suffix in CAPTURES:
             yield from other_logs.capture(file, account)

@@ -82,6 +82,14 @@ def savvycan(sign: str = "", start: int = 0) -> str:
     return head + "\n".join(rows) + "\n"
 
 
+def clx000() -> str:
+    """As loggers of the CLX000 series write: comments, and times of day behind the day of the month."""
+    head = '# Logger type: CL2000\n# Value separator: ";"\n# Time format: 4\nTimestamp;Type;ID;Data\n'
+    return head + "".join(
+        f"31T235959{round(1000 * (t - FRAMES[0][0])):03d};1;{i:x};{d.hex()}\n" for t, i, d in FRAMES
+    )
+
+
 def candump(above: str) -> str:
     return above + "".join(f"({t:.6f}) can0 {i:08X}#{d.hex().upper()}\n" for t, i, d in FRAMES)
 
@@ -91,6 +99,7 @@ LOGS: dict[str, str | bytes] = {
     "nano.pcap": pcap(tick=1e-9), "cooked.pcap": pcap(cooked=True), "a.pcapng": pcapng(),
     "cabana.csv": cabana(), "kvaser.csv": kvaser(), "savvycan.csv": savvycan(),
     "falling.csv": savvycan("-", 1_769_872_318_000_000), "rising.csv": savvycan(start=-1_769_872_318_000_000),
+    "clx.txt": clx000(),
     "above.log": candump("Truck 7, key on, depot to yard\n\nTime,ID,DLC,Data\n"),
 }  # fmt: skip
 
