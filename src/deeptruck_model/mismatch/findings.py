@@ -42,16 +42,18 @@ def findings(
     out = [of_fault(f) for f in c.drives.faults]
     of_road = _of_road(e, road, rules)
     out += of_road
+    brief: list[Finding] = []
     for named in c.names.found:
         f = _of_named(c, e, made, named, rules)
         if f is not None and named.accepted and _longer_than_sensors(f, e):
-            out.append(replace(f, missing_input=c.behind.get(f.effect, "")))
+            own = brief if named.brief else out
+            own.append(replace(f, missing_input=c.behind.get(f.effect, "")))
     of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)
     if not of_road and not of_slope:  # which would be what is slow too
         out += _of_drift(c, rules, good_enough=error <= tolerance)
     if error > tolerance and all(f.kind is Kind.SENSOR for f in out):
         out += _of_rest(c, rules)
-    shown = _with_shares(e, out, c.budget)
+    shown = _with_shares(e, [*out, *brief], c.budget)
     return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
 
 

@@ -26,13 +26,15 @@ MOST_EXPLANATIONS = 6
 @dataclass(frozen=True)
 class Named:
     """One effect in the posterior: its most probable `name`, the `tree` of alternatives, the gain (nats) of
-    its kernel, and the posterior mean (n,) of its force, m/s^2. It is a finding only if `accepted`."""
+    its kernel, and the posterior mean (n,) of its force, m/s^2. It is a finding only if `accepted`. A
+    `brief` one acts in events only."""
 
     name: str
     tree: Tree
     held: float
     force: Array
     accepted: bool = True
+    brief: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ def names(p: Posterior, rules: Rules, happened: Sequence[Event] = ()) -> Names:
         if sum(tree.names.values()) >= rules.named:
             found.append(_named(p, name, tree, rules))
             left.pop(found[-1].name, None)
-    if len(happened) >= Limits.events_agree and not any(x.accepted for x in found):
+    matters = max((abs(x.speed_change) for x in happened), default=0.0) >= rules.drift
+    if matters and len(happened) >= Limits.events_agree and not any(x.accepted for x in found):
         found = [_cause(p, happened, rules)]
     each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= Limits.rare}
     return Names(tuple(found), some, slow, _explanations(own), each)
@@ -98,7 +101,7 @@ def _cause(p: Posterior, happened: Sequence[Event], rules: Rules) -> Named:
     odds = [0.0 if n in varies else np.log(TIME_VARYING) for n in nats]
     chosen = softmax(np.array([*nats.values()]) / rules.evidence_temperature + odds)
     tree = Tree({n: float(q) for n, q in zip(nats, chosen, strict=True) if q >= Limits.rare})
-    return Named(tree.first, tree, nats[tree.first], force, p.search.e.known_physics)
+    return Named(tree.first, tree, nats[tree.first], force, p.search.e.known_physics, brief=True)
 
 
 def _own_gain(p: Posterior, rules: Rules) -> float:

@@ -126,7 +126,10 @@ class Rules:
     )
 
     drift: float = _rule(
-        0.1, "m/s", "speed error that a drift or a constant per drive must make, to be a finding", CHOSEN
+        0.1,
+        "m/s",
+        "speed error that a drift, a constant per drive or an event must make, to be a finding",
+        CHOSEN,
     )
 
     # the correction

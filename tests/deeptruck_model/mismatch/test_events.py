@@ -186,6 +186,7 @@ def test_events_that_agree_have_one_cause_where_nothing_acts_always(rows: tuple[
     p = posterior(without(p.search, outside), e.rules, sweeps=30)
     found = names(p, e.rules, happened).found
     assert len(found) == (len(rows) > 1)
+    assert not names(p, replace(e.rules, drift=9.0), happened).found  # m/s, which no event changes
     for cause in found:
         assert next(iter(cause.tree.families)) == "engine_driveline"
         assert sum(cause.tree.names.values()) == pytest.approx(1.0, abs=0.1)

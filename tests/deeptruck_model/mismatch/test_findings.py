@@ -13,7 +13,7 @@ from small_drives import N, evidence
 from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.findings import findings
-from deeptruck_model.mismatch.names import names
+from deeptruck_model.mismatch.names import Named, names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import Drives
@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.report import lines, wording
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
+from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN, Tree
 
 RULES = Rules()
 NOWHERE = np.zeros(N, dtype=bool)
@@ -73,6 +73,18 @@ def test_it_is_none_where_the_simulator_is_good_enough(part: str) -> None:
 @pytest.mark.parametrize("part", [EACH_DRIVE, PLACE, SLOW])
 def test_its_share_of_the_error_is_that_of_its_part_of_the_budget(part: str) -> None:
     assert found(part)[0].share_of_error == pytest.approx(compared(part).budget.share(part))
+
+
+def test_the_cause_of_events_stands_beside_what_lasts() -> None:
+    """A force of 0.5 m/s^2 for 8 s, which no finding of slow forces is silent for."""
+    c, force = compared(SLOW), np.zeros(N)
+    force[2500:2540] = 0.5
+    cause = Named("wheel_slip", Tree({"wheel_slip": 0.7}), 50.0, force, brief=True)
+    both = findings(replace(c, names=replace(c.names, found=(cause,))), None, None, 1.0, RULES.visible, RULES)
+    assert {f.effect for f in both} == {UNKNOWN, "wheel_slip"}
+    (own,) = (f for f in both if f.effect == "wheel_slip")
+    assert own.in_drives == ("b",)
+    assert own.strength is not None and own.strength.share_of_time < 0.05
 
 
 def test_what_a_drive_has_of_its_own_has_a_size_by_drive() -> None:
