@@ -26,7 +26,11 @@ STALE_AFTER, REPEAT_EVERY, LATE = 0.3, 0.05, 0.3  # s; the last is what a busy m
 def test_a_command_is_repeated_only_while_observations_are_whole(
     domain: int, tmp_path: Path, silent: tuple[str, ...]
 ) -> None:
-    received = fed_controller(domain, tmp_path, silent)
+    received, says = fed_controller(domain, tmp_path, silent)
+    assert (
+        says
+        == "the radar lost the leader 0 times, the shield acted 0 times, the truck was braked fully 0 times\n"
+    )
     samples = 2.0 / 0.2
     assert len(received["came"]) > 2 * samples  # four times as many on an idle machine
     assert max(received["came"]) < received["fed"] + STALE_AFTER + REPEAT_EVERY + LATE, received["came"][-3:]
@@ -35,7 +39,7 @@ def test_a_command_is_repeated_only_while_observations_are_whole(
 def test_the_engaged_bit_comes_back_with_each_command_and_dies_with_the_bridge(
     domain: int, tmp_path: Path
 ) -> None:
-    received = fed_controller(domain, tmp_path, ())
+    received, _ = fed_controller(domain, tmp_path, ())
     begins, ends = received["told"]
     bits = dict(zip(received["came"], received["bits"], strict=True))
     assert {bit for at, bit in bits.items() if at < begins} == {0.0}
@@ -43,11 +47,15 @@ def test_the_engaged_bit_comes_back_with_each_command_and_dies_with_the_bridge(
     assert {bit for at, bit in bits.items() if at > ends + STALE_AFTER + LATE} == {0.0}
 
 
-def fed_controller(domain: int, tmp_path: Path, silent: tuple[str, ...]) -> dict[str, list[float]]:
-    """A controller and what feeds it, as processes; what the latter received."""
+def fed_controller(
+    domain: int, tmp_path: Path, silent: tuple[str, ...]
+) -> tuple[dict[str, list[float]], str]:
+    """A controller and what feeds it, as processes; what the latter received, and the former printed."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(tmp_path)}
     argv = [sys.executable, "-m", "deeptruck_nodes.controller"]
-    controller = subprocess.Popen(argv, env=environment, stderr=subprocess.PIPE, text=True)
+    controller = subprocess.Popen(
+        argv, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     try:
         fed = subprocess.run(
             [sys.executable, HERE / "feed_controller.py", *silent],
@@ -55,6 +63,6 @@ def fed_controller(domain: int, tmp_path: Path, silent: tuple[str, ...]) -> dict
         )  # fmt: skip
     finally:
         controller.terminate()
-        _, errors = controller.communicate(timeout=120)
+        says, errors = controller.communicate(timeout=120)
     assert controller.returncode == 0, errors
-    return dict(json.loads(fed.stdout))
+    return dict(json.loads(fed.stdout)), says

@@ -153,6 +153,13 @@ def test_a_killed_supervisor_leaves_nobody_behind_and_the_domain_free(
     environment.DomainLock(domain).release()
 
 
+@pytest.mark.long
+def test_a_run_that_is_not_recorded_says_what_the_controller_counted(start: Callable[..., Any]) -> None:
+    code, out, errors = start("start_simulation.py", *TRUCK, "--lockstep", "--duration", 2).finish()
+    assert (code, errors) == (0, "")
+    assert out.splitlines()[-2].startswith("controller: the radar lost the leader ")
+
+
 @pytest.mark.parametrize("after_s", [0.3, pytest.param(1.0, marks=pytest.mark.long)])
 def test_of_a_supervisor_killed_while_it_starts_nobody_is_left(
     start: Callable[..., Any], all_gone: Callable[..., bool], domain: int, after_s: float

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState, Range
 
 from deeptruck_cacc.safety.guard import load_controller
 from deeptruck_model.signals import TruckInterface
-from deeptruck_nodes import messages
+from deeptruck_nodes import messages, run_summary
 from deeptruck_nodes.following import Following
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
@@ -46,6 +46,9 @@ class Controller(DeeptruckNode):
         self.listen_to(RADAR_TWIST, self._on_radar_twist)
         self.listen_to(TWIST, self._on_twist)
         self.listen_to(ENGAGED, self._on_engaged)
+
+    def close(self) -> None:
+        print(run_summary.hazards(self._following.counts), flush=True)
 
     def tick(self) -> float:
         return IDLE if self.lockstep else self._repeat()

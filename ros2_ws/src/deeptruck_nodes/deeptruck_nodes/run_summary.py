@@ -52,7 +52,7 @@ def sentences(run: Signals, *, real_time: bool) -> list[str]:
         back = int(np.sum((engaged[:-1] > 0.5) & (engaged[1:] <= 0.5)))
         said.append(f"in control {held:.0f} of {float(passed.sum()):.0f} s, handed back {_times(back)}")
     if run.counts:
-        said.append(", ".join(f"{COUNTED[name]} {_times(count)}" for name, count in run.counts.items()))
+        said.append(hazards(run.counts))
     steps = np.diff(run.stamps)
     if real_time and len(steps):
         late = steps - np.median(steps)
@@ -63,6 +63,11 @@ def sentences(run: Signals, *, real_time: bool) -> list[str]:
                 "the run was not in real time there"
             )
     return said
+
+
+def hazards(counts: Mapping[str, int]) -> str:
+    """What the controller counted, of COUNTED, as a sentence."""
+    return ", ".join(f"{says} {_times(counts[name])}" for name, says in COUNTED.items() if name in counts)
 
 
 def _times(count: int) -> str:

@@ -296,7 +296,9 @@ def _run(
             file = folder / "parameters.yaml"
             parameters.write_file(file, sections)
             names = [name for name in sections if name != PAGE]
-            nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in names]
+            # a recorded run's summary, at the end, has what the controller counted
+            speakers = SPEAKERS if common.record else (*SPEAKERS, "controller")
+            nodes = [node(name, file, ends_run=name == ends, speaks=name in speakers) for name in names]
             page = stack.enter_context(_watched(sections, file))
             programs = [*page, *nodes[:1], *others, *nodes[1:]]
             supervisor = Supervisor(
