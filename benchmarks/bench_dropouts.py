@@ -5,8 +5,8 @@ python benchmarks/bench_dropouts.py [--policies ...] [--trucks ...] [--scenes ..
 Truck, leader, radar and the controller's core in one process, as the nodes of a lock-step run: 900 s with the
 start script's defaults (seed 3), 200 s with drop-outs of 6 s on average (0.03 a second), and a leader that
 pulls away at 0.2 m/s^2 from 18 to 28 m/s until it is out of the radar's reach of 45 m. `{truck}` in a policy
-is the truck's name. Where the controller hands back the truck coasts. The first 20 s of the long runs, in
-which the controller settles, do not count.
+is the truck's name. Where the controller hands back, its command fades and the truck coasts. The first 20 s
+of the long runs, in which the controller settles, do not count.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ SCENES = {
 
 
 class Drive(NamedTuple):
-    """What came of a run: hardest acceleration after it has settled, steps beyond `FREE`, smallest gap, and
-    what the controller counted."""
+    """What came of a run."""
 
-    hardest: float
-    beyond: int
-    least_gap: float
+    hardest: float  # acceleration after it has settled, m/s^2
+    beyond: int  # steps beyond FREE
+    least_gap: float  # m
+    jerk: float  # hardest in steps without a command, m/s^3; NaN where there are none
     counts: dict[str, int]
 
 
@@ -70,7 +70,7 @@ def drive(truck: str, policy: str, scene: Scene) -> Drive:
     leader = leaders.parse(scene.leader)
     assert not isinstance(leader, leaders.Sumo)
     ahead, radar, samples = Gap(leader, 0.0, 2.0), Radar(scene.radar, scene.seed), Alignment(True, False, 0.3)
-    rates, least = [], math.inf
+    rates, least, jerk = [0.0], math.inf, math.nan
     for k in range(round(scene.seconds / plant.dt)):
         t, stamp = k * plant.dt, round((1.0 + k * plant.dt) * SECOND)
         ahead.update(t, plant.speed)
@@ -80,11 +80,14 @@ def drive(truck: str, policy: str, scene: Scene) -> Drive:
         samples.put("gap", stamp, gap if math.isfinite(gap) else math.nan)
         seen = samples.put("leader_speed", stamp, speed)
         assert seen is not None
-        plant.step(*following.take(seen))
+        command = following.take(seen)
+        plant.step(*command)
+        if math.isnan(sum(command)):
+            jerk = min((plant.acceleration - rates[-1]) / plant.dt, math.inf if math.isnan(jerk) else jerk)
         rates.append(plant.acceleration)
         least = min(least, ahead.gap)
-    settled = np.array(rates[round(SETTLED_S / plant.dt) :] if scene.seconds > 100 else rates)
-    return Drive(float(settled.min()), int((settled < FREE).sum()), least, following.counts)
+    settled = np.array(rates[1 + round(SETTLED_S / plant.dt) :] if scene.seconds > 100 else rates)
+    return Drive(float(settled.min()), int((settled < FREE).sum()), least, jerk, following.counts)
 
 
 def main() -> None:
@@ -101,7 +104,7 @@ def main() -> None:
                 counts = " | ".join(str(run.counts[key]) for key in COUNTED)
                 rows.append(
                     f"{truck} | `{policy}` | {run.hardest:.2f} | {run.beyond * 0.1:.1f} | "
-                    f"{run.least_gap:.1f} | {counts}"
+                    f"{run.least_gap:.1f} | {'-' if math.isnan(run.jerk) else f'{run.jerk:.1f}'} | {counts}"
                 )
         lines += [f"## {name}: `{scene.leader}`, {scene.seconds:g} s", "", *harness.table(HEADS, rows), ""]
     harness.store("dropouts", lines)
@@ -113,7 +116,11 @@ COUNTED = {
     "full_brakings": "braked fully",
 }
 HEADS = " | ".join(
-    ("truck | controller | hardest (m/s²) | beyond 1 m/s² (s) | smallest gap (m)", *COUNTED.values())
+    (
+        "truck | controller | hardest (m/s²) | beyond 1 m/s² (s) | smallest gap (m)",
+        "jerk without a command (m/s³)",
+        *COUNTED.values(),
+    )
 )
 
 
