@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -29,6 +31,17 @@ def test_every_signal_of_every_vehicle_is_in_the_table(name):
 def test_no_scene_breaks_what_must_hold(scene):
     assert SCENES[scene]
     assert fault_road.play(20, scene).broken == ()
+
+
+def test_a_speed_that_jumps_up_is_refused_before_the_truck_brakes_for_it(monkeypatch):
+    scene = "both speeds scale"
+    monkeypatch.setitem(SCENES, scene, SCENES[scene]._replace(sizes=(1.19,)))
+    assert fault_road.play(21, scene).braked > -0.5
+    sound, free = vehicles.load("freightliner"), {"fastest": math.inf, "rises": math.inf}
+    heard = [replace(h, signals=tuple(replace(s, **free) for s in h.signals)) for h in sound.table.heard]
+    believing = replace(sound, table=replace(sound.table, heard=tuple(heard)))
+    monkeypatch.setattr(fault_road, "load", lambda name: believing)
+    assert "braked without cause" in fault_road.play(21, scene).broken
 
 
 def test_the_judge_sees_a_truck_that_brakes_for_a_ghost(monkeypatch):
