@@ -17,7 +17,7 @@ import math
 import os
 import sys
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,10 +96,11 @@ def play(
     policy: str = "baseline:acc",
     length: float = LENGTH,
     machine: str | None = None,
+    names: Sequence[str] = NAMES,
 ) -> Verdict:
-    """One run in lock-step, of this scene, of those of a machine, or of all."""
+    """One run in lock-step, of this scene, of those of a machine, or of all; on one of these vehicles."""
     rng = np.random.default_rng(seed)
-    vehicle = load(NAMES[seed % len(NAMES)])
+    vehicle = load(names[seed % len(names)])
     drawn = [one for one in possible(vehicle) if machine in (None, SCENES[one].machine)]
     name = scene or str(rng.choice(drawn))
     machine, kind, signals, sizes = SCENES[name]
@@ -215,6 +216,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="seed of the first run")
     parser.add_argument("--scene", choices=list(SCENES), help="only this one")
     parser.add_argument("--machine", choices=["bus", "radar", "forger"], help="only scenes of its faults")
+    parser.add_argument("--vehicle", action="append", help="vehicle file or name; else ours, by turns")
     parser.add_argument("--policy", default="baseline:acc")
     parser.add_argument("--seconds", type=float, default=LENGTH, help="of a run, from the fault on")
     parser.add_argument("--processes", type=int, help="so many runs on processes instead, in real time")
@@ -225,7 +227,8 @@ def main() -> int:
 
         verdicts = [play_processes(seed) for seed in seeds]
     else:
-        chosen = options.scene, options.policy, options.seconds, options.machine
+        names = options.vehicle or NAMES
+        chosen = options.scene, options.policy, options.seconds, options.machine, names
         verdicts = [play(seed, *chosen) for seed in seeds]
     print("\n".join(report(verdicts)))
     for number, verdict in zip(seeds, verdicts, strict=True):
