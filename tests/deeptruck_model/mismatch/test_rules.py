@@ -82,7 +82,7 @@ STEERING: dict[str, dict[str, str]] = {
         "mechanisms/symbols.py": "ACTS LEAST_SPEED OMEGA",
     },
     "what a page shows": {
-        "report/lines.py": "LARGE MOST_DRIVES MUCH_LARGER WORTH_SAYING",
+        "report/lines.py": "LARGE MOST_DRIVES WORTH_SAYING",
         "report/explorer_data.py": "AROUND_S",
         "report/page.py": "LEAST LEAST_SHARE",
         "where.py": "SMALL",

@@ -26,7 +26,6 @@ HEADLINES = {
     Conclusion.UNDETERMINED: "Undetermined: no cause is sure",
 }
 GOOD_ENOUGH = "the simulator is good enough"
-MUCH_LARGER = 2.0  # times the share of what is said first
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
 MOST_DRIVES = 6  # whose sizes are in the headline
@@ -74,13 +73,13 @@ def _in_drives(f: Finding) -> str:
 
 
 def _larger(v: Verdict) -> str:
-    """A part of the budget that is much larger than the first finding and is covered by no finding."""
+    """A part of the budget that is larger than the first finding and is covered by no finding."""
     share, parts = v.findings[0].share_of_error, v.budget.parts if v.budget is not None else ()
     stated = {f.family for f in v.findings} | {LEFT_OVER, UNKNOWN}
     other = max((p for p in parts if p.part not in stated), key=lambda p: p.share, default=None)
-    if other is None or share is None or other.share < MUCH_LARGER * share:
+    if other is None or share is None or other.share <= share:
         return ""
-    return f"most is {spoken(other.part)}, {percent(other.share)}, of which no name is certain; "
+    return f"the largest part is {spoken(other.part)}, {percent(other.share)}, of which no name is certain; "
 
 
 def _drive(f: Finding, name: str) -> str:
