@@ -93,9 +93,10 @@ class Bridge:
     def command(self, engine: float, brake: float, now: float, *, engaged: bool) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
 
-        `engaged` is the bit that the controller received last; a controller that does not know it for long
-        counts as lost, and control fades. Returns False for a command that is refused, being NaN or outside
-        the envelope; control then fades.
+        `engaged` is the bridge's engaged bit as the controller received it last. If it is still False a
+        controller's time-out after control was engaged, the controller counts as lost and control fades.
+        Returns False for a command that is refused because it is NaN or outside the envelope; control then
+        fades too.
         """
         with self._lock:
             return self.safety.command(self.vehicle.demands(engine, brake), engaged, now)

@@ -81,7 +81,8 @@ class EnergyMap:
         return cls(rising, _convex(rising, least))
 
     def rows(self, speed: Array, grade: Array) -> tuple[Array, Array]:
-        """Acceleration and fuel rate for each of PEDALS, (batch, pedals), at speed and grade (batch,)."""
+        """Acceleration (m/s^2) and fuel rate (cm^3/s) for each of PEDALS, (batch, pedals), at speed (m/s) and
+        grade (batch,)."""
         return _rows(self.acceleration, speed, grade), _rows(self.fuel, speed, grade)
 
     def prices(self, speed: Array) -> tuple[Array, Array]:

@@ -44,7 +44,8 @@ def error(values: Array) -> dict[str, float]:
 
 
 def settling_time(trace: Trace, time_gap_s: float, speed: float) -> Array:
-    """Time after which both errors stay within their bounds, (batch,); inf if they never do."""
+    """Time (batch,), s, after which the time-gap error stays within ±`time_gap_s` and the speed error within
+    ±`speed` (m/s); inf if they never do."""
     outside = (np.abs(trace["time_gap_error"]) > time_gap_s) | (np.abs(trace["speed_error"]) > speed)
     last = len(outside) - 1 - np.argmax(outside[::-1], axis=0)
     last = np.where(outside.any(axis=0), last + 1, 0)

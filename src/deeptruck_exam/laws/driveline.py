@@ -107,9 +107,9 @@ class LateTorqueReturn(Law, since=99.0, gear=-1.0):
 @law("shift_interruption", "suburban hills")
 @sizes(sync_s=(0.6, 1.8), metered=(0.25, 0.7), down=(1.0, 2.0))
 class SlippingClutch(Law, ratio=0.0, open=0.0, carried=1000000.0):
-    """After a change of the gear ratio the clutch slips without torque; then torque returns at a limited
-    rate. sync_s: slip time per unit of the logarithm of the ratio step; down: its factor on downshifts;
-    metered: rate of return, in units of about 0.1 g per second.
+    """After a change of the gear ratio the clutch slips without torque for sync_s * |ln(new / old ratio)|
+    (sync_s in s; times `down` on downshifts; at most 1.5 s). Then the traction force that it carries rises by
+    the mass times `metered`, m/s^3.
     Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on shifting elements:
     speed difference times engine inertia over the clutch's slope."""
 

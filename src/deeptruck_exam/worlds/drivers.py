@@ -20,8 +20,12 @@ STANDSTILL_M = 6.0
 
 @dataclass
 class Driver:
-    """`target` (batch, n): the speed to follow, for style 'acc' the leader's; other styles are 'human' and
-    'cruise'. `values` is `drivers` of worlds.yaml: each person is a random one of PEOPLE."""
+    """A batch of drivers that turn the speed to follow into engine and brake commands.
+
+    `style` (batch,) is 'human', 'cruise' or 'acc'; `target` (batch, n) is the speed to follow, m/s, for 'acc'
+    the leader's. `values` is the entry `drivers` of worlds.yaml; each human driver is of a type drawn from
+    PEOPLE.
+    """
 
     truck: SimpleNamespace
     style: NDArray[np.str_]
@@ -57,7 +61,8 @@ class Driver:
         self.trembles = np.where(self.human[:, None], np.array(trembles)[who, np.arange(batch)], 0.0)
 
     def act(self, k: int, speed: Array, gap: Array, ratio: Array, engine_speed: Array, grade: Array) -> Array:
-        """Commands (batch, 2) in the truck's units."""
+        """Commands (batch, 2) at sample k, in the truck's units. All arguments are (batch,): speed (m/s),
+        gap (m), overall ratio, engine speed (rad/s) and grade."""
         error = self.target[:, k] - speed
         self.integral = np.clip(self.integral + error * self.dt, -25.0, 25.0) * (speed > 0.5)
         wish = self._wish(k, speed, error, gap)

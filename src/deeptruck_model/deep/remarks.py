@@ -130,7 +130,7 @@ def _content(recording: Recording) -> str:
 def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:
     """Names of the recordings that trained `truck`, or the truck from which it was adapted.
 
-    Older versions did not store this. Recordings at standstill cannot be distinguished.
+    Older versions did not store this. Recordings without motion are left out: all of them have the same hash.
     """
     known = set(truck.details.get(KEY, ()))
     moving = [r for r in recordings if np.any(r.channels["speed"] > 0.0)]

@@ -41,7 +41,7 @@ def straight(out: Path) -> Path:
 
 
 def unfinished(out: Path) -> Path:
-    """Path of the work that can be resumed, until `out` can be written completely."""
+    """Path of the resumable draft of `out`."""
     return out.parent / f".{out.name}.unfinished"  # '.' has no name that could be exchanged
 
 

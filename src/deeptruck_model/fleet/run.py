@@ -161,8 +161,11 @@ def _probed(jobs: Sequence[Extraction]) -> tuple[list[Extraction], list[dict[str
 def compare(
     target: Place, workers: Workers, hours: float | None = None, units: str = "m/s"
 ) -> list[dict[str, Any]]:
-    """Compare trucks not compared so far, pages with speeds in `units`; returns the receipts of all trucks.
-    Raises InputError if nothing was extracted."""
+    """Compare each truck that has no receipt yet with the simulator of its class, on at most `hours` of its
+    drives (None: all); its page states speeds in `units`. Returns the receipts of all trucks.
+
+    Raises InputError if nothing was extracted.
+    """
     if not target.exists(INDEX):
         raise InputError(f"{target.name} has no {INDEX}; run 'deeptruck-model fleet extract' first")
     index = target.read_json(INDEX)

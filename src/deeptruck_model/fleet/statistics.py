@@ -82,8 +82,8 @@ def discovered(p: Sequence[float], level: float) -> NDArray[np.bool_]:
 
 
 def level_of_batch(level: float, batch: int, tested: int, discoveries: int) -> float:
-    """Level of the Benjamini-Hochberg procedure in batch number `batch` (from 1) of `tested` hypotheses; each
-    earlier discovery raises it."""
+    """Level of the Benjamini-Hochberg procedure for batch number `batch` (from 1), which has `tested`
+    hypotheses, of a sequence whose false discovery rate is `level`; each earlier discovery raises it."""
     return level * batch**-DECAY / float(zeta(DECAY)) * (tested + discoveries) / tested
 
 

@@ -1,7 +1,7 @@
-"""The corrected simulator: the posterior mean force as terms that run step by step, and parameters.
+"""The corrected simulator: refitted parameters, and the posterior mean force as terms that run step by step.
 
 The posterior determines which forms of a mechanism represent its mean force, with or without a name. Sizes
-are fitted and selected without the held-out recordings, by first-order speed errors of free runs.
+are fitted and selected on the fitted recordings alone, by the speed errors of free runs to first order.
 """
 
 from __future__ import annotations

@@ -77,7 +77,8 @@ def contradicted_mass(recordings: Sequence[Recording], mass_kg: float, ci95_kg: 
 
 
 def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]) -> dict[str, str]:
-    """The missing input behind each name that it may explain. A recorded engine speed determines the gear."""
+    """For each mechanism whose effect an input that was not recorded may explain as well: that input. The
+    gear counts as recorded if every recording has the engine speed, which determines it."""
     known = {"gear"} if all(ENGINE_SPEED in r.channels for r in recordings) else set()
     return {n: m.input for m in missing if m.input not in known for n in BEHIND.get(m.input, ())}
 

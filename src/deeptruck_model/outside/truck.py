@@ -158,7 +158,7 @@ class OutsideTruck:
     def save(self, path: Path) -> None:
         """Write its source, with the hashes of its files; `saved.load_directory` makes it again.
 
-        For an object that was passed, a description is written, which cannot be loaded.
+        Of a truck that was passed as a Python object only a description is written, which cannot be loaded.
         """
         content = {"interface": self.interface.to_dict(), "dt": self.dt, "parameters": self._values}
         if self._reference is None:

@@ -38,9 +38,9 @@ def png(figure: Figure) -> bytes:
 
 
 def plain_log(axis: Axis) -> None:
-    """Label a logarithmic axis, whose data are plotted, with plain numbers: 0.2 and 200, not 2×10^-1.
+    """Label a logarithmic axis with plain numbers: 0.2, not 2×10^-1. Call it after plotting.
 
-    Within two decades 1, 2 and 5 of each are labelled, else only the decades.
+    If the axis covers less than two decades 1, 2 and 5 of each are labelled, else only the decades.
     """
     low, high = sorted(axis.get_view_interval())
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))

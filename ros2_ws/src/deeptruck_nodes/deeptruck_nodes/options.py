@@ -32,7 +32,7 @@ RunFolders = Annotated[Path, typer.Option("--runs", help="Where the folder of th
 
 
 def start(main: Callable[..., None], examples: str, program: str) -> None:
-    """Run `main` as the console script of that name."""
+    """Run `main` as the console script `program`; `examples` stand at the end of its help."""
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command(epilog=examples)(main)
     console.run(app, program)

@@ -148,7 +148,10 @@ def fill_factors(x: Any, speed: Any, mean: Any, scale: Any, factor: Any) -> None
 
 @compiled
 def add_gains(raw: Any, factor: Any, free: Any, named: Any) -> None:
-    """Add gains times factors to the `free` responses in raw (outputs,), still normalised."""
+    """Add sum_j gain[o, j] factor[j] to raw[o] for the first `free` responses o, normalised, in place.
+
+    raw (outputs,) has the gains (free, factors) row by row from index `named` on; factor is (factors,).
+    """
     n = len(factor)
     for o in range(free):
         for j in range(n):

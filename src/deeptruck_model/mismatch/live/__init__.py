@@ -1,1 +1,1 @@
-"""The tool while driving: names from the newest messages, and a monitor of the residual."""
+"""Mismatch analysis while driving: names from the newest messages, and a monitor of the residual."""

@@ -36,7 +36,7 @@ class NextPass:
 
     @property
     def shown(self) -> bool:
-        """Whether the other pass predicts the force significantly."""
+        """Whether the 95 % interval of the reduction by the other pass lies above 0."""
         return self.smaller_ci95[0] > 0.0
 
 

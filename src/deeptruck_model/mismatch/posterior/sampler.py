@@ -43,8 +43,10 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Draws:
-    """States (m, blocks) and coefficients (m, k) of the same draws, the gain of the best state, and the gain
-    of each block alone at each size, (blocks, sizes), in nats; `space` gives the gains relative to any state.
+    """Draws of the posterior: states (m, blocks) and coefficients (m, k).
+
+    `gain` is the best state's and `alone` (blocks, sizes) each block's own at each size, in nats over no
+    active block; `space` gives the gains relative to any state.
     """
 
     states: NDArray[np.int_]

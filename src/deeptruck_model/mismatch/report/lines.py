@@ -224,7 +224,7 @@ def cause(f: Finding) -> str:
 
 
 def not_recorded(v: Verdict) -> Iterator[str]:
-    """Inputs that were not recorded, the consequence, and the signal to record, which is named only here."""
+    """One line for each input that was not recorded: the consequence, and the signal to record."""
     for m in v.not_recorded:
         found = ""
         if m.share_of_time:

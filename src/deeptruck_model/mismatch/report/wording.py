@@ -82,7 +82,8 @@ def without_faults(error: float, horizon_s: float) -> str:
 
 
 def off(error: float, horizon_s: float, own: float | None = None) -> str:
-    """The error of the simulator, and for a learned simulator its `own` error on its held-out recordings."""
+    """The speed error of free runs of `horizon_s` on held-out drives, and of a learned simulator on its `own`
+    held-out recordings, both in m/s, as a clause."""
     there = "" if own is None else f", on the simulator's own recordings by {own:.2g} m/s"
     return f"free runs of {horizon_s:.0f} s on held-out drives are off by {error:.2g} m/s{there}"
 
