@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.fit_result import Refitted
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
+from deeptruck_model.mismatch.mechanisms.record import Mechanism
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
 from deeptruck_model.mismatch.residual.components import Shares
@@ -25,6 +26,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95, ridge
 from deeptruck_model.mismatch.residual.sensitivity import accepted
 from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.tree import UNKNOWN
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
@@ -102,20 +104,29 @@ def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
 
 def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
     """For every mechanism that may act, the few forms that add up to its mean force. `general` ones apply to
-    other drives too; a correction contains only these."""
-    out = []
+    other drives too; a correction contains only these, and forms of any mechanism that add up to the mean force
+    that follows none."""
+    picked: list[CandidateTerm] = []
     for m in p.search.library:
         if p.inside(m.effect).mean() >= Limits.least_in:
-            force = p.force(m.effect, p.inside(m.effect))
-            options = [t for t in p.search.candidate_terms(m) if not general or t.general]
+            options = _options(p.search, m, general=general)
             pick = _forms if general else _simplest
-            forms = pick(p.search, options, force) if options else []
-            if forms:
-                term = forms[0]
-                for other in forms[1:]:
-                    term = merge(term, other)
-                out.append(term)
-    return tuple(out)
+            picked += pick(p.search, options, p.force(m.effect, p.inside(m.effect))) if options else []
+    if general and p.inside(UNKNOWN).mean() >= Limits.least_in:
+        force = p.force(UNKNOWN, p.inside(UNKNOWN))
+        own = [_options(p.search, m, general=True) for m in p.search.library]
+        best = [t for options in own if options for t in _forms(p.search, options, force)]
+        own_forms = {id(t) for t in picked}
+        picked += [t for t in _forms(p.search, best, force) if id(t) not in own_forms] if best else []
+    out: dict[str, CandidateTerm] = {}
+    for term in picked:
+        effect = term.mechanism.effect
+        out[effect] = merge(out[effect], term) if effect in out else term
+    return tuple(out.values())
+
+
+def _options(search: Regression, m: Mechanism, *, general: bool) -> list[CandidateTerm]:
+    return [t for t in search.candidate_terms(m) if not general or t.general]
 
 
 def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:

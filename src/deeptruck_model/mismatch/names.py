@@ -95,11 +95,13 @@ def _named(p: Posterior, sought: str, tree: Tree, rules: Rules) -> Named:
 
 def _cause(p: Posterior, happened: Sequence[Event], rules: Rules) -> Named:
     """What may be the one cause of some events, of which noise makes hardly two. Names that do not vary in
-    time of themselves are less probable by the odds of that."""
+    time of themselves are less probable by the odds of that. No form is exact here either, see
+    `Posterior.in_place_of`."""
     nats, force = together(p, happened)
+    unit = max(Limits.form_choice * max(nats.values()), rules.evidence_temperature)
     varies = {k.name for k in kernels(p.search) if k.part == VARYING}
     odds = [0.0 if n in varies else np.log(TIME_VARYING) for n in nats]
-    chosen = softmax(np.array([*nats.values()]) / rules.evidence_temperature + odds)
+    chosen = softmax(np.array([*nats.values()]) / unit + odds)
     tree = Tree({n: float(q) for n, q in zip(nats, chosen, strict=True) if q >= Limits.rare})
     return Named(tree.first, tree, nats[tree.first], force, p.search.e.known_physics, brief=True)
 

@@ -86,7 +86,8 @@ def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous
 
 def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
     """Whether both the root-mean-square and the mean absolute error along held-out drives decrease
-    significantly, alone or combined with the fitted drives that were left out in turn."""
+    significantly, alone or combined with the fitted drives that were left out in turn; and whether drives do
+    not grow worse in the mean, as those do that carried another load."""
     before, after = errors["before"], errors[name]
     if (
         not len(before.speed)
@@ -100,16 +101,21 @@ def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
     ]
     if made.left_out:
         pairs += list(zip(made.left_out["before"], made.left_out[name], strict=True))
-    return interval(before, after)[0] > 0.0 or _falls(np.array(pairs))
+    ratio = _log_ratio(np.array(pairs))
+    return float(ratio.mean()) < 0.0 and (interval(before, after)[0] > 0.0 or _falls(ratio))
 
 
-def _falls(pairs: Array) -> bool:
-    """Whether the ratio of drives' errors (drives, 2), m/s, after to before, is significantly below `better`;
-    errors too small for a finding count as zero."""
-    if len(pairs) < Limits.drives_that_agree:
-        return False
+def _log_ratio(pairs: Array) -> Array:
+    """Logarithm (drives,) of the ratio of drives' errors (drives, 2), m/s, after to before; errors too small for
+    a finding count as zero."""
     floored = np.hypot(pairs, Rules.drift)
-    ratio = np.log(floored[:, 1] / floored[:, 0])
+    return np.asarray(np.log(floored[:, 1] / floored[:, 0]))
+
+
+def _falls(ratio: Array) -> bool:
+    """Whether drives' ratios of errors, as `_log_ratio` gives them, are significantly below `better`."""
+    if len(ratio) < Limits.drives_that_agree:
+        return False
     wide = float(student_t.ppf(0.975, len(ratio) - 1)) * ratio.std(ddof=1) / np.sqrt(len(ratio))
     return bool(ratio.mean() + wide < np.log(Rules.better))
 

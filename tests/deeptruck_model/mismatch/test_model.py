@@ -10,6 +10,7 @@ from small_drives import N, evidence
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.model import Recipe, _best, _folds, _forms, _left_out, _nested, _rms, _terms
+from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, kernels
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -33,6 +34,20 @@ def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
     loud = posterior(Regression(lost), Rules(), sweeps=40)
     assert len(_terms(quiet)) <= 1
     assert _terms(loud)
+
+
+def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None:
+    """Findings state only what is in; a correction takes what adds up to the force, whatever its name."""
+    features = next(k.features for k in kernels(Regression(evidence())) if k.name == UNKNOWN)
+    force = features @ np.random.default_rng(1).standard_normal(features.shape[1])
+    force *= 0.3 / force.std()
+    p = posterior(Regression(evidence(force)), Rules(), sweeps=40)
+    assert p.probability(UNKNOWN) == 1.0 and not _terms(p)
+    terms = _terms(p, general=True)
+    assert terms and all(t.general for t in terms)
+    columns = np.concatenate([np.nan_to_num(t.columns) for t in terms], axis=1)[p.search.rows]
+    left = force[p.search.rows] - columns @ np.linalg.lstsq(columns, force[p.search.rows], rcond=None)[0]
+    assert np.sum(left**2) < 0.3 * np.sum(force[p.search.rows] ** 2)
 
 
 def test_the_error_of_a_drive_is_by_the_recipe_that_the_others_choose() -> None:

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.mismatch.model import Made, Recipe
 from deeptruck_model.mismatch.posterior.regression import Model
-from deeptruck_model.mismatch.validate import _better, _falls, validate
+from deeptruck_model.mismatch.validate import _better, _falls, _log_ratio, validate
 
 TRUCK = trucks.load("trucksim")
 GAP_M, LENGTH_M, SHARE = 8.0, 20.0, 0.4
@@ -61,7 +61,7 @@ def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> 
     ],
 )
 def test_drives_together_show_whether_errors_fall(ratios: list[float], size: float, falls: bool) -> None:
-    assert _falls(size * np.array([[1.0, x] for x in ratios])) is falls
+    assert _falls(_log_ratio(size * np.array([[1.0, x] for x in ratios]))) is falls
 
 
 def runs(speed: float, drives: int) -> Errors:
@@ -85,3 +85,17 @@ def test_few_held_out_drives_are_judged_with_the_fitted_ones(
     made = Made(plain, plain, Recipe(), Model.__new__(Model), left_out=fitted)
     assert _better({"before": before, "after": mixed}, made, "after") is better
     assert not _better({"before": before, "after": mixed}, replace(made, left_out={}), "after")
+
+
+def test_what_suits_held_out_drives_alone_is_not_better() -> None:
+    """Held-out drives with a load that one fitted drive of three has too: a mass between is worse on the others."""
+    plain = CorrectedTruck(TRUCK, [], {}, None, False)
+    left_out = {"before": np.array([0.01, 0.01, 0.6]), "after": np.array([0.4, 0.4, 0.5])}
+    made = Made(plain, plain, Recipe(), Model.__new__(Model), left_out=left_out)
+    rng = np.random.default_rng(0)
+    sizes = rng.uniform(0.4, 0.6, (12, 5))
+    before, after = (
+        Errors(x, x, np.zeros(12, dtype=int), np.zeros(12, dtype=int)) for x in (sizes, 0.7 * sizes)
+    )
+    assert not _better({"before": before, "after": after}, made, "after")
+    assert _better({"before": before, "after": after}, replace(made, left_out={}), "after")
