@@ -124,8 +124,8 @@ def _show(found: Mismatch, out: Path, units: str) -> None:
     """Print the verdict's first sentences, speeds in `units`."""
     from deeptruck_model.mismatch import summary
 
-    print(f"see {out / 'report.html'}")
     print(*(speeds_in(units, line) for line in summary(found)), sep="\n")
+    print(f"page: {out / 'report.html'}")
     if found.result.validated:
         print(f"    {folders.apply_command(out)}")
     for caveat in found.result.caveats:

@@ -104,8 +104,8 @@ def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
 
 def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
     """For every mechanism that may act, the few forms that add up to its mean force. `general` ones apply to
-    other drives too; a correction contains only these, and forms of any mechanism that add up to the mean force
-    that follows none."""
+    other drives too; a correction contains only these, and forms of any mechanism that add up to the mean
+    force that follows none."""
     picked: list[CandidateTerm] = []
     for m in p.search.library:
         if p.inside(m.effect).mean() >= Limits.least_in:

@@ -106,8 +106,8 @@ def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
 
 
 def _log_ratio(pairs: Array) -> Array:
-    """Logarithm (drives,) of the ratio of drives' errors (drives, 2), m/s, after to before; errors too small for
-    a finding count as zero."""
+    """Logarithm (drives,) of the ratio of drives' errors (drives, 2), m/s, after to before; errors too small
+    for a finding count as zero."""
     floored = np.hypot(pairs, Rules.drift)
     return np.asarray(np.log(floored[:, 1] / floored[:, 0]))
 

@@ -399,7 +399,7 @@ def _ratios(recordings: Sequence[Recording]) -> Iterator[Doubt]:
 
 
 def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """Doubts for both pedals at once, swapped pedals, and a pressure that no truck brake has."""
+    """Doubts for ratios read as percent, both pedals at once, swapped pedals, and too much brake pressure."""
     has = [r for r in recordings if {"engine_command", "brake_command"} <= set(r.channels)]
     engine, brake = (
         np.concatenate([np.zeros(0), *(r.channels[name] for r in has)])
@@ -408,6 +408,9 @@ def _commands(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     gained = np.concatenate([np.zeros(0), *(_rising(r) for r in has)])
     known = np.isfinite(engine) & np.isfinite(brake) & np.isfinite(gained)
     engine, brake, gained = engine[known], brake[known], gained[known]
+    for name, values in (("engine_command", engine), ("brake_command", brake)):
+        if len(values) and PRESSED <= values.max() <= 1.0 and has[0].interface.unit(name) == "percent":
+            yield Doubt(name, f"{name} reaches {values.max():.2g} percent: is it a ratio? Give it its unit")
     if not len(engine) or engine.max() <= 0.0 or brake.max() <= 0.0:
         return
     if (

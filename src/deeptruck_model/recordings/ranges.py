@@ -14,22 +14,24 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NEEDED = ("speed", "engine_command", "brake_command")
+_OF_UNITS = (*NEEDED, "grade")  # channels whose unit is questioned
 REVERSE_LOW = -15.0 / 3.6  # m/s: faster backward is no reversing but a wrong sign or a fault
 REVERSING = "reversing"
 _DEAD_BAND = 2.0  # m/s: slower than this many sensors show zero, so that reversing begins with a jump
 _SUSPECT_SHARE = 0.01  # of the samples that are not zero
 _KEPT = 10_000  # out-of-range values that are looked at for a factor
 
-# (channel, unit) -> what it reaches in a drive at most, and how many times too large it is in other units
-_OTHER_UNITS: dict[tuple[str, str], tuple[float, dict[str, float]]] = {
-    ("speed", "m/s"): (40.0, {"km/h": 3.6, "mph": 1 / 0.44704, "cm/s": 100.0, "mm/s": 1000.0}),
-    ("engine_command", "N m"): (5000.0, {"N cm": 100.0, "N mm": 1000.0}),
-    ("engine_command", "percent"): (130.0, {"0.01 percent": 100.0, "0.001 percent": 1000.0}),
-    ("engine_command", "g/s"): (40.0, {"mg/s": 1000.0, "g/h": 3600.0}),
-    ("engine_command", "cm^3/s"): (50.0, {"mm^3/s": 1000.0, "ml/h": 3600.0}),
-    ("brake_command", "percent"): (105.0, {"per mille": 10.0, "0.01 percent": 100.0}),
-    ("brake_command", "m/s^2"): (12.0, {"cm/s^2": 100.0, "mm/s^2": 1000.0}),
-    ("brake_command", "bar"): (15.0, {"kPa": 100.0, "mbar": 1000.0, "Pa": 1e5}),
+# (channel, unit) -> what it reaches in a drive at least and at most, and how much larger it is in other units
+_OTHER_UNITS: dict[tuple[str, str], tuple[float, float, dict[str, float]]] = {
+    ("speed", "m/s"): (2.0, 40.0, {"km/h": 3.6, "mph": 1 / 0.44704, "cm/s": 100.0, "mm/s": 1000.0}),
+    ("engine_command", "N m"): (250.0, 5000.0, {"N cm": 100.0, "N mm": 1000.0}),
+    ("engine_command", "percent"): (6.5, 130.0, {"0.01 percent": 100.0, "0.001 percent": 1000.0}),
+    ("engine_command", "g/s"): (2.0, 40.0, {"mg/s": 1000.0, "g/h": 3600.0}),
+    ("engine_command", "cm^3/s"): (2.5, 50.0, {"mm^3/s": 1000.0, "ml/h": 3600.0}),
+    ("brake_command", "percent"): (5.0, 105.0, {"per mille": 10.0, "0.01 percent": 100.0}),
+    ("brake_command", "m/s^2"): (0.6, 12.0, {"cm/s^2": 100.0, "mm/s^2": 1000.0}),
+    ("brake_command", "bar"): (0.75, 15.0, {"kPa": 100.0, "mbar": 1000.0, "Pa": 1e5}),
+    ("grade", "ratio"): (0.004, 0.4, {"percent": 100.0}),
 }
 
 
@@ -57,7 +59,7 @@ class Range:
         with np.errstate(invalid="ignore"):
             outside = (values < low) | (values > self.high)
         self.measured += int(valid.sum())
-        if self.channel in NEEDED:
+        if self.channel in _OF_UNITS:
             self._look(values[valid], outside[valid], low)
         if outside.any():
             self.set_aside(self.reason, time, values, outside)
@@ -93,18 +95,18 @@ class Range:
         self._gradual += int((steps[across] <= usual).sum())
 
     def check(self, name: str, interface: TruckInterface) -> None:
-        """Raises InputError if one factor would make most samples of a required channel plausible.
+        """Raises InputError if one factor would make most samples of a required channel or grade plausible.
 
         Most samples are wrong if most nonzero ones are out of range, or if the values leave the range as
         gradually as they change within it, in which case those within are wrong too. A fault leaves the range
         by a jump.
         """
-        if self.channel not in NEEDED or not self.outside:
+        if self.channel not in _OF_UNITS or not self.outside:
             return
         first = self.tally.aside[self.reason].first
         count = f"{self.outside} of {self.measured} samples of '{self.channel}'"
         what = f"'{name}': {count} are {self.reason}, first {first}"
-        signed = self.channel != "engine_command"  # whose negative values retard
+        signed = self.channel in ("speed", "brake_command")  # a negative engine command retards
         if signed and self._negative > 0.5 * self._nonzero and self._size_below > self._size_above:
             meaning = CHANNELS[self.channel].meaning
             raise InputError(f"{what}: {self.channel} has the wrong sign ({meaning}): give it 'scale: -1'")
@@ -116,10 +118,11 @@ class Range:
         most = self.outside > 0.5 * self._nonzero and not code
         if not most and self._gradual <= 0.5 * self._crossings:
             return
-        limit, units = _OTHER_UNITS.get((self.channel, interface.unit(self.channel)), (0.0, {}))
+        unit = interface.unit(self.channel)
+        least, largest, units = _OTHER_UNITS.get((self.channel, unit), (0.0, 0.0, {}))
         for unit, factor in units.items():
             scaled = values / factor
-            if ((scaled > 0.05 * limit) & (scaled <= limit)).mean() >= 0.9:
+            if ((scaled >= least) & (scaled <= largest)).mean() >= 0.9:
                 raise InputError(
                     f"{what}: {self.channel} is {factor:.3g} times too large: {unit}? "
                     f"Give it its unit, or 'scale: {1 / factor:.6g}'"

@@ -88,7 +88,7 @@ def test_few_held_out_drives_are_judged_with_the_fitted_ones(
 
 
 def test_what_suits_held_out_drives_alone_is_not_better() -> None:
-    """Held-out drives with a load that one fitted drive of three has too: a mass between is worse on the others."""
+    """Held-out drives with a load that one fitted drive of three has too."""
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     left_out = {"before": np.array([0.01, 0.01, 0.6]), "after": np.array([0.4, 0.4, 0.5])}
     made = Made(plain, plain, Recipe(), Model.__new__(Model), left_out=left_out)

@@ -51,7 +51,7 @@ def text(topic: str, k: int) -> Message:
     storage=st.sampled_from(STORAGES),
     speeds=st.lists(st.sampled_from([10.0, 20.0, np.nan, -3.0, 500.0]), min_size=30, max_size=80),
     again=st.sets(st.integers(0, 29), max_size=9),
-    grades=st.lists(st.sampled_from([0.01, np.nan, 7.0]), min_size=1, max_size=40),
+    grades=st.lists(st.sampled_from([0.01, np.nan, 99.0]), min_size=1, max_size=40),
     unmapped=st.integers(0, 5),
 )
 def test_read_is_used_and_set_aside(

@@ -122,6 +122,8 @@ def test_pedals_that_are_swapped_pressed_together_or_in_bar() -> None:
     (turned,) = said(engine_command=gas, brake_command=brake, acceleration=-a)
     assert "acceleration has the wrong sign" in turned
     assert "are both above half" in said(engine_command=gas, brake_command=gas)[0]
+    small = said(engine_command=gas / 90, brake_command=brake / 90)
+    assert len(small) == 2 and all("is it a ratio?" in line for line in small)
     bar = Recording("drive", 0.1, recording(engine_command=gas, brake_command=brake).channels,
                     TruckInterface("truck", "percent", "bar"))  # fmt: skip
     assert any("is it in percent?" in doubt.says for doubt in plausibility.doubts([bar]))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model.account import Tally
+from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.ranges import Range
+from deeptruck_model.signals import TruckInterface
 
 
 def test_reversing_is_in_the_range_of_speed_down_to_15_km_h() -> None:
@@ -14,3 +17,15 @@ def test_reversing_is_in_the_range_of_speed_down_to_15_km_h() -> None:
     time: NDArray[np.float64] = np.array([0.0, 0.1, 0.2])
     masked = Range("speed", Tally()).masked(time, speed)
     np.testing.assert_array_equal(masked, [*speed[:2], np.nan])
+
+
+def test_a_grade_in_percent_is_no_ratio_and_a_faulty_one_is() -> None:
+    time = 0.1 * np.arange(3000)
+    slope = 0.03 * np.sin(time / 20.0)
+    interface = TruckInterface("truck", "percent", "percent")
+    percent, faulty = Range("grade", Tally(), "ratio"), Range("grade", Tally(), "ratio")
+    percent.masked(time, 100.0 * slope)
+    with pytest.raises(InputError, match=r"grade is 100 times too large: percent\? .* 'scale: 0\.01'"):
+        percent.check("drive", interface)
+    faulty.masked(time, np.where(time > 290.0, 3.0, slope))
+    faulty.check("drive", interface)
