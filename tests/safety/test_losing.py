@@ -115,7 +115,7 @@ def test_every_forbidding_signal_fades(bench):
 
 def test_two_wheel_speeds_that_differ_fade_after_half_a_second(bench):
     bench.engage(engine=60.0).run(1.0)
-    bench.signals["second_speed"] = 17.1
+    bench.signals["second_speed"] = 12.9
     assert 0.4 < fades_without_a_step(bench, "engine") < 0.7
     assert bench.safety.losses == {"implausible: two wheel speeds": 1}
 
