@@ -63,7 +63,12 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.SourceLoader):
 
 
 def noticed(mutant: Mutant) -> bool:
-    """Run the tests against one mutant in a forked process; True when one of them fails."""
+    """Whether one of the tests fails with a mutant."""
+    return _fails(mutant.module, mutant)
+
+
+def _fails(module: str, mutant: Mutant | None) -> bool:
+    """Run a module's tests in a forked process, with a mutant in its place or as it is; True if one fails."""
     child = os.fork()
     if child:
         return os.waitpid(child, 0)[1] != 0
@@ -73,8 +78,9 @@ def noticed(mutant: Mutant) -> bool:
 
         signal.alarm(SECONDS)
         os.environ["SAFETY_VEHICLES"] = "trucksim"  # has every kind of checksum; one vehicle is enough
-        sys.meta_path.insert(0, _Finder(mutant))
-        code = _run_tests(mutant.module)
+        if mutant is not None:
+            sys.meta_path.insert(0, _Finder(mutant))
+        code = _run_tests(module)
     finally:
         os._exit(code)
 
@@ -155,6 +161,9 @@ def main() -> int:
     import cantools  # noqa: F401 - loaded once, before the forks
     import pytest  # noqa: F401
 
+    if broken := [name for name in dict.fromkeys(m.module for m in found) if _fails(name, None)]:
+        print(f"the tests of {', '.join(broken)} fail without a mutant, so that they would notice all")
+        return 2
     with ThreadPoolExecutor(options.jobs) as pool:
         verdicts = list(pool.map(noticed, found))
     survivors = [m for m, seen in zip(found, verdicts, strict=True) if not seen]
