@@ -125,7 +125,7 @@ def _show(found: Mismatch, out: Path, units: str) -> None:
     from deeptruck_model.mismatch import summary
 
     print(*(speeds_in(units, line) for line in summary(found)), sep="\n")
-    print(f"page: {out / 'report.html'}")
+    print(f"report: {out / 'report.html'}")
     if found.result.validated:
         print(f"    {folders.apply_command(out)}")
     for caveat in found.result.caveats:

@@ -76,7 +76,7 @@ def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
     assert {"verdict.json", "report.html", "profiles.csv", "simulator"} <= {p.name for p in out.iterdir()}
     page = html.unescape((out / "report.html").read_text())
     sentences = summary_of(mismatch.read(out))
-    assert done.stdout.splitlines()[: 1 + len(sentences)] == [*sentences, f"page: {out / 'report.html'}"]
+    assert done.stdout.splitlines()[: 1 + len(sentences)] == [*sentences, f"report: {out / 'report.html'}"]
     text = re.sub(r"<[^>]+>", "", page)
     assert [s for s in sentences if s.rstrip(".") not in text] == []
     command = f"deeptruck-model apply {out} --out {out}_corrected"
