@@ -79,7 +79,7 @@ STEERING: dict[str, dict[str, str]] = {
         "mechanisms/air_and_tyres.py": "FAR_M LEAST_GRIP",
         "mechanisms/driveline.py": "LOCKED_M_S",
         "mechanisms/engine_drag.py": "LINGERS LITTLE RELEASED",
-        "mechanisms/symbols.py": "ACTS LEAST_SPEED OMEGA",
+        "mechanisms/symbols.py": "ACTS CRAWL_SPEED OMEGA",
     },
     "what a page shows": {
         "report/lines.py": "LARGE MOST_DRIVES WORTH_SAYING",

@@ -21,10 +21,10 @@ from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve,
 from deeptruck_model.mismatch.mechanisms.symbols import (
     ACTS,
     BRAKE,
+    CRAWL_SPEED,
     DISTANCE,
     DRAG,
     ELAPSED,
-    LEAST_SPEED,
     PULL,
     SPEED,
     UPPER,
@@ -39,7 +39,7 @@ STEADY_M_S, GUST_M_S = 7.0, 5.0  # prior sd of a drive's mean wind, and the larg
 # calm, or is met round a bend. What swings further is slopes or brakes under another name.
 SWING_M_S = 12.0
 SIDE = 0.4  # sd of the drag that wind from the side adds, SAE J1252: 5 to 10 % a degree of yaw
-PER_SQUARE = DRAG / maximum(SPEED, LEAST_SPEED) ** 2
+PER_SQUARE = DRAG / maximum(SPEED, CRAWL_SPEED) ** 2
 LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
 HOLDS = 1e3  # m/s^2: tyres that never slip
 

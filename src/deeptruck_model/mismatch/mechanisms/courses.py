@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal, lift
-from deeptruck_model.mismatch.mechanisms.symbols import LEAST_SPEED, PLACE
+from deeptruck_model.mismatch.mechanisms.symbols import CRAWL_SPEED, PLACE
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
 
@@ -184,7 +184,7 @@ def from_moments(e: Evidence, carrier: Expression, most: int = 32) -> Iterator[C
 
 def from_standstills(e: Evidence, carrier: Expression, most: int = 24) -> Iterator[Course]:
     """Start times at standstills and starts of recordings, where a load may change."""
-    entering = np.flatnonzero(np.diff((e["speed"] < LEAST_SPEED).astype(int)) > 0) + 1
+    entering = np.flatnonzero(np.diff((e["speed"] < CRAWL_SPEED).astype(int)) > 0) + 1
     yield from _from_each(_starts(e) | set(entering.tolist()), e, most)
 
 
@@ -209,7 +209,7 @@ def slowly(largest: float, along: Along = "elapsed", *, quick: bool = True) -> O
     """
 
     def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
-        moving = e.valid & (e["speed"] > LEAST_SPEED)
+        moving = e.valid & (e["speed"] > CRAWL_SPEED)
         typical = float(np.sqrt(np.mean(np.square(carrier.rows(e)[moving])))) if moving.any() else 0.0
         if typical <= 0.0:
             return

@@ -22,11 +22,11 @@ from deeptruck_model.mismatch.expression import (
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, force, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
     ACTS,
+    CRAWL_SPEED,
     ELAPSED,
     ENGINE,
     ENGINE_SPEED,
     GEAR,
-    LEAST_SPEED,
     OMEGA,
     OVERALL_RATIO,
     PULL,
@@ -85,7 +85,7 @@ def _locked(e: Evidence) -> Iterable[Constants]:
     """The gears, and the ratio (rad/m) of each with the converter locked."""
     ratio, gear = e["ratio"], np.round(np.nan_to_num(e["gear"]))
     locked = {
-        g: quantile(e, ratio, (gear == g) & (e["speed"] > LEAST_SPEED), 0.1)
+        g: quantile(e, ratio, (gear == g) & (e["speed"] > CRAWL_SPEED), 0.1)
         for g in np.unique(gear[e.valid]).tolist()
         if g > 0
     }

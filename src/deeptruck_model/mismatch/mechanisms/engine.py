@@ -10,8 +10,8 @@ from deeptruck_model.mismatch.expression import Expression, Lag, RisingLag, Sign
 from deeptruck_model.mismatch.mechanisms.courses import slowly
 from deeptruck_model.mismatch.mechanisms.record import Column, Constants, Curve, Form, Mechanism, grid
 from deeptruck_model.mismatch.mechanisms.symbols import (
+    CRAWL_SPEED,
     ENGINE_SPEED,
-    LEAST_SPEED,
     OMEGA,
     OVERALL_RATIO,
     PULL,
@@ -237,7 +237,7 @@ TORQUE_LIMIT = Mechanism(
             units={"limit_force": "N"},
         ),
         "power": Form(
-            lambda limit_power: _beyond(maximum(PULL - limit_power / maximum(SPEED, LEAST_SPEED), 0.0)),
+            lambda limit_power: _beyond(maximum(PULL - limit_power / maximum(SPEED, CRAWL_SPEED), 0.0)),
             lambda e: grid(limit_power=_shares(e, np.maximum(e["engine"], 0.0) * e["speed"])),
             units={"limit_power": "W"},
         ),

@@ -30,9 +30,9 @@ OVERALL_RATIO = Signal("overall_ratio")
 PLACE = Signal("place", missing=-1.0)  # below zero where nobody knows it
 PULL = maximum(ENGINE, 0.0)
 ACTS = 0.05  # m/s^2, above which the engine drives or a brake acts
-LEAST_SPEED = 1.0  # m/s, at which an engine idles in its lowest gear; below it a truck counts as standing
+CRAWL_SPEED = 1.0  # m/s, at which an engine idles in its lowest gear; below it a truck counts as standing
 OMEGA = 150.0  # rad/s, a diesel's working speed
-PER_POWER = -(1.0 / maximum(SPEED, LEAST_SPEED))
+PER_POWER = -(1.0 / maximum(SPEED, CRAWL_SPEED))
 SHIFTED = Since((absolute(Change((GEAR,))) > 0.5,))
 STOOD = minimum(Since((SPEED < 0.5,)), 60.0)  # s since standing
 BRAKED_AGO = minimum(Since((BRAKE > 0.1,)), 120.0)  # s since braking
