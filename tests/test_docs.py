@@ -291,6 +291,17 @@ def test_the_readme_begins_with_two_commands() -> None:
         assert re.search(rf"^    make {target}\b", head, re.M) and re.search(rf"^{target}:", targets, re.M)
 
 
+def test_the_readme_lists_every_command(programs: dict[str, typer.Typer]) -> None:
+    """In the rows of its table that begin with the program."""
+    rows = re.findall(r"^\| (`.*?) \|", (ROOT / "README.md").read_text(), re.M)
+    for program in ("deeptruck-model", "deeptruck-cacc", "truck-bridge"):
+        own = " ".join(row for row in rows if row.startswith(f"`{program}"))
+        commands = vars(get_command(programs[program]))["commands"]
+        shown = [one for one, command in commands.items() if not command.hidden]
+        lacking = [one for one in shown if not re.search(rf"[` ]{one}`", own)]
+        assert not lacking, f"{program}: {lacking}"
+
+
 def test_the_versions_of_python_are_the_same_everywhere() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     named = [c.rpartition(" ")[2] for c in project["classifiers"] if ":: Python :: " in c]
