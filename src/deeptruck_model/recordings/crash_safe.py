@@ -14,6 +14,8 @@ from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_metadata import Topic, definition, metadata_yaml
 
+CHUNK_BYTES = 64 * 1024  # 10 s of a drive at 10 Hz: what a file that is cut off, not killed, loses at most
+
 
 class CrashSafeWriter:
     """Writes serialised messages into a new rosbag2 folder; data older than `flush_s` survive a kill -9.
@@ -48,7 +50,9 @@ class CrashSafeWriter:
             raise InputError(f"{self.path} exists already; choose another name or remove it") from None
         except OSError as error:
             raise InputError(f"cannot write {self.path}: {error.strerror}") from None
-        self._writer = Writer(self._stream, compression=CompressionType.NONE, enable_data_crcs=True)
+        self._writer = Writer(
+            self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE, enable_data_crcs=True
+        )
         self._guarded(self._begin)
 
     def _begin(self) -> None:

@@ -21,7 +21,6 @@ from mcap.records import (
     ChunkIndex,
     DataEnd,
     Footer,
-    Header,
     MessageIndex,
     Metadata,
     MetadataIndex,
@@ -86,7 +85,6 @@ class Found:
     cut: int = 0  # where the scan ended in the file as it was found
     torn: bool = False  # whether more lies behind that than an index, which is made anew
     tail: _WholeChunk | None = None  # the last chunk: not all its message indexes may be there
-    header: bool = False
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[ChunkIndex] = field(default_factory=list)
@@ -201,7 +199,6 @@ def _index_record(channel: int, entries: NDArray[np.void]) -> bytes:
 
 def _note_loose(found: Found, opcode: int, content: bytes, at: int) -> None:
     if opcode == Opcode.HEADER:
-        found.header = True
         return
     try:
         metadata = Metadata.read(ReadDataStream(BytesIO(content)))
@@ -260,8 +257,8 @@ def repair(path: str | Path) -> str | None:
     kill at any moment leaves one of the two. The part cut off is kept as FILE.mcap.cut, an existing
     metadata.yaml as metadata.yaml.before; other files are left alone. The folder's ledger is not updated,
     because a file that the recorder left incomplete cannot be distinguished from another file of that name;
-    --overwrite therefore refuses the folder or keeps it aside. Raises InputError if there is no MCAP file or
-    an empty one, if it is a link or still being written, or if the disk cannot be written.
+    --overwrite therefore refuses the folder or keeps it aside. Raises InputError if there is no MCAP file, if
+    it holds no whole chunk, is a link or still being written, or if the disk cannot be written.
     """
     path = Path(path)
     file = _only_mcap(path)
@@ -271,13 +268,13 @@ def repair(path: str | Path) -> str | None:
     _refuse_links(path, file)
     try:
         with files.writing(file.parent):
-            found, cut = _mend(path, file)
+            found, cut = _mend(path, file, is_whole=whole)
     except OSError as error:
         cure = files.advice(error, "make room for a copy and repair it again", "repair a copy elsewhere")
         raise InputError(f"cannot repair {path}: {error.strerror}; nothing was lost, {cure}") from None
     lost = f"the torn end is in {cut.name}" if cut else "nothing was lost"
     kept = sum(found.counts.values())
-    return f"{path} was not finished: kept {kept or 'no'} messages, {lost}"
+    return f"{path} was not finished: kept {kept} message{'s' * (kept != 1)}, {lost}"
 
 
 def _refuse_links(path: Path, file: Path) -> None:
@@ -290,8 +287,9 @@ def _refuse_links(path: Path, file: Path) -> None:
             )
 
 
-def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
-    """Replace `file` by the repaired copy; returns the file that keeps the cut-off part, if there is one."""
+def _mend(path: Path, file: Path, *, is_whole: bool) -> tuple[Found, Path | None]:
+    """Replace `file` by the repaired copy; returns the file that keeps the cut-off part, if there is one.
+    Raises InputError for a file that is not whole and of which no message can be kept."""
     draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}.tmp")
     before, is_ours = file.stat(), files.is_as_written(file)
     with files.removing(lambda: draft.unlink(missing_ok=True)):
@@ -299,6 +297,11 @@ def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
         shutil.copymode(file, draft)
         with draft.open("r+b") as stream:
             found = _scanned(stream, file)
+            if not is_whole and not sum(found.counts.values()):
+                raise InputError(
+                    f"{file} holds no whole chunk of messages in its {before.st_size:,} bytes: no message "
+                    "can be kept, it is left as it was; take another copy of it, or record anew"
+                )
             _finish(stream, found)
             stream.flush()
             os.fsync(stream.fileno())
@@ -394,11 +397,6 @@ def _finish(stream: BinaryIO, found: Found) -> None:
     stream.truncate(found.end)
     stream.seek(found.end)
     builder = RecordBuilder()
-    if not found.header:  # killed before anything was safe: an empty bag
-        stream.seek(0)
-        stream.truncate()
-        stream.write(MAGIC)
-        Header("ros2", "deeptruck").write(builder)
     DataEnd(0).write(builder)
     stream.write(builder.end())
     summary_start = stream.tell()

@@ -79,10 +79,24 @@ def test_repair(workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     writer.write("/a", "std_msgs/msg/Float64", bytes(12), 1)
     writer.flush()
     assert run(monkeypatch, "repair", "bag") == 0
-    assert "bag was not finished: kept 1 messages" in capsys.readouterr().out
+    assert "bag was not finished: kept 1 message," in capsys.readouterr().out
     assert run(monkeypatch, "repair", "bag") == 0
     assert "nothing to do" in capsys.readouterr().out
     writer.close()
+
+
+def test_a_bag_that_keeps_no_message_is_not_repaired(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with CrashSafeWriter(workplace / "bag") as writer:
+        writer.write("/a", "std_msgs/msg/Float64", bytes(12), 1)
+    file = workplace / "bag" / "bag_0.mcap"
+    file.write_bytes(file.read_bytes()[:100])
+    before = {path: path.read_bytes() for path in (workplace / "bag").iterdir()}
+    assert run(monkeypatch, "repair", "bag") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "bag_0.mcap holds no whole chunk of messages in its 100 bytes" in line
+    assert {path: path.read_bytes() for path in (workplace / "bag").iterdir()} == before
 
 
 @pytest.mark.parametrize(
