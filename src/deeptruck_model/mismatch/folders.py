@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ APPLIED = files.Result("a corrected simulator", ("simulator.json", "base/simulat
 CORRECTED, REFITTED = "simulator", "refitted"  # folders of a run: with forces added, with parameters alone
 AS_GIVEN, REFIT, CORRECTION = "as_given", "parameters_only", "correction"  # `fit.offered` of verdict.json
 PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
+NOT_SIGNIFICANT = "the held-out error does not fall significantly"
 FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"
 
 
@@ -31,17 +33,21 @@ def applicable(directory: Path, *, refit: bool = False) -> Path:
     if refit:
         if not _is_validated(directory / REFITTED):
             raise InputError(
-                f"{directory} has no refitted parameters that are better on held-out recordings; record more"
+                f"{directory}: refitted parameters are not applied: with them {NOT_SIGNIFICANT}; record more "
+                "drives to hold out"
             )
         return directory / REFITTED
-    if offered == AS_GIVEN and verdict.get("verdict") == "nothing_missing":
-        raise InputError(f"in {directory} nothing was found that could be applied")
     if offered == AS_GIVEN:
-        raise InputError(
-            f"{directory} has no passed validation (held-out error did not improve), so it is not applied; "
-            "record more"
-        )
+        raise InputError(f"{directory} has no passed validation, so nothing is applied: {_why_not(verdict)}")
     return directory / (REFITTED if offered == REFIT else CORRECTED)
+
+
+def _why_not(verdict: Mapping[str, Any]) -> str:
+    """The reason for which a result offers nothing to apply."""
+    try:
+        return str(verdict["advice"]["apply"]["reason"])
+    except (KeyError, TypeError):
+        return NOT_SIGNIFICANT
 
 
 def _is_validated(directory: Path) -> bool:

@@ -12,11 +12,12 @@ from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
     ROOT,
+    digits,
     opened,
     percent,
     spoken,
 )
-from deeptruck_model.mismatch.result import Answer, Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.result import Answer, Conclusion, Finding, Kind, Size, Verdict
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN, Node
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
@@ -67,7 +68,7 @@ def _good_enough(v: Verdict) -> bool:
 def _in_drives(f: Finding) -> str:
     """A finding with the drives in which it acts and its share of the error."""
     drives = ", ".join(_drive(f, name) for name in f.in_drives)
-    what = f"in {drives} alone, {_what(f)}" if drives else _what(f) + _by_drive(f)
+    what = f"in {drives} alone of the fitted drives, {_what(f)}" if drives else _what(f) + _by_drive(f)
     share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
     return what + share
 
@@ -94,6 +95,45 @@ def _by_drive(f: Finding) -> str:
     if not 1 < len(sizes) <= MOST_DRIVES or any(x.unit not in ("kg", "N") for x in sizes.values()):
         return ""
     return f" ({', '.join(f'{drive} {x.value:+,.0f} {x.unit}' for drive, x in sizes.items())})"
+
+
+def sizes(v: Verdict) -> str:
+    """Size of each finding with 95 % interval, and its force while it acts; empty without findings."""
+    each = []
+    for f in v.findings:
+        if found := list(_size(f)):
+            given = "" if f.stated == f.effect or f.effect == UNKNOWN else "if "
+            each.append(f"{given}{spoken(f.effect)}: {', '.join(found)}")
+    return f"Sizes with 95 % intervals: {'; '.join(each)}." if each else ""
+
+
+def _size(f: Finding) -> Iterator[str]:
+    """The error of a parameter; or the size in each drive, if these are few; or the fitted sizes, unless they
+    are points of a curve, and the force."""
+    if (error := f.parameters.get("relative_error")) is not None:
+        own = f.parameters.get(f.effect)
+        if own is not None and own.unit != "1":
+            yield _interval(error, own.value / (1.0 + error.value), own.unit, sign=True)
+        yield _interval(error, 100.0, "%", sign=True)
+        return
+    by_drive = {name.partition("[")[2][:-1]: x for name, x in f.parameters.items() if name.endswith("]")}
+    if by_drive and len(by_drive) <= MOST_DRIVES:
+        yield from (f"{drive} {_interval(x, 1.0, x.unit, sign=True)}" for drive, x in by_drive.items())
+        return
+    if not by_drive and not any(map(str.isdigit, "".join(f.parameters))):
+        for name, x in f.parameters.items():
+            if x.ci95 is not None:
+                what = "" if name == "value" else f"{name.replace('_', ' ')} "
+                yield what + _interval(x, 1.0, x.unit)
+    if f.strength is not None:
+        mean, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
+        yield f"{digits(f.strength.value)} {f.strength.unit} ({mean}) while it acts, {time} of the time"
+
+
+def _interval(x: Size, scale: float, unit: str, *, sign: bool = False) -> str:
+    """A size times `scale` with its unit and interval."""
+    value, *ends = (digits(scale * number, sign=sign) for number in (x.value, *(x.ci95 or ())))
+    return f"{value}{'' if unit == '1' else ' ' + unit}" + (f" ({' to '.join(ends)})" if ends else "")
 
 
 def _count(count: int, noun: str) -> str:
@@ -285,4 +325,5 @@ def lines(v: Verdict) -> list[str]:
     """All sentences, for the terminal."""
     answers = [f"{one.question} {one.answer} ({one.reason})." for one in lights(v)]
     middle = (*what(v), *how_probable(v), *refitted(v), *what_to_do(v))
-    return [headline(v) + ".", *not_recorded(v), *middle, *answers]
+    sized = [said] if (said := sizes(v)) else []
+    return [headline(v) + ".", *sized, *not_recorded(v), *middle, *answers]

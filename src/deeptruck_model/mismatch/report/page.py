@@ -10,10 +10,11 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from deeptruck_model import pages
+from deeptruck_model.mismatch import folders
 from deeptruck_model.mismatch.budget import Part
 from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import explorer_data, lines
-from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
+from deeptruck_model.mismatch.report.wording import ROOT, digits, opened, percent, spoken
 from deeptruck_model.mismatch.result import Finding, Mismatch, Verdict
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN
@@ -43,7 +44,16 @@ def html(found: Mismatch, command: str = "", *, served: bool = False, units: str
 def _in_units(content: dict[str, Any], units: str) -> dict[str, Any]:
     """The content with speeds in other units: sentences, errors, and the picture's speed."""
     per = speed_unit(units)
-    sentences = ("headline", "errors_say", "what", "how_probable", "what_to_do", "caveats", "not_recorded")
+    sentences = (
+        "headline",
+        "sizes",
+        "errors_say",
+        "what",
+        "how_probable",
+        "what_to_do",
+        "caveats",
+        "not_recorded",
+    )
     said = {name: _said(content[name], units) for name in sentences}
     answers = [one._replace(reason=speeds_in(units, one.reason)) for one in content["lights"]]
     errors = [(name, *(f"{per * float(x):.3f}" for x in cells)) for name, *cells in content["errors"]]
@@ -91,6 +101,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "style": pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("report.css"),
         "script": pages.shared(pages.PLOT) + _file("explorer.js"),
         "headline": lines.headline(v),
+        "sizes": lines.sizes(v),
         "kind": opened(v.kind.replace("_", " ")),
         "not_recorded": list(lines.not_recorded(v)),
         "what": list(lines.what(v)),
@@ -144,19 +155,19 @@ def _finding(f: Finding) -> dict[str, Any]:
     if f.equation:
         rows.append(("equation", f.equation))
     for name, size in f.parameters.items():
-        interval = f" ({_digits(size.ci95[0])} to {_digits(size.ci95[1])})" if size.ci95 else ""
+        interval = f" ({digits(size.ci95[0])} to {digits(size.ci95[1])})" if size.ci95 else ""
         unit = "" if size.unit == "1" else f" {size.unit}"
-        rows.append((name.replace("_", " "), f"{_digits(size.value)}{interval}{unit}"))
+        rows.append((name.replace("_", " "), f"{digits(size.value)}{interval}{unit}"))
     if f.strength is not None:
         kind, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
         rows.append(
             (
                 "while it acts",
-                f"{_digits(f.strength.value)} {f.strength.unit} ({kind}), {time} of the time",
+                f"{digits(f.strength.value)} {f.strength.unit} ({kind}), {time} of the time",
             )
         )
     if f.in_drives:
-        rows.append(("in drives", ", ".join(f.in_drives)))
+        rows.append(("in the fitted drives", ", ".join(f.in_drives)))
     if f.separating_manoeuvre:
         rows.append(("manoeuvre", f.separating_manoeuvre))
     return {
@@ -176,11 +187,12 @@ def errors_say(v: Verdict) -> str:
     if low > 0.0:
         change = f"falls by {low:.0f} to {high:.0f} %"
     elif high > 0.0:
-        change = f"is between {high:.0f} % lower and {-low:.0f} % higher, which is no significant change"
+        change = f"is between {high:.0f} % lower and {-low:.0f} % higher"
     else:
         change = f"rises by {-high:.0f} to {-low:.0f} %"
+    falls = f"{folders.NOT_SIGNIFICANT}; " if low <= 0.0 < high else ""
     together = " by all drives together, the fitted ones left out in turn" if low <= 0.0 else ""
-    passed = f"validated{together}" if v.fit.validated else "not validated"
+    passed = f"{falls}{f'validated{together}' if v.fit.validated else 'not validated'}"
     return (
         f"{v.fit.windows} free runs of {v.fit.horizon_s:.0f} s. The mean error {change} (95 % interval): "
         f"{passed}."
@@ -200,8 +212,3 @@ def _where(v: Verdict) -> str:
             f"of the time, where {regime.where}."
         )
     return " ".join(out)
-
-
-def _digits(x: float) -> str:
-    """Three significant digits, without an exponent."""
-    return f"{x:,.0f}" if abs(x) >= 100.0 else f"{x:.3g}"

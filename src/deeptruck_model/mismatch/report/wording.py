@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from deeptruck_model.mismatch import folders
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 
 SENSOR_MANOEUVRE = "drive a known distance and compare each sensor with it"
@@ -39,7 +40,7 @@ TOO_SHORT = "too few unbroken windows for a budget: record drives without gaps"
 FAULTY = "a sensor or clock is wrong: it was corrected here, but repair it before you record more"
 ENOUGH = "every input that matters was recorded or stated"
 NOT_DRIVEN = "no held-out recording is long enough for a free run"
-NOT_SIGNIFICANT = "the held-out error falls, but not significantly; record more drives to hold out"
+NOT_SIGNIFICANT = f"{folders.NOT_SIGNIFICANT}; record more drives to hold out"
 NOTHING_CORRECTED = "nothing was corrected"
 NOT_BETTER = "the held-out error does not fall"
 
@@ -127,6 +128,12 @@ def spoken(name: str) -> str:
 def percent(share: float) -> str:
     """A share from 0 to 1."""
     return "under 1 %" if 0.0 < share < 0.005 else f"{100.0 * share:.0f} %"
+
+
+def digits(x: float, *, sign: bool = False) -> str:
+    """Three significant digits, or whole numbers from 100 on; with `sign` a plus before positive ones."""
+    plus = "+" if sign and x > 0.0 else ""
+    return f"{x:{plus},.0f}" if abs(x) >= 100.0 else f"{x:{plus}.3g}"
 
 
 def opened(sentence: str) -> str:

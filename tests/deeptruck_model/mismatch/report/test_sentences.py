@@ -12,9 +12,10 @@ from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.findings import of_fault
 from deeptruck_model.mismatch.fit_result import FitResult, FreeRunErrors, Improvement, Refitted, Rmse
-from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
+from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, NOT_SIGNIFICANT, REFIT
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Data, Finding, Kind, Size, Verdict
+from deeptruck_model.mismatch.strength import Strength
 
 PAYLOAD = Finding(
     Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},
@@ -32,12 +33,38 @@ def driven(low: float, high: float) -> Verdict:
     ("low", "high", "says"),
     [
         (0.2, 0.5, "falls by 20 to 50 %"),
-        (-3.87, 0.45, "is between 45 % lower and 387 % higher, which is no significant change"),
+        (-3.87, 0.45, "is between 45 % lower and 387 % higher"),
         (-0.4, -0.1, "rises by 10 to 40 %"),
     ],
 )
 def test_a_change_of_the_error_is_said_with_its_direction(low: float, high: float, says: str) -> None:
     assert f"The mean error {says} (95 % interval)" in page.errors_say(driven(low, high))
+
+
+def test_no_significant_change_is_said_as_apply_says_it() -> None:
+    assert f": {NOT_SIGNIFICANT}; not validated." in page.errors_say(driven(-0.4, 0.1))
+    for low, high in ((0.2, 0.5), (-0.4, -0.1)):
+        assert NOT_SIGNIFICANT not in page.errors_say(driven(low, high))
+
+
+def test_sizes_follow_the_first_line() -> None:
+    """The change of a parameter in its unit, a fitted size, the force; of a curve the force alone."""
+    error = {"mass": Size(24000.0, "kg", (22000.0, 26000.0)), "relative_error": Size(0.2, "1", (0.1, 0.3))}
+    mass = replace(PAYLOAD, kind=Kind.PARAMETER, effect="mass", stated="mass", parameters=error)
+    acting = Strength(-699.4, "N", one_way=True, share_of_time=0.82)
+    wind = replace(
+        PAYLOAD, effect="headwind", stated="air_tyres_road", strength=acting,
+        parameters={"wind": Size(4.37, "m/s", (0.43, 8.31))},
+    )  # fmt: skip
+    curve = replace(wind, parameters={"share_0_to_0.3_s": Size(0.2, "1", (0.1, 0.3))}, stated="headwind")
+    first, second, *_ = lines.lines(Verdict(Conclusion.PARAMETER, (mass, wind, curve)))
+    assert first.startswith("Mass of the simulator is wrong")
+    assert second == (
+        "Sizes with 95 % intervals: mass: +4,000 kg (+2,000 to +6,000), +20 % (+10 to +30); if headwind: "
+        "wind 4.37 m/s (0.43 to 8.31), -699 N (mean) while it acts, 82 % of the time; headwind: -699 N "
+        "(mean) while it acts, 82 % of the time."
+    )
+    assert lines.sizes(Verdict(Conclusion.NOTHING)) == ""
 
 
 def test_what_differs_from_drive_to_drive_is_to_be_adapted_to_each() -> None:
@@ -101,8 +128,8 @@ def test_a_drive_that_differs_is_in_the_first_line_of_a_good_simulator() -> None
     good = {"simulator": Advice(Answer.YES, "off by 0.1 m/s")}
     v = Verdict(Conclusion.PHYSICS, (replace(PAYLOAD, share_of_error=0.1), own), advice=good)
     assert lines.headline(v) == (
-        "In c (-223 N) alone, a constant force, 52 % of the squared error; otherwise the simulator is good "
-        "enough"
+        "In c (-223 N) alone of the fitted drives, a constant force, 52 % of the squared error; otherwise "
+        "the simulator is good enough"
     )
 
 
