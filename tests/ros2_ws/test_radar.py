@@ -63,6 +63,11 @@ def test_the_lane_change_jumps_to_a_farther_vehicle_and_back() -> None:
     assert np.all(seen[jumped, 1] == 21.5) and np.all(seen[~jumped] == [50.0, 20.0])
 
 
+def test_a_lost_radar_sees_nothing_for_as_long_as_stated() -> None:
+    lost = np.isinf(readings(RadarErrors(lost_at_s=20.0, lost_for_s=6.0))[:, 0])
+    assert np.array_equal(np.flatnonzero(lost), np.arange(200, 260))
+
+
 def test_the_leader_node_and_the_scene_change_lanes_alike() -> None:
     scene = long_following(np.random.default_rng(0), 1, 1200, 0.1)
     offsets = np.array([scene.seen_gap_offset[0], scene.seen_speed_offset[0]]).T

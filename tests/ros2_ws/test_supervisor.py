@@ -21,6 +21,21 @@ open(sys.argv[1], "w")
 time.sleep(60)
 """
 
+INTERRUPTED_WHILE_IT_IS_IMPORTED = """
+import os, signal, time
+os.kill(os.getppid(), signal.SIGINT)
+time.sleep(60)
+"""
+
+
+def test_a_node_that_is_still_imported_ends_without_a_word(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    node = Program("node", (sys.executable, "-c", INTERRUPTED_WHILE_IT_IS_IMPORTED), speaks=True)
+    with (tmp_path / "lock").open("w") as lock:
+        assert Supervisor(tmp_path, [node], {DOMAIN: "1"}, lock.fileno()).run(240.0) == 0
+    assert "Traceback" not in capsys.readouterr().out and not (tmp_path / "node.log").read_text()
+
 
 def test_a_run_that_is_asked_to_end_as_the_last_gets_ready_does_not_go(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -90,15 +90,19 @@ def actions(text: str) -> list[Action]:
     known = [field.name for field in fields(Driver)]
     found = []
     for item in filter(None, text.split(",")):
+        when, _, action = item.partition(":")
+        key, _, value = action.partition("=")
+        seconds = when.removeprefix(ENGAGED)
         try:
-            when, action = item.split(":")
-            key, value = action.split("=")
-            if key not in known:
-                raise ValueError(f"keys are {', '.join(known)}")
-            seconds = when.removeprefix(ENGAGED)
-            found.append(Action(float(seconds), key, float(value), engaged=seconds != when))
-        except ValueError as error:
-            raise InputError(f"--driver '{item}' is not SECONDS:KEY=VALUE ({error})") from None
+            one = Action(float(seconds), key, float(value), engaged=seconds != when)
+        except ValueError:
+            one = None
+        if one is None or key not in known or not (0.0 <= one.at < math.inf and 0.0 <= one.value <= 100.0):
+            raise InputError(
+                f"--driver '{item}' is not SECONDS:KEY=VALUE or engaged+SECONDS:KEY=VALUE; keys are "
+                f"{', '.join(known)}, values 0 to 100"
+            )
+        found.append(one)
     return sorted(found, key=lambda action: action.at)
 
 

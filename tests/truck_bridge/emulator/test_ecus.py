@@ -93,6 +93,8 @@ def test_real_processes_drive_and_the_driver_takes_over():
             "does not exist; give a number or a table as --grade",
         ),
         (["--vehicle", "volvo", "--driver", "soon"], "SECONDS:KEY=VALUE"),
+        (["--vehicle", "volvo", "--driver", "1:horn=1"], "keys are brake_pedal, accelerator, cancel"),
+        (["--vehicle", "volvo", "--driver", "1:brake_pedal=nan"], "values 0 to 100"),
         ([], "Missing option '--vehicle'"),
         (["--vehicle", "volvo", "--speed", "fast"], "'--speed': Input should be a valid number"),
         (["--vehicle", "volvo", "--speed", "nan"], "--speed must be a number from 0 to 50"),

@@ -18,6 +18,11 @@ Policy = Annotated[
 ]
 TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
 Errors = Literal["clean", "noisy", "field"]
+RadarLostAt = Annotated[
+    float,
+    typer.Option(help="When the simulated radar loses the leader, s from the start; 0: never.", min=0.0),
+]
+RadarLostFor = Annotated[float, typer.Option(help="For how long it sees nothing, s.", min=0.01)]
 InitialGap = Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")]
 Record = Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")]
 Overwrite = Annotated[bool, typer.Option(help=OVERWRITE_HELP)]

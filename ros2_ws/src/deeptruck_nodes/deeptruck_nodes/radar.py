@@ -65,6 +65,8 @@ class RadarErrors:
     lane_change_s: float = LANE_CHANGE.duration_s
     lane_change_gap: float = LANE_CHANGE.gap_m
     lane_change_speed: float = LANE_CHANGE.speed
+    lost_at_s: float = 0.0
+    lost_for_s: float = 2.0
 
 
 class Radar:
@@ -86,6 +88,7 @@ class Radar:
         self._last_t = t
         if e.lane_change_at_s and e.lane_change_at_s <= t < e.lane_change_at_s + e.lane_change_s:
             gap, leader_speed = gap + e.lane_change_gap, leader_speed + e.lane_change_speed
-        if t < self._blind_until or not 0 < gap <= e.reach:
+        lost = bool(e.lost_at_s) and e.lost_at_s <= t < e.lost_at_s + e.lost_for_s
+        if lost or t < self._blind_until or not 0 < gap <= e.reach:
             return math.inf, math.nan
         return max(gap + e.range_noise * noise[0], 0.0), leader_speed + e.speed_noise * noise[1]

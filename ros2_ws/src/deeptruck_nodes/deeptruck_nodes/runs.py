@@ -76,6 +76,7 @@ def drive_vehicle(
     emulate: bool,
     speed: float,
     grade: str,
+    driver: str,
     duration: float,
 ) -> int:
     """Run a vehicle on a CAN bus, or its emulated controllers; returns the exit code.
@@ -84,6 +85,7 @@ def drive_vehicle(
     topics come from the truck's radar.
     """
     from truck_bridge import vehicles
+    from truck_bridge.emulator.cli import actions
     from truck_bridge.emulator.road import road
 
     misfits = Misfits()
@@ -99,13 +101,14 @@ def drive_vehicle(
         sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of(lambda: road(grade))
+    misfits.of(lambda: actions(driver))
     misfits.of_node(sections, "road_map", lambda p: run_checks.map_is_known(p["road"]))
     misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))
     domain = _checked(misfits, common, sections)
     others: tuple[Program, ...] = ()
     if emulate and vehicle is not None:
         _compile(str(vehicle.truck))
-        others = (_emulator(parameters.checked("can_bridge", sections["can_bridge"]), speed, grade),)
+        others = (_emulator(parameters.checked("can_bridge", sections["can_bridge"]), speed, grade, driver),)
     return _run("vehicle", common, sections, domain, others=others, duration=duration)
 
 
@@ -166,9 +169,9 @@ def _compile(truck: str) -> None:
     simulator.step(state, np.zeros((1, len(i.u))), np.zeros((1, len(i.w))))
 
 
-def _emulator(bridge: Mapping[str, Any], speed: float, grade: str) -> Program:
+def _emulator(bridge: Mapping[str, Any], speed: float, grade: str, driver: str) -> Program:
     options = {"vehicle": bridge["vehicle"], "interface": bridge["interface"], "channel": bridge["channel"]}
-    options |= {"speed": str(speed), "grade": grade}
+    options |= {"speed": str(speed), "grade": grade, **({"driver": driver} if driver else {})}
     argv = [sys.executable, "-m", "truck_bridge.emulator"]
     return Program(
         "emulator", [*argv, *(f"--{name}={value}" for name, value in options.items())], says_ready=False

@@ -48,6 +48,8 @@ def main(
             "field: these, and the lane-change jump of the paper's field run at 63 s."
         ),
     ] = "noisy",
+    radar_lost_at: options.RadarLostAt = 0.0,
+    radar_lost_for: options.RadarLostFor = 2.0,
     road: Annotated[str, typer.Option(help="The grade ahead, see below.")] = "flat",
     known_road: Annotated[
         str,
@@ -70,7 +72,14 @@ def main(
 ) -> None:
     """Drive a simulated truck behind a leader, in real time or lock-step. Ctrl-C ends everything in order."""
     given: Sections = {
-        "leader": {"profile": leader, "initial_gap": initial_gap, "seed": seed, **runs.RADARS[radar]},
+        "leader": {
+            "profile": leader,
+            "initial_gap": initial_gap,
+            "seed": seed,
+            **runs.RADARS[radar],
+            "lost_at_s": radar_lost_at,
+            "lost_for_s": radar_lost_for,
+        },
         "controller": {"target_time_gap": time_gap},
         "truck_sim": {"rate_hz": rate, "initial_speed": initial_speed, "road": road, "duration_s": duration},
     }

@@ -11,11 +11,14 @@ from typing import Annotated, Any
 
 import typer
 
+from deeptruck_model.errors import InputError
 from deeptruck_nodes import options, runs
 
 EXAMPLES = """
 Examples:\n
   deeptruck-vehicle --vehicle trucksim --policy baseline:acc --emulator --engage\n
+  deeptruck-vehicle --vehicle trucksim --policy baseline:acc --emulator --engage --radar-lost-at 30
+  --driver engaged+60:brake_pedal=40\n
   deeptruck-vehicle --vehicle volvo --policy POLICY --interface socketcan --channel can0\n
 Without --engage the bridge listens until a person calls the service /can_bridge/engage (std_srvs/Trigger).\n
 Every parameter of every node: docs/nodes.md.
@@ -38,6 +41,10 @@ Emulator = Annotated[
 ]
 InitialSpeed = Annotated[float, typer.Option(help="Of the emulated truck, m/s.", min=0.0, max=50.0)]
 Grade = Annotated[str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")]
+Driver = Annotated[
+    str,
+    typer.Option(help="What the emulated truck's driver does: SECONDS:KEY=VALUE,... or engaged+SECONDS:..."),
+]
 # Who drives, and behind whom
 KnownRoad = Annotated[
     str,
@@ -66,6 +73,9 @@ def main(
     emulator: Emulator = False,
     leader: Leader = None,
     radar: Radar = "noisy",
+    radar_lost_at: options.RadarLostAt = 0.0,
+    radar_lost_for: options.RadarLostFor = 2.0,
+    driver: Driver = "",
     initial_speed: InitialSpeed = 20.0,
     initial_gap: options.InitialGap = 0.0,
     grade: Grade = "0",
@@ -91,7 +101,12 @@ def main(
     given: dict[str, dict[str, Any]] = {"can_bridge": bridge, "controller": {"target_time_gap": time_gap}}
     if leader is not None or emulator:
         profile = {"profile": leader or "constant:speed=20", "initial_gap": initial_gap, "seed": seed}
-        given["leader"] = {**profile, **runs.RADARS[radar]}
+        lost = {"lost_at_s": radar_lost_at, "lost_for_s": radar_lost_for}
+        given["leader"] = {**profile, **runs.RADARS[radar], **lost}
+    elif radar_lost_at:
+        raise InputError("--radar-lost-at is of a simulated radar: add --leader or --emulator")
+    if driver and not emulator:
+        raise InputError("--driver is of the emulated truck: add --emulator")
     if known_road:
         given["road_map"] = {"road": known_road}
     common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
@@ -103,6 +118,7 @@ def main(
             emulate=emulator,
             speed=initial_speed,
             grade=grade,
+            driver=driver,
             duration=duration,
         )
     )

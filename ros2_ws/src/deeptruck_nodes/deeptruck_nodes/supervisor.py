@@ -20,6 +20,7 @@ from deeptruck_nodes.lifeline import VARIABLE, LifelineHolder
 POLL = 0.05  # s
 READY_WITHIN = 120.0  # s; a first start compiles the physics truck
 PATIENCE = ((signal.SIGINT, 6.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s for each
+EARLY_PATIENCE = ((signal.SIGTERM, 8.0), (signal.SIGKILL, 2.0))  # during imports SIGINT prints a traceback
 SPECTATOR_PATIENCE = ((signal.SIGINT, 1.0), (signal.SIGKILL, 2.0))
 SPECTATOR_NICE = 10  # a tenth of the weight of a node where both want a core
 REVIVALS = 3  # of a spectator, in a run
@@ -200,8 +201,9 @@ class Supervisor:
         if any(child.program.spectator for child in self._children):
             with contextlib.suppress(OSError):  # a full disk
                 (self._folder / ENDED).write_text(f"{self.why}\n")
+        usual = PATIENCE if self._going else EARLY_PATIENCE
         for child in reversed(self._children):
-            for number, patience in SPECTATOR_PATIENCE if child.program.spectator else PATIENCE:
+            for number, patience in SPECTATOR_PATIENCE if child.program.spectator else usual:
                 if self._ended(child, number, patience):
                     break
             child.repeat()
