@@ -30,6 +30,7 @@ from benchmarks.paper.output import COLOURS, Unseen, sample_trials
 from benchmarks.paper.page import (
     BATCH,
     DIGITS,
+    DRAWN_DIGITS,
     ERRORS_S,
     FIELD_RUNS,
     FIELD_S,
@@ -172,13 +173,13 @@ def learn(job: Job) -> list[dict[str, Any]]:
     return found
 
 
-def rounded(found: Any) -> Any:
-    """Figures with DIGITS digits, more than any page shows."""
+def rounded(found: Any, digits: int = DIGITS) -> Any:
+    """Nested figures with so many significant digits."""
     if isinstance(found, float):
-        return float(f"{found:.{DIGITS}g}")
+        return float(f"{found:.{digits}g}")
     if isinstance(found, Mapping):
-        return {key: rounded(value) for key, value in found.items()}
-    return [rounded(value) for value in found] if isinstance(found, list | tuple) else found
+        return {key: rounded(value, digits) for key, value in found.items()}
+    return [rounded(value, digits) for value in found] if isinstance(found, list | tuple) else found
 
 
 def own_equations(work: Path, truck: str) -> None:
@@ -230,7 +231,7 @@ def _errors(runs: Trials) -> dict[str, Any]:
     channels = {
         name: {"mean": mean[:, j].tolist(), "sd": sd[:, j].tolist()} for j, name in enumerate(runs.channels)
     }
-    return {"time": runs.time[every].tolist(), "channels": channels}
+    return rounded({"time": runs.time[every].tolist(), "channels": channels}, DRAWN_DIGITS)
 
 
 def _bands(runs: Trials) -> dict[str, dict[str, Any]]:

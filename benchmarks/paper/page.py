@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -42,8 +43,8 @@ SHARE_WITHIN = 0.95
 """Least share of runs that 'is expected to remain within 1.5 m/s' is taken to mean; chosen."""
 ERRORS_S = 0.5
 """s from one point of an error figure to the next; chosen."""
-DIGITS = 5
-"""Digits of the figures that are kept of a seed; chosen."""
+DIGITS, DRAWN_DIGITS = 5, 3
+"""Digits kept of a seed's figures, more than any page shows, and of curves that are only drawn; chosen."""
 FIELD_RUNS, FIELD_S = 10, 15.0
 """Simulations of a field truck, and their length in s; "Results and model validation" of the field."""
 
@@ -184,7 +185,8 @@ def write(folder: Path, half: str, lines: Sequence[str]) -> None:
     for needed in (WORK, PICTURES):
         (folder / needed).mkdir(exist_ok=True)
     figures = {path.stem: json.loads(path.read_text()) for path in sorted((folder / WORK).glob("*.json"))}
-    lines_of = (f"{json.dumps(name)}: {json.dumps(found)}" for name, found in figures.items())
+    compact = partial(json.dumps, separators=(",", ":"))
+    lines_of = (f"{compact(name)}:{compact(found)}" for name, found in figures.items())
     files.write(folder / PICTURES / MEASURED, ("{\n" + ",\n".join(lines_of) + "\n}\n").encode())
     files.write(folder / WORK / half, ("\n".join(lines).rstrip() + "\n").encode())
     summary, *halves = (folder / WORK / name for name in (SUMMARY, *PAPER_HALVES))
