@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.mismatch.posterior import kernels
+from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("trucksim")
@@ -82,3 +88,32 @@ def evidence(
         mass=20000.0,
         rerun=lambda name, amount: np.zeros(N),
     )
+
+
+FORCES = {
+    "none": np.zeros(N),
+    "steady": np.full(N, 0.05),
+    "drag": -0.25 * 1e-4 * evidence()["speed"] ** 2,
+    "brakes": 0.2 * evidence()["brake"],
+    EACH_DRIVE: np.repeat([0.08, -0.06, -0.02], N // 3),
+    SLOW: 0.06 * np.sin(2 * np.pi * np.arange(N) * DT / 150.0),
+}
+
+
+@cache
+def posterior_of(name: str) -> Posterior:
+    """What is drawn where one of FORCES is missing."""
+    return posterior(regression(evidence(FORCES[name])), Rules(), sweeps=60)
+
+
+def regression(e: Evidence) -> Regression:
+    """A regression on evidence with the signals and rows of `evidence()`, whose kernels are made once."""
+    search, made = Regression(e), _regression()
+    assert e.signals.keys() == made.e.signals.keys() and np.array_equal(search.rows, made.rows)
+    kernels._made[search] = kernels.kernels(made)
+    return search
+
+
+@cache
+def _regression() -> Regression:
+    return Regression(evidence())

@@ -8,35 +8,28 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from small_drives import DT, N, evidence
+from small_drives import DT, N, evidence, posterior_of, regression
 
 from deeptruck_model.mismatch.budget import Budget, Part, _shares, budget
 from deeptruck_model.mismatch.posterior.posterior import posterior
-from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, LEFT_OVER, SLOW
 
 NOWHERE = np.zeros(N, dtype=bool)
-FORCES = {
-    "none": 0.0,
-    "steady": np.full(N, 0.05),
-    "by drive": np.repeat([0.08, -0.06, -0.02], N // 3),
-    "swell": 0.06 * np.sin(2 * np.pi * np.arange(N) * 0.2 / 150.0),
-}
 
 
 def split(e: Evidence, given: Evidence) -> Budget:
-    return budget(posterior(Regression(e), Rules(), sweeps=80), NOWHERE, given)
+    return budget(posterior(regression(e), Rules(), sweeps=80), NOWHERE, given)
 
 
 @cache
 def of(name: str) -> Budget:
-    e = evidence(FORCES[name])
-    return split(e, e)
+    p = posterior_of(name)
+    return budget(p, NOWHERE, p.search.e)
 
 
-@pytest.mark.parametrize("name", ["none", "by drive", "swell"])
+@pytest.mark.parametrize("name", ["none", EACH_DRIVE, SLOW])
 def test_shares_add_up_to_one_and_lie_in_their_intervals(name: str) -> None:
     found = of(name)
     assert sum(p.share for p in found.parts) == pytest.approx(1.0)
@@ -49,14 +42,14 @@ def test_of_noise_most_is_left_over() -> None:
 
 
 def test_what_differs_by_drive_is_each_drives_own() -> None:
-    found = of("by drive")
+    found = of(EACH_DRIVE)
     assert found.parts[0].part == EACH_DRIVE
     assert found.share(EACH_DRIVE) > 0.6
     assert found.share(LEFT_OVER) < 0.2
 
 
 def test_what_swells_slowly_is_slow() -> None:
-    found = of("swell")
+    found = of(SLOW)
     assert found.parts[0].part == SLOW
     assert found.share(SLOW) > 0.5
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from small_drives import DT, N, evidence
+from small_drives import DT, N, evidence, regression
 
 from deeptruck_model.json_data import from_json, to_json
 from deeptruck_model.mismatch.events import CLIP, LARGEST, POWER, Event, _Filters, events, find_events
@@ -25,7 +25,7 @@ ROWS = slice(2500, 2535)  # 7 s of the second drive, from 100 s on
 
 @cache
 def search() -> Regression:
-    return Regression(evidence())
+    return regression(evidence())
 
 
 def found(force: np.ndarray, seed: int = 0, held_out: str = "") -> tuple[Event, ...]:
@@ -177,7 +177,7 @@ def test_events_that_agree_have_one_cause_where_nothing_acts_always(rows: tuple[
     """A share of the engine's force is lost for seconds; of one event no cause is sought."""
     lost = -0.5 * evidence()["engine"]
     e = evidence(sum(during(r, lost) for r in rows))
-    p = posterior(Regression(e), e.rules, sweeps=30)
+    p = posterior(regression(e), e.rules, sweeps=30)
     happened = events(p)
     assert len(happened) == len(rows)
     outside = np.zeros(N, dtype=bool)

@@ -8,17 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from small_drives import N, evidence
+from small_drives import FORCES, N, evidence, posterior_of, regression
 
 from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.findings import findings
 from deeptruck_model.mismatch.names import Named, names
-from deeptruck_model.mismatch.posterior.posterior import posterior
+from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.report import lines, wording
-from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN, Tree
@@ -26,27 +25,23 @@ from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN, Tree
 RULES = Rules()
 NOWHERE = np.zeros(N, dtype=bool)
 ROAD = np.tile(0.08 * np.sin(np.arange(N // 3) / 90.0) * np.sin(np.arange(N // 3) / 230.0), 3)
-FORCES = {
-    EACH_DRIVE: np.repeat([0.08, -0.06, -0.02], N // 3),
-    PLACE: ROAD,
-    SLOW: 0.06 * np.sin(2 * np.pi * np.arange(N) * 0.2 / 150.0),
-}
 
 
-def along(part: str) -> Evidence:
-    """Drives along which a force is missing; where it is one of places, all pass the same road."""
-    e = evidence(FORCES[part])
-    if part != PLACE:
-        return e
+def of_places() -> Posterior:
+    """Drives on the same road along which a force of its places is missing."""
+    e = evidence(ROAD)
     road = np.tile(np.cumsum(e["speed"][: N // 3]) * e.dt, 3)
-    return replace(e, signals={**e.signals, "place": road, "distance": np.arange(N) * e.dt * 18.0})
+    signals = {**e.signals, "place": road, "distance": np.arange(N) * e.dt * 18.0}
+    return posterior(Regression(replace(e, signals=signals)), RULES, sweeps=60)
 
 
 @cache
 def compared(part: str) -> Compared:
-    e = along(part)
-    p = posterior(Regression(e), RULES, sweeps=60)
-    drives = Drives((), (), (), (), (), None)
+    return _compared(of_places() if part == PLACE else posterior_of(part))
+
+
+def _compared(p: Posterior) -> Compared:
+    e, drives = p.search.e, Drives((), (), (), (), (), None)
     return Compared({}, drives, (), e.residual, p, names(p, RULES), budget(p, NOWHERE, e), {})
 
 
@@ -62,7 +57,8 @@ def test_a_force_without_a_channel_is_a_finding_without_a_name(part: str) -> Non
     assert first.separating_manoeuvre == wording.RECORD_ROAD
     assert first.probability > 0.9
     assert first.force is not None
-    assert np.corrcoef(first.force, FORCES[part])[0, 1] > 0.9
+    planted = ROAD if part == PLACE else FORCES[part]
+    assert np.corrcoef(first.force, planted)[0, 1] > 0.9
 
 
 @pytest.mark.parametrize("part", [PLACE, SLOW])
@@ -120,9 +116,7 @@ def of_noise(persists: float, sd: float) -> Compared:
     """Nothing but noise, an autoregression, as a learned simulator may be off by."""
     noise = lfilter([1.0], [1.0, -persists], np.random.default_rng(3).normal(0.0, sd, N))
     e = replace(evidence(), residual=noise, slow_noise=0.3)
-    p = posterior(Regression(e), RULES, sweeps=60)
-    drives = Drives((), (), (), (), (), None)
-    return Compared({}, drives, (), noise, p, names(p, RULES), budget(p, NOWHERE, e), {})
+    return _compared(posterior(regression(e), RULES, sweeps=60))
 
 
 def test_what_adds_up_in_no_recorded_channel_is_slow_and_never_undetermined_alone() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_drives import N, evidence
+from small_drives import N, evidence, posterior_of, regression
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.model import Recipe, _best, _folds, _forms, _left_out, _nested, _rms, _terms
@@ -29,19 +29,19 @@ def test_few_forms_stand_for_a_force_that_is_a_sum_of_many() -> None:
 
 def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
     e = evidence()
-    quiet = posterior(Regression(e), Rules(), sweeps=40)
+    quiet = posterior_of("none")
     lost = evidence(-0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 18.0))
-    loud = posterior(Regression(lost), Rules(), sweeps=40)
+    loud = posterior(regression(lost), Rules(), sweeps=40)
     assert len(_terms(quiet)) <= 1
     assert _terms(loud)
 
 
 def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None:
     """Findings state only what is in; a correction takes what adds up to the force, whatever its name."""
-    features = next(k.features for k in kernels(Regression(evidence())) if k.name == UNKNOWN)
+    features = next(k.features for k in kernels(regression(evidence())) if k.name == UNKNOWN)
     force = features @ np.random.default_rng(1).standard_normal(features.shape[1])
     force *= 0.3 / force.std()
-    p = posterior(Regression(evidence(force)), Rules(), sweeps=40)
+    p = posterior(regression(evidence(force)), Rules(), sweeps=40)
     assert p.probability(UNKNOWN) == 1.0 and not _terms(p)
     terms = _terms(p, general=True)
     assert terms and all(t.general for t in terms)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from small_drives import N, evidence
+from small_drives import FORCES, evidence, posterior_of, regression
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.names import names
@@ -19,30 +18,18 @@ from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 
 RULES = Rules()
-FORCES = {
-    "none": 0.0,
-    "drag": -0.25 * 1e-4 * evidence()["speed"] ** 2,
-    "brakes": 0.2 * evidence()["brake"],
-    "by drive": np.repeat([0.08, -0.06, -0.02], N // 3),
-    "swell": 0.06 * np.sin(2 * np.pi * np.arange(N) * 0.2 / 150.0),
-}
 HILLS = 0.01 * np.sin(2 * np.pi * evidence()["distance"] / 700.0)
 
 
-@cache
-def of(name: str) -> Posterior:
-    return posterior(Regression(evidence(FORCES[name])), RULES, sweeps=60)
-
-
 def test_of_noise_nothing_is_found() -> None:
-    found = names(of("none"), RULES)
+    found = names(posterior_of("none"), RULES)
     assert not found.found
     assert found.any < 0.5
     assert found.explanations[0].names == ()
 
 
 def test_a_parameter_that_is_wrong_is_found_with_its_size() -> None:
-    p = of("brakes")
+    p = posterior_of("brakes")
     found = names(p, RULES)
     assert found.found[0].tree.families["brakes"] > 0.9
     assert p.probability("brake_gain") > 0.5
@@ -50,16 +37,16 @@ def test_a_parameter_that_is_wrong_is_found_with_its_size() -> None:
     assert change == pytest.approx(-0.2, abs=3.0 * sd + 0.01)
 
 
-@pytest.mark.parametrize(("name", "block"), [("by drive", EACH_DRIVE), ("swell", SLOW)])
-def test_what_follows_no_channel_is_a_drift_and_no_name(name: str, block: str) -> None:
-    p = of(name)
+@pytest.mark.parametrize("block", [EACH_DRIVE, SLOW])
+def test_what_follows_no_channel_is_a_drift_and_no_name(block: str) -> None:
+    p = posterior_of(block)
     assert p.probability(block) > 0.9
     force = p.force(block)
-    assert np.corrcoef(force[p.search.rows], FORCES[name][p.search.rows])[0, 1] > 0.9
+    assert np.corrcoef(force[p.search.rows], FORCES[block][p.search.rows])[0, 1] > 0.9
 
 
 def test_names_whose_gains_hardly_differ_share_the_probability(monkeypatch: pytest.MonkeyPatch) -> None:
-    p = of("brakes")
+    p = posterior_of("brakes")
     chosen, there = p.in_place_of("brake_gain", [])
     assert there > 0.99
     assert sum(chosen.values()) == pytest.approx(1.0)
@@ -68,13 +55,13 @@ def test_names_whose_gains_hardly_differ_share_the_probability(monkeypatch: pyte
 
 
 def test_what_stands_beside_takes_no_place() -> None:
-    p = of("brakes")
+    p = posterior_of("brakes")
     chosen, _ = p.in_place_of("brake_gain", ["dragging_brake"])
     assert "dragging_brake" not in chosen
 
 
 def test_a_small_force_beside_a_large_one_may_be_its_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    p = of("brakes")
+    p = posterior_of("brakes")
     assert p.in_place_of("brake_gain", [])[1] > 0.9
     monkeypatch.setattr(Limits, "form_there", 1.0)
     assert p.in_place_of("brake_gain", [])[1] < 0.5
@@ -99,7 +86,7 @@ def test_a_slope_that_is_left_out_of_the_library_has_no_block() -> None:
 
 
 def test_the_mean_force_is_what_was_planted() -> None:
-    p = of("brakes")
+    p = posterior_of("brakes")
     first = names(p, RULES).found[0]
     planted = FORCES["brakes"][p.search.rows]
     left = first.force[p.search.rows] - planted
@@ -107,13 +94,13 @@ def test_the_mean_force_is_what_was_planted() -> None:
 
 
 def test_probabilities_of_explanations_add_up_to_at_most_one() -> None:
-    found = names(of("drag"), RULES)
+    found = names(posterior_of("drag"), RULES)
     assert 0.5 < sum(x.probability for x in found.explanations) <= 1.0
     assert all(0.0 < x <= 1.0 for x in found.each.values())
 
 
 def test_a_name_gains_most_of_its_own_force() -> None:
-    by_name = gains(Regression(evidence(FORCES["brakes"])), RULES)
+    by_name = gains(regression(evidence(FORCES["brakes"])), RULES)
     assert by_name["brake_gain"] > 20.0
     assert by_name["brake_gain"] > by_name.get("drag_area", 0.0)
 
