@@ -1,13 +1,13 @@
-"""What adapting a simulator to the first minutes of a drive is worth along the rest of it.
+"""How much a simulator that is adapted to the first minutes of a drive errs less along its remainder.
 
     python benchmarks/bench_adapt.py [--out DIR] [--print]
 
-A physics truck with another mass, wind or a constant force, nine drives; and every drive of ten minutes or
-more of the vehicles of `deeptruck-model prove --real`, beside a simulator learned from other drives of each,
-where their logs (docs/recordings.md) are under ../shared/data or the folder in DEEPTRUCK_REAL_DATA. Beside
-`adapt` stands a constant alone: the mean of the constants of least squared speed error of free runs, shrunk
-by their scatter. Settings were chosen on the physics truck, veh002 and car_1. Writes its section of
-docs/results/mismatch.md.
+Nine drives of a physics truck with another mass, a wind or a constant force; and every drive of at least ten
+minutes of the vehicles of `deeptruck-model prove --real`, each with a simulator learned from other drives of
+that vehicle, where their logs (docs/recordings.md) are under ../shared/data or the folder in
+DEEPTRUCK_REAL_DATA. `adapt` is compared with a constant acceleration alone: the mean of the constants that
+minimise the squared speed error of free runs, shrunk by their scatter. Settings were chosen on the physics
+truck, veh002 and car_1. Writes its section of docs/results/mismatch.md.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def main() -> None:
 
 
 def made() -> Iterator[Recording]:
-    """Drives of the physics truck with something of their own."""
+    """Drives of physics trucks that differ from the simulator in mass, wind or a constant force."""
     truck = trucks.load("trucksim")
     mass = truck.parameters()["mass"]
     others = [truck.with_parameters({"mass": x * mass}) for x in (1.0, 1.3, 0.7, 0.9)]
@@ -106,7 +106,7 @@ def made() -> Iterator[Recording]:
 
 
 def of(fleet: Fleet, out: Path) -> tuple[Simulator, list[list[Recording]]]:
-    """A simulator learned from drives of a vehicle, and its other drives that are long enough."""
+    """A simulator learned from drives of a vehicle, and the vehicle's other drives of at least LEAST_S."""
     logs = [whole_log(harness.DATA / log, LAYOUTS / fleet.layout, out / "import") for log in fleet.judged]
     trainers = [
         r
@@ -121,8 +121,8 @@ def of(fleet: Fleet, out: Path) -> tuple[Simulator, list[list[Recording]]]:
 
 
 def judged(simulator: Simulator, drive: Sequence[Recording]) -> list[float]:
-    """Speed errors along the rest of a drive, rms in m/s: as given, with a constant alone, and adapted. None
-    of them where the drive is refused."""
+    """Speed errors after the first FIRST_S of a drive, rms in m/s: of the simulator as given, with a constant
+    acceleration, and adapted. Empty if the drive is refused."""
     try:
         adapted = adapt(simulator, drive).truck
         first = begin(simulator, drive, FIRST_S)
@@ -136,7 +136,7 @@ def judged(simulator: Simulator, drive: Sequence[Recording]) -> list[float]:
 
 
 def after(drive: Sequence[Recording], first_s: float) -> Iterator[Recording]:
-    """What is left of the pieces of a drive beyond its first seconds."""
+    """The pieces of a drive without its first seconds."""
     left = first_s
     for r in drive:
         n = max(0, min(len(r), round(left / r.dt)))
@@ -146,13 +146,13 @@ def after(drive: Sequence[Recording], first_s: float) -> Iterator[Recording]:
 
 
 def steady(simulator: Simulator, acceleration: float) -> Simulator:
-    """The simulator with a constant acceleration (m/s^2) alone."""
+    """The simulator with a constant acceleration added, m/s^2."""
     none = Quantity()
     return with_own(simulator, Own(none, none, Quantity(State.ESTIMATED, acceleration)))
 
 
 def constant_of(simulator: Simulator, drives: Sequence[Prepared]) -> float:
-    """The constant (m/s^2) by free runs."""
+    """The constant acceleration, m/s^2, that minimises the speed error of free runs."""
     plain, moved = free_runs([(simulator, drives), (steady(simulator, STEP), drives)], horizon(drives))
     if not len(plain.speed):
         return 0.0
@@ -165,7 +165,8 @@ def constant_of(simulator: Simulator, drives: Sequence[Prepared]) -> float:
 
 
 def row(name: str, errors: Sequence[Sequence[float]]) -> str:
-    """Geometric means over the drives of a vehicle, and how many are better and worse than as given."""
+    """Geometric means of the errors of a vehicle's drives, and the numbers of drives with a smaller and a
+    larger error than as given."""
     known = np.array([e for e in errors if e])
     cells = [f"{name}, {len(known)} | {np.exp(np.log(known[:, 0]).mean()):.2f}"]
     for k in (1, 2):

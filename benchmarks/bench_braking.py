@@ -1,9 +1,10 @@
-"""Brake pulses behind a leader that slows gently, and what training with commands that come late gains.
+"""Brake pulses behind a leader that slows gently, and the benefit of training with delayed commands.
 
 python benchmarks/bench_braking.py [--work runs] [--trucks trucksim]
 
 The ten seeds of bench_following.py, in WORK/following, drive on each truck itself; then three seeds of scene
-`wide` and of `late`, trained on the truck itself in WORK/late_commands. What is done there is kept.
+`wide` and three of `late`, trained on the truck itself in WORK/late_commands. Finished trainings are kept
+there and reused.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ def main() -> None:
 
 
 def rows(truck: Simulator, folders: list[Path], seed: int) -> list[str]:
-    """Mean and worst of the policies in `folders` as COLUMNS has it, a row for each delay."""
+    """Mean and worst value over the policies in `folders` of each of COLUMNS, one row for each delay."""
     found = []
     for late in LATE_S:
         each = [pedals(drive(truck, folder, late, seed), truck) for folder in folders]
@@ -107,7 +108,7 @@ def drive(truck: Simulator, policy: Path, late_s: float, seed: int) -> Trace:
 
 
 def delayed(scene: Scene, late_s: float, dt: float) -> Scene:
-    """The scene with all commands so late."""
+    """The scene with all commands delayed by `late_s`."""
     return replace(scene, command_delay=np.full(scene.batch, round(late_s / dt)))
 
 
@@ -122,7 +123,7 @@ def slowing(seed: int, dt: float) -> Scene:
 
 
 def pedals(trace: Trace, truck: Simulator) -> list[float]:
-    """The numbers of COLUMNS."""
+    """The figures named in COLUMNS."""
     judged, scale = slice(round(SETTLED_S / trace.dt), None), ActionScale.of(truck)
     engine = trace["engine_command"][judged] / scale.engine_high
     brake = trace["brake_command"][judged] / scale.brake_high
@@ -144,7 +145,7 @@ def recently(flags: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
 
 
 def learn(truck: Simulator, name: str, scene: str, policy: Path) -> list[Path]:
-    """The folders of three seeds trained in a scene, unless they are there."""
+    """Folders of three seeds trained in a scene, which are trained if they do not exist."""
     if not (policy / "policy.json").exists():
         config, source = AnalyticConfig(scene=scene), f"truck:{name}"
         training.train(truck, policy, config=config, source=source, resume=training.begun(policy))
@@ -152,7 +153,7 @@ def learn(truck: Simulator, name: str, scene: str, policy: Path) -> list[Path]:
 
 
 def pulses(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[str]:
-    """As COLUMNS has it, for each training and delay."""
+    """The figures named in COLUMNS, for each training and delay."""
     lines = []
     for scene, folders in policies.items():
         found = rows(truck, folders, seed)
@@ -161,7 +162,7 @@ def pulses(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list
 
 
 def price(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[str]:
-    """The time-gap error of each training in FOLLOWED, by delay."""
+    """Time-gap error of each training in the scenes FOLLOWED, by delay."""
     names = [f"{name}, {late:g} s late" for name in FOLLOWED for late in LATE_S]
     lines = []
     for trained, folders in policies.items():
@@ -187,7 +188,7 @@ def string(truck: Simulator, policies: dict[str, list[Path]]) -> list[str]:
 
 
 def crashes(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[str]:
-    """Crashes in HARD with the shield, by delay."""
+    """Crashes in the scenes HARD with the shield, by delay."""
     lines = []
     for trained, folders in policies.items():
         counts = [sum(crashed(truck, folder, late, seed) for folder in folders) for late in LATE_S]
@@ -196,13 +197,13 @@ def crashes(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> lis
 
 
 def worst_time_gap(truck: Simulator, folder: Path, scene: Scene) -> NDArray[np.float64]:
-    """Of each row after 10 s, (batch,)."""
+    """Largest time-gap error of each row after 10 s, (batch,)."""
     error = roll_out(truck, load_policy(folder), scene)["time_gap_error"]
     return np.asarray(np.abs(error[round(10.0 / truck.dt) :]).max(axis=0))
 
 
 def crashed(truck: Simulator, folder: Path, late: float, seed: int) -> int:
-    """Rows of HARD, 25 of each, that crash behind the shield."""
+    """Number of rows of HARD, 25 of each scene, that crash with the shield."""
     total = 0
     for name in HARD:
         draw, seconds = hard_scenes.HARD[name]

@@ -1,8 +1,8 @@
-"""Codec against cantools, loopback bus, period jitter of TSC1 and brake, driver override to release.
+"""Codec compared with cantools, loopback bus, period jitter of TSC1 and brake, driver override to release.
 
 `python benchmarks/bench_bridge.py [--seconds 20] [--overrides 5] [--priority 0]` prints a table and writes it
-to its section of docs/results/speed.md. The bridge and the emulator run as processes of their own; this one
-is the witness.
+to its section of docs/results/speed.md. Bridge and emulator run as processes of their own; this process
+listens on the bus.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def per_second(call: Callable[[], object]) -> float:
 
 
 def codec_rows() -> list[str]:
-    """Ours beside cantools on the same EEC1 frame, in the same run."""
+    """Our codec and cantools on the same EEC1 frame, in the same run."""
     text = resources.files("truck_bridge.j1939").joinpath("j1939.dbc").read_text()
     theirs = cantools.database.load_string(text, "dbc").get_message_by_name("EEC1")
     ours = j1939.load()["EEC1"]
@@ -70,7 +70,7 @@ def bus_row(frames: int = 2000) -> str:
 
 
 def jitter_rows(name: str, seconds: float) -> list[str]:
-    """Periods as the witness hears them."""
+    """Message periods as received on the bus."""
     with fault_scene.scene(name) as stage:
         if not stage.engaged():
             return [f"{name}: periods | did not engage"]
@@ -91,7 +91,8 @@ def jitter_rows(name: str, seconds: float) -> list[str]:
 
 
 def override_row(runs: int) -> str:
-    """First frame that shows the driver's foot to the first frame that hands back, on the bus."""
+    """Time on the bus from the first frame that shows the driver's foot to the first frame that hands
+    back."""
     outcomes = [processes.play("driver brakes", "volvo") for _ in range(runs)]
     times = [1e3 * o.reaction_s for o in outcomes if not math.isnan(o.reaction_s)]
     late = sum(time > 20 for time in times)

@@ -1,4 +1,5 @@
-"""Steps a second of the batched environment beside DummyVecEnv, and the cost of ten TRPO seeds in one batch.
+"""Steps per second of the batched environment compared with DummyVecEnv, and the cost of ten TRPO seeds in
+one batch.
 
 python benchmarks/bench_cacc.py [--simulator truck:trucksim] [--seconds 3]
 """
@@ -21,7 +22,7 @@ from deeptruck_model.simulators import Simulator
 
 
 def rate(env: Any, seconds: float) -> float:
-    """Member steps a second of an SB3 VecEnv under random actions."""
+    """Member steps per second of an SB3 VecEnv under random actions."""
     rng = np.random.default_rng(0)
     env.reset()
     actions = rng.uniform(-1, 1, (64, env.num_envs, 2)).astype(np.float32)
@@ -35,7 +36,7 @@ def rate(env: Any, seconds: float) -> float:
 
 
 def seconds(truck: Simulator, config: trpo.TrpoConfig) -> float:
-    """Median CPU seconds between iterations: other programs on the machine do not count."""
+    """Median CPU seconds between iterations, so that other programs on the machine do not count."""
     stamps: list[float] = []
     with tempfile.TemporaryDirectory() as out:
         trpo.train(truck, out, config, progress=lambda *_: stamps.append(time.process_time()))

@@ -1,4 +1,4 @@
-"""Do the intervals of `calibrate-truck` hold, and what is a fitted truck worth?
+"""Coverage of the intervals of `calibrate-truck`, and the speed error of a fitted truck.
 
 python benchmarks/bench_calibrate_truck.py [--trucks 12]
 
@@ -49,8 +49,8 @@ HEADS = (
 
 @dataclass(frozen=True)
 class Judged:
-    """One fitted truck: which intervals hold, how many parameters were not identified, relative errors, and
-    the speed error before and after."""
+    """One fitted truck: which intervals contain the truth, how many parameters were not identified, relative
+    errors, and the speed error before and after."""
 
     holds: tuple[bool, ...]
     unidentified: int
@@ -81,7 +81,7 @@ def main() -> None:
 
 
 def judged(pool: trucks.PhysicsTruck, seed: int) -> Judged:
-    """A random truck, driven and fitted."""
+    """Draw a random truck, drive it and fit the pool's truck to it."""
     rng = np.random.default_rng(seed)
     true = {p: pool.parameters()[p] * (1.0 + rng.normal(0.0, sd)) for p, sd in OFF.items()}
     driven = pool.with_parameters(true)
@@ -102,7 +102,8 @@ def noisy(r: Recording, rng: np.random.Generator) -> Recording:
 
 
 def figures(found: Calibration, true: dict[str, float]) -> tuple[tuple[bool, ...], int, dict[str, float]]:
-    """Whether each interval holds, how many there are none of, and the relative errors."""
+    """Whether each interval contains the truth, the number of parameters without an interval, and the
+    relative errors."""
     sure = [(p.name, p.ci95) for p in found.parameters if p.ci95 is not None]
     holds = tuple(low <= true[name] <= high for name, (low, high) in sure)
     errors = {p.name: abs(p.value / true[p.name] - 1.0) for p in found.parameters}

@@ -1,9 +1,10 @@
-"""The same controller before the physics truck, and over CAN before that truck's emulated controllers.
+"""The same controller driving the physics truck directly, and over CAN through that truck's emulated
+controllers.
 
     python benchmarks/bench_can_loop.py [--policy POLICY] [--seconds 70]
 
-Both runs are in real time behind the same leader; neither gets a parameter of its own. Over CAN a listener on
-the bus notes when TSC1 frames come: from a radar sample to the first frame after its command. Prints a
+Both runs are in real time behind the same leader, with the same parameters. On the bus a listener records
+when TSC1 frames arrive: the latency is from a radar sample to the first frame after its command. Prints a
 table and writes its section of docs/results/speed.md.
 """
 
@@ -54,7 +55,7 @@ def main() -> None:
 
 
 class Listener(threading.Thread):
-    """Notes when the bridge's TSC1 frames reach the bus, s since the epoch."""
+    """Records when the bridge's TSC1 frames reach the bus, s since the epoch."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
@@ -81,7 +82,7 @@ class Listener(threading.Thread):
 
 
 def latencies(bag: Path, frames: np.ndarray) -> np.ndarray:
-    """Latencies from each radar sample that a command answers to the first TSC1 frame after that command, s.
+    """Latencies, s, from each radar sample that a command answers to the first TSC1 frame after that command.
 
     A command carries the stamp of its radar sample; its own time is that of its arrival at the recorder.
     """
@@ -102,7 +103,7 @@ def latencies(bag: Path, frames: np.ndarray) -> np.ndarray:
 
 
 def drive(scratch: Path, argv: tuple[str, ...], policy: str, seconds: float) -> dict[str, float]:
-    """One run and its errors. Raises CalledProcessError where it fails."""
+    """One run and its errors. Raises CalledProcessError if the run fails."""
     bag = scratch / argv[0].removesuffix(".py")
     common = ["--policy", policy, "--leader", LEADER, "--radar", "noisy", "--duration", str(seconds)]
     script = [sys.executable, str(harness.ROOT / "ros2_ws" / argv[0]), *argv[1:]]

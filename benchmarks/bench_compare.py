@@ -2,7 +2,7 @@
 
 python benchmarks/bench_compare.py
 
-CPU time of the whole command, as another process; and that of `deeptruck-model coverage`, which reads
+CPU time of the whole command, in a process of its own; and that of `deeptruck-model coverage`, which reads
 the same two bags.
 """
 

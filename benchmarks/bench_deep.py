@@ -37,7 +37,7 @@ seconds = partial(harness.cpu_s, clock=time.thread_time)
 
 
 def gradients() -> tuple[float, float]:
-    """Median seconds of one gradient of 30 seeds: eager torch, one seed after another, and the compiled
+    """Median seconds of one gradient of 30 seeds: in eager torch one seed after another, and in the compiled
     kernel."""
     rng = np.random.default_rng(0)
     x = rng.standard_normal((SEEDS, STEPS, SEQUENCES, 3)).astype(np.float32)
@@ -58,8 +58,8 @@ def gradients() -> tuple[float, float]:
 
 
 def one_step() -> tuple[np.ndarray, np.ndarray]:
-    """p50 and p99 seconds of a step at batch 1: nn.LSTM of length 1 alone, and DeepTruck.step with its
-    decoder."""
+    """Median and 99 % quantile, s, of a step at batch 1: of nn.LSTM with length 1 alone, and of
+    DeepTruck.step with its decoder."""
     lstm, x = torch.nn.LSTM(6, 64), torch.randn(1, 1, 6)
     state = (torch.zeros(1, 1, 64), torch.zeros(1, 1, 64))
     truck = DeepTruck(network(1, code=12), TruckInterface("bench"))

@@ -1,12 +1,13 @@
-"""A radar that loses a steady leader: how hard each controller brakes each truck, where nothing happens.
+"""How hard each controller brakes each truck when its radar loses a steady leader, where no braking is
+needed.
 
 python benchmarks/bench_dropouts.py [--policies ...] [--trucks ...] [--scenes ...] [--title ...]
 
-Truck, leader, radar and the controller's core in one process, as the nodes of a lock-step run: 900 s with the
-start script's defaults (seed 3), 200 s with drop-outs of 6 s on average (0.03 a second), and a leader that
-pulls away at 0.2 m/s^2 from 18 to 28 m/s until it is out of the radar's reach of 45 m. `{truck}` in a policy
-is the truck's name. Where the controller hands back, its command fades and the truck coasts. The first 20 s
-of the long runs, in which the controller settles, do not count.
+Truck, leader, radar and the controller's core run in one process, as the nodes of a lock-step run do: 900 s
+with the start script's defaults (seed 3), 200 s with drop-outs of 6 s on average (0.03 per second), and a
+leader that pulls away at 0.2 m/s^2 from 18 to 28 m/s until it is beyond the radar's range of 45 m. `{truck}`
+in a policy is replaced by the truck's name. Where the controller hands back, its command fades and the truck
+coasts. The first 20 s of the long runs, in which the controller settles, do not count.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ SCENES = {
 
 
 class Drive(NamedTuple):
-    """What came of a run."""
+    """The figures of one run."""
 
     hardest: float  # acceleration after it has settled, m/s^2
     beyond: int  # steps beyond FREE
@@ -91,7 +92,7 @@ def drive(truck: str, policy: str, scene: Scene) -> Drive:
 
 
 def main() -> None:
-    """Print the tables and put them into docs/results/dropouts.md as the section `--title`."""
+    """Print the tables and write them to section `--title` of docs/results/dropouts.md."""
     defaults = {"--policies": POLICIES, "--trucks": TRUCKS, "--scenes": list(SCENES), "--title": "Baselines"}
     args = harness.options(__doc__, defaults)
     lines = harness.heading(args.title)

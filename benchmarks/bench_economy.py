@@ -1,13 +1,13 @@
-"""Fuel on roads that are known: planner:SIM?economy beside other controllers, on the truck itself.
+"""Fuel on known roads: planner:SIM?economy compared with other controllers, on the truck itself.
 
 python benchmarks/bench_economy.py [--truck trucksim ...] [--work runs/following] [--seeds 10] [--seed 1000]
 
 The simulator in --work/TRUCK is the deep truck of bench_following.py, the policy one seed trained on it.
-Behind a leader of constant speed all drive the same time; what differs at the end is charged by the price of
-a second and of a m/s, at which the leader's speed is the best on the flat. Recorded roads are those of two
-heavy trucks (docs/recordings.md), which are no part of this project: put them under ../shared/data or the
-folder in DEEPTRUCK_REAL_DATA; without them they are left out. What is driven is kept in --work/TRUCK/economy;
-with --stored the page is made of that alone, and says of the rest that it was not run.
+Behind a leader of constant speed all drive for the same time; differences in the final position and speed are
+charged at the price of a second and of a m/s, at which the leader's speed is optimal on the flat. Recorded
+roads are those of two heavy trucks (docs/recordings.md), which are no part of this project: put them under
+../shared/data or the folder in DEEPTRUCK_REAL_DATA; without them they are left out. Results are kept in
+--work/TRUCK/economy; with --stored the page is made of those alone, and states what was not run.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ SMOOTH_M = 200.0  # of the recorded heights
 
 
 def roads(kind: str, seeds: int, seed: int) -> Road:
-    """One road a seed: two sine hills of drawn wavelength and phase, or a descent of drawn length, and level
-    ends. Of RECORDED the first ones of the log."""
+    """One road for each seed: two sine hills of random wavelength and phase, or a descent of random length,
+    with level ends. Of RECORDED the first sections of the log."""
     if kind in RECORDED:
         return recorded(LOGS / RECORDED[kind], seeds)
     limit, short, long = ROADS[kind]
@@ -94,8 +94,8 @@ def roads(kind: str, seeds: int, seed: int) -> Road:
 
 
 def recorded(log: Path, most: int) -> Road:
-    """The first sections of a log's motorways, as many as fill LENGTH_M between level ends, by the recorded
-    heights."""
+    """The first motorway sections of a log with their recorded heights: as many as fit into LENGTH_M between
+    level ends."""
     with tempfile.TemporaryDirectory() as folder:
         columns = harness.ROOT / "layouts" / "columns" / "veh002.yaml"
         drives = import_table(log, columns, Path(folder) / "bag").recordings
@@ -116,7 +116,7 @@ def recorded(log: Path, most: int) -> Road:
 
 
 def scene(road: Road, speed: float, known: str, dt: float) -> Scene:
-    """A leader of constant speed, and what the controller knows of the road."""
+    """A leader of constant speed, and the road as the controller knows it."""
     batch, steps = len(road.grade), round(LENGTH_M / speed / dt)
     ones, still = np.ones(batch), np.zeros((batch, steps))
     given = MAPS[known](road.grade)
@@ -134,7 +134,7 @@ class WholeRoad:
         self.interface, self.dt = policy.interface, policy.dt
 
     def reset(self) -> None:
-        """At the beginning of the road."""
+        """Start at the beginning of the road."""
         self.position = np.zeros(len(self.road.grade))
         self.policy.reset()
 
@@ -159,14 +159,14 @@ class Alone:
 
 
 class Drivers:
-    """The controllers of one truck by name, each made when it is first asked for."""
+    """The controllers of one truck by name, each made when it is first used."""
 
     def __init__(self, truck: Simulator, simulator: Simulator, work: Path) -> None:
         self.truck, self.simulator, self._made = truck, simulator, dict[str, Policy]()
         self.work = work
 
     def __call__(self, name: str, road: Road) -> Policy:
-        """The controller as it drives on a road."""
+        """The named controller for a road."""
         if name not in self._made:
             self._made[name] = self._make(name)
         made = self._made[name]
@@ -188,7 +188,7 @@ class Drivers:
 
 
 class Blind(bench_following.Blind):
-    """A policy that does not get the grade, behind a guard."""
+    """A policy without the grade, behind a guard."""
 
     def __init__(self, policy: Policy) -> None:
         super().__init__(policy)
@@ -206,7 +206,7 @@ MEASURED = (  # litres at equal time, share of the way, s, s, m/s^3, share of th
 
 
 class Bench:
-    """One truck: its controllers, and what each did on which road, kept in a folder."""
+    """One truck with its controllers, and the figures of each on each road, kept in a folder."""
 
     def __init__(
         self, name: str, work: Path, seeds: int, seed: int, stored: bool, mass_kg: float | None = None
@@ -224,7 +224,7 @@ class Bench:
         self.prices = Economy(self.truck).map.prices
 
     def drive(self, driver: str, road: str, *, known: str = KNOWN, speed: float = SPEED) -> dict[str, Array]:
-        """The quantities MEASURED of the drives of all seeds, each (seeds,); NaN where they were not run."""
+        """The quantities MEASURED of the drives of all seeds, each (seeds,); NaN if they were not run."""
         key = f"{self.label}_{driver}_{road}_{known}_{speed:g}_{self.seed}_{self.seeds}".replace(" ", "-")
         path = self.folder / f"{key.replace('%', 'percent')}.json"
         if path.exists():
@@ -262,14 +262,14 @@ class Bench:
         return dict(zip(MEASURED, found, strict=True))
 
     def saved(self, driver: str, road: str, against: str = "acc", **how: Any) -> Array:
-        """Fuel saved against ACC or another at equal time, percent, (seeds,)."""
+        """Fuel saved compared with ACC or another controller at equal time, percent, (seeds,)."""
         speed = {name: x for name, x in how.items() if name == "speed"}
         acc = self.drive(against, road, **speed)["litres"]
         return 100.0 * (1.0 - self.drive(driver, road, **how)["litres"] / acc)
 
 
 def interval(values: Array) -> str:
-    """Mean and its 95 % interval over seeds, by the bootstrap."""
+    """Mean and its 95 % bootstrap interval over the seeds."""
     if np.isnan(values).any():
         return "not run"
     draws = np.random.default_rng(0).choice(values, (4000, len(values))).mean(axis=1)
@@ -278,7 +278,7 @@ def interval(values: Array) -> str:
 
 
 def on_every_road(bench: Bench) -> list[str]:
-    """Controllers on every road."""
+    """Table of the controllers on every road."""
     rows = []
     for road in (*ROADS, *(name for name, log in RECORDED.items() if (LOGS / log).exists())):
         litres = f"{1e5 / LENGTH_M * bench.drive('acc', road)['litres'].mean():.1f}"
@@ -287,7 +287,8 @@ def on_every_road(bench: Bench) -> list[str]:
 
 
 def on_hills(bench: Bench) -> list[str]:
-    """Every controller on steep hills: what it saves, and how it drives, worst or mean over seeds."""
+    """Table of every controller on steep hills: fuel saved, and figures of its driving, the worst or the mean
+    over the seeds."""
     rows = []
     for name in ON_HILLS:
         found = bench.drive(name, STEEP)
@@ -307,13 +308,13 @@ def on_hills(bench: Bench) -> list[str]:
 
 
 def wrong_maps(bench: Bench) -> list[str]:
-    """The economy with maps that are wrong."""
+    """Table of the economy planner with wrong maps."""
     rows = (f"{known} | {interval(bench.saved('economy', STEEP, known=known))}" for known in MAPS)
     return [*harness.table("map of the road | steep hills, economy (%)", rows), ""]
 
 
 def trucks_and_loads(benches: list[Bench]) -> list[str]:
-    """Other trucks, and a load that the simulator does not know."""
+    """Table of other trucks, and of a load that the simulator does not know."""
     rows = (
         " | ".join([bench.label, *(interval(bench.saved("economy", road)) for road in OF_TRUCKS)])
         for bench in benches
@@ -322,7 +323,7 @@ def trucks_and_loads(benches: list[Bench]) -> list[str]:
 
 
 def without_a_leader(bench: Bench) -> list[str]:
-    """The economy at a set speed, next to a constant speed."""
+    """Table of the economy planner at a set speed, compared with constant speed."""
     rows = []
     for road in OF_TRUCKS:
         found = bench.drive("cruise", road)
@@ -339,7 +340,7 @@ def without_a_leader(bench: Bench) -> list[str]:
 
 
 def frontier(bench: Bench, out: Path) -> list[str]:
-    """Fuel against time on steep hills at several speeds of the leader, as a table and a picture."""
+    """Fuel against time on steep hills for several speeds of the leader, as a table and a picture."""
     figure, axes = plt.subplots(figsize=(7, 4.2), constrained_layout=True)
     rows = []
     for name in ("acc", "economy"):
@@ -383,7 +384,7 @@ def over_the_road(bench: Bench, out: Path) -> None:
 
 
 def step_ms(bench: Bench) -> str:
-    """CPU time of a step for one truck."""
+    """CPU time of a step for one truck, ms."""
     driver, seconds = Economy(bench.simulator), []
     road = roads(STEEP, 1, bench.seed)
     seen = {name: np.array([x]) for name, x in policies.TYPICAL.items()}

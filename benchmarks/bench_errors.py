@@ -1,8 +1,9 @@
-"""How long it takes until a wrong path, a wrong option or a misfit of units is said, and how long `--help`.
+"""How long it takes until a wrong path, a wrong option or a misfit of units is reported, and how long
+`--help` takes.
 
     python benchmarks/bench_errors.py [--repeats 3]
 
-Every command runs in a process of its own, with input that it must refuse; the table has the least of some
+Every command runs in a process of its own, with input that it must refuse; the table has the shortest of some
 runs. The limits, 1 s to the error on an idle machine and 0.5 s of CPU for `--help`, are aims: nothing is
 asserted. Writes its section of docs/results/speed.md.
 """
@@ -82,7 +83,8 @@ def prepare(folder: Path) -> None:
 
 
 def row(command: str, folder: Path, repeats: int) -> str:
-    """A command's exit code, lines of error (not of `--help`) and least times (s), each run in `folder`."""
+    """A command's exit code, number of lines of its error (not of `--help`) and shortest times (s), run in
+    `folder`."""
     program, *words = command.split()
     script = SCRIPTS / program if program.endswith(".py") else Path(sys.executable).parent / program
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

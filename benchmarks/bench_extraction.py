@@ -1,4 +1,4 @@
-"""How fast a long bag becomes recordings, and how much memory that takes.
+"""How fast a long bag is read into recordings, and how much memory that takes.
 
     python benchmarks/bench_extraction.py [--hours 4] [--rate 100] [--keep FOLDER]
 
@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def make_bag(bag: Path, hours: float, rate: float) -> float | None:
-    """Write the bag where it is not there yet; messages a second of the writer."""
+    """Write the bag unless it exists; returns the messages per second of the writer."""
     if bag.exists():
         return None
     rng = np.random.default_rng(0)
@@ -70,7 +70,7 @@ def make_bag(bag: Path, hours: float, rate: float) -> float | None:
 
 
 def measure(bag: Path) -> dict[str, float]:
-    """Read once in this fresh process."""
+    """Read the bag once in this new process."""
     before = _peak_mib()
     begin, cpu = time.perf_counter(), time.process_time()
     recordings = read(bag)
@@ -88,13 +88,13 @@ def measure(bag: Path) -> dict[str, float]:
 
 
 def _peak_mib() -> float:
-    """High-water mark of this process alone (ru_maxrss would count the parent's)."""
+    """Peak resident memory of this process, MiB; ru_maxrss would include the parent's."""
     status = Path("/proc/self/status").read_text()
     return int(status.partition("VmHWM:")[2].split()[0]) / 1024
 
 
 def report(found: dict[str, float], written: float | None, what: str) -> None:
-    """Print the table and write it under docs/results."""
+    """Print the table and write it to its section."""
     messages = int(what.split(" Hz")[0].split()[-1]) * found["drive_s"] * 6
     rows = [
         ("bag", f"{what}, {found['bag_mib']:.0f} MiB"),

@@ -1,7 +1,7 @@
-"""What a step of an FMU costs beside the same truck's own step: `python benchmarks/bench_fmu.py`.
+"""The cost of a step of an FMU compared with the same truck's own step: `python benchmarks/bench_fmu.py`.
 
-The FMU is `truck:trucksim` as `deeptruck-model export --fmu` writes it, so it runs Python inside; one that is
-compiled costs less. CPU time of whole runs of five minutes, row by row, and of single steps.
+The FMU is `truck:trucksim` as `deeptruck-model export --fmu` writes it, so it runs Python inside; a compiled
+one costs less. CPU time of whole runs of five minutes, row by row, and of single steps.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SECONDS, STEPS = 300.0, 1000
 
 
 def cost(run: Callable[[], object], steps: int) -> float:
-    """Microseconds of CPU a step, the least of three."""
+    """Microseconds of CPU per step, the least of three runs."""
     return 1e6 * float(min(harness.cpu_s(run))) / steps
 
 

@@ -78,7 +78,7 @@ def main() -> None:
 
 
 def learn(truck: str, seeds: int, work: Path) -> None:
-    """Four hours of driving, a deep truck, and the policies, each unless it is there."""
+    """Four hours of driving, a deep truck and the policies; each is made only if it does not exist."""
     learn_simulator(truck, work)
     if not (work / "policy" / "policy.json").exists():
         began = time.process_time()
@@ -89,14 +89,14 @@ def learn(truck: str, seeds: int, work: Path) -> None:
 
 
 def learn_simulator(truck: str, work: Path) -> None:
-    """Four hours of driving and a deep truck, unless it is there."""
+    """Four hours of driving and a deep truck, made only if they do not exist."""
     if not (work / "simulator" / "simulator.json").exists():
         drive = driving_cycles.drive(trucks.load(truck), hours=4.0, seed=1, name="cycle")
         deep.train([drive], work / "simulator", deep.Arguments())
 
 
 def table(results: dict[str, Any]) -> list[str]:
-    """Worst and median over the seeds, on the deep truck and on the truck itself."""
+    """Worst and median value over the seeds, on the deep truck and on the truck itself."""
     cells = {says: [_cell(result, path) for result in results.values()] for says, path in ROWS.items()}
     rows = (f"{says} | {' | '.join(found)}" for says, found in cells.items())
     return harness.table(" | deep truck | the truck itself, zero-shot", rows)
@@ -115,7 +115,8 @@ def _cell(result: dict[str, Any], path: tuple[str, ...]) -> str:
 
 
 def string(truck: str, policy: Path) -> list[str]:
-    """Amplification along eight trucks at 1.5 s, of the chosen seed, by the leader's amplitude."""
+    """Amplification of speed changes along eight trucks at a time gap of 1.5 s, of the chosen seed, by the
+    leader's amplitude."""
     simulator, driver = simulators.load(f"truck:{truck}"), load_policy(policy)
     lines = []
     for v2v in (True, False):
@@ -128,7 +129,8 @@ def string(truck: str, policy: Path) -> list[str]:
 
 def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
     """Time-gap errors above 0.1 s behind the moving leader, next to those of a controller that optimises its
-    next 3 s on the truck itself (foresight.py): whether the truck, gear changes included, allows less."""
+    next 3 s on the truck itself (foresight.py), which shows whether the truck, with its gear changes, could
+    do better."""
     simulator = trucks.load(truck)
     scene = scenes.moving(np.random.default_rng(seed), 100, 800, simulator.dt)
     reach = metrics.within_reach(scene, PedalMap.calibrate(simulator), simulator.dt)
@@ -161,18 +163,18 @@ def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
 
 
 class Blind:
-    """A policy that does not get the grade."""
+    """A policy without the grade."""
 
     def __init__(self, policy: Policy) -> None:
         self.policy, self.dt, self.reset = policy, policy.dt, policy.reset
 
     def act(self, observation: dict[str, Any]) -> Any:
-        """The policy's commands, as on the flat."""
+        """The policy's commands, computed as on the flat."""
         return self.policy.act({**observation, "grade": 0.0})
 
 
 def on_a_road(name: str, policy: Path, seed: int) -> list[str]:
-    """A truck without a grade sensor drives the scenes on the flat; here it also feels the hills."""
+    """A truck without a grade sensor drives the scenes, which it otherwise drives on the flat, with hills."""
     truck = trucks.load(name)
     if truck.interface.grade:
         return []
@@ -189,13 +191,14 @@ def on_a_road(name: str, policy: Path, seed: int) -> list[str]:
 
 
 def _every(worst: NDArray[np.float64]) -> str:
-    """Scenes within 0.1 s: least of the seeds (median), from the worst of each (seeds, scenes)."""
+    """Number of scenes within 0.1 s, the least over the seeds (median), from the largest errors (seeds,
+    scenes), s."""
     each = (worst <= 0.1).sum(axis=1)
     return f"{each.min()} ({np.median(each):.0f})"
 
 
 def beside_baselines(result: dict[str, Any]) -> list[str]:
-    """Every scene of the chosen seed, and the classical controllers where they were driven."""
+    """Every scene of the chosen seed, and of the classical controllers if they were driven."""
     others = result["baselines"]
     rows = []
     for name, row in result["sets"].items():

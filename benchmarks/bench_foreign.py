@@ -2,7 +2,7 @@
 
 python benchmarks/bench_foreign.py [--cases 5] [--seed 100000] [--out build/foreign]
 
-The same as `deeptruck-model prove --plant fastsim`, whose page it puts among the results.
+Runs `deeptruck-model prove --plant fastsim` and stores its page as docs/results/foreign.md.
 """
 
 from __future__ import annotations

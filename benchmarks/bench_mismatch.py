@@ -1,11 +1,11 @@
-"""How often is the mismatch tool right, on cases of the exam that chose nothing?
+"""How often the mismatch tool is right, on cases of the exam on which nothing was chosen.
 
     python benchmarks/bench_mismatch.py [--out DIR] [--seed 400000] [--cases 3] [--nulls 15]
 
-Of every level of the exam some cases are made beside physics trucks, and so many of `nothing_missing`; the
-tool runs on each, and the truth is opened. A correction that is offered is driven along eight more drives of
-the same truck, which the tool has not seen. Rows are kept in DIR, so that a stopped run goes on. Writes its
-section of docs/results/mismatch.md.
+For every level of the exam `--cases` cases are made with physics trucks, and `--nulls` cases of
+`nothing_missing`. The tool runs on each, and its verdict is compared with the truth. A correction that it
+offers is driven along eight more drives of the same truck, which the tool has not seen. Rows are kept in DIR,
+so that a stopped run continues. Writes its section of docs/results/mismatch.md.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def main() -> None:
 
 
 def examined(out: Path, level: str, seed: int, minutes: float) -> Row:
-    """The row of one case, made unless it is kept in `out`."""
+    """The row of one case; read from `out` if it is kept there."""
     path = kept(out, level, seed)
     if path.exists():
         stored: Row = json.loads(path.read_text())
@@ -103,12 +103,12 @@ def examined(out: Path, level: str, seed: int, minutes: float) -> Row:
 
 
 def kept(out: Path, level: str, seed: int) -> Path:
-    """Where the row of a case is kept."""
+    """The file in which the row of a case is kept."""
     return out / f"{level}-{seed}.json"
 
 
 def run(case: Case) -> Mismatch:
-    """The tool on a case, on one core."""
+    """Run the tool on a case, on one core."""
     with threadpool_limits(1):
         return find_mismatch(
             case.simulator,
@@ -122,7 +122,7 @@ def run(case: Case) -> Mismatch:
 def along_further_drives(
     case: Case, truth: Mapping[str, Any], found: Mismatch, offered: str
 ) -> dict[str, float]:
-    """Speed errors (rms, m/s) of the simulator as given and of what is offered, along drives that the tool
+    """Speed errors (rms, m/s) of the simulator as given and of the one offered, along drives that the tool
     has not seen."""
     drives = arrays(further_drives(truth))
     better = found.corrected if offered == CORRECTION else found.refitted
@@ -132,7 +132,7 @@ def along_further_drives(
 
 
 def judged(truth: Mapping[str, Any], verdict: Mapping[str, Any], says: str = "") -> Row:
-    """The verdict beside the truth, as plain data."""
+    """The verdict compared with the truth, as plain data."""
     names = score.score_names(truth, verdict)
     fit, budget = verdict.get("fit") or {}, verdict.get("budget") or {}
     offered = fit.get("offered", AS_GIVEN)
@@ -226,7 +226,7 @@ def summary(rows: Sequence[Row]) -> list[str]:
 
 
 def calibration_error(rows: Iterable[Row]) -> float:
-    """Mean distance between the probabilities of names and families and how often these are right, over
+    """Mean difference between the probabilities of names and families and how often these are right, over the
     nodes of trees in BINS bins."""
     nodes = [
         (p, node in (*r["true"], *(FAMILY[n] for n in r["true"])))

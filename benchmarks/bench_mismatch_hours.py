@@ -1,10 +1,10 @@
-"""Time and memory of the mismatch tool along hours of one truck.
+"""Time and memory of the mismatch tool for hours of driving of one truck.
 
     python benchmarks/bench_mismatch_hours.py [--hours 1 2 4]
 
-A truck with 30 % more rolling resistance and brakes that build up with 0.6 s is driven in drives of ten
-minutes, every sixth of which is held out. Each length is compared in a process of its own, on one core.
-Writes its section of docs/results/mismatch.md.
+A truck with 30 % more rolling resistance, whose brakes build up with a time constant of 0.6 s, is driven in
+drives of ten minutes, every sixth of which is held out. Each length is compared in a process of its own, on
+one core. Writes its section of docs/results/mismatch.md.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ class BrakeLag:
     """Brake pressure builds up and falls with a time constant of LAG_S."""
 
     def reset(self, batch: int) -> None:
-        """Released, in every run."""
+        """Brakes released."""
         self.arrived = np.zeros(batch)
 
     def filter(self, u: Array, time: float, dt: float) -> Array:
-        """Commands (batch, 2) as they arrive."""
+        """Commands (batch, 2) as they take effect."""
         self.arrived = self.arrived + (u[:, 1] - self.arrived) * (1.0 - np.exp(-dt / LAG_S))
         return np.stack([u[:, 0], self.arrived], axis=1)
 
@@ -77,7 +77,8 @@ def main() -> None:
 
 
 def measured(hours: int) -> dict[str, object]:
-    """What comparing so many hours costs, and the step of the tool in which memory was highest."""
+    """Time and memory of a comparison of so many hours, and the step of the tool in which memory was
+    highest."""
     drives = [driven(k) for k in range(round(hours * 3600.0 / DRIVE_S))]
     fit = [d for k, d in enumerate(drives) if (k + 1) % HELD_OUT]
     held = [d for k, d in enumerate(drives) if not (k + 1) % HELD_OUT]
@@ -91,23 +92,23 @@ def measured(hours: int) -> dict[str, object]:
 
 
 def resident_peak() -> float:
-    """The most memory that this process has used, MB."""
+    """Peak resident memory of this process, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MB
 
 
 class _Peaks:
-    """In which step the peak of memory rose last."""
+    """Finds the step in which the peak of memory rose last."""
 
     def __init__(self) -> None:
         self.step, self.highest, self.at = "", resident_peak(), ""
 
     def begin(self, step: str) -> None:
-        """The tool's next step."""
+        """The tool begins its next step."""
         self._note()
         self.step = step
 
     def end(self) -> str:
-        """The step in which it was highest."""
+        """The step in which memory was highest."""
         self._note()
         return self.at
 

@@ -3,9 +3,9 @@
     python benchmarks/bench_node_graph.py [--seconds 30] [--simulated 600]
 
 Five processes (start script, truck_sim, leader, controller, recorder) with the physics truck and the ACC
-baseline. The age is the time from the tick of the simulator that a command answers until the recorder has
-that command: simulator, radar, controller and one hop more. Prints a table and writes
-its section of docs/results/speed.md.
+baseline. The age of a command is the time from the tick of the simulator that it answers until the recorder
+receives it: simulator, radar, controller and one more hop. Prints a table and writes its section of
+docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ def main() -> None:
 
 
 def start(folder: Path, *arguments: object) -> subprocess.Popen[str]:
-    """Start a simulation that is recorded to `folder`/bag."""
+    """Start a simulation and record it to `folder`/bag."""
     argv = [sys.executable, harness.ROOT / "ros2_ws" / "start_simulation.py", *TRUCK]
     argv += ["--record", folder / "bag", "--runs", folder / "runs", *arguments]
     return subprocess.Popen([str(a) for a in argv], stdout=subprocess.PIPE, text=True)
 
 
 def until(process: subprocess.Popen[str], word: str) -> str:
-    """The first line that a simulation prints which begins with `word`."""
+    """The first line of a simulation's output that begins with `word`."""
     assert process.stdout is not None
     while not (line := process.stdout.readline()).startswith(word):
         if not line:
@@ -56,14 +56,14 @@ def until(process: subprocess.Popen[str], word: str) -> str:
 
 
 def ages(bag: Path) -> list[float]:
-    """Milliseconds from the simulator's tick to the recorder, of each command after the first second."""
+    """Age of each command after the first second, ms, from the simulator's tick to the recorder."""
     with BagSource(bag) as source:
         received = [(at, at - header_stamp(data)) for _, at, data in source.messages({"/truck/command"})]
     return [age / 1e6 for at, age in received if at > received[0][0] + SECOND]
 
 
 def real_time(folder: Path, seconds: float) -> list[str]:
-    """Ages and CPU at 100 Hz; the first second after matching is left out."""
+    """Ages and CPU at 100 Hz, without the first second after matching."""
     process = start(folder, "--rate", 100, "--duration", seconds)
     until(process, "ready")
     time.sleep(1.0)
@@ -83,7 +83,7 @@ def real_time(folder: Path, seconds: float) -> list[str]:
 
 
 def lock_step(folder: Path, simulated: float) -> list[str]:
-    """Simulated seconds a second, from go to the end of every process."""
+    """Simulated seconds per second, from the start until every process has ended."""
     process = start(folder, "--lockstep", "--duration", simulated)
     until(process, "ready")
     begun = time.monotonic()

@@ -1,10 +1,10 @@
-"""The live page: the cores its process takes at 100 Hz, and what it does to the age of a command.
+"""The live page: the CPU that its process uses at 100 Hz, and its influence on the age of a command.
 
     python benchmarks/bench_page.py [--seconds 20] [--repeats 5]
 
 Six processes (start script, truck_sim, leader, controller, recorder, and the page) with the physics truck and
-the ACC baseline. Runs with and without the page take turns, so that a busy machine is as busy for both; a
-viewer that only reads hears every batch. Prints a table and writes its section of docs/results/speed.md.
+the ACC baseline. Runs with and without the page alternate, so that a busy machine is as busy for both; a
+viewer receives every batch. Prints a table and writes its section of docs/results/speed.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from bench_node_graph import ages, start, until
 
 @dataclass(frozen=True)
 class Run:
-    """Ages in ms, the page's cores (0 without one), and how busy the other processes kept the machine."""
+    """Ages in ms, the cores that the page uses (0 without one), and those that other processes use."""
 
     p50: float
     p99: float
@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def measured(folder: Path, seconds: float, *, page: bool) -> Run:
-    """One run at 100 Hz; its first and last second are left out."""
+    """One run at 100 Hz, without its first and last second."""
     process = start(folder, "--rate", 100, "--duration", seconds, *(["--page"] if page else []))
     try:
         if page:
@@ -72,7 +72,7 @@ def view(address: str) -> None:
 
 
 def load(supervisor: int, seconds: float) -> tuple[float, float]:
-    """Cores of the page's process, and of whatever does not belong to the run."""
+    """Cores used by the page's process, and by all processes that do not belong to the run."""
     nodes, of = harness.children(supervisor), harness.processes_cpu_s
     page = [pid for pid, name in nodes.items() if "live_page" in name]
     begun, of_page, of_run, of_all = time.monotonic(), of(page), of([supervisor, *nodes]), busy()
@@ -83,13 +83,13 @@ def load(supervisor: int, seconds: float) -> tuple[float, float]:
 
 
 def busy() -> float:
-    """CPU seconds that all processors have been busy."""
+    """CPU seconds used on all processors."""
     fields = [int(x) for x in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
     return (sum(fields) - fields[3] - fields[4]) / harness.TICK
 
 
 def report(runs: list[Run]) -> None:
-    """Store the table; a ratio is to the mean of the runs before and after."""
+    """Store the table; each ratio is to the mean of the runs before and after."""
     without, with_page = runs[::2], runs[1::2]
     pairs = list(itertools.pairwise(without))
     page = spread([run.page for run in with_page], "cores")

@@ -1,5 +1,5 @@
-"""How long the page beside the paper takes: CPU time of a gradient step, of a measurement and of an
-iteration of each trainer, times how many of them the page needs.
+"""How long the page that compares with the paper takes: CPU time of a gradient step, of a measurement and of
+an iteration of each trainer, times the number that the page needs.
 
 python benchmarks/bench_paper.py [--updates 10] [--iterations 3]
 """
@@ -36,8 +36,8 @@ POLICIES = 10
 
 
 def batch(truck: str, recipe: Arguments, seeds: int, updates: int) -> tuple[int, float, float, DeepTruck]:
-    """Of a batch of `seeds`: gradient steps of a training, ms of one and CPU s of the whole for each seed,
-    measurement included; and a truck of it that has hardly learned."""
+    """For a batch of `seeds`: gradient steps of a training; CPU time of one step, ms, and of the whole, s,
+    for each seed, including its measurement; and a truck of the batch after few steps."""
     drive, test = learning.drives(truck)
     arguments = replace(recipe, members=seeds)
     data = prepare([drive], arguments)
@@ -54,7 +54,7 @@ def batch(truck: str, recipe: Arguments, seeds: int, updates: int) -> tuple[int,
 
 
 def iteration(deep: DeepTruck, chain: control.Chain, iterations: int) -> tuple[int, float]:
-    """Iterations of a training of POLICIES seeds in one batch, and median CPU s of one."""
+    """Number of iterations of a training of POLICIES seeds in one batch, and median CPU s of one."""
     stamps: list[float] = []
     with tempfile.TemporaryDirectory() as out:
         config = chain.config(seeds=POLICIES, iterations=iterations)

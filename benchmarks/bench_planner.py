@@ -1,9 +1,9 @@
-"""The planner on a deep truck: CPU time of a step, and how it drives the truck itself where that is hard.
+"""The planner on a deep truck: CPU time of a step, and how well it drives the truck itself in hard scenes.
 
 python benchmarks/bench_planner.py [--work runs/following/trucksim] [--batch 20] [--truck trucksim]
 
-The simulator and the policy in --work are those of bench_following.py. With --truck nothing is timed:
-planner and chosen policy drive that truck through a radar's noise, along a platoon and behind the shield.
+The simulator and the policy in --work are those of bench_following.py. With --truck nothing is timed: planner
+and chosen policy drive that truck with radar noise, in a platoon and with the shield.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SEED = 1000  # of the scenes, those of bench_following.py
 
 
 class Timed(Planner):
-    """A planner that keeps the CPU seconds of each step."""
+    """A planner that records the CPU seconds of each step."""
 
     def __init__(self, simulator: Simulator) -> None:
         super().__init__(simulator)
@@ -53,7 +53,8 @@ class Timed(Planner):
 
 
 def milliseconds(simulator: Simulator, batch: int) -> tuple[float, float]:
-    """Median and 99 % quantile of a step behind moving leaders on hills, for each truck of the batch."""
+    """Median and 99 % quantile of the time of a step behind moving leaders on hills, ms per truck of the
+    batch."""
     scene = scenes.moving(np.random.default_rng(0), batch, STEPS, simulator.dt)
     driver = Timed(simulator)
     roll_out(simulator, driver, scene)
@@ -62,7 +63,7 @@ def milliseconds(simulator: Simulator, batch: int) -> tuple[float, float]:
 
 
 def through_noise(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
-    """Pedals behind steady leaders and errors behind moving ones, by the radar's noise."""
+    """Pedals behind steady leaders and errors behind moving ones, by the noise of the radar."""
     steady = settled(ROLLOUTS, 800, np.random.default_rng(SEED).uniform(12.0, 22.0, ROLLOUTS), 2.0)
     moving = scenes.moving(np.random.default_rng(SEED), ROLLOUTS, 800, truck.dt)
     reach = metrics.within_reach(moving, PedalMap.calibrate(truck), truck.dt)
@@ -87,7 +88,7 @@ def through_noise(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
 
 
 def along_a_platoon(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
-    """Amplification of speed, the worst of all frequencies, by the first leader's amplitude."""
+    """Amplification of speed changes, the largest over all frequencies, by the first leader's amplitude."""
     lines = []
     keys = {
         "worst from truck to truck": "worst_speed_amplification",
@@ -104,7 +105,7 @@ def along_a_platoon(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
 
 
 def behind_the_shield(truck: Simulator, drivers: dict[str, Policy]) -> list[str]:
-    """Crashes, least gap and how often the shield acts, scene by scene."""
+    """Crashes, smallest gap and how often the shield intervenes, by scene."""
     promise = truck_limits.measure(truck)
     rows = []
     for scene_name in DANGEROUS:

@@ -1,4 +1,4 @@
-"""What a radar's noise does to the pedals: the chosen policy of each truck with and without its filter.
+"""The influence of radar noise on the pedals: the chosen policy of each truck with and without its filter.
 
 python benchmarks/bench_radar_noise.py [--work runs/following]
 
@@ -58,7 +58,7 @@ MOVING = {
 
 
 def main() -> None:
-    """Print the tables and write them to a section of docs/results/braking.md, with a figure beside them."""
+    """Print the tables and write them to a section of docs/results/braking.md, with a figure."""
     seed = (1000, "of scenes and noise")
     args = harness.options(__doc__, {"--work": bench_following.WORK, "--seed": seed})
     lines = [*harness.heading("What a radar's noise does to the pedals"), SAYS, ""]
@@ -74,7 +74,7 @@ def main() -> None:
 
 
 def both(path: Path) -> dict[str, Policy]:
-    """The chosen policy as it is, and the same weights without the filter."""
+    """The chosen policy as it is, and with the same weights but without the filter."""
     policy = load_policy(path)
     assert isinstance(policy, MlpPolicy)
     bare = replace(policy, features=replace(policy.features, radar=None))
@@ -82,14 +82,14 @@ def both(path: Path) -> dict[str, Policy]:
 
 
 def noisy(scene: Scene, range_sd: float, speed_sd: float, seed: int) -> Scene:
-    """The scene through a radar with white noise of these standard deviations (m, m/s)."""
+    """The scene with a radar that has white noise of these standard deviations (m, m/s)."""
     rng, shape = np.random.default_rng(seed), scene.grade.shape
     gap, speed = rng.normal(0.0, 1.0, (2, *shape))
     return replace(scene, seen_gap_offset=range_sd * gap, seen_speed_offset=speed_sd * speed)
 
 
 def behind_steady_leaders(truck: Simulator, drivers: dict[str, Policy], seed: int) -> list[str]:
-    """As COLUMNS has it, for each driver and noise."""
+    """The figures named in COLUMNS, for each driver and noise."""
     scene = steady(seed, truck.dt)
     lines = []
     for name, driver in drivers.items():
@@ -102,12 +102,12 @@ def behind_steady_leaders(truck: Simulator, drivers: dict[str, Policy], seed: in
 
 
 def steady(seed: int, dt: float) -> Scene:
-    """32 leaders of 12 to 22 m/s for 80 s; both trucks at one speed, at a time gap of 2 s."""
+    """32 leaders of constant 12 to 22 m/s for 80 s, followed at the same speed with a time gap of 2 s."""
     return settled(32, round(80.0 / dt), np.random.default_rng(seed).uniform(12.0, 22.0, 32), 2.0)
 
 
 def pedals(trace: Trace, scale: ActionScale) -> list[float]:
-    """The numbers of COLUMNS. A pulse begins where the brake leaves 1 % of its reach."""
+    """The figures named in COLUMNS. A pulse begins where the brake exceeds 1 % of its range."""
     late = round(SETTLED_S / trace.dt)
     engine = 100 * trace["engine_command"][late:] / scale.engine_high
     braked = trace["brake_command"][late:] > 0.01 * scale.brake_high
@@ -130,7 +130,7 @@ def beginnings(flags: NDArray[np.bool_]) -> int:
 
 
 def moving(seed: int, dt: float) -> dict[str, Scene]:
-    """The moving leader of bench_following.py, and cars recorded under ACC where the data is there."""
+    """The moving leader of bench_following.py, and cars recorded under ACC if the data is available."""
     found = {"a moving leader": scenes.moving(np.random.default_rng(seed), 100, 800, dt)}
     try:
         return found | {"cars under ACC": recorded(recorded_leaders("acc"), 2.0)}
@@ -141,7 +141,7 @@ def moving(seed: int, dt: float) -> dict[str, Scene]:
 def behind_moving_leaders(
     truck: Simulator, drivers: dict[str, Policy], name: str, scene: Scene, seed: int
 ) -> list[str]:
-    """As MOVING has it, where power suffices, after 10 s."""
+    """The figures named in MOVING after 10 s, where the truck has enough power."""
     reach = metrics.within_reach(scene, PedalMap.calibrate(truck), truck.dt)
     lines = []
     for driver_name, driver in drivers.items():
@@ -154,7 +154,7 @@ def behind_moving_leaders(
 
 
 def draw(truck: Simulator, drivers: dict[str, Policy], seed: int, path: Path) -> None:
-    """Both pedals over 20 s behind a steady leader, with the leader node's noise."""
+    """Figure of both pedals over 20 s behind a steady leader, with the leader node's noise."""
     scene, scale = noisy(steady(seed, truck.dt), *NOISE[1], seed), ActionScale.of(truck)
     figure = Figure(figsize=(8, 4), layout="constrained")
     axes = figure.subplots(len(drivers), 1, sharex=True, sharey=True)

@@ -1,9 +1,9 @@
 """A real car, `bmw_i3`: free runs on the last part of every trip, compared with a least-squares model.
 
 The trips (TUM, docs/recordings.md) are no part of this project: put them under ../shared/data or the folder
-in DEEPTRUCK_REAL_DATA. The last parts were read for the default settings first, then for those chosen.
---choose reads only the first parts, trains on the beginning of each and prints every one of CANDIDATES on
-what is left of it: by that the settings were chosen.
+in DEEPTRUCK_REAL_DATA. The last parts were evaluated for the default settings first, then for the chosen
+ones. --choose reads only the first parts, trains on the beginning of each and prints the errors of every one
+of CANDIDATES on its remainder; the settings were chosen by these errors.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def trips() -> list[Recording]:
 
 
 def parts(whole: list[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """The first part of every recording, and the rest."""
+    """The first part of every recording, and its remainder."""
     edges = [round(TRAINED * len(r)) for r in whole]
     return (
         [r.piece(0, edge) for r, edge in zip(whole, edges, strict=True)],
@@ -54,13 +54,13 @@ def parts(whole: list[Recording]) -> tuple[list[Recording], list[Recording]]:
 
 
 def terms(u: Array, w: Array, v: Array) -> Array:
-    """What least squares adds up, (n, 5): torque, drag, friction, grade."""
+    """The regressors of the least-squares model, (n, 5): torque, drag, friction, grade."""
     return np.stack([u, v * v, v, np.ones_like(v), w], axis=1)
 
 
 class LeastSquares:
-    """The car has one gear, so its acceleration is nearly linear in these terms; fitted over 1 s, where the
-    speed's resolution no longer counts, to rows of a car that moves."""
+    """Linear least squares on rows of a moving car, whose one gear makes its acceleration nearly linear in
+    these terms. Fitted to means over 1 s, for which the resolution of the speed does not matter."""
 
     def __init__(self, pieces: list[Recording]) -> None:
         self.dt, rows, gained = pieces[0].dt, [], []
@@ -82,7 +82,7 @@ class LeastSquares:
 
 
 def trained(recordings: list[Recording], **settings: Any) -> Deep:
-    """Deep trucks of some seeds, their mean."""
+    """The mean of deep trucks of some seeds."""
     return Deep.trained(recordings, members=SEEDS, **settings)
 
 

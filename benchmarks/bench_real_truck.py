@@ -1,8 +1,8 @@
-"""A real truck, `veh002`: free runs on the second half of its log, beside least squares.
+"""A real truck, `veh002`: free runs on the second half of its log, compared with least squares.
 
 The log (Wang and Rakha, docs/recordings.md) is no part of this project: put it under ../shared/data or the
-folder in DEEPTRUCK_REAL_DATA. Settings, and how late the fuel is stamped, were chosen inside the first half;
-the second is read here, once.
+folder in DEEPTRUCK_REAL_DATA. Settings, and the delay of the fuel's stamps, were chosen inside the first
+half; the second is evaluated here, once.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Array = np.ndarray[Any, Any]
 
 
 def halves() -> tuple[list[Recording], list[Recording]]:
-    """Whole recordings of the first half of the time, and of the second."""
+    """Recordings that end within the first half of the driven time, and the others."""
     with tempfile.TemporaryDirectory() as folder:
         recordings = import_table(LOG, COLUMNS, Path(folder) / "bag").recordings
     ends = np.cumsum([len(r) for r in recordings])
@@ -43,12 +43,12 @@ def halves() -> tuple[list[Recording], list[Recording]]:
 
 
 def terms(u: Array, w: Array, v: Array) -> Array:
-    """What least squares adds up, (n, terms): fuel over speed, fuel, drag, friction, grade."""
+    """The regressors of the least-squares model, (n, terms): fuel over speed, fuel, drag, friction, grade."""
     return np.stack([u / np.maximum(v, 3.0), u, v * v, v, np.ones_like(v), *w.T], axis=1)
 
 
 class LeastSquares:
-    """Plain least squares on the rows with the engine pulling, as a free run."""
+    """Linear least squares on the rows in which the engine drives, simulated as free runs."""
 
     def __init__(self, pieces: list[Recording]) -> None:
         pairs = [
@@ -67,7 +67,7 @@ class LeastSquares:
 
 
 class Deep:
-    """Deep trucks, their mean."""
+    """The mean of some deep trucks."""
 
     def __init__(self, truck: DeepTruck) -> None:
         self.truck = truck
@@ -82,7 +82,7 @@ class Deep:
 
 
 def windows(pieces: list[Recording], seconds: int, every_s: int = EVERY) -> tuple[Array, Array, Array]:
-    """u, w, y (runs, T, n) of every segment of `seconds`, `every_s` apart."""
+    """u, w, y (runs, T, n) of all segments of `seconds`, `every_s` apart."""
     steps, every = (round(s / pieces[0].dt) for s in (seconds, every_s))
     chosen = [(p, k) for p in pieces for k in range(0, len(p) - steps, every)]
     u, w, y = (np.stack([getattr(p, n)[k : k + steps + 1] for p, k in chosen]) for n in ("u", "w", "y"))

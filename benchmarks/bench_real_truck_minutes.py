@@ -1,8 +1,8 @@
-"""Minutes of a real truck, `veh002`: alone, and after a fleet of made-up trucks.
+"""Minutes of a real truck, `veh002`: trained on these alone, and after a fleet of synthetic trucks.
 
 The log and the test are those of bench_real_truck.py. Training, adapting and the size of the fleet are those
-of `python benchmarks/paper/run.py minutes`; only how steep its roads are was taken from this truck's first
-half.
+of `python benchmarks/paper/run.py minutes`; only the slopes of the fleet's roads were taken from this truck's
+first half.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ Errors = dict[tuple[str, int], list[list[float]]]
 
 
 def segments(recordings: list[Recording], minutes: int) -> list[list[Recording]]:
-    """SEGMENTS times `minutes` of driving, evenly spread over the recordings, gaps not counted."""
+    """SEGMENTS pieces of `minutes` of driving, evenly spread over the recordings; gaps do not count."""
     total, length = sum(map(len, recordings)), 60 * minutes
     starts = np.linspace(0, total - length, SEGMENTS).round().astype(int)
     return [_between(recordings, int(start), int(start) + length) for start in starts]
 
 
 def _between(recordings: list[Recording], start: int, stop: int) -> list[Recording]:
-    """Samples start..stop of the recordings one after another."""
+    """Samples start to stop of the concatenated recordings."""
     begins = np.cumsum([0, *map(len, recordings)])
     pieces = [r.piece(max(0, start - b), max(0, stop - b)) for r, b in zip(recordings, begins, strict=False)]
     return [p for p in pieces if len(p) > 3]
@@ -69,7 +69,7 @@ def errors(model: LeastSquares | Deep, test: list[Recording]) -> list[float]:
 
 
 def measure(mine: list[Recording], test: list[Recording], folder: Path) -> Errors:
-    """Every way to know the truck, with every amount of its driving."""
+    """Errors of every kind of model with every amount of the truck's driving."""
     known, found = folder / "fleet", Errors()
     drives = fleet(TruckInterface("fleet"), FLEET, FLEET_MINUTES, FLEET_SEED, ROADS)
     alone = Deep(train([by_fuel(drive, mine[0].dt) for drive in drives], known, Arguments()))
@@ -93,7 +93,7 @@ def fitted(mine: list[Recording], known: Path) -> Iterator[tuple[tuple[str, int]
 
 
 def table(found: Errors) -> list[str]:
-    """One row for each way and amount: the mean of the segments, and what they lie between."""
+    """One row for each kind and amount: the mean over the segments, and their range."""
     rows = []
     for (name, minutes), each in found.items():
         low, mean, high = np.min(each, axis=0), np.mean(each, axis=0), np.max(each, axis=0)
@@ -109,7 +109,7 @@ def _cell(low: float, mean: float, high: float) -> str:
 
 
 def draw(found: Errors, path: Path) -> None:
-    """rms of the speed error after 60 s against minutes; the bars span the segments."""
+    """Figure of the rms speed error after 60 s against minutes; the bars show the range over the segments."""
     figure = Figure(figsize=(6, 4), layout="constrained")
     axis = figure.subplots()
     for aside, (name, colour) in zip((0.94, 1.0, 1.06), COLOURS.items(), strict=True):

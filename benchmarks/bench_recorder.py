@@ -1,4 +1,4 @@
-"""The recorder under load: messages a second without loss.
+"""The recorder under load: messages per second without loss.
 
     python benchmarks/bench_recorder.py [--rate 5000] [--seconds 20]
 
@@ -61,7 +61,7 @@ def publish(rate: int, seconds: float) -> None:
 
 
 def measure(folder: Path, rate: int, seconds: float) -> list[str]:
-    """Record the publisher until it ends, then look at the bag."""
+    """Record the publisher until it ends, then inspect the bag."""
     # The recorder must know the type before a topic appears, so that the first message is not missed.
     domain = 98
     os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -83,7 +83,7 @@ def measure(folder: Path, rate: int, seconds: float) -> list[str]:
 
 
 def inspect(bag: Path, each: int, said: str) -> list[str]:
-    """How many of the numbered messages are there, and how long they took."""
+    """Number of the published messages in the bag, and the time that they span."""
     numbers: dict[str, list[float]] = {name: [] for name in NAMES}
     ages = []
     with BagSource(bag) as source:

@@ -1,4 +1,5 @@
-"""The promise: 100,000 random rollouts and an adversarial search; and what the shield costs on the truck.
+"""Search for violations of the shield's promise by 100,000 random rollouts and an adversary; and the cost of
+the shield on the truck.
 
 python benchmarks/bench_shield.py [--policy POLICY] [--simulator truck:trucksim] [--rollouts 100000]
 """
@@ -59,10 +60,11 @@ def search(promise: Promise, rollouts: int) -> list[str]:
 
 
 def bridged(promise: Promise) -> list[str]:
-    """Table of what a leader of 20 m/s at 2 s does while it is not seen, and what becomes of the gap.
+    """Table of the smallest gap if a leader of 20 m/s, at a time gap of 2 s, is not detected for a while and
+    brakes.
 
-    The truck keeps its speed until the shield brakes, then does what the promise says. Nothing is promised of
-    a leader that brakes harder than (5).
+    The truck keeps its speed until the shield brakes, and then decelerates as promised. Nothing is promised
+    for a leader that brakes harder than (5).
     """
     rows = []
     for braking in (0.0, 1.0, 2.0, 3.0, 6.0):
@@ -73,7 +75,8 @@ def bridged(promise: Promise) -> list[str]:
 
 
 def _vanishes(p: Promise, braking: float, seconds: float) -> str:
-    """Smallest gap, or the speed of the impact; and the hardest braking before the leader was seen again."""
+    """Smallest gap, or the speed of the impact; and the hardest braking before the leader was
+    detected again."""
     shield, own, leader, gap, pressed = Shield(p, 0.0, 1.0), 20.0, 20.0, 40.0, 0.0
     least, hardest = gap, 0.0
     for k in range(-20, round(20.0 / p.dt)):
@@ -93,7 +96,7 @@ def _vanishes(p: Promise, braking: float, seconds: float) -> str:
 
 
 def cost(path: str, truck: Simulator, promise: Promise) -> list[str]:
-    """Table of what the shield costs a policy: 100 rollouts of each scene with and without it."""
+    """Table of the cost of the shield to a policy: 100 rollouts of each scene with and without it."""
     rows = []
     for name in SCENES:
         draw, seconds = hard_scenes.HARD[name]

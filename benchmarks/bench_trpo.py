@@ -1,4 +1,4 @@
-"""Ten seeds of the paper's TRPO on the physics truck, and why seeds fail, tested one cause at a time.
+"""Ten seeds of the paper's TRPO on the physics truck, and causes for which seeds fail, tested one at a time.
 
 python benchmarks/bench_trpo.py [--work runs/trpo] [--iterations 200]
 
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 def learn(policy: Path, config: TrpoConfig) -> list[list[dict[str, Any]]]:
-    """The learning curve of each seed, trained unless it is there."""
+    """The learning curve of each seed, which is trained if it does not exist."""
     if not (policy / "policy.json").exists():
         began, truck = time.process_time(), simulators.load(SIMULATOR)
         training.train(
@@ -72,7 +72,7 @@ def learn(policy: Path, config: TrpoConfig) -> list[list[dict[str, Any]]]:
 
 
 def seeds(curves: list[list[dict[str, Any]]]) -> list[str]:
-    """Return, best and last validation of each seed, and how many follow."""
+    """Return, best and last validation of each seed, and the number of seeds that follow."""
     rows = [validations(curve) for curve in curves]
     late = [np.mean([line["return_mean"] for line in curve[-5:]]) for curve in curves]
     worst = [min(line["return_min"] for line in curve[-LAST:]) for curve in curves]
@@ -95,7 +95,7 @@ def seeds(curves: list[list[dict[str, Any]]]) -> list[str]:
 
 
 def causes(work: Path) -> list[str]:
-    """How many seeds follow early, by baseline and GAE."""
+    """Number of seeds that follow early, by baseline and GAE."""
     rows = []
     for number, (name, settings) in enumerate(CAUSES.items()):
         config = TrpoConfig(seeds=FEW, iterations=EARLY, **settings)
@@ -111,7 +111,7 @@ def causes(work: Path) -> list[str]:
 
 
 def validations(curve: list[dict[str, Any]]) -> list[tuple[int, float]]:
-    """(iteration, validation) where one was made."""
+    """(iteration, validation) of the iterations that were validated."""
     return [(line["iteration"] + 1, line["validation"]) for line in curve if "validation" in line]
 
 

@@ -1,4 +1,4 @@
-"""How fast the physics truck drives: compiled, in numpy, and beside FASTSim 3.
+"""The speed of the physics truck: compiled, in numpy, and compared with FASTSim 3.
 
     python benchmarks/bench_trucks.py [--fastsim-python PYTHON]
 
@@ -62,12 +62,12 @@ def inputs(batch: int, steps: int) -> tuple[Any, Any, Any]:
 
 
 def cpu(work: Callable[[], Any], repeats: int = 3) -> float:
-    """Least CPU seconds of some repeats."""
+    """Shortest CPU time of some repeats, s."""
     return float(min(harness.cpu_s(work, repeats)))
 
 
 def compiled_batch(batch: int = BATCH, steps: int = STEPS) -> float:
-    """Control steps (0.1 s) a CPU second of the compiled loop."""
+    """Control steps (0.1 s) of the compiled loop per CPU second."""
     truck = trucks.load("trucksim")
     u, w, y0 = inputs(batch, steps + 1)
     return batch * steps / cpu(lambda: truck.rollout(u, w, y0, inside=False))
@@ -86,7 +86,8 @@ def compiled_steps(steps: int = 3000) -> float:
 
 
 def numpy_batch(steps: int = 40) -> float:
-    """The reference the tests hold the compiled truck against, on the same batch."""
+    """The same for the reference in numpy with which the tests compare the compiled truck, on the
+    same batch."""
     truck = trucks.load("trucksim")
     sys.path.insert(0, str(harness.ROOT / "tests" / "deeptruck_model" / "trucks"))
     numpy_truck = importlib.import_module("numpy_truck")
@@ -103,7 +104,7 @@ def numpy_batch(steps: int = 40) -> float:
 
 
 def with_force(steps: int = 1000) -> float:
-    """Microseconds a substep (100 Hz) of a truck that evaluates a force of the user's."""
+    """Microseconds per substep (100 Hz) of a truck that evaluates a force of the user's."""
 
     class Nothing:
         def reset(self, batch: int) -> None: ...
@@ -117,7 +118,7 @@ def with_force(steps: int = 1000) -> float:
 
 
 def seven_hours() -> float:
-    """CPU seconds for a recording of 7 h at 10 Hz, generator, driver and truck."""
+    """CPU seconds for a recording of 7 h at 10 Hz, with generator, driver and truck."""
     truck = trucks.load("trucksim")
     return cpu(lambda: driving_cycles.drive(truck, hours=7.0, seed=1))
 

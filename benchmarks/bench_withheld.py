@@ -1,11 +1,12 @@
-"""Real logs of which a channel is withheld: what the mismatch tool says, and what it recovers of the channel.
+"""Real logs from which a channel is withheld: the verdict of the mismatch tool, and what it recovers of the
+channel.
 
 python benchmarks/bench_withheld.py [--updates 1200]
 
 An electric car (TUM): its braking by the motor, the heights, and the temperature of the air, which no
-simulator takes. A truck's bus of 30 s (Colorado State University): the gear. The logs
-(docs/recordings.md) are no part of this project: put them under ../shared/data or the folder in
-DEEPTRUCK_REAL_DATA. Nothing was chosen on what is shown.
+simulator takes. A truck's bus of 30 s (Colorado State University): the gear. The logs (docs/recordings.md)
+are no part of this project: put them under ../shared/data or the folder in DEEPTRUCK_REAL_DATA. No setting
+was chosen on these results.
 """
 
 from __future__ import annotations
@@ -55,8 +56,9 @@ HEADS = "withheld | said | kind of input named | correlation: recovered; residua
 
 @dataclass(frozen=True)
 class Withheld:
-    """Something of a log that is withheld: in words, the inputs and the names that are right to say, the
-    simulator, the logs without it, and by the name of each the channel (n,), in proportion to its force."""
+    """A channel that is withheld from logs. `what` describes it; `right` are the inputs and effects that are
+    correct answers; `channel` has by log the withheld channel (n,), proportional to its force. `fitted` and
+    `held_out` are the logs without it."""
 
     what: str
     right: tuple[str, ...]
@@ -74,12 +76,12 @@ def trip(name: str, folder: Path) -> list[Recording]:
 
 
 def without_braking(r: Recording) -> Recording:
-    """The motor's torque where it drives the car, none where it brakes it."""
+    """The recording with the motor's torque where it drives the car, and zero where it brakes it."""
     return replace(r, channels={**r.channels, TORQUE: np.maximum(r.channels[TORQUE], 0.0)})
 
 
 def braking(simulator: Simulator, folder: Path) -> Withheld:
-    """A simulator that knows the motor's braking, along logs that do not have it."""
+    """A simulator that knows the motor's braking, with logs that lack it."""
     fitted, held = ([r for t in trips for r in trip(t, folder)] for trips in (FITTED, HELD_OUT))
     channel = {r.name: np.minimum(r.channels[TORQUE], 0.0) for r in (*fitted, *held)}
     right = ("brake", "dragging_brake", "engine_brake")
@@ -88,7 +90,7 @@ def braking(simulator: Simulator, folder: Path) -> Withheld:
 
 
 def heights(simulator: Simulator, folder: Path) -> Withheld:
-    """A simulator without slope, on the hilliest trip without its heights."""
+    """A simulator without slope, with the hilliest trip without its heights."""
     parts = split(trip(HILLY, folder), (1 / PIECES, 1 - 1 / PIECES, 0.0))[:PIECES]
     channel = {r.name: -r.channels["grade"] for part in parts for r in part}
     blind, held = ([withhold(r) for r in part] for part in parts)
@@ -96,7 +98,8 @@ def heights(simulator: Simulator, folder: Path) -> Withheld:
 
 
 def temperature(simulator: Simulator, folder: Path) -> Withheld:
-    """A simulator of summer trips, along others and a winter's: thicker air, and stiffer tyres."""
+    """A simulator of summer trips, with other summer trips and one in winter: denser air, and stiffer
+    tyres."""
     fitted, held = split(trip(WINTER, folder), (1 / PIECES, 1 - 1 / PIECES, 0.0))[:PIECES]
     fitted += [r for t in FITTED for r in trip(t, folder)]
     channel = {r.name: r.channels["ambient_temperature"] for r in (*fitted, *held)}
@@ -105,7 +108,7 @@ def temperature(simulator: Simulator, folder: Path) -> Withheld:
 
 
 def gear(folder: Path) -> Withheld:
-    """A physics truck that learned to shift from the bus, along the same bus without gear and engine speed.
+    """A physics truck that learned to shift from the bus, with the same bus without gear and engine speed.
     Its overall ratios are those of the logs, its other data those of a medium truck."""
     logs = (harness.DATA / "j1939_csu" / f"{name}.log" for name in ("normal", "tsc1"))
     normal, forged = (whole_log(log, {}, folder / log.stem) for log in logs)
@@ -127,7 +130,8 @@ def _unbraked(r: Recording) -> Recording:
 
 
 def ratios(recordings: Sequence[Recording]) -> list[float]:
-    """Of the gears that were driven, from first to last: the median of engine speed over wheel speed."""
+    """Median ratio of engine speed to wheel speed in each gear that was driven, from the lowest to the
+    highest."""
     seen: dict[int, list[float]] = {}
     for r in recordings:
         c = r.channels
@@ -157,7 +161,7 @@ def judged(w: Withheld) -> str:
 
 
 def _said(verdict: Mapping[str, Any]) -> dict[str, str]:
-    """The verdict on the withheld input: its name, or the missing input that was found to act."""
+    """The named effects and the missing inputs that were found to act, with what is said of each."""
     said = {f["effect"]: f"{f['effect']} {f['probability']:.2f}" for f in verdict["findings"]}
     for m in verdict["not_recorded"]:
         if share := m.get("share_of_time"):
@@ -169,7 +173,7 @@ def _said(verdict: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _correlations(w: Withheld, found: Mismatch) -> str:
-    """Of the channel with the forces that were found, and with the whole residual."""
+    """Correlations of the channel with the forces that were found, and with the whole residual."""
     e = found.evidence
     if e is None:
         return "-"

@@ -1,7 +1,7 @@
-"""How well one could follow who knows the truck itself, the road and the leader's future.
+"""How well a controller could follow that knows the truck itself, the road and the leader's future.
 
-At every step it tries SAMPLES changes of its plan on the physics truck, gear changes and all, and keeps the
-best. Its plans end after HORIZON steps, so it is a yardstick and no bound: it too can be caught by a hill.
+At every step it tries SAMPLES changes of its plan on the physics truck, with gear changes, and keeps the
+best. Its plans end after HORIZON steps, so it is no bound: a hill beyond them can surprise it too.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Foresight:
         self.rng = np.random.default_rng(0)
 
     def command(self, k: int, state: TruckState, speed: Array, gap: Array) -> Array:
-        """Commands (batch, 2) at step k; the plan moves on by one step."""
+        """Commands (batch, 2) at step k; the plan is shifted by one step."""
         for spread in ATTEMPTS:
             plans = self._tried(spread)
             cost = self._cost(k, plans, state, speed, gap)
@@ -63,7 +63,7 @@ class Foresight:
         return plans
 
     def _cost(self, k: int, plans: Array, state: TruckState, speed: Array, gap: Array) -> Array:
-        """Time-gap errors above 0.05 s weigh by their fourth power, (batch, SAMPLES)."""
+        """Cost of the plans, (batch, SAMPLES): the fourth power of time-gap errors above 0.05 s, summed."""
 
         def each(x: NDArray) -> NDArray:
             return np.repeat(x, SAMPLES, axis=0)
@@ -81,7 +81,7 @@ class Foresight:
 
 
 def drive(truck: trucks.PhysicsTruck, scene: Scene) -> Array:
-    """Time-gap errors (T, batch) of foresight."""
+    """Time-gap errors (T, batch) of a controller with foresight."""
     env, driver = CaccEnv(truck, scene.batch, scene.steps), Foresight(truck, scene)
     env.reset(scene)
     errors = []
@@ -92,6 +92,6 @@ def drive(truck: trucks.PhysicsTruck, scene: Scene) -> Array:
 
 
 def rows(scene: Scene, chosen: NDArray[np.intp]) -> Scene:
-    """Some of the rollouts of a scene without radar faults."""
+    """Some of the rollouts of a scene, without radar faults."""
     names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
     return replace(scene, **{name: getattr(scene, name)[chosen] for name in names})

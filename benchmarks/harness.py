@@ -1,7 +1,7 @@
-"""What every benchmark needs: its options, repeated measurements, tables, and the page that it writes.
+"""What every benchmark needs: options, repeated measurements, tables, and writing its section of a page.
 
-A measurement is the least (or a quantile) of some repeats in CPU time, since other work on the machine does
-not count there. What is compared is measured in one process or in turn, and given as a ratio.
+A measurement is the least (or a quantile) of some repeats in CPU time, which other work on the machine does
+not change. What is compared is measured in one process or in turn, and given as a ratio.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ HIDDEN = argparse.SUPPRESS
 
 
 def options(text: str | None, defaults: Mapping[str, Any]) -> argparse.Namespace:
-    """The command line, described by a module's docstring. `defaults` has by option its default, or that and
-    its help: a list takes several values, False is a switch, a type an option without a default."""
+    """The command line, described by a module's docstring. `defaults` maps each option to its default, or to
+    that and its help: a list takes several values, False is a switch, a type an option without a default."""
     parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, given in defaults.items():
         default, says = given if isinstance(given, tuple) else (given, None)
@@ -45,7 +45,7 @@ def options(text: str | None, defaults: Mapping[str, Any]) -> argparse.Namespace
 
 
 def check_data(path: Path) -> None:
-    """Ends the program where a real recording is not there."""
+    """End the program if a real recording is missing."""
     if not path.exists():
         sys.exit(f"{path} is not here; docs/recordings.md says where to get it")
 
@@ -53,7 +53,7 @@ def check_data(path: Path) -> None:
 def cpu_s(
     work: Callable[[], object], repeats: int = 3, clock: Callable[[], float] = time.process_time
 ) -> NDArray[np.float64]:
-    """CPU seconds of each repeat, after one that warms up."""
+    """CPU seconds of each repeat, after one repeat to warm up."""
     work()
     times = np.empty(repeats)
     for k in range(repeats):
@@ -70,7 +70,7 @@ def children_cpu_s() -> float:
 
 
 def processes_cpu_s(pids: Iterable[int]) -> float:
-    """CPU seconds that running processes have used."""
+    """CPU seconds that these running processes have used."""
     total = 0
     for pid in pids:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
@@ -87,7 +87,8 @@ def children(pid: int) -> dict[int, str]:
 
 
 def machine(load: float | None = None) -> str:
-    """Cores, load average (of now, or the given one of before) and real-time priority."""
+    """Number of cores, load average (the present one, or one that was taken before) and real-time
+    priority."""
     high = ", real-time priority (chrt -f 1)" if os.sched_getscheduler(0) == os.SCHED_FIFO else ""
     when = "at the end" if load is None else "before"
     load = os.getloadavg()[0] if load is None else load
@@ -95,25 +96,27 @@ def machine(load: float | None = None) -> str:
 
 
 def table(heads: str, rows: Iterable[str], *, right: bool = False) -> list[str]:
-    """Lines of a table, its heads and rows as `a | b | c`; `right` sets all columns but the first right."""
+    """Lines of a table; head and rows are written as `a | b | c`; `right` aligns all columns but the first to
+    the right."""
     rule = "|---" + ("|---:" if right else "|---") * heads.count(" | ") + "|"
     return [f"| {heads} |", rule, *(f"| {row} |" for row in rows)]
 
 
 def command() -> str:
-    """How this benchmark was called, as a page quotes it."""
+    """The command line of this benchmark, as a page quotes it."""
     return " ".join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
 
 
 def heading(title: str, facts: str = "") -> list[str]:
-    """The first lines of a section: title, command, and what else is to be known of the measurement."""
+    """The first lines of a section: title, command, and notes on the measurement."""
     return [f"# {title}", "", f"`{command()}`{facts}", ""]
 
 
 def store(page: str, lines: Iterable[str]) -> None:
-    """Print a section, which begins with its heading (`# ...`), and put it into docs/results/PAGE.md (`##`).
+    """Print a section, which begins with its heading (`# ...`), and write it to docs/results/PAGE.md (as
+    `##`).
 
-    It takes the place of the section with this heading, or comes last; the headings in it move down as well.
+    It replaces the section of this heading, or is appended; the headings in it are one level lower there.
     """
     text = "\n".join(lines).strip()
     print(text)

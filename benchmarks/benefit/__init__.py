@@ -1,1 +1,1 @@
-"""What a corrected simulator is good for: policies trained on it and on the old one, on the true truck."""
+"""The benefit of a corrected simulator: policies trained on it and on the old one drive the true truck."""

@@ -1,4 +1,6 @@
-"""What a shield believes of the truck: a promise measured on a simulator, and how hot brakes fade on it."""
+"""The capabilities that a shield assumes of the truck: a promise measured on a simulator, and its
+brake fade.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ SPEEDS = np.array([12.0, 15.0, 18.0])  # m/s, held on the descent
 
 
 def believed(simulator: Simulator, *, hot: bool = False) -> Promise:
-    """The promise this simulator gives; with `hot` also on a descent of 5 %, with the fade it shows there."""
+    """The promise measured on this simulator; with `hot` on a descent of 5 % as well, with the fade it has
+    there."""
     if not hot:
         return measure(simulator)
     return with_fade(measure(simulator, worst_grade=DESCENT), simulator)
@@ -30,7 +33,8 @@ def believed(simulator: Simulator, *, hot: bool = False) -> Promise:
 def with_fade(promise: Promise, simulator: Simulator) -> Promise:
     """The promise with the share of braking that is left after five minutes downhill.
 
-    The heat is reckoned as the shield reckons it, so the two err alike; fade counts from the first joule.
+    The heat is estimated as the shield estimates it, so both have the same error; fade begins with the first
+    joule.
     """
     cold, _ = _stop(simulator, promise, 1.0)
     hot, heat = _stop(simulator, promise, DESCENT_S)
@@ -41,7 +45,7 @@ def with_fade(promise: Promise, simulator: Simulator) -> Promise:
 
 
 def _stop(simulator: Simulator, promise: Promise, seconds: float) -> tuple[Array, Array]:
-    """Mean deceleration of a full brake after `seconds` of holding the speed downhill, and heat (J/kg)."""
+    """Mean deceleration of full braking after `seconds` of constant speed downhill, and the heat (J/kg)."""
     scale, dt, batch = ActionScale.of(simulator), simulator.dt, len(SPEEDS)
     y = np.zeros((batch, len(simulator.interface.y)))
     y[:, SPEED] = SPEEDS

@@ -1,4 +1,6 @@
-"""The cases: a true truck with an effect, the old simulator without it, its drives, and where it matters."""
+"""The cases: a true truck with an effect, the old simulator without it, its drives, and the scenes in which
+it matters.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,10 @@ class UnsensedRoad:
     """A road that climbs 3 % on average, 2 to 4 %, on a truck without a grade sensor."""
 
     def reset(self, batch: int) -> None:
-        """Nothing is remembered: the truck knows how far it went."""
+        """No state: the position of the truck determines the slope."""
 
     def force(self, view: View, dt: float) -> Array:
-        """N, positive forward."""
+        """Force of the slope, N, positive forward."""
         x = 2 * np.pi * view.distance
         slope = 0.030 + 0.007 * np.sin(x / 900.0) + 0.003 * np.sin(x / 2300.0 + 1.0)
         return np.asarray(-view.mass * ROUNDED_GRAVITY * slope)
@@ -48,7 +50,7 @@ class LateEngine:
     """The engine gets its command 0.6 s late."""
 
     def reset(self, batch: int) -> None:
-        """Nothing is under way."""
+        """No command is in the delay line."""
         self._under_way: list[Array] = []
 
     def filter(self, u: Array, time: float, dt: float) -> Array:
@@ -75,7 +77,7 @@ scenes.DRAWERS.update(wide_downhill=downhill(scenes.wide), moving_downhill=downh
 
 
 def hot_stop(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """Five minutes down a slope of 5 % behind a steady leader, which then brakes at -6 m/s2 to a stand."""
+    """Five minutes down a slope of 5 % behind a steady leader, which then brakes at -6 m/s2 to standstill."""
     scene = settled(batch, steps, rng.uniform(12.0, 18.0, batch), 2.5)
     braking = np.arange(steps) * dt >= 300.0 + rng.uniform(0.0, 10.0, (batch, 1))
     return replace(
@@ -94,10 +96,11 @@ STOPS = ("stop", "hot_stop")  # driven behind the shield: bare policies close up
 
 @dataclass(frozen=True)
 class Case:
-    """`drives` and `least_descent` say how the truck was recorded, `tests` where the effect matters.
+    """One effect. `drives` and `least_descent` say how the truck was recorded, `tests` in which scenes the
+    effect matters.
 
     `suffix` chooses the training scenes (wide + suffix, moving + suffix), `windows` their length in windows
-    of 20 s: hot brakes need minutes. `old_name` lets cases share the policies of one old simulator.
+    of 20 s: hot brakes need minutes. Cases with the same `old_name` share the policies of one old simulator.
     """
 
     says: str

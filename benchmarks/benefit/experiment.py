@@ -51,8 +51,8 @@ def benefit(
 ) -> dict[str, Any]:
     """Run the cases and write `out`/benefit.json, benefit.md and benefit.png.
 
-    Drives, verdicts, simulators and policies stay under `out`/work. A run that dies leaves
-    `files.unfinished(out)`, in which `resume` goes on. Raises InputError as `plan.check`.
+    Drives, verdicts, simulators and policies are kept under `out`/work. A killed run leaves
+    `files.unfinished(out)`, which `resume` continues. Raises InputError as `plan.check`.
     """
     out = Path(out)
     check(out, effects, recipes, resume=resume, overwrite=overwrite)
@@ -81,7 +81,7 @@ def _case(
 
 
 def _once(path: Path, effort: Effort, do: Callable[[], list[dict[str, Any]]]) -> list[dict[str, Any]]:
-    """What `do` gives, or gave when it was last done with the same effort."""
+    """The result of `do`, or its stored result if that was made with the same effort."""
     if path.exists() and (kept := json.loads(path.read_text()))["effort"] == asdict(effort):
         return list(kept["exams"])
     exams = do()
@@ -90,9 +90,10 @@ def _once(path: Path, effort: Effort, do: Callable[[], list[dict[str, Any]]]) ->
 
 
 def correct(case: Case, folder: Path) -> dict[str, Any]:
-    """Drive and record the true truck, run the mismatch tool on the old simulator, keep `folder`/corrected.
+    """Drive and record the true truck, run the mismatch tool on the old simulator, and save
+    `folder`/corrected.
 
-    Returns the verdict's gist. Where nothing was validated `apply` refuses, and there is no such folder.
+    Returns a summary of the verdict. If no correction was validated, `folder`/corrected does not exist.
     """
     found = folder / "found"
     if not (found / "verdict.json").exists():
@@ -139,7 +140,8 @@ def _through_a_bag(drive: Recording, bag: Path) -> list[Recording]:
 
 
 def _simulators(name: str, case: Case, work: Path) -> dict[str, tuple[str, Simulator]]:
-    """Where policies are kept, and the simulator they learn on; without a correction, the old one stands."""
+    """For each kind of simulator the folder of its policies, and the simulator; without a correction the old
+    one is used."""
     folder = work / "cases" / name
     corrected = folder / "corrected"
     learned_on = simulators.load(corrected if (corrected / MANIFEST).exists() else folder / "old")
@@ -167,7 +169,8 @@ def _policies(simulator: Simulator, home: Path, case: Case, name: str, effort: E
 
 
 def _exams(case: Case, simulator: Simulator, home: Path, recipe: str, effort: Effort) -> list[dict[str, Any]]:
-    """Train on the simulator and drive the true truck; the shield, too, believes the simulator."""
+    """Train on the simulator and drive the true truck with a shield that assumes the simulator's
+    capabilities."""
     pedals, rows = PedalMap.calibrate(case.truck), []
     shields = {name: believed(simulator, hot=name == "hot_stop") for name in case.tests if name in STOPS}
     for policy in _policies(simulator, home, case, recipe, effort):
@@ -183,10 +186,10 @@ def _scene(case: Case, name: str, effort: Effort) -> Scene:
 
 
 def measured(trace: Trace, pedals: PedalMap) -> dict[str, float]:
-    """What the report shows of one policy in one scene.
+    """The figures that the report shows of one policy in one scene.
 
-    Errors are rms after 10 s, where the truck has the power to hold the time gap and moves; the brake is the
-    mean of its command as a share of its reach.
+    Errors are rms after 10 s, while the truck moves and has the power to hold the time gap; the brake is the
+    mean of its command as a share of its range.
     """
     late = round(SETTLED_S / trace.dt)
     fair: NDArray[np.bool_] = metrics.within_reach(trace.scene, pedals, trace.dt)[late:]

@@ -1,4 +1,6 @@
-"""What the experiment can do, how much of it, and what it writes. Neither torch nor a truck is imported."""
+"""The choices and effort of the experiment, and the files it writes. Neither torch nor a truck is
+imported.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ BENEFIT = files.Result(
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a policy is trained: scenes, memory, and what errors cost beside quiet pedals (1: as usual)."""
+    """How a policy is trained: scenes, memory, and the weight of errors against quiet pedals (1: as
+    usual)."""
 
     scenes: str
     memory: bool
@@ -48,7 +51,7 @@ RECIPES = {
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is trained and driven."""
+    """The amount of training and driving."""
 
     seeds: int = 3
     iterations: int = 90
@@ -68,8 +71,8 @@ def check(
     resume: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Called before anything is loaded. Raises InputError with all that cannot be: unknown effects and
-    recipes, an older result without `overwrite`, an unfinished one without `resume` or `overwrite`."""
+    """Check the arguments before anything is loaded. Raises InputError for unknown effects and recipes, an
+    older result without `overwrite`, and an unfinished one without `resume` or `overwrite`."""
     checks.every(
         partial(_known, "effect", effects, EFFECTS),
         partial(_known, "recipe", recipes, tuple(RECIPES)),

@@ -1,4 +1,4 @@
-"""The page: a figure, tables, and for each effect and recipe whether it paid."""
+"""The page: a figure, tables, and for each effect and recipe whether the correction had a benefit."""
 
 from __future__ import annotations
 
@@ -31,14 +31,15 @@ Kinds = dict[str, list[dict[str, Any]]]  # old, corrected, true: for each seed, 
 
 
 def write(results: dict[str, Any], out: Path) -> None:
-    """benefit.json, benefit.md and benefit.png under `out`."""
+    """Write benefit.json, benefit.md and benefit.png under `out`."""
     (out / FIGURES).write_text(json.dumps(results, indent=1) + "\n")
     _draw(results, out / PICTURE)
     (out / PAGE).write_text(page(results))
 
 
 def page(results: dict[str, Any]) -> str:
-    """The tables in Markdown; three numbers are old, corrected, true: medians over the seeds."""
+    """The tables in Markdown; three numbers are the medians over the seeds for the old, corrected and true
+    simulator."""
     found = [_found(name, row) for name, row in results.items()]
     cases = [
         (name, recipe, kinds)
@@ -83,7 +84,7 @@ def _stopped(name: str, recipe: str, kinds: Kinds) -> list[str]:
 
 
 def _stop(kinds: Kinds) -> str:
-    """The case's scene with a stop, or nothing."""
+    """The case's scene with a stop, or an empty text."""
     return next((scene for scene in kinds["old"][0] if scene in STOPS), "")
 
 
@@ -96,15 +97,15 @@ def _three(kinds: Kinds, scene: str, key: str, form: str, factor: float = 1.0) -
 
 
 def values(seeds: list[dict[str, Any]], scene: str, key: str) -> list[float]:
-    """One number of every seed."""
+    """One figure of every seed."""
     return [float(seed[scene][key]) for seed in seeds]
 
 
 def paid(kinds: Kinds, scene: str, key: str) -> str:
-    """Whether the corrected simulator's policies have the smaller error, and by which factor of medians.
+    """Whether the policies of the corrected simulator have the smaller error, and the ratio of the medians.
 
-    'yes' where every seed beats every seed of the old simulator, 'no' where every seed is worse; 'unclear'
-    where the medians differ and the seeds overlap.
+    'yes' if every seed beats every seed of the old simulator, 'no' if every seed is worse; 'unclear'
+    otherwise.
     """
     old, corrected = (np.abs(values(kinds[kind], scene, key)) for kind in ("old", "corrected"))
     ratio = float(np.median(corrected) / np.median(old))
@@ -118,7 +119,7 @@ def paid(kinds: Kinds, scene: str, key: str) -> str:
 
 
 def _draw(results: dict[str, Any], path: Path) -> None:
-    """A row for each recipe, errors of following, and one for the stop; a column for each effect."""
+    """One row for each recipe with errors of following, and one for the stop; a column for each effect."""
     recipes = list(dict.fromkeys(recipe for row in results.values() for recipe in row["recipes"]))
     size = 2.3 * len(results) + 1.2, 2.0 * (len(recipes) + 1) + 0.6
     figure, axes = plt.subplots(
@@ -144,7 +145,7 @@ def _draw(results: dict[str, Any], path: Path) -> None:
 
 
 def _together(kinds: list[Kinds]) -> Kinds:
-    """The seeds of all recipes."""
+    """The figures of all recipes' seeds."""
     return {
         kind: [seed for k in kinds for seed in k.get(kind, [])]
         for kind in KINDS

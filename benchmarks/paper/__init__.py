@@ -1,1 +1,1 @@
-"""The paper's experiments on the reference trucks, and the classical models that they are beside."""
+"""The paper's experiments on the reference trucks, and classical models for comparison."""

@@ -1,5 +1,6 @@
-"""What a deep truck is compared with: ARX, NARX and gradient boosting, a fitted physics truck, and the
-reference truck itself from states that look like the start."""
+"""Models with which a deep truck is compared: ARX, NARX and gradient boosting, a fitted physics truck, and
+the reference truck itself started from states that resemble the start.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ FINENESS = 0.1  # of each signal's standard deviation: what counts as the same
 
 
 class History(NamedTuple):
-    """The last LAGS rows of [u, w, y], newest last, (batch, LAGS, n); the newest row has no u and w yet."""
+    """The last LAGS rows of [u, w, y], newest last, (batch, LAGS, n); u and w of the newest row are not known
+    yet."""
 
     rows: Array
     y: Array
@@ -72,7 +74,7 @@ class Regression:
 
     @property
     def interface(self) -> TruckInterface:
-        """Which u, w and y the truck has."""
+        """The channels u, w and y of the truck."""
         return self._interface
 
     @property
@@ -81,7 +83,7 @@ class Regression:
         return self._dt
 
     def reset(self, y0: Array) -> History:
-        """No past: the first input and response are repeated."""
+        """Start without a past: the first input and response are repeated."""
         return History(np.zeros((len(y0), 0, 0)), np.array(y0, dtype=np.float64))
 
     def step(self, state: History, u: Array, w: Array) -> tuple[History, Array]:
@@ -99,11 +101,11 @@ class Regression:
         return state._replace(y=np.where(np.isnan(y), state.y, y))
 
     def inside(self, state: History) -> dict[str, Array]:
-        """Nothing inside."""
+        """No inner state."""
         return {}
 
     def parameters(self) -> dict[str, float]:
-        """Nothing to tune."""
+        """No parameters."""
         return {}
 
     def with_parameters(self, values: Mapping[str, float]) -> Regression:
@@ -113,7 +115,7 @@ class Regression:
         return self
 
     def save(self, path: Path) -> None:
-        """Comparison models are refitted, never saved."""
+        """Not supported: comparison models are refitted."""
         raise InputError("a comparison model is not saved; fit it again")
 
 
@@ -156,7 +158,7 @@ def _fit(recordings: Sequence[Recording], regressor: Callable[[], Any]) -> Regre
 
 
 def _lagged(piece: Recording) -> tuple[Array, Array]:
-    """Rows of the last LAGS samples, and the acceleration and fuel rate that follow."""
+    """Rows of the last LAGS samples, and the acceleration and fuel rate that follow each."""
     data = np.concatenate([piece.u, piece.w, piece.y], axis=1)
     windows = np.lib.stride_tricks.sliding_window_view(data, LAGS, axis=0)[:-1]
     x = np.moveaxis(windows, 2, 1).reshape(len(windows), -1)
@@ -164,9 +166,10 @@ def _lagged(piece: Recording) -> tuple[Array, Array]:
 
 
 def physics(recordings: Sequence[Recording], evaluations: int = EVALUATIONS) -> PhysicsTruck:
-    """A physics truck fitted to recordings: its structure is right, its numbers begin as another truck's.
+    """A physics truck fitted to recordings: its structure is right, its parameters start from another
+    truck's.
 
-    Gear ratios are read off the recorded gear, engine speed and speed; FITTED are fitted on free runs.
+    Gear ratios are taken from the recorded gear, engine speed and speed; FITTED are fitted to free runs.
     Raises InputError for interfaces that a physics truck does not have.
     """
     interface = common_interface(recordings)
@@ -196,14 +199,15 @@ def physics(recordings: Sequence[Recording], evaluations: int = EVALUATIONS) -> 
 
 
 def _dressed(known: Specification, pieces: Sequence[Recording]) -> Specification:
-    """The known truck with the recordings' interface and gear ratios."""
+    """The other truck with the recordings' interface and gear ratios."""
     interface = pieces[0].interface
     ratios = _ratios(pieces, known.values["final_drive"] / known.values["wheel_radius"])
     return replace(known, interface=interface, ratios=ratios or known.ratios)
 
 
 def _ratios(pieces: Sequence[Recording], final: float) -> tuple[float, ...]:
-    """Engine speed over speed in each gear; those never seen lie evenly between their neighbours."""
+    """Gearbox ratio of each gear from engine speed, speed and the `final` drive, rad/m; of an unrecorded gear
+    from a straight line through the logarithms. Empty if these channels were not recorded."""
     if not all({"gear", "engine_speed"} <= p.channels.keys() for p in pieces):
         return ()
     gear, engine, speed = (
@@ -232,10 +236,10 @@ def _windows(pieces: Sequence[Recording]) -> tuple[Array, Array, Array]:
 
 
 class LookAlikes(PhysicsTruck):
-    """The mean of the truck's runs from every state in `drive` that looked like the start.
+    """The mean of the truck's runs from all states in `drive` that resemble the start.
 
     Gear, boost and brake temperature are hidden in the sample of u, w and y from which a run starts: no model
-    can do better than weigh all states that look like it.
+    can do better than to average over all states that have this sample.
     """
 
     def __init__(self, truck: PhysicsTruck, drive: Recording) -> None:
@@ -248,7 +252,7 @@ class LookAlikes(PhysicsTruck):
     def rollout(
         self, u: Array, w: Array, y0: Array, recorded: Array | None = None, *, inside: bool = False
     ) -> Run:
-        """Free run from y0 (batch, n_y); u (batch, T, n_u), w likewise."""
+        """Free run from y0 (batch, n_y) under u (batch, T, n_u) and w (batch, T, n_w)."""
         start = np.concatenate([u[:, 0], w[:, 0], y0], axis=1) / self._unit
         distance, index = self._tree.query(start, range(1, NEAREST + 1))
         weight = np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2))
@@ -269,7 +273,8 @@ class LookAlikes(PhysicsTruck):
 
 
 def states(truck: PhysicsTruck, drive: Recording) -> NDArray[np.void]:
-    """The truck's whole state at every sample of a drive from its reset, (n,) of trucks.state.STATE."""
+    """The truck's whole state at every sample of a drive from its reset, (n,) records of
+    trucks.state.STATE."""
     state = truck.reset(np.array([[0.0, drive.channels["speed"][0]]]))
     kept = np.empty(len(drive), state.records.dtype)
     u, grade = drive.u, np.ascontiguousarray(drive.w[:, 0])

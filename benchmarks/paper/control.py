@@ -1,5 +1,6 @@
-"""The control half of the page beside the paper: TRPO as printed and our trainer, on deep trucks, driven on
-them and zero-shot on the truck."""
+"""The control half of the page that compares with the paper: TRPO as printed and our trainer, trained on deep
+trucks, driven on these and zero-shot on the truck.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +59,7 @@ TRUCK = "truck:trucksim"
 
 @dataclass(frozen=True)
 class Chain:
-    """How policies are trained, and on which deep truck of the modelling half."""
+    """A way to train policies, and the deep truck of the modelling half they are trained on."""
 
     heading: str
     truck: str
@@ -165,11 +166,11 @@ def experiment(
     known: Path | None = None,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Train, drive and write the half page into `out`; goes on where a run of it was stopped. What is in
-    `known` is not measured again, see `restore`.
+    """Train, drive and write the half page into `out`; a stopped run is continued. Seeds in `known` are not
+    measured again, see `restore`.
 
-    Trucks that the modelling half has not learned yet are learned with `budget` updates. Raises InputError
-    where `out` holds something else.
+    Trucks that the modelling half has not trained yet are trained with `budget` updates. Raises InputError if
+    `out` contains something else.
     """
     with BESIDE_PAPER.in_place(out):
         if known is not None:
@@ -181,7 +182,7 @@ def experiment(
 
 
 def page(out: Path) -> None:
-    """The half page of the chains that were driven so far."""
+    """Write the half page of the chains that were driven so far."""
     columns: dict[str, list[Figures]] = {}
     for name, chain in CHAINS.items():
         kept = out / WORK / f"chain-{name}.json"
@@ -195,8 +196,7 @@ def page(out: Path) -> None:
 
 
 def _why_following(columns: Mapping[str, list[Figures]]) -> list[str]:
-    """A paragraph: how large the speed errors of long following are for a truck that keeps its time gap
-    exactly."""
+    """A paragraph: the speed errors in long following of a truck that keeps its time gap exactly."""
     measured = {name: seeds for name, seeds in columns.items() if any(map(EXACT.value, seeds))}
     if not measured:
         return []
@@ -208,7 +208,7 @@ def _why_following(columns: Mapping[str, list[Figures]]) -> list[str]:
 def _chain(
     out: Path, name: str, seeds: int, iterations: int, budget: int, say: Callable[[str], None]
 ) -> None:
-    """Train and drive one chain, unless that is done."""
+    """Train and drive one chain, unless its figures exist."""
     chain, kept = CHAINS[name], out / WORK / f"chain-{name}.json"
     given = {"seeds": seeds, "iterations": iterations, "budget": budget}
     if kept.exists() and json.loads(kept.read_text())["given"] == given:
@@ -290,8 +290,8 @@ def _figures(traces: Mapping[str, Trace], policy: Path) -> dict[str, Any]:
 
 
 def exact_follower(scene: Scene, dt: float) -> Array:
-    """Speed errors (T, batch) that a truck has which keeps the wanted time gap exactly: v = gap / Tg, so that
-    its acceleration is (v_leader - v) / Tg."""
+    """Speed errors (T, batch) of a truck that keeps the wanted time gap exactly: v = gap / Tg, so that its
+    acceleration is (v_leader - v) / Tg."""
     leader = scene.leader_speed + dt * np.cumsum(scene.leader_acceleration.T, axis=0)
     speed, errors = scene.speed.astype(float), np.empty_like(leader)
     for k in range(len(leader)):
@@ -313,7 +313,7 @@ def _of_set(trace: Trace) -> dict[str, Any]:
 
 
 def _overshoot(trace: Trace) -> dict[str, float]:
-    """Largest overshoots of the runs that begin too slow, and of those that begin too fast."""
+    """Largest overshoots of the runs that start too slow, and of those that start too fast."""
     below = trace.scene.leader_speed >= trace.scene.speed
     early = trace["speed_error"][: round(OVERSHOOT_S / trace.dt)]
     over = np.maximum(np.where(below, -early, early), 0.0)
@@ -328,7 +328,7 @@ def _ends(values: Array) -> list[float]:
 
 
 def _returns(curve: Path) -> dict[str, float]:
-    """Of TRPO: mean returns in the middle of the training and at its end."""
+    """For TRPO: mean returns in the middle and at the end of the training."""
     if not curve.exists():
         return {}
     lines = [json.loads(line) for line in curve.read_text().splitlines()]

@@ -1,4 +1,4 @@
-"""The drives of the reference trucks and of a fleet of made-up ones, and training on them."""
+"""The drives of the reference trucks and of a fleet of synthetic trucks, and training on them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ GEARS = (8, 14)
 
 
 class Field(NamedTuple):
-    """What the paper recorded of a truck in the field."""
+    """The recordings of a field truck, as the paper describes them."""
 
     minutes: float
     cycle: CycleSettings
@@ -64,7 +64,7 @@ def chosen(seeds: int, updates: int, mode: Any = "default") -> Arguments:
 
 
 def drive_of(name: str, minutes: float, seed: int, cycle: CycleSettings | None = None) -> Recording:
-    """`minutes` of a reference truck."""
+    """A drive of a reference truck, `minutes` long."""
     return drive(trucks.load(name), seconds=60 * minutes, seed=seed, settings=cycle)
 
 
@@ -73,13 +73,14 @@ def trained(
     arguments: Arguments,
     observe: Callable[[int, TruckNetwork], None] | None = None,
 ) -> DeepTruck:
-    """A truck trained on `drives`; nothing is left on the disk."""
+    """A truck trained on `drives`; no files are kept."""
     with tempfile.TemporaryDirectory() as folder:
         return train(drives, Path(folder) / "truck", arguments, observe=observe)
 
 
 def singles(truck: DeepTruck) -> list[DeepTruck]:
-    """The members of an ensemble, each as a truck of its own; the calibration is that of their mean."""
+    """The members of an ensemble, each as a truck of its own; their intervals are calibrated for the
+    ensemble's mean."""
     details = {name: value for name, value in truck.details.items() if name != "calibration"}
     return [
         DeepTruck(
@@ -95,8 +96,8 @@ def singles(truck: DeepTruck) -> list[DeepTruck]:
 
 
 def field_drives(name: str, *, as_driven: bool = False) -> tuple[Recording, Recording]:
-    """The first 85 percent of a field truck's driving, and the rest, with the brake command of the paper, or
-    `as_driven`."""
+    """The first 85 percent of a field truck's driving, and the remainder, with the brake command as in the
+    paper, or `as_driven`."""
     whole = drive_of(name, FIELD[name].minutes, TRAIN_SEED, FIELD[name].cycle)
     if FIELD[name].gated_brake and not as_driven:
         on = (whole.channels[COMMAND] > trucks.load(name).parameters()["brake_gate"]).astype(float)
@@ -106,7 +107,7 @@ def field_drives(name: str, *, as_driven: bool = False) -> tuple[Recording, Reco
 
 
 def passes(truck: DeepTruck, updates: int) -> float:
-    """Passes over the training data in `updates` gradient steps."""
+    """Number of passes over the training data in `updates` gradient steps."""
     config, training = truck.details["config"], truck.details["training"]
     seen = updates * training["steps"] * config["sequences"] * truck.dt
     return float(seen / 3600 / training["hours"])
@@ -125,9 +126,9 @@ def fleet(
 
 
 def by_fuel(recording: Recording, dt: float) -> Recording:
-    """The drive as a log without commands shows it, a row every `dt`, no brake recorded.
+    """The drive as a log without commands records it, one row every `dt`, without a brake.
 
-    The fuel flow until the next row, in g/s, stands in for the engine command: NaN in the last.
+    The fuel flow until the next row, in g/s, replaces the engine command; it is NaN in the last row.
     """
     every = round(dt / recording.dt)
     rows = slice(every - 1, len(recording) // every * every, every)

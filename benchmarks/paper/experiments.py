@@ -1,7 +1,7 @@
-"""The paper's modelling experiments on the reference trucks: each writes figures and a table into one folder.
+"""The paper's modelling experiments on the reference trucks; each writes figures and a table into one folder.
 
-Training, validation and test drives come from the driving-cycle generator with seeds of their own;
-settings were chosen on validation drives (seed 2), the test drives below are only ever read.
+Training, validation and test drives come from the driving-cycle generator with seeds of their own; settings
+were chosen on validation drives (seed 2), and the test drives below serve for evaluation only.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ INTERVAL_RUNS = 300
 
 
 def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
-    """The three reference trucks: 90 x 40 s on 3 h of another drive, after 5, 15 and 60 min of their own."""
+    """The three reference trucks: 90 runs of 40 s on 3 h of another drive, after 5, 15 and 60 min of training
+    data."""
     arguments = chosen(seeds, updates)
     metrics, note = {}, ""
     for name in TRUCKS:
@@ -83,7 +84,7 @@ def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
 
 def curves(whole: Recording, test: Sequence[Recording], arguments: Arguments) -> tuple[dict[str, Any], str]:
     """Error statistics of deep trucks by minutes of `whole`, trained from scratch and adapted from a fleet,
-    and a text with the updates of each training."""
+    and a text with the number of updates of each training."""
     found: dict[str, dict[int, Any]] = {SCRATCH: {}, ADAPTED: {}}
     with tempfile.TemporaryDirectory() as folder:
         known = Path(folder) / "fleet"
@@ -102,7 +103,7 @@ def curves(whole: Recording, test: Sequence[Recording], arguments: Arguments) ->
 
 
 def draw(metrics: Mapping[str, Curves], path: Path) -> None:
-    """Mean absolute speed error against minutes, one panel a truck."""
+    """Figure of the mean absolute speed error against minutes, one panel for each truck."""
     figure = Figure(figsize=(3.2 * len(metrics), 3.2), layout="constrained")
     panels = figure.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
     for axis, (name, by_way) in zip(panels, metrics.items(), strict=True):
@@ -123,8 +124,8 @@ def draw(metrics: Mapping[str, Curves], path: Path) -> None:
 
 
 def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "default") -> dict[str, Any]:
-    """Paper: 4 h of the simulation truck, 90 trials of 40 s on another 3 h; scenarios; a sample run of 200
-    s."""
+    """As in the paper: 4 h of the simulated truck, 90 trials of 40 s on another 3 h; scenarios; a sample run
+    of 200 s."""
     test = drive_of("trucksim", 180, TEST_SEED)
     truck = trained([drive_of("trucksim", 240, TRAIN_SEED)], chosen(seeds, updates, mode))
     members = [statistics(trials(single, [test])) for single in singles(truck)]
@@ -149,7 +150,7 @@ def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "d
 
 
 def _intervals(truck: DeepTruck, test: Recording) -> dict[str, dict[str, float]]:
-    """Share of the test points in the 90 % intervals of the mean, by what set them."""
+    """Coverage of the 90 % intervals of the mean, as training leaves them and as `calibrate` sets them."""
     runs = trials(truck, [test], INTERVAL_RUNS)
     again = calibrated(truck, [drive_of("trucksim", 180, VALIDATION_SEED)])
     return {

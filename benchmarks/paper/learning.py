@@ -1,5 +1,6 @@
-"""What the paper says of its models, measured on the reference trucks in three recipes, seeds in batches, and
-linear probes of what the trained state holds."""
+"""The paper's statements on its models, measured on the reference trucks in three recipes, with seeds in
+batches, and linear probes of the trained state.
+"""
 
 from __future__ import annotations
 
@@ -83,8 +84,8 @@ DRAWS, TAILS = 500, (5.0, 95.0)  # of the bootstrap over runs; percent
 
 
 class Job(NamedTuple):
-    """Trucks to learn side by side: where, of which reference truck, by which recipe, `seeds` of them from
-    `first` on; updates 0 chooses."""
+    """Trucks that are trained in one batch: `seeds` of them from seed `first` on, of one reference truck, by
+    one recipe. 0 updates: as many as the recipe has."""
 
     work: str
     truck: str
@@ -100,12 +101,12 @@ class Job(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """Of the seeds, under which their figures are kept."""
+        """Names of the seeds, under which their figures are kept."""
         return [f"{self.truck}-{self.recipe}-{self.first + m}" for m in range(self.seeds)]
 
     @property
     def folder(self) -> Path:
-        """The deep truck, whose members are the seeds."""
+        """The folder of the deep truck, whose members are the seeds."""
         return Path(self.work) / "trucks" / self.name
 
 
@@ -124,7 +125,7 @@ def to_learn(work: str, truck: str, recipe: str, seeds: int, updates: int = 0) -
 
 
 def _known(kept: Path, updates: int) -> bool:
-    """Whether a seed's figures are there, and not of another budget or of an older version."""
+    """Whether a seed's figures exist, with this budget and of the present version."""
     if not kept.exists():
         return False
     found = json.loads(kept.read_text())
@@ -132,7 +133,7 @@ def _known(kept: Path, updates: int) -> bool:
 
 
 def first_truck(work: Path, truck: str, recipe: str) -> tuple[Path, DeepTruck] | None:
-    """The truck of seed 0, and the folder that it is in; None where none was learned yet."""
+    """The truck of seed 0 and its folder; None if it was not trained yet."""
     for folder in sorted((work / "trucks").glob(f"{truck}-{recipe}-0*")):
         if (folder / simulators.MANIFEST).exists():  # an empty folder only reserves the name
             found = simulators.load(folder)
@@ -143,16 +144,16 @@ def first_truck(work: Path, truck: str, recipe: str) -> tuple[Path, DeepTruck] |
 
 @cache
 def drives(truck: str, *, as_driven: bool = False) -> tuple[Recording, Recording]:
-    """Training and test drive: 4 h and 3 h of `trucksim`, the paper's field budgets of the others, with the
-    brake command of the paper, or `as_driven`."""
+    """Training and test drive: 4 h and 3 h of `trucksim`, or the paper's hours of a field truck, with the
+    brake command as in the paper, or `as_driven`."""
     if truck == "trucksim":
         return drive_of(truck, 240, TRAIN_SEED), drive_of(truck, 180, TEST_SEED)
     return field_drives(truck, as_driven=as_driven)
 
 
 def learn(job: Job) -> list[dict[str, Any]]:
-    """Train the seeds of a job in one batch, measure each alone, and keep its figures. Goes on where it was
-    killed."""
+    """Train the seeds of a job in one batch, measure each alone, and keep its figures. A killed training is
+    continued."""
     training, test = drives(job.truck)
     curves = Path(job.work) / f"{job.name}.jsonl"
     watched = job.truck == "trucksim" and (job.recipe == "paper" or job.recipe in VARIANTS)
@@ -183,8 +184,8 @@ def rounded(found: Any, digits: int = DIGITS) -> Any:
 
 
 def own_equations(work: Path, truck: str) -> None:
-    """Measure the physics truck itself, unless that is done. Like a deep truck it starts from the recorded
-    response, without inner states such as the gear."""
+    """Measure the physics truck itself, unless its figures exist. Like a deep truck it starts from the
+    recorded response, without inner states such as the gear."""
     kept = work / f"{truck}-{OWN}-0.json"
     if not kept.exists():
         training, test = drives(truck, as_driven=True)
@@ -196,7 +197,7 @@ def own_equations(work: Path, truck: str) -> None:
 
 
 def runs_of(truck: Simulator, test: Recording, *, long: bool) -> Trials:
-    """The paper's: 90 of 40 s, or in the field 10 of 15 s."""
+    """The runs of the paper: 90 of 40 s if `long`, or in the field 10 of 15 s."""
     count, horizon_s = (TRIALS, HORIZON_S) if long else (FIELD_RUNS, FIELD_S)
     return trials(truck, [test], count, horizon_s)
 
@@ -235,8 +236,8 @@ def _errors(runs: Trials) -> dict[str, Any]:
 
 
 def _bands(runs: Trials) -> dict[str, dict[str, Any]]:
-    """What the paper reads off its error figures: the ends over time of mean - sd and mean + sd, of the mean
-    alone once the transient is over, and the largest mean magnitude at any time."""
+    """The figures that the paper reads off its error plots: the extremes over time of mean - sd and mean +
+    sd, those of the mean alone once the transient has decayed, and the largest mean magnitude at any time."""
     mean, sd = against_time(runs)
     size, settled = np.nanmean(np.abs(runs.error), axis=0), round(TRANSIENT_S / runs.dt)
     found = {}
@@ -253,7 +254,8 @@ def _bands(runs: Trials) -> dict[str, dict[str, Any]]:
 
 
 def _observer(curves: Path, fuel: float) -> Any:
-    """Appends losses on drives that no training sees, line by line, so that a killed run keeps them."""
+    """A function that appends losses on unseen drives to a file line by line, so that a killed run keeps
+    them."""
     unseen = Unseen(drive_of("trucksim", 60, TEST_SEED), drive_of("trucksim", 60, OTHER_SEED), fuel)
     curves.parent.mkdir(parents=True, exist_ok=True)
     rounds = iter(range(10**9))
@@ -269,7 +271,8 @@ def _observer(curves: Path, fuel: float) -> Any:
 
 
 def _read(curves: Path, truck: DeepTruck, member: int) -> list[dict[str, Any]]:
-    """One row for each number of updates, of one member. A resumed run repeats rows; the last one counts."""
+    """One row for each number of updates, for one member. If a resumed run repeated rows, the last one is
+    taken."""
     lines = {line["updates"]: line for line in map(json.loads, curves.read_text().splitlines())}
     found = []
     for done in sorted(lines):
@@ -281,7 +284,7 @@ def _read(curves: Path, truck: DeepTruck, member: int) -> list[dict[str, Any]]:
 
 
 def _converged(curves: list[dict[str, Any]]) -> dict[str, Any]:
-    """The curves, where they end, and by which share that differs from the middle of the training."""
+    """The curves, their last values, and the relative change of these since the middle of the training."""
     middle, end = curves[(len(curves) - 1) // 2], curves[-1]
     return {
         "curves": curves,
@@ -291,14 +294,14 @@ def _converged(curves: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def probe(truck: DeepTruck, fit: Recording, test: Recording, name: str = "trucksim") -> dict[str, Any]:
-    """Linear probes: what of the truck's hidden state a linear map reads off the LSTM's state.
+    """Linear probes: which hidden states of the truck can be read from the LSTM's state by a linear map.
 
-    A deep truck runs freely along a drive that it was not trained on. Ridge regression maps its state to the
-    gear, brake pressure and drag of the physics truck; the same regression from the inputs, and from the
-    state of an untrained network with the same inputs, is what it is compared with.
+    A deep truck runs freely along a drive that it was not trained on. Ridge regression predicts the gear,
+    brake pressure and drag of the physics truck from its state; it is compared with the same regression from
+    the inputs, and from the state of an untrained network with the same inputs.
 
-    Returns scores by target and source, each with its 90 % interval: the share of samples with the right
-    gear, of the others R². The drives are of the physics truck `name`, which gives the targets.
+    Returns scores by target and source, each with its 90 % interval: accuracy for the gear, R² for the
+    others. The physics truck `name` gives the targets.
     """
     sources, truths = zip(*(_samples(truck, drive, name) for drive in (fit, test)), strict=True)
     return {
@@ -320,7 +323,7 @@ def table(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def learned(found: Mapping[str, Mapping[str, Any]]) -> str:
-    """In words, what the trained states hold beyond the untrained one: intervals that do not overlap."""
+    """In words, what trained states contain beyond untrained ones: targets whose intervals do not overlap."""
     more = [
         f"{TARGETS[target]} ({truck})"
         for truck, scores in found.items()
@@ -357,8 +360,8 @@ def _samples(truck: DeepTruck, drive: Recording, name: str) -> tuple[dict[str, A
 
 
 def _run(truck: DeepTruck, u: Array, w: Array, fed: Array) -> tuple[Array, Array]:
-    """The LSTM's h and c side by side (runs, steps, 2 hidden) and its response (runs, steps, n_y), after each
-    step; of an ensemble its first member's. `fed` (runs, n, n_y) takes the place of the first n responses."""
+    """The LSTM's h and c side by side (runs, steps, 2 hidden) and its response (runs, steps, n_y) after each
+    step; of an ensemble those of its first member. `fed` (runs, n, n_y) replaces the first n responses."""
     state = truck.reset(fed[:, 0])
     states, responses = [np.concatenate([state.h[0], state.c[0]], axis=-1)], [fed[:, 0]]
     for k in range(u.shape[1] - 1):
@@ -371,15 +374,15 @@ def _run(truck: DeepTruck, u: Array, w: Array, fed: Array) -> tuple[Array, Array
 
 
 def _untrained(truck: DeepTruck) -> DeepTruck:
-    """A truck with the weights that training begins with."""
+    """A truck with the initial weights of a training."""
     network = truck.network
     scales = Scales(network.mean.numpy(), network.scale.numpy(), network.top_speed)
     return DeepTruck(TruckNetwork(network.shape, scales, network.dt), truck.interface)
 
 
 def _score(fit: Array, test: Array, fit_truth: Array, test_truth: Array) -> list[float]:
-    """R² on the runs of `test` by ridge regression (accuracy where the truth is a class), and the ends of its
-    90 % interval."""
+    """R² (accuracy for a class) of ridge regression on the runs of `test`, and the ends of its 90 %
+    interval."""
     classes = bool((fit_truth == np.round(fit_truth)).all())
     ridge = RidgeClassifierCV(PENALTIES) if classes else RidgeCV(PENALTIES)
     model = make_pipeline(StandardScaler(), ridge)

@@ -201,7 +201,7 @@ inputs and random weights: what it shows needs no learning.
 
 
 def cause(found: Found) -> list[str]:
-    """The section on the deployment form: its error by which responses are fed back, early and late in the
+    """The section on the deployment form: its error by the responses that are fed back, early and late in the
     training, and the variants of the recipe."""
     curves = [f["curves"] for f in found.get(("trucksim", "paper"), [])]
     looks = [[line for line in curve if "by_feedback" in line] for curve in curves]
@@ -225,7 +225,8 @@ def cause(found: Found) -> list[str]:
 
 
 def _variants(found: Found) -> list[str]:
-    """Losses of the variants by thirds of their passes, and in which of them the deployment form rises."""
+    """Losses of the variants by thirds of their passes, and the variants in which the deployment loss
+    rises."""
     seeds = {says: found[key][0] for name, says in VARIED.items() if found.get(key := ("trucksim", name))}
     if len(seeds) < 2:
         return []
@@ -270,7 +271,8 @@ alone the acceleration's squared error falls to {fuel} of what it is, with the r
 
 
 def _why_half(found: Found, errors: Mapping[str, Any]) -> list[str]:
-    """Why the recipe's free runs leave the paper's band, from the variants and from what is fed back."""
+    """Why free runs of the recipe leave the paper's band, from the variants and from the responses that are
+    fed back."""
     free, short = (found.get(("trucksim", name), []) for name in ("free", "short"))
     if not (free and short):
         return []
@@ -292,7 +294,7 @@ def _why_half(found: Found, errors: Mapping[str, Any]) -> list[str]:
 
 
 def _fuel_share(seed: Mapping[str, Any]) -> float:
-    """Share of fuel in the deployment form, at the last look at what is fed back."""
+    """Share of fuel in the loss of the deployment form, at the last evaluation by feedback."""
     last = [line["by_feedback"]["nothing"] for line in seed["curves"] if "by_feedback" in line][-1]
     variant = VARIANTS[str(seed["name"]).split("-")[1]]
     parts = np.array(last) * [1.0, 1.0, variant.fuel or PAPER_FUEL]
@@ -307,10 +309,10 @@ def experiment(
     known: Path | None = None,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Learn, measure and write the half page into `out`, and go on where a run of it was stopped.
+    """Train, measure and write the half page into `out`; a stopped run is continued.
 
     `seeds` of every recipe, 0: SEEDS and FIELD_SEEDS; those in `known` count, see `restore`. Raises
-    InputError where `out` holds something else.
+    InputError if `out` contains something else.
     """
     with BESIDE_PAPER.in_place(out):
         if known is not None:
@@ -331,7 +333,7 @@ def experiment(
 
 
 def page(out: Path) -> None:
-    """The half page of what is measured so far."""
+    """Write the half page of all figures measured so far."""
     found = _measured(out / WORK)
     write(out, SUMMARY, _summary(found))
     lines = ["## Modelling `trucksim`", ""]
@@ -351,7 +353,7 @@ def page(out: Path) -> None:
 
 
 def _summary(found: Found) -> list[str]:
-    """In how many rows our default beats the paper's recipe with all of its seeds."""
+    """In how many rows every seed of our default beats the median of the paper's recipe."""
     tables = {"trucksim": SIMULATED, **FIELD_ROWS}
     pairs = {truck: (found.get((truck, "default"), []), found.get((truck, "paper"), [])) for truck in tables}
     compared = {truck: both for truck, both in pairs.items() if all(both)}
@@ -370,7 +372,7 @@ def _summary(found: Found) -> list[str]:
 
 
 def draw(out: Path) -> None:
-    """The figures: bands of the seeds, and single runs of the first."""
+    """Draw the figures: bands of the seeds, and single runs of the first."""
     folder, found = out / PICTURES, _measured(out / WORK)
     folder.mkdir(exist_ok=True)
     training, test = drives("trucksim")
@@ -402,7 +404,7 @@ def _columns(found: Found, truck: str) -> dict[str, Sequence[Figures]]:
 
 
 def _together(curves: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
-    """Losses (n, seeds) of learning curves, up to the shortest."""
+    """Losses (n, seeds) of learning curves, cut to the shortest."""
     rows = list(zip(*curves, strict=False))
     forms = {form: [[line[form] for line in row] for row in rows] for form in output.COLOURS}
     return {"passes": [row[0]["passes"] for row in rows], **forms}
@@ -416,7 +418,8 @@ def _remarks(found: Found) -> list[str]:
 
 
 def _why_fuel(found: Found) -> list[str]:
-    """What of Volvo's fuel errors its own equations have too, and what only runs beyond the training."""
+    """The part of Volvo's fuel errors that its own equations have too, and the part of runs beyond the
+    training's speeds."""
     own, default = (found.get(("volvo", which), []) for which in (OWN, "default"))
     if not (own and default):
         return []
@@ -429,7 +432,7 @@ def _why_fuel(found: Found) -> list[str]:
 
 
 def _fuel_unit(found: Found) -> list[str]:
-    """The recipe with fuel in either unit."""
+    """The recipe with fuel in either unit, compared."""
     fuel = max((f["largest_fuel"] for seeds in found.values() for f in seeds), default=0.0)
     columns = {"fuel in l/s": "short", "fuel in cm³/s, as printed": "cubic"}
     both = {heading: found.get(("trucksim", variant), []) for heading, variant in columns.items()}
@@ -437,7 +440,7 @@ def _fuel_unit(found: Found) -> list[str]:
 
 
 def _probed(out: Path) -> list[str]:
-    """The probes of the trucks of `trucksim` that were measured."""
+    """The section of the probes of the trained trucks of `trucksim`."""
     kept = out / WORK / PROBES
     if not kept.exists():
         return []
@@ -446,7 +449,7 @@ def _probed(out: Path) -> list[str]:
 
 
 def _probe(out: Path) -> None:
-    """Probe the first truck of each recipe, unless it was."""
+    """Probe the first truck of each recipe, unless that was done."""
     kept = out / WORK / PROBES
     found = json.loads(kept.read_text()) if kept.exists() else {}
     for recipe in RECIPES:
@@ -458,7 +461,7 @@ def _probe(out: Path) -> None:
 
 
 def _dataset(recording: Recording) -> Figure:
-    """Inputs in the left column, responses in the right."""
+    """Figure with inputs in the left column and responses in the right."""
     piece = recording.piece(SHOWN.start, SHOWN.stop)
     inputs, responses = (*piece.interface.u, *piece.interface.w), piece.interface.y
     figure = Figure(figsize=(10, 6), layout="constrained")

@@ -1,4 +1,4 @@
-"""What an experiment leaves behind: its tables, its numbers, its figures and its learning curves."""
+"""The output of an experiment: tables, numbers, figures and learning curves."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ def sample_run(truck: DeepTruck, test: Recording, path: Path) -> None:
 
 
 def budget(truck: DeepTruck) -> str:
-    """What the training took, for the reader of a table."""
+    """The amount of training, for the reader of a table."""
     config, training = truck.details["config"], truck.details["training"]
     return f"{config['members']} seed(s), {training['updates']} updates each, mode {config['mode']}."
 
 
 class Column(NamedTuple):
-    """One figure of `statistics` in a table."""
+    """One column of a table: a figure of `statistics`."""
 
     heading: str
     channel: str
@@ -107,7 +107,7 @@ def table(
 def of_seeds(
     members: Sequence[dict[str, Any]], what: str = "", columns: Sequence[Column] = LONG_RUNS
 ) -> list[Row]:
-    """Rows for the best, median and worst of many seeds, each figure taken on its own."""
+    """Rows for the best, median and worst of many seeds, each figure by itself."""
     if len(members) < 2:
         return [(f"{what}one seed", m) for m in members]
     found: list[Row] = []
@@ -128,7 +128,7 @@ def _cell(metrics: dict[str, Any], column: Column) -> str:
 
 
 def intervals(held: Mapping[str, Mapping[str, float]]) -> str:
-    """A small table: the share of test points, by channel, in intervals set in several ways."""
+    """A small table: coverage by channel of intervals that were set in several ways."""
     channels = list(next(iter(held.values())))
     lines = [
         f"| the mean's 90 % intervals hold | {' | '.join(LABELS[name] for name in channels)} |",
@@ -142,7 +142,7 @@ def intervals(held: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def write(out: Path, metrics: dict[str, Any]) -> dict[str, Any]:
-    """Write metrics.json under `out`, with the settings that hold where nothing else is said."""
+    """Write metrics.json under `out`, with settings that apply unless stated otherwise."""
     out.mkdir(parents=True, exist_ok=True)
     content = {**metrics, "arguments": asdict(Arguments())}
     (out / "metrics.json").write_text(json.dumps(content, indent=1) + "\n")
@@ -150,7 +150,7 @@ def write(out: Path, metrics: dict[str, Any]) -> dict[str, Any]:
 
 
 class Unseen:
-    """Two drives that no training sees, one for each form, as the paper has it.
+    """Two drives outside the training data, one for each form, as the paper has it.
 
     `fuel` is the cost of a squared fuel error of 1 (cm^3/s)^2.
     """
@@ -159,7 +159,7 @@ class Unseen:
         self.drives, self.fuel = {"training": forced, "deployment": free}, fuel
 
     def losses(self, network: TruckNetwork) -> dict[str, list[float]]:
-        """Plain squared error by form, (members,) each, over windows of K steps from zero state."""
+        """Mean squared error in each form, (members,) each, over windows of K steps from zero state."""
         weight = np.zeros(network.shape.responses + network.shape.auxiliary, np.float32)
         weight[: network.shape.responses] = [1.0, 1.0, self.fuel][: network.shape.responses]
         return {
@@ -168,9 +168,8 @@ class Unseen:
         }
 
     def by_feedback(self, network: TruckNetwork) -> dict[str, list[list[float]]]:
-        """Mean squared error of acceleration, speed and fuel on the drive of the deployment form, by which
-        recorded responses are fed to the network in place of its own: [acceleration, speed, fuel] of each
-        member."""
+        """Mean squared errors [acceleration, speed, fuel] of each member on the drive of the deployment form,
+        by which recorded responses replace the network's own as its input."""
         x, target = _windows(network, self.drives["deployment"])
         width = x.shape[-1]
         inputs = torch.as_tensor(x[0]).transpose(0, 1) * network.scale[:width] + network.mean[:width]
@@ -194,7 +193,7 @@ def _windows(network: TruckNetwork, drive: Recording) -> tuple[Any, Any]:
 
 
 def figure(curves: Mapping[str, Any]) -> Figure:
-    """Both losses over the passes: mean, and the range of the seeds."""
+    """Figure of both losses over the passes: mean, and the range of the seeds."""
     figure = Figure(figsize=(7, 4), layout="constrained")
     axis, at = figure.subplots(), curves["passes"]
     for form, colour in COLOURS.items():
@@ -211,8 +210,8 @@ def figure(curves: Mapping[str, Any]) -> Figure:
 
 @styled()
 def error_bands(seeds: Sequence[Mapping[str, Any]]) -> Figure:
-    """Errors against time, one panel a channel: the median over the seeds of the mean error, and the ranges
-    over them of the mean, and of the mean with a standard deviation on either side."""
+    """Figure of the errors against time, one panel for each channel: the median over the seeds of the mean
+    error, and the ranges over the seeds of the mean and of the mean plus and minus a standard deviation."""
     time, names = seeds[0]["time"], list(seeds[0]["channels"])
     of = "one seed" if len(seeds) == 1 else f"{len(seeds)} seeds"
     figure = Figure(figsize=(WIDTH_IN, 0.6 + 1.6 * len(names)))

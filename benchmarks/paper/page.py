@@ -1,8 +1,8 @@
-"""The page that compares with the paper: the numbers that decide its figures, and its tables.
+"""The page that compares with the paper: the numbers that define its figures, and its tables.
 
-Each number has unit, meaning and source: a section of the paper in quotation marks, or 'chosen' where the
-paper says nothing. Two commands write the modelling and the control half into one folder; each writes the
-page of the halves that are there.
+Each number has unit, meaning and source: a section of the paper in quotation marks, or 'chosen' if the paper
+gives none. Two commands write the modelling and the control half into one folder; each writes the page of the
+halves that exist.
 """
 
 from __future__ import annotations
@@ -103,11 +103,11 @@ python benchmarks/paper/run.py control --out runs/experiments
 
 @dataclass(frozen=True)
 class Row:
-    """One figure: what it is, what the paper says, and where it is among the figures of a seed.
+    """One figure: its name, the paper's value, and its place among the figures of a seed.
 
     `value` gives a number or the ends of a range. `least` and `most` are the paper's bounds; without them
-    nothing is missed. `better` is 'small' where the smaller magnitude is the better one, 'large', or '' where
-    two trucks cannot be compared by it.
+    nothing is missed. `better` is 'small' if the smaller magnitude is better, 'large', or '' if two trucks
+    cannot be compared by it.
     """
 
     what: str
@@ -119,7 +119,7 @@ class Row:
     better: Literal["small", "large", ""] = "small"
 
     def merit(self, seed: Figures) -> float | None:
-        """The larger, the better; None where nothing was measured, or nothing can be compared."""
+        """Larger is better; None if nothing was measured, or trucks cannot be compared by it."""
         value = self.value(seed)
         if value is None or not self.better:
             return None
@@ -127,7 +127,7 @@ class Row:
         return size if self.better == "large" else -size
 
     def cell(self, seeds: Sequence[Figures]) -> str:
-        """The median over the seeds, bold where one misses; '-' where nothing was measured."""
+        """The median over the seeds, bold if one misses a bound; '-' if nothing was measured."""
         found = [value for seed in seeds if (value := self.value(seed)) is not None]
         if not found:
             return "-"
@@ -141,7 +141,8 @@ class Row:
 
 
 def worse(rows: Sequence[Row], ours: Sequence[Figures], theirs: Sequence[Figures]) -> dict[str, int]:
-    """By row, how many seeds of `ours` are not better than the median of `theirs`, where any is not."""
+    """For each row, the number of seeds of `ours` that are not better than the median of `theirs`, if there
+    are any."""
     found = {}
     for row in rows:
         mine, others = (
@@ -153,7 +154,8 @@ def worse(rows: Sequence[Row], ours: Sequence[Figures], theirs: Sequence[Figures
 
 
 def at(*path: str) -> Callable[[Figures], Value]:
-    """Gives the number, or the range, at a path into the figures of a seed; None where there is none."""
+    """A function that gives the number or range at a path into the figures of a seed; None if there
+    is none."""
 
     def find(figures: Figures) -> Value:
         value: Any = figures
@@ -175,13 +177,13 @@ def table(rows: Sequence[Row], recipes: Mapping[str, Sequence[Figures]]) -> list
 
 
 def picture(folder: Path, name: str, says: str) -> list[str]:
-    """A figure with its caption; nothing where it is not drawn yet."""
+    """A figure with its caption; empty if it is not drawn yet."""
     return [f"![{says}]({PICTURES}/{name})", ""] if (folder / PICTURES / name).exists() else []
 
 
 def write(folder: Path, half: str, lines: Sequence[str]) -> None:
-    """Keep SUMMARY or one of PAPER_HALVES in `folder`, and write the page of those that are there, and
-    MEASURED."""
+    """Keep `lines` in `folder` as SUMMARY or one of PAPER_HALVES, and write MEASURED and the page of the
+    parts that exist."""
     for needed in (WORK, PICTURES):
         (folder / needed).mkdir(exist_ok=True)
     figures = {path.stem: json.loads(path.read_text()) for path in sorted((folder / WORK).glob("*.json"))}
@@ -196,8 +198,8 @@ def write(folder: Path, half: str, lines: Sequence[str]) -> None:
 
 
 def restore(folder: Path, known: Path) -> None:
-    """Take over what an earlier run left of its page in the folder `known`: figures of its seeds, and
-    pictures, unless `folder` has its own. Raises InputError where there are none."""
+    """Copy the figures of seeds and the pictures of an earlier page from folder `known`, unless `folder` has
+    its own. Raises InputError if `known` has no figures."""
     try:
         figures = dict(json.loads((known / MEASURED).read_text()))
     except (OSError, ValueError) as error:

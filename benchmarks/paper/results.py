@@ -1,4 +1,4 @@
-"""What the experiments leave behind: the kind of each folder and what it may hold."""
+"""The files that the experiments write."""
 
 from __future__ import annotations
 

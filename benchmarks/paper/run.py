@@ -1,4 +1,4 @@
-"""Repeat the paper's experiments on the reference trucks, and write its figures and numbers beside ours."""
+"""Repeat the paper's experiments on the reference trucks, and compare its figures and numbers with ours."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Mode(StrEnum):
 
 
 class Chain(StrEnum):
-    """Ways to train a policy, and the recipe of the deep truck it is trained on."""
+    """Ways to train a policy, with the recipe of the deep truck it is trained on."""
 
     paper = "paper"
     trpo = "trpo"

@@ -150,7 +150,7 @@ def _time_gap(g: _Graph, signals: str) -> str:
 
 
 def _ideal(g: _Graph, f: FeatureMap, signals: str) -> tuple[str, str, str]:
-    """FeatureMap._ideal."""
+    """`FeatureMap._ideal` in torch."""
     leader, speed, gap = (g.columns(signals, k, k + 1) for k in range(3))
     time_gap = _time_gap(g, signals)
     if f.approach:

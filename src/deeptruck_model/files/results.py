@@ -168,8 +168,8 @@ class Result:
     def check_start(self, out: Path, *, resume: bool = False, overwrite: bool = False) -> None:
         """Like `check`, for a command whose unfinished work can be resumed; nothing is changed.
 
-        Also raises InputError for such work without `resume` or `overwrite`, and for files in its folder that
-        the command did not write or that have changed since, by their names.
+        Also raises InputError for unfinished work without `resume` or `overwrite`, and for files in its
+        folder that the command did not write or that have changed since; the message names them.
         """
         self.check(out, overwrite=overwrite)
         draft = unfinished(out)

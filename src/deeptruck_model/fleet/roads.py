@@ -31,8 +31,8 @@ EARLIER = "it was compared by an earlier version, which kept no slopes"
 
 
 def merged(trucks: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[dict[str, Any]]:
-    """Rows with columns MERGED for the cells that at least LEAST_TRUCKS of the trucks drove, from each
-    truck's rows with columns SLOPES."""
+    """Merge the slopes of several trucks: one row with columns MERGED for each cell that at least
+    LEAST_TRUCKS of them drove, from each truck's rows with columns SLOPES."""
     by_cell: dict[str, dict[str, list[Mapping[str, Any]]]] = {}
     for truck, rows in sorted(trucks.items()):
         for row in rows:

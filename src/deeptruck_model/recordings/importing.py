@@ -245,8 +245,8 @@ def _on_time(channel: str, series: Series, late_s: float, segments: Array) -> Se
     """The series with corrected stamps.
 
     A sample that would leave its segment is not valid in the next segment and is dropped; a NaN ends every
-    segment, so that no value is held into the next one. Speed is the clock, which has no tick after a
-    segment's last row.
+    segment, so that no value is held into the next one. The speed's stamps are the clock of the recording,
+    which ends with a segment's last row.
     """
     own = period(series.time)
     stamps, values = [np.zeros(0)], [np.zeros(0)]

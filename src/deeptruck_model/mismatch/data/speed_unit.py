@@ -63,7 +63,8 @@ def faults(simulator: Simulator, prepared: Sequence[Prepared], rules: Rules) -> 
 
 
 def _scaled(drives: Sequence[Array]) -> tuple[float, float] | None:
-    """The common factor of all drives' ratios, (m,) each, and its standard error; None if there is none."""
+    """The common factor of the ratios of all drives, each (m,), and its standard error; None if there is
+    none."""
     drives = [x for x in drives if len(x)]
     if not drives:
         return None

@@ -63,8 +63,8 @@ ALWAYS = Course()
 
 @dataclass(frozen=True)
 class FromMoment(Course):
-    """Zero before `after_s` (s) in recording `first` of `count`, one afterwards; one of `moments` tried
-    alternatives. It is one throughout a simulation of another drive."""
+    """A factor of 0 until `after_s` (s) in recording `first` of `count`, and of 1 afterwards. It is one of
+    `moments` candidates. In simulations of other drives the factor is 1 throughout."""
 
     first: int
     after_s: float

@@ -40,8 +40,8 @@ MADE_UP = Signal("made up", missing=0.0)  # the share of a steady force that the
 class WithEffectiveMass(Expression):
     """The acceleration that a force per mass causes, (n,).
 
-    `effective_mass_gain` is that of a steady force. A force that changes while brakes hold a deceleration
-    acts until they have compensated it.
+    A steady force times `effective_mass_gain`. While brakes hold a deceleration, they compensate a change of
+    the force, which therefore acts for a limited time.
     """
 
     inputs: tuple[Expression, ...]
