@@ -1,30 +1,14 @@
-"""The console script without a process of its own, and bags of a truck."""
+"""Bags of a truck."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from deeptruck_model import cli, driving_cycles, trucks
+from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.recordings import write_bag
-
-Script = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Script:
-    """script(words) -> (exit code, output, errors) of `deeptruck-model`."""
-
-    def _script(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["deeptruck-model", *map(str, words)])
-        with pytest.raises(SystemExit) as caught:
-            cli.main()
-        return (int(caught.value.code or 0), *capsys.readouterr())
-
-    return _script
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,9 @@ import os
 import pty
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -28,10 +30,13 @@ SHEET = {
 COMMAND = (sys.executable, "-c", "from deeptruck_model.cli import main; main()", "new")
 
 
-def new(here: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        (*COMMAND, *words), cwd=here, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
-    )
+@pytest.fixture
+def new(
+    script: Callable[..., tuple[int, str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., tuple[int, str, str]]:
+    """The command in `tmp_path`, without a terminal: (exit code, output, errors)."""
+    monkeypatch.chdir(tmp_path)
+    return partial(script, "new")
 
 
 @pytest.fixture
@@ -44,32 +49,32 @@ def here(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_sheet_that_the_drive_confirms_becomes_a_truck(here: Path) -> None:
-    done = new(here, "mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
-    assert done.returncode == 0, done.stderr
-    assert "the gears are those of the recordings" in done.stdout and "truck:mine.yaml" in done.stdout
+def test_a_sheet_that_the_drive_confirms_becomes_a_truck(here: Path, new) -> None:
+    code, said, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
+    assert code == 0, error
+    assert "the gears are those of the recordings" in said and "truck:mine.yaml" in said
     assert yaml.safe_load((here / "mine.yaml").read_text())["transmission"]["final_drive"] == 3.7
 
 
-def test_a_sheet_that_the_drive_contradicts_is_refused(here: Path) -> None:
+def test_a_sheet_that_the_drive_contradicts_is_refused(here: Path, new) -> None:
     (here / "sheet.yaml").write_text(yaml.safe_dump({**SHEET, "axle_ratio": 4.6}))
-    done = new(here, "mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "check axle ratio" in done.stderr
+    code, _, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
+    assert code == 2 and error.count("\n") == 1 and "check axle ratio" in error
     assert not (here / "mine.yaml").exists()
 
 
 @pytest.mark.parametrize("unit", ["bar", None])
 def test_brakes_that_a_physics_truck_cannot_take_are_refused_with_the_line_to_write(
-    here: Path, unit: str | None
+    here: Path, new, unit: str | None
 ) -> None:
     truck = trucks.load("trucksim")
     drive = driving_cycles.drive(truck, seconds=60.0, seed=3)
     channels = {name: v for name, v in drive.channels.items() if unit or name != "brake_command"}
     interface = replace(truck.interface, brake_unit=unit)
     write_bag(here / "other", [replace(drive, channels=channels)], interface=interface)
-    done = new(here, "mine.yaml", "--from", "sheet.yaml", "--recordings", "other")
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "brake_command" in done.stderr
-    line = done.stderr.split("'brake_command: ")[1].partition("'")[0]
+    code, _, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "other")
+    assert code == 2 and error.count("\n") == 1 and "brake_command" in error
+    line = error.split("'brake_command: ")[1].partition("'")[0]
     meant = {"column": "p", "unit": "percent", "scale": 12.5} if unit else None
     columns = {
         "time": {"column": "t"},
@@ -84,11 +89,11 @@ def test_brakes_that_a_physics_truck_cannot_take_are_refused_with_the_line_to_wr
     assert not (here / "mine.yaml").exists()
 
 
-def test_without_a_terminal_it_says_what_to_give(tmp_path: Path) -> None:
-    done = new(tmp_path, "mine.yaml")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1) and "--from FILE.yaml" in done.stderr
-    named = new(tmp_path, "mine", "--from", "sheet.yaml")
-    assert named.returncode == 2 and "must end in .yaml" in named.stderr
+def test_without_a_terminal_it_says_what_to_give(new) -> None:
+    code, _, error = new("mine.yaml")
+    assert (code, error.count("\n")) == (2, 1) and "--from FILE.yaml" in error
+    code, _, error = new("mine", "--from", "sheet.yaml")
+    assert code == 2 and "must end in .yaml" in error
 
 
 def test_the_wizard_asks_again_after_a_wrong_answer(tmp_path: Path) -> None:

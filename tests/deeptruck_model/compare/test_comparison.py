@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -237,15 +238,15 @@ def test_speeds_are_shown_in_another_unit_and_stored_in_ours(bags: Path, tmp_pat
     ],
 )
 def test_bad_input_is_one_line(
-    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
-    arguments: list[str], says: str,
-) -> None:  # fmt: skip
+    bags: Path,
+    tmp_path: Path,
+    script: Callable[..., tuple[int, str, str]],
+    arguments: list[str],
+    says: str,
+) -> None:
     given = [a.format(bags) for a in arguments]
-    monkeypatch.setattr("sys.argv", ["deeptruck-model", "compare", *given, "--out", str(tmp_path / "out")])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    error = capsys.readouterr().err
-    assert ended.value.code == 2 and says in error and "Traceback" not in error
+    code, _, error = script("compare", *given, "--out", tmp_path / "out")
+    assert code == 2 and says in error and "Traceback" not in error
     assert not (tmp_path / "out").exists()
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from deeptruck_model import cli, driving_cycles, simulators, trucks
+from deeptruck_model import driving_cycles, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.calibration import Calibration, calibrate
 from deeptruck_model.recordings import Recording, write_bag
@@ -88,34 +88,29 @@ def test_drives_of_seconds_are_refused() -> None:
 
 
 def test_the_command_prints_what_it_found_and_saves_a_truck(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: Callable[..., tuple[int, str, str]]
 ) -> None:
     for r in drives():
         write_bag(tmp_path / r.name, [r], interface=r.interface)
     monkeypatch.chdir(tmp_path)
 
-    def run(*words: str) -> int:
-        monkeypatch.setattr("sys.argv", ["deeptruck-model", "calibrate-truck", *words])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return int(ended.value.code or 0)
-
-    given = ("truck:trucksim", "--recordings", "drive0", "drive1", "--held-out", "drive2", "--out", "mine")
-    assert run(*given) == 0
-    says = capsys.readouterr().out
+    fit = ("calibrate-truck", "truck:trucksim", "--recordings", "drive0", "drive1", "--held-out")
+    given = (*fit, "drive2", "--out", "mine")
+    code, says, _ = script(*given)
+    assert code == 0
     assert (
         "drag_area" in says and "(lbf, mph)" in says and "speed error of free runs of 20 s on drive2" in says
     )
     assert simulators.load("mine").parameters()["mass"] == pytest.approx(TRUE["mass"], rel=0.08)
-    assert run(*given) == 2 and "add --overwrite" in capsys.readouterr().err
+    code, _, error = script(*given)
+    assert code == 2 and "add --overwrite" in error
 
     empty = driving_cycles.drive(
         POOL, seconds=200.0, seed=7, name="empty"
     )  # as given: the fit makes it worse
     write_bag(tmp_path / "empty", [empty], interface=empty.interface)
-    worse = ("truck:trucksim", "--recordings", "drive0", "drive1", "--held-out", "empty", "--out", "worse")
-    assert run(*worse) == 2
-    said = capsys.readouterr()
-    assert "larger" in said.err and "--keep" in said.err
-    assert "drag_area" in said.out and not Path("worse").exists()
-    assert run(*worse, "--keep") == 0 and Path("worse").is_dir()
+    worse = (*fit, "empty", "--out", "worse")
+    code, says, error = script(*worse)
+    assert code == 2 and "larger" in error and "--keep" in error
+    assert "drag_area" in says and not Path("worse").exists()
+    assert script(*worse, "--keep")[0] == 0 and Path("worse").is_dir()

@@ -30,21 +30,6 @@ def call(*arguments: object) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.fixture
-def here(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str, str]]:
-    """The script without a process of its own: (exit code, output, errors)."""
-
-    def _call(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["deeptruck-model", *map(str, arguments)])
-        with pytest.raises(SystemExit) as caught:
-            cli.main()
-        return (int(caught.value.code or 0), *capsys.readouterr())
-
-    return _call
-
-
 def bag(folder: Path, name: str, seed: int, seconds: float = 180.0) -> Path:
     heavy = TRUCK.with_parameters({"mass": 1.25 * MASS})
     recording = driving_cycles.drive(heavy, seconds=seconds, seed=seed)
@@ -91,26 +76,26 @@ def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
 
 
 def test_too_little_is_a_verdict_and_nothing_to_apply(
-    here: Callable[..., tuple[int, str, str]], tmp_path: Path
+    script: Callable[..., tuple[int, str, str]], tmp_path: Path
 ) -> None:
     short, out = bag(tmp_path, "short", 9, 20.0), tmp_path / "found"
-    code, said, _ = here("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
+    code, said, _ = script("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
     assert code == 0 and said.startswith("Undetermined")
-    code, _, errors = here("apply", out, "--out", tmp_path / "sim")
+    code, _, errors = script("apply", out, "--out", tmp_path / "sim")
     assert code == 2 and "no passed validation" in errors and not (tmp_path / "sim").exists()
     again = ("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
-    assert here(*again)[0] == 2 and here(*again, "--overwrite")[0] == 0
+    assert script(*again)[0] == 2 and script(*again, "--overwrite")[0] == 0
 
 
 @pytest.mark.parametrize("inside", ["", "sub"])
 def test_a_file_is_no_folder_and_is_said_to_be_none_before_long_computing(
-    here: Callable[..., tuple[int, str, str]], tmp_path: Path, inside: str
+    script: Callable[..., tuple[int, str, str]], tmp_path: Path, inside: str
 ) -> None:
     file = tmp_path / "file"
     file.write_text("notes")
     (tmp_path / "no_bag").mkdir()
     recordings = ("--recordings", tmp_path / "no_bag", "--out", file / inside)
-    code, said, errors = here("mismatch", "--simulator", "truck:trucksim", *recordings)
+    code, said, errors = script("mismatch", "--simulator", "truck:trucksim", *recordings)
     assert code == 2 and str(file) in errors and "choose another --out" in errors and not said
     assert file.read_text() == "notes" and "Traceback" not in errors
 
@@ -133,16 +118,16 @@ def test_a_path_that_is_not_there_is_said_before_anything_is_loaded(words: tuple
 
 
 @pytest.mark.parametrize("command", ["mismatch", "apply", "road", "prove"])
-def test_every_command_has_an_example(here: Callable[..., tuple[int, str, str]], command: str) -> None:
-    code, said, _ = here(command, "--help")
+def test_every_command_has_an_example(script: Callable[..., tuple[int, str, str]], command: str) -> None:
+    code, said, _ = script(command, "--help")
     assert code == 0 and f"Example: deeptruck-model {command} " in said
 
 
 @pytest.mark.parametrize(("option", "value"), [("jobs", 0), ("seed", -4), ("cases", 0), ("cases", -3)])
 def test_an_examination_of_nothing_is_refused(
-    here: Callable[..., tuple[int, str, str]], tmp_path: Path, option: str, value: int
+    script: Callable[..., tuple[int, str, str]], tmp_path: Path, option: str, value: int
 ) -> None:
-    code, said, errors = here("prove", "--out", tmp_path / "proof", f"--{option}", value)
+    code, said, errors = script("prove", "--out", tmp_path / "proof", f"--{option}", value)
     assert code == 2 and f"'--{option}': Input should be greater than or equal to" in errors
     assert errors.count("\n") == 1 and not said and not (tmp_path / "proof").exists()
 
@@ -157,11 +142,11 @@ def test_an_examination_of_nothing_is_refused(
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
-    here: Callable[..., tuple[int, str, str]], tmp_path: Path, simulator: str, recording: str, says: str
+    script: Callable[..., tuple[int, str, str]], tmp_path: Path, simulator: str, recording: str, says: str
 ) -> None:
     bag(tmp_path, "short", 9, 20.0)
     out = tmp_path / "found"
-    code, said, errors = here(
+    code, said, errors = script(
         "mismatch", "--simulator", simulator, "--recordings", tmp_path / recording, "--out", out
     )
     assert code == 2 and says in errors and "Traceback" not in errors
@@ -178,7 +163,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
     ],
 )
 def test_what_is_given_is_used_or_refused(
-    here: Callable[..., tuple[int, str, str]],
+    script: Callable[..., tuple[int, str, str]],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     words: tuple[str, ...],
@@ -186,14 +171,14 @@ def test_what_is_given_is_used_or_refused(
 ) -> None:
     bag(tmp_path, "short", 9, 20.0)
     monkeypatch.chdir(tmp_path)
-    code, said, errors = here("mismatch", "--simulator", "truck:trucksim", *words)
+    code, said, errors = script("mismatch", "--simulator", "truck:trucksim", *words)
     assert code == 2 and says in errors and not said and not (tmp_path / "found").exists()
 
 
-def test_all_misfits_are_in_one_line(here: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+def test_all_misfits_are_in_one_line(script: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
     short = bag(tmp_path, "short", 9, 20.0)
     words = ("--simulator", "truck:volvo", "--recordings", short, "nowhere", "--out", tmp_path / "found")
-    code, _, errors = here("mismatch", *words)
+    code, _, errors = script("mismatch", *words)
     assert code == 2 and errors.count("\n") == 1
     for says in ("nowhere does not exist", "engine_command in N m", "brake_command in percent"):
         assert says in errors

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from foreign_bags import Message, S, bag_of, number, twist
 
-from deeptruck_model import cli
 from deeptruck_model.recordings import read
 
 COLUMNS = """\
@@ -64,7 +63,7 @@ def by_bag(folder: Path, values: dict[str, Callable[[int], float]]) -> str:
 def test_what_is_never_valid_is_not_listed(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    script: Callable[..., tuple[int, str, str]],
     source: Callable[[Path, dict[str, Callable[[int], float]]], str],
     empty: str,
     column: str,
@@ -73,18 +72,14 @@ def test_what_is_never_valid_is_not_listed(
     values[column] = EMPTY[empty]
     given = source(tmp_path, values)
     monkeypatch.chdir(tmp_path)
-    argv = ["deeptruck-model", "import", given, "--columns", "columns.yaml", "--out", "bag"]
-    monkeypatch.setattr("sys.argv", argv)
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    said = capsys.readouterr()
+    code, said, error = script("import", given, "--columns", "columns.yaml", "--out", "bag")
     name = NAMES[column]
     if source is by_table and empty == "not a number":  # of a table that is a mistake
-        assert ended.value.code == 2 and f"column '{column}' holds no numbers" in said.err
+        assert code == 2 and f"column '{column}' holds no numbers" in error
         return
-    channels = next(line for line in said.out.splitlines() if line.startswith("channels: "))
+    channels = next(line for line in said.splitlines() if line.startswith("channels: "))
     assert name not in channels and "engine_command" in channels
-    said_so = f"{name}: left out, as no sample of it is valid" in said.out
+    said_so = f"{name}: left out, as no sample of it is valid" in said
     assert said_so == (empty != "not a number")  # of what was never there, what was not recorded is said
     (one,) = read("bag")
     assert name not in one.channels and name not in (*one.interface.u, *one.interface.w, *one.interface.y)

@@ -1,0 +1,25 @@
+"""The console script without a process of its own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+import pytest
+
+from deeptruck_model import cli
+
+
+@pytest.fixture
+def script(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """script(words) -> (exit code, output, errors) of `deeptruck-model`."""
+
+    def _script(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["deeptruck-model", *map(str, words)])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        return (int(caught.value.code or 0), *capsys.readouterr())
+
+    return _script
