@@ -52,11 +52,11 @@ def settling_time(trace: Trace, time_gap_s: float, speed: float) -> Array:
     return np.where(last < len(outside), trace.dt * last, np.inf)
 
 
-def within_reach(scene: Scene, pedals: PedalMap, dt: float, memory_s: float = 10.0) -> NDArray[np.bool_]:
+def within_reach(scene: Scene, pedals: PedalMap, dt: float) -> NDArray[np.bool_]:
     """When the truck could have kept the time gap, (T, batch); depends on the scene and not on the policy.
 
     The ideal follower v' = (v_leader - v) / Tg is within reach if it needs no more than full engine power on
-    that grade; a phase that is out of reach also excludes the following `memory_s`.
+    that grade; a phase that is out of reach also excludes the following 10 s.
     """
     pull = np.cumsum(scene.leader_acceleration.T, axis=0) * dt
     leader, speed = np.maximum(scene.leader_speed + pull, 0.0), scene.speed.copy()
@@ -66,7 +66,7 @@ def within_reach(scene: Scene, pedals: PedalMap, dt: float, memory_s: float = 10
         wanted = (now - speed) / scene.time_gap
         full = np.interp(speed, pedals.speed, pedals.full) - ROUNDED_GRAVITY * scene.grade[:, k]
         since = np.where(wanted > full, 0.0, since + dt)
-        out[k] = since > memory_s
+        out[k] = since > 10.0
         speed = speed + dt * wanted
     return out
 

@@ -145,30 +145,23 @@ def _worst_truck(
     return after, np.where(full, since + p.dt, 0.0), heat + p.dt * heating
 
 
-def random_search(promise: Promise, count: int, seed: int = 0, *, shielded: bool = True) -> Outcome:
+def random_search(promise: Promise, count: int, *, shielded: bool = True) -> Outcome:
     """`count` rollouts with uniformly random genes."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     return _outcome(
         rollouts(promise, rng.random((min(10_000, count - done), WIDTH)), shielded=shielded)
         for done in range(0, count, 10_000)
     )
 
 
-def adversarial_search(
-    promise: Promise,
-    *,
-    population: int = 2500,
-    generations: int = 20,
-    seed: int = 0,
-    shielded: bool = True,
-) -> Outcome:
+def adversarial_search(promise: Promise, *, population: int = 2500, generations: int = 20) -> Outcome:
     """Cross-entropy search for the smallest margin: each generation is drawn around the worst 4 % so far."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     genes = rng.random((population, WIDTH))
     elite, elite_margin = np.zeros((0, WIDTH)), np.zeros(0)
     found = []
     for _ in range(generations):
-        found.append(rollouts(promise, genes, shielded=shielded))
+        found.append(rollouts(promise, genes))
         margin = found[-1].least
         pool, pool_margin = np.vstack([elite, genes]), np.concatenate([elite_margin, margin])
         best = np.argsort(pool_margin)[: population // 25]

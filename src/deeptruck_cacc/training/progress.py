@@ -37,20 +37,20 @@ def load_checkpoint(out: Path, identity: dict[str, Any]) -> tuple[dict[str, Tens
     return load_file(path), facts
 
 
-def adam_tensors(optimizer: torch.optim.Optimizer, prefix: str = "adam") -> dict[str, Tensor]:
+def adam_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     """An optimizer's state as flat named tensors."""
     return {
-        f"{prefix}.{index}.{key}": value if isinstance(value, Tensor) else torch.tensor(float(value))
+        f"adam.{index}.{key}": value if isinstance(value, Tensor) else torch.tensor(float(value))
         for index, entry in optimizer.state_dict()["state"].items()
         for key, value in entry.items()
     }
 
 
-def restore_adam(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor], prefix: str = "adam") -> None:
+def restore_adam(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
     """Inverse of adam_tensors."""
     state: dict[int, dict[str, Tensor]] = {}
     for name, tensor in tensors.items():
-        if name.startswith(f"{prefix}."):
+        if name.startswith("adam."):
             _, index, key = name.split(".")
             state.setdefault(int(index), {})[key] = tensor
     optimizer.load_state_dict({**optimizer.state_dict(), "state": state})

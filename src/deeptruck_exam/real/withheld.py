@@ -87,7 +87,6 @@ def examine_withheld(
     data: Path | None = None,
     *,
     sources: Sequence[Source] = SOURCES,
-    layouts: Path = LAYOUTS,
     updates: int = 1200,
 ) -> list[dict[str, Any]]:
     """Run each available source; writes withheld.json into `out` and returns its content. A source with a
@@ -102,13 +101,13 @@ def examine_withheld(
         if folder is None or not (folder / source.log).exists():
             print(f"{source.name}: skipped, no {source.log} in ${REAL_DATA}")
             continue
-        results.append(_examine(source, folder, layouts, out / source.name.replace(" ", "_"), updates))
+        results.append(_examine(source, folder, out / source.name.replace(" ", "_"), updates))
         files.write(path, json.dumps(results, indent=1).encode())
     return results
 
 
-def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: int) -> dict[str, Any]:
-    layout: Path | dict[str, Any] = layouts / source.layout if source.layout else {}
+def _examine(source: Source, folder: Path, out: Path, updates: int) -> dict[str, Any]:
+    layout: Path | dict[str, Any] = LAYOUTS / source.layout if source.layout else {}
     whole = whole_log(folder / source.log, layout, out / "import")
     parts = split(whole, (source.share, 1.0 - source.share, 0.0))
     fit, held = ([r for r in part if len(r) * r.dt > source.least_s] for part in parts[:2])
@@ -188,13 +187,13 @@ Profiles = Mapping[str, tuple[Array, Array]]
 """Per recording name: times s and recovered slopes."""
 
 
-def read_profiles(path: Path, name: str = "grade") -> Profiles:
-    """The recovered profiles with this name in a profiles.csv (columns recording, time_s, distance_m, name,
+def read_profiles(path: Path) -> Profiles:
+    """The recovered slopes in a profiles.csv (columns recording, time_s, distance_m, name,
     value)."""
     rows: dict[str, list[tuple[float, float]]] = {}
     with path.open(newline="") as file:
         for row in csv.DictReader(file):
-            if row["name"] in (name, f"road_{name}"):
+            if row["name"] in ("grade", "road_grade"):
                 rows.setdefault(row["recording"], []).append((float(row["time_s"]), float(row["value"])))
     return {key: (np.array(v)[:, 0], np.array(v)[:, 1]) for key, v in rows.items()}
 

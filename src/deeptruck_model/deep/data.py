@@ -137,19 +137,17 @@ def consistent(recording: Recording) -> Recording:
     return replace(recording, channels={**recording.channels, "acceleration": corrected})
 
 
-def time_split(
-    pieces: Sequence[Recording], held_out: float = HELD_OUT
-) -> tuple[list[Recording], list[Recording]]:
-    """Training and validation pieces. Of a long piece the last part is held out; of short pieces, one in
-    1/held_out.
+def time_split(pieces: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
+    """Training and validation pieces. Of a long piece the share HELD_OUT at its end is held out; of short
+    pieces, one in 1/HELD_OUT.
 
     A single short piece is split in the same way; one too short for that is used for both.
     """
     training: list[Recording] = []
     validation: list[Recording] = []
-    every, short = round(1 / held_out), 0
+    every, short = round(1 / HELD_OUT), 0
     for piece in pieces:
-        edge = round(len(piece) * (1 - held_out))
+        edge = round(len(piece) * (1 - HELD_OUT))
         if len(piece) * piece.dt >= SPLIT_FROM_S or (len(pieces) < every and len(piece) - edge >= 5):
             training.append(piece.piece(0, edge))
             validation.append(piece.piece(edge, len(piece)))

@@ -204,12 +204,12 @@ def _density(axis: Any, time: np.ndarray[Any, Any], values: np.ndarray[Any, Any]
 
 
 @styled()
-def sample_figure(runs: Trials, shown: int = 4) -> Figure:
-    """Measured and modelled responses of the best and the worst trial and evenly ranked ones between, by
+def sample_figure(runs: Trials) -> Figure:
+    """Measured and modelled responses of four trials: the best, the worst and evenly ranked ones between, by
     largest speed error."""
     worst = np.nanmax(np.abs(runs.error[..., SPEED]), axis=1)
     order = np.argsort(worst)
-    places = np.linspace(0, len(order) - 1, min(shown, len(order))).astype(int)
+    places = np.linspace(0, len(order) - 1, min(4, len(order))).astype(int)
     chosen = order[places]
     rows = len(runs.channels)
     figure = Figure(figsize=(WIDTH_IN, 0.8 + 1.4 * rows))

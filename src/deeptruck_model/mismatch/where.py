@@ -73,7 +73,7 @@ def _runs(on: Mask, dt: float) -> list[tuple[int, int]]:
     return [(a, b) for a, b in runs if (b - a) * dt >= 0.5]
 
 
-def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
+def regimes(e: Evidence, error: Array) -> list[Regime]:
     """Regions of the driving signals with a disproportionate share of the squared `error` (n,), by a small
     decision tree."""
     named = _features(e)
@@ -97,7 +97,7 @@ def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
             bounds = _bounds(tree, node, ranges, e.command_units)
             where = " and ".join(map(str, bounds)) or "everywhere"
             out.append(Regime(where, share, time, bounds))
-    return sorted(out, key=lambda r: -r.share_of_error)[:most]
+    return sorted(out, key=lambda r: -r.share_of_error)
 
 
 def _features(e: Evidence) -> dict[str, Array]:

@@ -109,11 +109,9 @@ class Layout:
             word |= signal.raw(value) << signal.start
         return word.to_bytes(8, "little")
 
-    def can_id(self, source: int, destination: int = 0xFF, priority: int | None = None) -> int:
+    def can_id(self, source: int, destination: int = 0xFF) -> int:
         """Identifier of this message between two addresses."""
-        return Identifier(
-            self.priority if priority is None else priority, self.pgn, destination, source
-        ).can_id
+        return Identifier(self.priority, self.pgn, destination, source).can_id
 
 
 class Codec:

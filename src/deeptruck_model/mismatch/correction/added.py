@@ -38,8 +38,8 @@ class Added:
     def side_by_side(each: Sequence[Added], rows: Sequence[int]) -> Added:
         """Several corrections in one batch, each for its number of rows."""
 
-        def only(k: int, size: Size, elsewhere: float = 0.0) -> Array:
-            return np.repeat([size if j == k else elsewhere for j in range(len(each))], rows)
+        def only(k: int, size: Size) -> Array:
+            return np.repeat([size if j == k else 0.0 for j in range(len(each))], rows)
 
         return Added(
             tuple((x, only(k, b)) for k, a in enumerate(each) for x, b in a.forces),

@@ -34,11 +34,9 @@ class _Row:
     starts: list[int]
 
 
-def free_windows(
-    simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float, *, exogenous: bool = True
-) -> Errors:
+def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float) -> Errors:
     """Free runs of one simulator; see `free_runs`."""
-    return free_runs([(simulator, prepared)], horizon_s, exogenous=exogenous)[0]
+    return free_runs([(simulator, prepared)], horizon_s)[0]
 
 
 def free_runs(
@@ -157,16 +155,16 @@ def free_run_errors(errors: Mapping[str, Errors]) -> FreeRunErrors | None:
     return FreeRunErrors(**{name: e.rmse() for name, e in errors.items()})
 
 
-def improvement(judged: Mapping[str, Errors], seed: int = 0) -> Improvement:
+def improvement(judged: Mapping[str, Errors]) -> Improvement:
     """Relative improvement in the free runs `judged`, with bootstrap intervals over recordings."""
     before, after, tuned = judged["before"], judged["after"], judged["parameters_only"]
     recordings = len(np.unique(before.recording))
-    return Improvement(interval(before, after, seed), interval(tuned, after, seed), recordings)
+    return Improvement(interval(before, after), interval(tuned, after), recordings)
 
 
-def interval(old: Errors, new: Errors, seed: int = 0) -> Interval:
+def interval(old: Errors, new: Errors) -> Interval:
     """95 % interval of 1 - new / old, where old and new are mean speed errors of free runs."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     owners = np.unique(old.recording)
     a, b = old.of_runs(), new.of_runs()
     groups = [np.flatnonzero(old.recording == o) for o in owners]

@@ -176,16 +176,16 @@ def each_wind(e: Evidence, carrier: Expression) -> Iterator[Course]:
         yield EachDrive(tuple(s.name for s in e.stretches), 1.0 / len(e.stretches))
 
 
-def from_moments(e: Evidence, carrier: Expression, most: int = 32) -> Iterator[Course]:
-    """Start times that are evenly spread, and the start of every recording."""
-    spread = np.arange(len(e))[:: max(1, len(e) // most)].tolist()
+def from_moments(e: Evidence, carrier: Expression) -> Iterator[Course]:
+    """32 start times that are evenly spread, and the start of every recording."""
+    spread = np.arange(len(e))[:: max(1, len(e) // 32)].tolist()
     yield from _from_each(_starts(e) | set(spread), e)
 
 
-def from_standstills(e: Evidence, carrier: Expression, most: int = 24) -> Iterator[Course]:
+def from_standstills(e: Evidence, carrier: Expression) -> Iterator[Course]:
     """Start times at standstills and starts of recordings, where a load may change."""
     entering = np.flatnonzero(np.diff((e["speed"] < CRAWL_SPEED).astype(int)) > 0) + 1
-    yield from _from_each(_starts(e) | set(entering.tolist()), e, most)
+    yield from _from_each(_starts(e) | set(entering.tolist()), e, 24)
 
 
 def _starts(e: Evidence) -> set[int]:
@@ -241,15 +241,15 @@ def along_the_road(largest: float) -> Offer:
     return offer
 
 
-def share_out(lengths: Sequence[float], spacing: float, most: int = MOST_KNOTS) -> list[int]:
-    """Number of knots for each recording at `spacing`, up to `most` in total; later recordings get none.
+def share_out(lengths: Sequence[float], spacing: float) -> list[int]:
+    """Number of knots for each recording at `spacing`, up to MOST_KNOTS in total; later recordings get none.
 
     Spreading the knots over a log of many hours would place them too far apart to resolve anything.
     """
-    out, left = [], most
+    out, left = [], MOST_KNOTS
     for length in lengths:
         count = int(length / spacing) + 2
-        count = count if count <= left else (left if left == most else 0)
+        count = count if count <= left else (left if left == MOST_KNOTS else 0)
         out.append(count)
         left -= count
     return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import lift
-from deeptruck_model.mismatch.mechanisms.courses import MOST_KNOTS, along_the_road, each_drive
+from deeptruck_model.mismatch.mechanisms.courses import along_the_road, each_drive
 from deeptruck_model.mismatch.mechanisms.record import Column, Form, Mechanism, force
 
 HILLY = 0.02  # sd of the slope of a hilly road
@@ -40,9 +40,7 @@ ROAD_SURFACE = Mechanism(
     manoeuvre="drive the same stretch in both directions",
     forms={
         # another road, or rain
-        "each drive": Form(
-            lambda: force(lift(-1.0), WET, sign=0), courses=(each_drive(more_than=2, most=MOST_KNOTS),)
-        ),
+        "each drive": Form(lambda: force(lift(-1.0), WET, sign=0), courses=(each_drive(more_than=2),)),
         "profile": Form(lambda: force(lift(-1.0), ROUGH), courses=(along_the_road(ROUGH),)),
     },
     prior=0.05,  # what is not the same on the next pass is any drag that is time-varying
