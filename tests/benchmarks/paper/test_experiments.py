@@ -23,6 +23,7 @@ def test_field_experiment_writes_tables_and_figures(tmp_path):
     assert json.loads((tmp_path / "metrics.json").read_text())["volvo"]["trials"] == 10
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_field_experiment_in_paper_mode_says_so(tmp_path):
     out = ["--out", str(tmp_path), "--seeds", "1", "--budget", "2"]
     done = CliRunner().invoke(app, ["field", "--mode", "paper", *out])

@@ -3,6 +3,7 @@ from __future__ import annotations
 import errno
 import json
 import re
+import shutil
 from dataclasses import replace
 from functools import partial
 
@@ -25,26 +26,37 @@ def cacc(toy):
     return baseline("cacc", toy.interface, PedalMap.calibrate(toy))
 
 
-def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path, monkeypatch):
-    laws = {name: LAWS[name] for name in ("acc", "cacc")}
-    monkeypatch.setattr(report, "LAWS", laws)
-    results = evaluate(cacc, toy, tmp_path / "e", rollouts=4)
-    assert json.loads((tmp_path / "e" / "metrics.json").read_text()) == results
+FEW = {name: LAWS[name] for name in ("acc", "cacc")}
+
+
+@pytest.fixture(scope="module")
+def evaluated(shared_toy, tmp_path_factory):
+    """An evaluation beside FEW baselines, and what it returned."""
+    cacc = baseline("cacc", shared_toy.interface, PedalMap.calibrate(shared_toy))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, "LAWS", FEW)
+        out = tmp_path_factory.mktemp("evaluated") / "e"
+        return out, evaluate(cacc, shared_toy, out, rollouts=4)
+
+
+def test_evaluate_writes_metrics_and_figures(evaluated):
+    out, results = evaluated
+    assert json.loads((out / "metrics.json").read_text()) == results
     assert set(results["sets"]) == {"paper", "moving", "gap_closing", "long_following"}
     for name in results["sets"]:
-        assert (tmp_path / "e" / f"{name}.png").stat().st_size > 10_000
+        assert (out / f"{name}.png").stat().st_size > 10_000
     row = results["sets"]["paper"]
     closing = results["sets"]["gap_closing"]
     assert 0 < closing["closed_s_paper_bounds_median"] <= closing["closed_s_paper_bounds"]
     assert row["crashes"] == 0 and row["time_gap_error_after_10s"]["worst_abs"] < 0.2
-    assert table(results).row_count == 4 * (1 + len(laws))
+    assert table(results).row_count == 4 * (1 + len(FEW))
     best = results["against_best"]["moving"]
     means = {law: np.mean(sets["moving"][metrics.EACH]) for law, sets in results["baselines"].items()}
     assert best["best_s"] == min(means.values()) == means[best["best"]]
     assert best["difference_s"] == pytest.approx(means["cacc"] - best["best_s"])
     assert best["low_s"] <= best["difference_s"] <= best["high_s"]
     assert best_table(results).row_count == 4
-    text = (tmp_path / "e" / "evaluation.html").read_text()
+    text = (out / "evaluation.html").read_text()
     assert f">{sensible(row['time_gap_error_after_10s']['worst_abs'])}<" in text and "crashes" in text
     assert re.search(
         r"<h1>Mean time-gap error \d\.\d{3} s \(ACC: \d\.\d{3} s\), smallest gap \d+\.\d m, no crash", text
@@ -78,11 +90,12 @@ def test_a_file_in_the_way_is_refused(toy, cacc, tmp_path):
         evaluate(cacc, toy, tmp_path / "e")
 
 
-def test_a_disk_that_fills_leaves_the_evaluation_that_was_there(toy, cacc, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("undrawn")
+def test_a_disk_that_fills_leaves_the_evaluation_that_was_there(evaluated, toy, cacc, tmp_path, monkeypatch):
     monkeypatch.setattr(report, "LAWS", {"acc": LAWS["acc"]})
-    evaluate(cacc, toy, tmp_path / "e", rollouts=2, draw=False)
+    shutil.copytree(evaluated[0], tmp_path / "e")
     before = {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()}
-    assert set(before) == {"metrics.json", files.LEDGER}
+    assert {"metrics.json", "evaluation.html", files.LEDGER} < set(before)
     drawn = report.figures.field_run
 
     def full(*arguments: object, **options: object) -> None:

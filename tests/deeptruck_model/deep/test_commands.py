@@ -1,11 +1,13 @@
 import json
 
+import pytest
 from typer.testing import CliRunner
 
 from deeptruck_model.cli import whole
 from deeptruck_model.recordings import write_bag
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_commands_from_bag_to_figures(drive, tmp_path):
     app = whole()
     recording = drive(60)

@@ -109,6 +109,7 @@ def test_a_horizon_that_is_none_is_refused(truck, drive, horizon):
         trials(truck, [drive(60)], 3, horizon)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_full_disk_leaves_the_old_evaluation(truck, drive, tmp_path, monkeypatch):
     evaluate(truck, [drive(60)], tmp_path, 3, 10.0)
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}

@@ -67,6 +67,7 @@ def test_it_is_written_as_json_and_picture(tmp_path: Path, drive: Recording) -> 
     assert names == {"coverage.json", "coverage.png", "coverage.html", ".deeptruck.json"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_has_the_numbers_and_fetches_nothing(tmp_path: Path, drive: Recording) -> None:
     found = coverage([drive])
     found.save(tmp_path / "out")
@@ -81,6 +82,7 @@ def test_the_page_has_the_numbers_and_fetches_nothing(tmp_path: Path, drive: Rec
     assert "data:image/png;base64," in text and not re.search(r"https?://|<script|@import", text)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_account_of_each_source_is_written_once_and_shown(
     tmp_path: Path, interface: TruckInterface
 ) -> None:

@@ -98,6 +98,7 @@ def test_of_a_table_the_columns_are_named_and_no_topics(tmp_path: Path) -> None:
         assert missing["signal"].endswith(f"{one.column} in COLUMNS.yaml") and "/" not in missing["signal"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_it_comes_first_on_the_terminal_in_the_numbers_and_on_the_page(
     tmp_path: Path,
     drive: Recording,
