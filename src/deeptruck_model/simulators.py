@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from deeptruck_model import calls, reading
 from deeptruck_model.checks import KINDS, MANIFEST, SCHEMES
 from deeptruck_model.checks import manifest as read_manifest
+from deeptruck_model.entry_points import registered
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -154,13 +154,9 @@ def load(path: str | Path) -> Simulator:
     """
     calls.path(path, "a simulator")
     scheme, _, rest = str(path).partition(":")
-    schemes = _registered(SCHEMES)
+    schemes = registered(SCHEMES)
     if rest and scheme in schemes:
         return cast(Simulator, schemes[scheme].load()(rest))
     manifest = read_manifest(Path(path))
     with reading.of(path):
-        return cast(Simulator, _registered(KINDS)[manifest["kind"]].load()(Path(path), manifest))
-
-
-def _registered(group: str) -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=group)}
+        return cast(Simulator, registered(KINDS)[manifest["kind"]].load()(Path(path), manifest))

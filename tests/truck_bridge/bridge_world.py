@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import can
@@ -62,12 +63,17 @@ class World:
         ]
 
 
+@cache
+def interface(name):
+    return vehicles.load(name).interface
+
+
 def in_units(name, percent):
-    return percent * (19.5 if vehicles.load(name).interface["engine_unit"] == "N m" else 1.0)
+    return percent * (19.5 if interface(name)["engine_unit"] == "N m" else 1.0)
 
 
 def braking(name, deceleration):
-    return deceleration * (1.0 if vehicles.load(name).interface["brake_unit"] == "m/s^2" else 12.0)
+    return deceleration * (1.0 if interface(name)["brake_unit"] == "m/s^2" else 12.0)
 
 
 def pressed(w, message):

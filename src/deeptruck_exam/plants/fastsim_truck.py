@@ -12,14 +12,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.laws.series import ou_series
+from deeptruck_model.reading import package_yaml
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -42,7 +41,7 @@ INTERFACE = TruckInterface("line haul", "N m", "m/s^2", grade=True, fuel=False)
 @lru_cache
 def sheet() -> dict[str, Any]:
     """The truck's data sheet."""
-    values: dict[str, Any] = yaml.safe_load((Path(__file__).parent / "line_haul.yaml").read_text())
+    values: dict[str, Any] = package_yaml(__package__, "line_haul.yaml")
     return values
 
 

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib import resources
 from typing import Any
 
-import yaml
+from deeptruck_model.reading import package_yaml
 
 
 @cache
 def values() -> Mapping[str, Any]:
     """The content of worlds.yaml."""
-    text = (resources.files(__name__) / "worlds.yaml").read_text(encoding="utf-8")
-    read: Mapping[str, Any] = yaml.safe_load(text)
+    read: Mapping[str, Any] = package_yaml(__name__, "worlds.yaml")
     return read
 
 

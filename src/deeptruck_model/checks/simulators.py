@@ -5,13 +5,11 @@ from __future__ import annotations
 import difflib
 from dataclasses import dataclass, replace
 from importlib import resources
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from deeptruck_model import reading
+from deeptruck_model.entry_points import registered
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import FMU_FORM, FORM, is_outside
@@ -61,7 +59,7 @@ def simulator(text: str) -> SimulatorFacts:
         return SimulatorFacts(text, KIND, *look(text))
     if by_scheme(text):  # of another package, which alone knows what it is
         scheme, _, rest = text.partition(":")
-        other = entry_points(group=SCHEMES)[scheme].load()(rest)
+        other = registered(SCHEMES)[scheme].load()(rest)
         return SimulatorFacts(text, scheme, other.interface, other.dt)
     path = Path(text)
     data = manifest(path)
@@ -91,7 +89,7 @@ def _check_beneath(path: Path, data: dict[str, Any]) -> None:
 def by_scheme(text: str) -> bool:
     """Whether a simulator is named by a scheme before a colon, and not by a directory."""
     scheme, _, rest = text.partition(":")
-    return bool(rest) and scheme in {entry.name for entry in entry_points(group=SCHEMES)}
+    return bool(rest) and scheme in registered(SCHEMES)
 
 
 def deep_simulator(text: str) -> SimulatorFacts:
@@ -115,7 +113,7 @@ def manifest(path: Path) -> dict[str, Any]:
             f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"
         )
     data = reading.json_object(path / MANIFEST, reading.SAVE_AGAIN)
-    kinds = sorted(entry.name for entry in entry_points(group=KINDS))
+    kinds = registered(KINDS)
     if data.get("kind") not in kinds:
         raise InputError(f"{path / MANIFEST} has no known kind; installed are {', '.join(kinds) or 'none'}")
     return data
@@ -141,7 +139,7 @@ def _physics_truck(text: str, name: str, overrides: str | None) -> SimulatorFact
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(trucks())}"
         raise InputError(f"there is no truck '{name}'; {hint}")
     if overrides is None:
-        data = yaml.safe_load((_pool() / f"{name}.yaml").read_text())["interface"]
+        data = reading.package_yaml("deeptruck_model", f"trucks/pool/{name}.yaml")["interface"]
         return SimulatorFacts(text, "physics", TruckInterface.from_dict({"name": name, **data}), 0.1)
     if "=" in overrides and not Path(overrides).exists():
         raise InputError(

@@ -15,12 +15,12 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from deeptruck_model import reading
+from deeptruck_model.entry_points import registered
 from deeptruck_model.errors import InputError
 
 PYTHON, FMU = "python:", "fmu:"
@@ -165,8 +165,8 @@ def made(reference: Reference) -> Any:
 def _opened(reference: Reference) -> Any:
     """The object that the opener registered for the file's scheme makes."""
     scheme = reference.text.partition(":")[0]
-    found = entry_points(group=OPENERS, name=scheme)
-    if not found:
+    opener = registered(OPENERS).get(scheme)
+    if opener is None:
         raise InputError(f"{reference.text}: nothing installed opens it; install deeptruck again")
     with asked(reference.text, "opening it"):
-        return next(iter(found)).load()(reference.module_file, reference.mapping)
+        return opener.load()(reference.module_file, reference.mapping)

@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from deeptruck_model.recordings.data_files import data_file
+from deeptruck_model.reading import package_yaml
 
-_DATA = data_file("channel_words.yaml")
+_DATA = package_yaml(__package__, "channel_words.yaml")
 COMMANDED, STATISTIC, LEADER = (frozenset(_DATA[kind]) for kind in ("commanded", "statistic", "leader"))
 UNIT_WORDS: dict[str, str] = _DATA["unit_words"]
 

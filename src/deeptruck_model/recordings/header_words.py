@@ -6,13 +6,13 @@ import re
 from dataclasses import dataclass
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.reading import package_yaml
 from deeptruck_model.recordings.channel_words import BY_WORDS, COMMANDED, STATISTIC, UNIT_WORDS, words
 from deeptruck_model.recordings.columns import TIME_UNITS
-from deeptruck_model.recordings.data_files import data_file
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import CHANNELS
 
-_DATA = data_file("header_words.yaml")
+_DATA = package_yaml(__package__, "header_words.yaml")
 TIME = frozenset(_DATA["time"])
 NO_TIME = frozenset(_DATA["no_time"])
 GERMAN = tuple(_DATA["german"])

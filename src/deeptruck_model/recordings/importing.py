@@ -8,7 +8,6 @@ import hashlib
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import entry_points
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from deeptruck_model import calls, files, row_keys
 from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.csv_text import RAGGED
+from deeptruck_model.entry_points import registered
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, import_checks, plausibility
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
@@ -358,7 +358,7 @@ def _of_what_is_there(recordings: list[Recording]) -> list[Recording]:
 
 
 def _can_importer() -> Callable[[Path, dict[str, Any]], CanLog]:
-    for entry in sorted(entry_points(group=IMPORTERS), key=lambda e: e.name):
+    for entry in registered(IMPORTERS).values():
         try:
             importer: Callable[[Path, dict[str, Any]], CanLog] = entry.load()
         except (ImportError, AttributeError) as error:

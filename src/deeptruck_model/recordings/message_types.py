@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from deeptruck_model.recordings.data_files import data_file
+from deeptruck_model.reading import package_yaml
 
 
 class Role(enum.IntEnum):
@@ -52,7 +52,7 @@ def _known(
 
 def _types() -> Iterator[tuple[str, dict[str, tuple[Known, ...]]]]:
     """Each message type with its known fields."""
-    for entry in data_file("message_types.yaml"):
+    for entry in package_yaml(__package__, "message_types.yaml"):
         fields: dict[str, tuple[Known, ...]] = {}
         for one in entry["fields"]:
             field = one.pop("field")

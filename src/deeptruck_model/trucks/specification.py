@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from deeptruck_model import reading
@@ -227,8 +226,7 @@ def from_pool(name: str) -> Specification:
     """A reference truck by name. Raises InputError for a name that is not in the pool."""
     if name not in pool():
         raise InputError(f"there is no truck '{name}'; {near(name, list(pool()))}")
-    path = resources.files("deeptruck_model.trucks") / "pool" / f"{name}.yaml"
-    return specification_from_dict(yaml.safe_load(path.read_text()), f"truck '{name}'")
+    return specification_from_dict(reading.package_yaml(__package__, f"pool/{name}.yaml"), f"truck '{name}'")
 
 
 def follows_recorded_gear(text: str) -> tuple[str, bool]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from deeptruck_model.reading import plain
+from deeptruck_model.reading import package_yaml, plain
 from truck_bridge import channels, j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
@@ -30,13 +29,7 @@ def load(name: str | Path) -> Vehicle:
 
     Raises InputError naming the file, the key and the error.
     """
-    text, where = _text(str(name))
-    try:
-        data = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date or number that is none
-        line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
-        said = plain(str(getattr(error, "problem", None) or error))
-        raise InputError(f"{where}, line {line}: not YAML; {said}") from None
+    data, where = _read(str(name))
     try:
         check(data, VEHICLE, where)
     except RecursionError:
@@ -50,16 +43,21 @@ def load(name: str | Path) -> Vehicle:
         raise InputError(plain(f"{where}: {error}", 500)) from None
 
 
-def _text(name: str) -> tuple[str, str]:
+def _read(name: str) -> tuple[Any, str]:
+    """The content of a vehicle's file, and the name of the file in messages."""
     if name in NAMES:
-        return resources.files(__package__).joinpath(f"{name}.yaml").read_text(), f"{name}.yaml"
+        return package_yaml(__package__, f"{name}.yaml"), f"{name}.yaml"
     path = Path(name)
     if not path.is_file():  # nor a pipe, which would never answer
         raise InputError(f"no vehicle '{name}'; known: {', '.join(NAMES)}, or the path of a YAML file")
     try:
-        return path.read_text(encoding="utf-8"), name
+        return yaml.safe_load(path.read_text(encoding="utf-8")), name
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{name} cannot be read: {plain(str(error))}; give a YAML file in UTF-8") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date or number that is none
+        line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
+        said = plain(str(getattr(error, "problem", None) or error))
+        raise InputError(f"{name}, line {line}: not YAML; {said}") from None
 
 
 def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
