@@ -121,7 +121,8 @@ def test_the_safety_core_stands_alone() -> None:
 FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
-        "account", "errors", "files", "reading", "console", "checks", "compatibility", "constants",
+        "account", "entry_points", "errors", "files", "reading", "console", "checks", "compatibility",
+        "constants",
         "earth", "vehicle_kinds", "table_file", "csv_text", "curve_file", "log_kinds", "mat_file", "row_keys",
         "outside.reference", "outside.saved", "outside.truck",
         "interrupts", "script_start",
