@@ -1,4 +1,6 @@
-"""For all tests: one thread each, as one runs on every core, and figures without a screen."""
+"""Fixtures of all tests: one thread for each library, since there is a worker for every core, and figures
+without a screen.
+"""
 
 from __future__ import annotations
 
@@ -52,8 +54,8 @@ loss.gradient(network, x, target, np.ones(3, np.float32), "deployment")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile what many tests need once, before workers and nodes with deadlines each wait for their own
-    compilation: the truck always, the network where there are workers to share it."""
+    """Compile the code that many tests need once, before workers and nodes with deadlines wait for it: the
+    truck always, the network if there are several workers."""
     if hasattr(config, "workerinput"):
         return
     shared = bool(config.getoption("numprocesses", None))
@@ -65,13 +67,15 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """The million objects that thousands of tests are outlive them all: no search for garbage looks there."""
+    """Exclude the objects that exist after collection from garbage collection: they live as long as the
+    tests."""
     gc.freeze()
 
 
 @pytest.fixture(scope="session")
 def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
-    """once(name, make) -> the folder that `make` fills for all workers; the first makes, the others wait."""
+    """once(name, make) -> a folder that `make` fills once for all workers; the first worker makes it, the
+    others wait."""
     base = tmp_path_factory.getbasetemp()
     place = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
@@ -89,7 +93,7 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[P
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are files of one white pixel, where a test asks which files stand and not what they show."""
+    """Write figures as one white pixel, for tests of numbers and files."""
 
     def savefig(self: object, to: Any, **options: object) -> None:
         Image.new("L", (1, 1), "white").save(to, "png")
@@ -99,7 +103,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def shuttle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The example of an outside simulator as a module of its own name in the current directory."""
+    """The example of an outside simulator, copied under a unique module name into the current directory."""
     file = tmp_path / f"shuttle_{uuid.uuid4().hex}.py"
     shutil.copy(Path(__file__).parents[1] / "examples" / "shuttle.py", file)
     monkeypatch.chdir(tmp_path)

@@ -141,7 +141,7 @@ def _with_singles(truck: Specification, recordings: Sequence[Recording], says: l
 
 
 def _sooner(r: Recording, late_s: float) -> Recording:
-    """The recording with its gear `late_s` earlier, so that a truck that follows it begins to shift then."""
+    """The recording with its gear shifted `late_s` to earlier times."""
     gear, k = r.channels["gear"], min(round(late_s / r.dt), len(r) - 1)
     return replace(r, channels={**r.channels, "gear": np.append(gear[k:], np.full(k, gear[-1]))})
 

@@ -93,7 +93,7 @@ def quick_exams() -> Iterator[None]:
 
 @pytest.fixture
 def quick_exam() -> Iterator[None]:
-    """Validation on 4 s in place of 40, where a test asks what is kept and not how well it drives."""
+    """Validate on 4 s instead of 40, for tests of what is kept."""
     with _quick_exam():
         yield
 

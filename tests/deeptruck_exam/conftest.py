@@ -1,4 +1,4 @@
-"""Drives that laws are asked along, and a law alone in a made-up moment."""
+"""Drives along which laws are evaluated, and a single law in a synthetic scene."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ def truck_of(name: str) -> PhysicsTruck:
 
 @pytest.fixture(scope="session")
 def built() -> Callable[..., Built]:
-    """Eight drives of 75 s with nothing missing, two of each kind, of a reference truck, led or not."""
+    """Eight drives of 75 s without an effect, two of each kind, of a reference truck, with and without a
+    leader."""
 
     @cache
     def made(truck: str, led: bool = False) -> Built:
@@ -76,7 +77,7 @@ def _trace(truck: str, led: bool, built: Callable[..., Built]) -> Trace:
 
 
 def setting(truck: PhysicsTruck, batch: int = 2) -> Setting:
-    """One road, driven both ways by turns."""
+    """One road that is driven in both directions alternately."""
     return Setting(
         trucks.namespace(truck),
         batch,

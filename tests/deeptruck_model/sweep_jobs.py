@@ -1,4 +1,4 @@
-"""Jobs of test_sweeps.py, in a module of their own: other processes import it."""
+"""Jobs of test_sweeps.py, in a module that other processes can import."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ VICTIM, HALF = "seed-1", 10  # updates after which the victim waits to be killed
 
 
 def train(job) -> str:
-    """`sweep.train_one` that notes its process; the victim's first stops after half of its updates."""
+    """`sweep.train_one` that lists its process; the first process of the victim stops after half of its
+    updates."""
     from deeptruck_model.deep import (
         resume,
         sweep,  # seconds that the other jobs need not wait
@@ -31,7 +32,7 @@ def train(job) -> str:
 
 
 def noted(folder: Path) -> Path:
-    """Where the processes of a job are listed."""
+    """The file that lists the processes of a job."""
     return folder.with_suffix(".pids")
 
 
@@ -43,7 +44,7 @@ def refuse(job: int) -> int:
 
 
 def die_once(folder: str) -> tuple[str, int]:
-    """The job's name and how often it was begun; the victim's first process is killed."""
+    """The job's name and the number of its starts; the victim's first process is killed."""
     place = Path(folder)
     (place / str(os.getpid())).touch()
     begun = len(list(place.iterdir()))

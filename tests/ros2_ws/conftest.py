@@ -1,4 +1,4 @@
-"""Runs of real processes for the tests: a ROS domain each, and an end for everything that was started."""
+"""Runs of real processes: a ROS domain for each test, and the end of everything that it started."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 
 @pytest.fixture
 def domain() -> Iterator[int]:
-    """A ROS domain nobody else on this machine tests in."""
+    """A ROS domain that no other test on this machine uses."""
     with contextlib.ExitStack() as stack:
         for number in range(101, 0, -1):
             path = Path(tempfile.gettempdir()) / f"deeptruck-test-domain-{number}.lock"
@@ -104,7 +104,7 @@ def gone(pid: int, within: float = 60.0) -> bool:
 
 
 def until(holds: Callable[[], object], within: float = 120.0) -> None:
-    """Wait for something that a busy machine may do late."""
+    """Wait for a condition that takes longer on a busy machine."""
     latest = time.monotonic() + within
     while not holds():
         assert time.monotonic() < latest, "it never happened"
@@ -123,7 +123,8 @@ def all_gone() -> Callable[[dict[str, int]], bool]:
 
 @pytest.fixture
 def start(domain: int, tmp_path: Path) -> Iterator[Callable[..., Started]]:
-    """Start one of the scripts with arguments; what still runs at the end of the test is killed by its id."""
+    """Start one of the scripts with arguments; processes left at the end of the test are killed by
+    their id."""
     started: list[Started] = []
 
     def _start(

@@ -1,4 +1,4 @@
-"""A browser that a test steers over a pipe, by the DevTools protocol: no port, no library."""
+"""A browser controlled over a pipe by the DevTools protocol, without a port or a library."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PATIENCE = 120.0  # s for an answer
 
 
 class Browser:
-    """A process of the browser; `Page`s are opened in it."""
+    """A browser process, in which `Page`s are opened."""
 
     def __init__(self, profile: Path) -> None:
         to_browser, ours_out = os.pipe()
@@ -60,7 +60,7 @@ class Browser:
                     page.received.append(message)
 
     def call(self, method: str, session: str = "", **parameters: Any) -> dict[str, Any]:
-        """Ask the browser and wait for its answer."""
+        """Call a method of the browser and wait for its answer."""
         self._number += 1
         number, answer = self._number, queue.Queue[dict[str, Any]]()
         self._answers[number] = answer
@@ -72,7 +72,7 @@ class Browser:
         return result
 
     def open(self, address: str, width: int = 1280, height: int = 900) -> Page:
-        """A new page of that size."""
+        """A new page of this size."""
         target = self.call("Target.createTarget", url="about:blank", newWindow=True)["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         page = self._pages[session] = Page(self, session, target)
@@ -89,14 +89,14 @@ class Browser:
         return page
 
     def close(self) -> None:
-        """End the process and those that it started: it leads a group of its own."""
+        """End the process and its children, which are a process group."""
         os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
         self._out.close()
 
 
 class Page:
-    """One page: what it holds, and what went wrong in it."""
+    """One page: its content and its errors."""
 
     def __init__(self, browser: Browser, session: str, target: str) -> None:
         self._browser, self._session, self.target = browser, session, target
@@ -106,7 +106,7 @@ class Page:
         return self._browser.call(method, self._session, **parameters)
 
     def get(self, expression: str) -> Any:
-        """What an expression is in the page."""
+        """The value of a JavaScript expression in the page."""
         said = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
         assert "exceptionDetails" not in said, said["exceptionDetails"]
         return said["result"].get("value")
@@ -116,7 +116,7 @@ class Page:
         return str(self.get(f"document.getElementById('{of}').textContent"))
 
     def wait(self, expression: str, within: float = PATIENCE) -> None:
-        """Until an expression is true."""
+        """Wait until an expression is true."""
         until = time.monotonic() + within
         asked = f"(() => {{ try {{ return Boolean({expression}); }} catch {{ return false; }} }})()"
         while not self.get(asked):  # a page that is still loading has nothing to look at
@@ -125,7 +125,7 @@ class Page:
 
     @property
     def errors(self) -> list[str]:
-        """What the console has of errors and warnings, by page or browser."""
+        """Errors and warnings on the console, of the page and the browser."""
         found = []
         for message in list(self.received):
             parameters = message["params"]
@@ -145,7 +145,7 @@ class Page:
 
     @property
     def asked(self) -> set[str]:
-        """Every address that was asked for."""
+        """All addresses that were requested."""
         sent = [m["params"] for m in list(self.received) if m["method"] == "Network.requestWillBeSent"]
         return {each["request"]["url"] for each in sent}
 
@@ -161,7 +161,7 @@ class Page:
 
 @contextlib.contextmanager
 def opened(profile: Path) -> Iterator[Callable[..., Page]]:
-    """A browser that ends with the block; yields how to open a page in it."""
+    """A context with a browser, which ends with the block; yields the function that opens pages."""
     browser = Browser(profile)
     try:
         yield browser.open

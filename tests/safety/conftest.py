@@ -1,7 +1,8 @@
-"""A bench for the safety core: a truck that says what a test wants, and a sender that obeys the core's plan.
+"""A test bench for the safety core: a truck that sends what the test sets, and a sender that follows the
+core's plan.
 
-Frames are built here from the tables alone, with the checksums restated from the standard, so that nothing of
-the code under test judges itself.
+Frames are built from the tables alone, and their checksums are restated from the standard, so that the code
+under test does not judge itself.
 """
 
 from __future__ import annotations
@@ -59,12 +60,12 @@ class Bench:
         return next(axis for axis in self.table.axes if axis.name == name)
 
     def that_may_jump(self) -> Bench:
-        """Another bench, of a truck whose signals may jump."""
+        """Another bench, with a truck whose signals may jump."""
         table = jumping(self.table)
         return Bench(table, Safety(table))
 
     def value(self, name: str) -> float:
-        """What the truck says; the engine turns as fast as wheels and gear ratio make it."""
+        """The value that the truck sends; the engine speed follows from wheel speed and gear ratio."""
         if name == "engine_speed" and name not in self.signals and self.table.driveline is not None:
             return self.value("speed") * self.value("gear_ratio") / self.table.driveline.metres_per_radian
         if name == "second_speed" and name not in self.signals:
@@ -84,14 +85,15 @@ class Bench:
         return word.to_bytes(8, "little")
 
     def hear(self, only: str | None = None) -> None:
-        """All messages of the truck (or one), now."""
+        """Receive all messages of the truck, or one, now."""
         self.rough = 1 - self.rough
         for heard in self.table.heard:
             if heard.name not in self.silent and only in (None, heard.name):
                 self.safety.rx_hook(heard.key | 3 << 26, self.said(heard), self.now)
 
     def frame(self, name: str, demand: float, counter: int | None = None) -> bytes:
-        """A commanding frame, or the one that hands back for NaN. Rounds to the wire; counts on."""
+        """A commanding frame, or for NaN the frame that hands back; rounded as on the wire, with the next
+        counter."""
         axis = self.axis(name)
         raw = 0 if math.isnan(demand) else round((demand - axis.demand.offset) / axis.demand.scale)
         return self.raw_frame(name, None if math.isnan(demand) else raw, counter)
@@ -105,7 +107,7 @@ class Bench:
         return payload + bytes([nibbles(axis.check, axis.can_id, payload, counter)])
 
     def send(self, name: str, data: bytes) -> bool:
-        """Ask the core; a frame that leaves advances the counter."""
+        """Offer a frame to the core; if it may leave, the counter advances."""
         allowed = self.safety.tx_hook(self.axis(name).can_id, data, self.now)
         if allowed:
             self.counters[name] = self.counters.get(name, 0) + 1
@@ -117,14 +119,14 @@ class Bench:
         return self.safety.command(demands, bit, self.now)
 
     def wait(self, seconds: float) -> None:
-        """Time passes, truck and controller speak, nothing is sent."""
+        """Let time pass: truck and controller send, the bridge does not."""
         end = self.now + seconds
         while self.now < end - 1e-9:
             self.now = min(self.now + CYCLE, end)
             self._listen()
 
     def turn(self, name: str) -> None:
-        """The axis's next turn: exactly one period after its last frame."""
+        """Advance to the axis's next turn: exactly one period after its last frame."""
         motion = self.safety._motions[self.axis(name).can_id]
         self.wait(max(motion.time + self.axis(name).period_s - self.now, 0.0))
 
@@ -137,7 +139,8 @@ class Bench:
         self.safety.tick(self.now)
 
     def cycle(self) -> None:
-        """5 ms: the truck speaks, the controller commands at 100 Hz, the sender sends what is due."""
+        """Advance by 5 ms: the truck sends, the controller commands at 100 Hz, the sender sends what
+        is due."""
         self.now += CYCLE
         self._listen()
         for axis in self.table.axes:
@@ -176,7 +179,7 @@ class Bench:
         return self
 
     def engage(self, **demands: float) -> Bench:
-        """Armed, heard, commanded and engaged."""
+        """Arm, receive, command and engage."""
         self.demands = demands
         self.arm()
         assert self.safety.engage(self.now, person=True, lead_vehicle=True) == ()
@@ -193,7 +196,7 @@ def table_of(name: str) -> Table:
 
 
 def jumping(table: Table) -> Table:
-    """The table without limits to how fast a signal may change, for tests of what follows a jump."""
+    """The table without limits on the rate of signals, for tests of what follows a jump."""
     heard = [
         replace(one, signals=tuple(replace(s, fastest=math.inf, rises=math.inf) for s in one.signals))
         for one in table.heard

@@ -1,4 +1,4 @@
-"""Bridge and ECU emulator in lock-step over a virtual bus, with an ear on it."""
+"""Bridge and ECU emulator in lock-step on a virtual bus, with a third node that listens."""
 
 from __future__ import annotations
 

@@ -135,7 +135,8 @@ class _Run:
             g.nan_to_num_(0.0, 0.0, 0.0).mul_(factor.view(-1, *[1] * (g.dim() - 1)))
 
     def _validate(self) -> list[float]:
-        """Score of each seed: validation.scores and wasted pedal; stores the best weights."""
+        """Score of each seed, the score of `validation` plus the pedal effort that is wasted; keeps the best
+        weights."""
         with torch.no_grad():
             start = self.road.start(self.exam, self.policy)
             _, window = self.road.drive(self.exam, self.policy, start, self.exam.steps)

@@ -180,8 +180,8 @@ class TruckNetwork(nn.Module):
         return torch.tanh((torch.log1p(speed) - centres) / width)
 
     def _with_gains(self, raw: Tensor, conditions: Tensor, y: Tensor) -> Tensor:
-        """The named signals (.., named) among D's raw outputs; gains times factors are added to the
-        response."""
+        """Responses (.., free) and named signals of the raw outputs of D; each response includes the sum of
+        its gains times their factors."""
         free, named, factors = self.shape.responses - 1, self.shape.named, self.shape.factors
         if not factors:
             return raw

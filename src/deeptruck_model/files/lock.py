@@ -27,7 +27,11 @@ def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
 
 @contextmanager
 def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
-    """Like `writing`, for a name that does not exist yet: against runs of this user on this machine."""
+    """Lock a name that does not exist yet against other runs of this user on this machine, until the end of
+    the block or of the process.
+
+    Raises InputError if another run holds it.
+    """
     name = hashlib.sha256(os.fsencode(os.path.realpath(out))).hexdigest()
     place = Path(tempfile.gettempdir()) / f"deeptruck-{os.getuid()}" / name
     place.parent.mkdir(mode=0o700, exist_ok=True)

@@ -188,7 +188,8 @@ class Result:
 
     @contextmanager
     def _held(self, out: Path, overwrite: bool) -> Iterator[None]:
-        """Lock `out` against other runs; a new name is occupied by an empty folder until then."""
+        """Lock `out` against other runs within the block; a new name is occupied by an empty folder
+        meanwhile."""
         self.check(out, overwrite=overwrite)
         new = not out.exists()
 

@@ -20,7 +20,7 @@ class Role(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Known:
-    """One field. `scale` and `offset` are applied before the unit, as in a topic map.
+    """A field of a known message type. `scale` and `offset` are applied before the unit, as in a topic map.
 
     `on`: words, one of which must occur in the topic's name. `needs`: what the user must fill in.
     """

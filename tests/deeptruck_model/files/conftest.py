@@ -1,4 +1,4 @@
-"""Where the tests of this folder find what they share."""
+"""Makes the shared modules of this folder importable."""
 
 import sys
 from pathlib import Path

@@ -16,7 +16,7 @@ def publish(out: Path, *, overwrite: bool = False, **content: str) -> None:
 
 
 def record(out: Path, content: str, *, is_whole: bool = True) -> Path:
-    """As a recorder does; where it worked."""
+    """Record into `out` as a recorder does; returns the folder in which it worked."""
     with KIND.recording(out, overwrite=True, whole=lambda _: is_whole) as place:
         place.mkdir()
         (place / "a").write_text(content)

@@ -1,4 +1,4 @@
-"""Drives of a small fleet, and storage that fails: a local folder behind an error now and then."""
+"""Drives of a small fleet, and a local folder as storage that fails at random."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from deeptruck_model.recordings import write_bag
 
 @pytest.fixture(scope="session")
 def drives(tmp_path_factory) -> Path:
-    """Two trucks of two drives of 40 s, a file each."""
+    """Two trucks with two drives of 40 s each, one file for each drive."""
     root = tmp_path_factory.mktemp("fleet")
     truck = trucks.load("trucksim")
     for number, (name, day) in enumerate((t, d) for t in ("a", "b") for d in ("2026-03-02", "2026-03-09")):
@@ -136,5 +136,5 @@ def _content(out: Path, below: str = "") -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def content() -> Callable[..., dict[str, Any]]:
-    """All files that were written into a folder, or below a folder in it, by name; receipts without times."""
+    """All files below a folder by name; receipts without times."""
     return _content

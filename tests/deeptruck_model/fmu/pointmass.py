@@ -1,6 +1,7 @@
-"""A truck in C as an FMU of FMI 2 or 3, compiled against FMPy's headers: nothing of ours is inside.
+"""A truck in C as an FMU of FMI 2 or 3, compiled against FMPy's headers, independent of our code.
 
-`recorded` drives the same physics in numpy, with one brake in six that lets go late: what the FMU leaves out.
+`recorded` drives the same physics in numpy, with one brake in six that releases late: the effect that the FMU
+lacks.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ STICKING_SHARE, LETS_GO_S = 1 / 6, 20.0
 
 
 def built(folder: Path, fmi: int, *, silent: bool = False) -> Path:
-    """pointmass.fmu for FMI 2 or 3; skips the test where there is no compiler. `silent`: the speed is an
-    output from the first step on."""
+    """pointmass.fmu for FMI 2 or 3; skips the test if there is no compiler. `silent`: the speed is an output
+    from the first step on only."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler here")
@@ -72,7 +73,7 @@ def built(folder: Path, fmi: int, *, silent: bool = False) -> Path:
 
 
 def _refusing(header: Path) -> str:
-    """C for every function of the standard that the truck lacks: it answers with an error."""
+    """C functions of the standard that the truck does not support; they return an error."""
     names = re.findall(r"Export\s+\w+TYPE\s+(fmi\d\w+);", header.read_text())
     own = SOURCE.read_text()
     return "\n".join(f"int {name}(void) {{ return 3; }}" for name in names if f" {name}(" not in own)
@@ -104,7 +105,7 @@ def _description(fmi: int) -> str:
 
 
 def recorded(name: str, seconds: float, seed: int, sticking: float = STICKING_SHARE) -> Recording:
-    """A drive of the point mass behind a driver, one of whose brakes lets go late; noisy as sensors are."""
+    """A drive of the point mass with a driver, one brake that releases late, and sensor noise."""
     rng = np.random.default_rng(seed)
     targets = driving_cycles.speed_profile(seconds, seed=rng)
     road = driving_cycles.road_grade(float(targets.sum()) * 0.12 + 2000.0, seed=rng)

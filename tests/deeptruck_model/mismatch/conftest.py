@@ -1,4 +1,4 @@
-"""A small truck of which the simulator knows everything."""
+"""Mismatch results of a small truck whose simulator is exact."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from small_drives import TRUCK, LazyBrake, drives, evidence
 
 @pytest.fixture(scope="session")
 def nothing_missing() -> Evidence:
-    """Two recordings of ten minutes, noise alone; mechanisms are planted by adding to the residual."""
+    """Two recordings of ten minutes with noise alone; tests add mechanisms to the residual."""
     return evidence(parts=2, held_out=1)
 
 
 @pytest.fixture(scope="session")
 def lazy_brake() -> Mismatch:
-    """What is found where brakes are slower than the simulator's."""
+    """The result for a truck whose brakes are slower than the simulator's."""
     recorded = drives(TRUCK.with_forces([], [LazyBrake()]))
     return find_mismatch(TRUCK, recorded[:3], recorded[3:])
 
 
 @pytest.fixture(scope="session")
 def right_truck() -> Mismatch:
-    """What is found where the simulator is the truck."""
+    """The result for a truck that equals the simulator."""
     recorded = drives(TRUCK)
     return find_mismatch(TRUCK, recorded[:3], recorded[3:])

@@ -1,4 +1,4 @@
-"""Small drives whose truth is known."""
+"""Small drives with a known truth."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class LazyBrake:
 
 
 def sensed(r: Recording, seed: int) -> Recording:
-    """What sensors at the truck record: an accelerometer of its own, J1939 steps of speed."""
+    """The drive as sensors record it: acceleration with noise, speed in the steps of J1939."""
     rng = np.random.default_rng(seed)
     channels = dict(r.channels)
     channels["speed"] = np.round(channels["speed"] * 3.6 * 256.0) / 256.0 / 3.6
@@ -51,7 +51,8 @@ N, DT = 6000, 0.2
 def evidence(
     force: np.ndarray | float = 0.0, noise: float = 0.03, parts: int = 3, held_out: int = 0
 ) -> Evidence:
-    """Drives of 1200 s in all along which `force` (N,), m/s^2, is missing; the last ones are held out."""
+    """Drives of 1200 s in total, with a force (N,), m/s^2, that the simulator lacks; the last ones are held
+    out."""
     rng = np.random.default_rng(5)
     time = np.arange(N) * DT
     speed = 18.0 + 4.0 * np.sin(time / 40.0)
@@ -102,7 +103,7 @@ FORCES = {
 
 @cache
 def posterior_of(name: str) -> Posterior:
-    """What is drawn where one of FORCES is missing."""
+    """The posterior if one of FORCES is missing in the simulator."""
     return posterior(regression(evidence(FORCES[name])), Rules(), sweeps=60)
 
 

@@ -1,4 +1,4 @@
-"""Bags of numbers that count up, on two topics, and what is found in them."""
+"""Bags of increasing numbers on two topics, and their content."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ KIND = "std_msgs/msg/Float64"
 
 
 def contents(bag: Path) -> dict[str, list[int]]:
-    """What a bag holds by topic, read by rosbags; the metadata must agree."""
+    """Content of a bag by topic, read by rosbags; checks that the metadata agree."""
     found: dict[str, list[int]] = {}
     with AnyReader([bag]) as reader:
         for connection, _, raw in reader.messages():

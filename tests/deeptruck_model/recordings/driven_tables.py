@@ -1,4 +1,4 @@
-"""A drive whose speed is known, as tables that the tests spoil in one way each."""
+"""A drive of known speed, as tables in which each test changes one thing."""
 
 from __future__ import annotations
 

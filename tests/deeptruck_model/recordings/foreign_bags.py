@@ -1,4 +1,4 @@
-"""Bags as others write them, message by message."""
+"""Bags as other programs write them, message by message."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def number(value: float) -> Any:
 
 
 def bag_of(path: Path, messages: Iterable[Message], **options: Any) -> Path:
-    """A bag as others write them."""
+    """A bag as other programs write it."""
     compression = options.pop("compression", None)
     storage = options.pop("storage", StoragePlugin.MCAP)
     writer = Writer2(path, version=9, storage_plugin=storage)

@@ -1,4 +1,5 @@
-"""The same physics written a second time, for a batch in numpy: what the compiled parts are held against.
+"""An independent implementation of the physics in numpy for a batch, with which the compiled parts are
+compared.
 
 Nothing here imports the compiled parts; only the parameters and the initial states come from the package.
 """

@@ -107,7 +107,7 @@ def _feed(k: Any, target: Any, units: Any, recorded: Any, first: Any, run: Any, 
 
 @compiled
 def _respond(k: Any, x: Any, units: Any, run: Any, fed: Any, raw: Any) -> None:
-    """From D's raw (batch, outputs) to y(k): gains, units, C."""
+    """y(k) from the raw outputs (batch, outputs) of D: with gains and units, and the constraint C."""
     first, responses, factors = x.shape[2], fed.shape[1], run.factor.shape[2]
     named = run.y.shape[2] - 1
     for b in range(fed.shape[0]):

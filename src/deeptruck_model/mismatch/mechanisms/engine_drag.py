@@ -69,9 +69,9 @@ def _full_demand(e: Evidence) -> list[float]:
 
 
 def released(e: Evidence) -> list[float]:
-    """Thresholds of the engine command below which the pedal may count as released: 3 % of the largest
-    command; also 0.5 % if the command is below that for more than 2 % of the time, and between the two for
-    more than 2 %."""
+    """Thresholds of the engine command, below which the pedal may count as released: 3 % of the largest
+    command; and 0.5 % of it, if the command is below 0.5 % for more than 2 % of the time and between 0.5 and
+    3 % for more than 2 %."""
     command = e["engine_command"][e.valid]
     largest = float(np.nanmax(np.abs(command), initial=0.0))
     lingers = np.mean((command > RELEASED * largest) & (command < LITTLE * largest))
