@@ -85,7 +85,7 @@ def headline(pooled: Mapping[str, Any]) -> tuple[str, str]:
     )
     differ = [n for n, e in entries.items() if e["differs"]]
     if tested:
-        first = f"{_named(tested)} of {len(entries)} trucks stand{'s' * (len(tested) == 1)} out"
+        first = f"of {len(entries)} trucks {_named(tested)} stand{'s' * (len(tested) == 1)} out"
         first += _nats(tested, " by {} nats of held-out evidence")
         first += _nats(references, ", their siblings have {}")
     else:

@@ -165,7 +165,9 @@ def draw_channels(recordings: Sequence[Recording], units: str = "m/s") -> bytes:
         for axis, name in zip(axes, names, strict=True):
             if name in recording.channels:
                 per = speed_unit(units) if recording.interface.unit(name) == "m/s" else 1.0
-                _envelope(axis, minutes, per * recording.channels[name])
+                # in single precision, which hides the rounding noise of a constant
+                values = (per * recording.channels[name]).astype(np.float32).astype(np.float64)
+                _envelope(axis, minutes, values)
             if len(recordings) > 1:
                 axis.axvline(begin, color="0.8", lw=0.6)
     for axis, name in zip(axes, names, strict=True):

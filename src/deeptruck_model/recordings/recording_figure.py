@@ -30,8 +30,10 @@ def draw(title: str, time: Array, rows: Sequence[Row]) -> Figure:
     figure = Figure(figsize=(10, 0.8 + 1.3 * len(rows)), layout="constrained")
     FigureCanvasAgg(figure)
     for ax, row in zip(figure.subplots(len(rows), sharex=True, squeeze=False)[:, 0], rows, strict=True):
-        ax.plot(time, row.values, lw=1.0, drawstyle="steps-post" if row.name in HELD else "default")
+        values = row.values.astype(np.float32)  # hides the rounding noise of a constant
+        ax.plot(time, values, lw=1.0, drawstyle="steps-post" if row.name in HELD else "default")
         ax.set_ylabel(_label(row), rotation=0, ha="right", va="center")
+        ax.ticklabel_format(axis="y", useOffset=False)
         ax.grid(alpha=0.3)
     figure.axes[-1].set_xlabel("time [s]")
     figure.suptitle(title)

@@ -124,7 +124,7 @@ def test_the_page_lists_them_first_and_every_link_leads_to_a_report(result):
     page.show(target)
     text = (result / page.PAGE).read_text()
     heading = re.search("<h1>(.+?)</h1>", text)[1]
-    assert heading.startswith("Truck 00, truck 11, truck 22, truck 33 of 44 trucks stand out by ")
+    assert heading.startswith("Of 44 trucks truck 00, truck 11, truck 22, truck 33 stand out by ")
     assert "nats of held-out evidence, their siblings have" in heading
     assert "Established to differ, at a false discovery rate of 0.05: truck 00, truck 11" in text
     assert "it is cut off &lt;here&gt;" in text

@@ -155,6 +155,8 @@ def _finding(f: Finding) -> dict[str, Any]:
     if f.equation:
         rows.append(("equation", f.equation))
     for name, size in f.parameters.items():
+        if size.value == 0.0 and size.ci95 is None:
+            continue  # a form without this point or part
         interval = f" ({digits(size.ci95[0])} to {digits(size.ci95[1])})" if size.ci95 else ""
         unit = "" if size.unit == "1" else f" {size.unit}"
         rows.append((name.replace("_", " "), f"{digits(size.value)}{interval}{unit}"))
