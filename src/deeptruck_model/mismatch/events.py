@@ -23,9 +23,9 @@ from scipy.stats import t as student_t
 from deeptruck_model.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, Kernel, kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior
-from deeptruck_model.mismatch.posterior.sampler import SIZES
+from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Series, whiten
+from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, whiten
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import FAMILY
 from deeptruck_model.trucks.compiled import entry
@@ -86,8 +86,8 @@ def together(p: Posterior, happened: Sequence[Event]) -> tuple[dict[str, float],
 
 
 def _left_over(p: Posterior, e: Evidence) -> Series:
-    """The residual of all rows less the posterior mean of all forces, and along each held-out drive less its
-    median too."""
+    """The residual of all rows less the posterior mean of all forces. A held-out drive has its own sizes of
+    these forces, because a form that is not exact has others there, and its own constant."""
     b = p.draws.coefficients.mean(axis=0)
     y = e.residual - p.mean - p.always @ b[: p.always.shape[1]]
     for k, at in zip(p.of, p.at, strict=True):
@@ -95,11 +95,23 @@ def _left_over(p: Posterior, e: Evidence) -> Series:
             y = y - np.nan_to_num(k.features) @ b[at]
     series = e.series(p.noise.sigma)
     y = np.where(series.valid, y, 0.0)
+    X = _most_probable_forces(p)
+    prior = Prior(np.zeros(X.shape[1]), np.ones(X.shape[1]), np.zeros(X.shape[1]))
     for s in e.stretches:
-        known = series.valid[s.rows]
+        known = series.valid & (e.record == e.record[s.start])
         if s.held_out and known.any():
-            y[s.rows] -= np.where(known, np.median(y[s.rows][known]), 0.0)
+            left = np.where(known, e.residual - p.mean, 0.0)
+            left = left - X @ fit(replace(series, y=left, valid=known), X, prior, p.noise).b
+            y[s.rows] = np.where(known, left - np.median(left[known]), 0.0)[s.rows]
     return replace(series, y=y)
+
+
+def _most_probable_forces(p: Posterior) -> Array:
+    """Columns (n, k), with unit prior variance, of the blocks that act in the state drawn most often."""
+    states, count = np.unique(p.draws.states, axis=0, return_counts=True)
+    state = states[int(np.argmax(count))]
+    acting = [np.nan_to_num(k.features) * SIZES[s] for k, s in zip(p.of, state, strict=True) if s != OUT]
+    return np.concatenate([p.always, *acting], axis=1)
 
 
 def find_events(
