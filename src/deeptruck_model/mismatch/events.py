@@ -21,7 +21,7 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from deeptruck_model.json_data import HIDDEN, stored
-from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, Kernel, kernels
+from deeptruck_model.mismatch.posterior.kernels import LAWS, UNKNOWN, VARYING, Kernel, kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
@@ -46,6 +46,7 @@ QUANTILES = (0.5, 0.95)  # of the windows, by which a filter's spread is judged;
 NULLS = 40  # simulated residuals
 SPREADS = 4  # of them, from which the filters' spread in noise is known
 MOST = 50  # events
+AT_ANY_TIME = (LAWS, VARYING)  # parts of the forces that are sought in windows
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def together(p: Posterior, happened: Sequence[Event]) -> tuple[dict[str, float],
     inside = np.zeros(len(left.y), dtype=bool)
     for own in rows:
         inside[own] = True
-    mechanisms = [k for k in kernels(p.search) if k.part != "parameter"]
+    mechanisms = [k for k in kernels(p.search) if k.part in AT_ANY_TIME]
     return _nats(left, p.noise, mechanisms, rows), np.where(inside, left.y, 0.0)
 
 
@@ -127,7 +128,7 @@ def find_events(
     `noise` is that of this residual; features of the kernels are (n, k). Noise alone gives
     `series.rules.false_events` per hour.
     """
-    mechanisms = [k for k in kernels if k.part != "parameter"]
+    mechanisms = [k for k in kernels if k.part in AT_ANY_TIME]
     filters = _Filters(series, noise, mechanisms, stretches, dt)
     if not len(filters.first):
         return ()

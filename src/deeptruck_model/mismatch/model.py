@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.fit_result import Refitted
-from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, merge
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, confined, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
+from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, conditions
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.mechanisms.record import Mechanism
+from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
 from deeptruck_model.mismatch.residual.components import Shares
@@ -109,12 +111,12 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
     picked: list[CandidateTerm] = []
     for m in p.search.library:
         if p.inside(m.effect).mean() >= Limits.least_in:
-            options = _options(p.search, m, general=general)
+            options = _options(p, m, general=general)
             pick = _forms if general else _simplest
             picked += pick(p.search, options, p.force(m.effect, p.inside(m.effect))) if options else []
     if general and p.inside(UNKNOWN).mean() >= Limits.least_in:
         force = p.force(UNKNOWN, p.inside(UNKNOWN))
-        own = [_options(p.search, m, general=True) for m in p.search.library]
+        own = [_options(p, m, general=True) for m in p.search.library]
         best = [t for options in own if options for t in _forms(p.search, options, force)]
         own_forms = {id(t) for t in picked}
         picked += [t for t in _forms(p.search, best, force) if id(t) not in own_forms] if best else []
@@ -125,8 +127,14 @@ def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
     return tuple(out.values())
 
 
-def _options(search: Regression, m: Mechanism, *, general: bool) -> list[CandidateTerm]:
-    return [t for t in search.candidate_terms(m) if not general or t.general]
+def _options(p: Posterior, m: Mechanism, *, general: bool) -> list[CandidateTerm]:
+    """Candidate terms of a mechanism; where it may act in one condition only, each of its laws in every
+    condition too."""
+    out = [t for t in p.search.candidate_terms(m) if not general or t.general]
+    if p.part(m.effect, CONDITIONAL) >= Limits.least_in:
+        laws = [t for t in out if t.variants[0].course == ALWAYS and not t.reruns]
+        out += [confined(t, where, p.search.e) for t in laws for where in conditions(p.search.e)]
+    return out
 
 
 def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:

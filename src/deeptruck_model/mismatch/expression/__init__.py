@@ -16,6 +16,7 @@ from deeptruck_model.mismatch.expression.nodes import (
     lift,
     maximum,
     minimum,
+    tanh,
     rows_of,
 )
 from deeptruck_model.mismatch.expression.places import (
@@ -53,5 +54,6 @@ __all__ = [
     "lift",
     "maximum",
     "minimum",
+    "tanh",
     "rows_of",
 ]

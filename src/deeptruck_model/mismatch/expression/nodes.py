@@ -125,6 +125,10 @@ def exp(a: Expression) -> Expression:
     return Apply("exp", (a,))
 
 
+def tanh(a: Expression) -> Expression:
+    return Apply("tanh", (a,))
+
+
 def absolute(a: Expression) -> Expression:
     return Apply("abs", (a,))
 

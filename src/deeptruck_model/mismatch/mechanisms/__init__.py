@@ -16,6 +16,7 @@ from deeptruck_model.mismatch.mechanisms.terms import (
     build,
     candidate_term,
     candidate_terms,
+    confined,
     merge,
 )
 
@@ -36,6 +37,7 @@ __all__ = [
     "build",
     "candidate_term",
     "candidate_terms",
+    "confined",
     "merge",
     "variant",
 ]

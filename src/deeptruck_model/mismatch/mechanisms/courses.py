@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal, lift
+from deeptruck_model.mismatch.expression import AtPlace, Expression, InRecording, Knot, Signal, lift, tanh
 from deeptruck_model.mismatch.mechanisms.symbols import CRAWL_SPEED, PLACE
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
@@ -26,6 +26,8 @@ SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that is time-varying
 FINE_M = 100.0  # knots of a hilly road
 MOST_KNOTS = 80
 BIN_M = 10.0  # in which a road is counted
+CONDITIONS = ("speed", "grade", "engine")  # signals that part driving
+SOFT = 0.05  # of a signal's range, over which a condition begins
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,36 @@ class Spline(Course):
                     yield label, Knot(signal, i, at, self.spacing, self.mean)
 
 
-COURSES = {kind.__name__: kind for kind in (Course, FromMoment, EachDrive, Spline)}
+@dataclass(frozen=True)
+class Where(Course):
+    """One where a signal exceeds `above`, or is below it if `below`, and zero elsewhere, with a smooth change
+    over `width`, both in the signal's unit; one of `alternatives`."""
+
+    signal: str
+    above: float
+    width: float
+    below: bool
+    alternatives: int
+
+    def __post_init__(self) -> None:
+        if self.signal not in CONDITIONS or not self.width > 0.0:
+            raise ValueError(f"{self.signal!r} within {self.width} is no condition")
+
+    @property
+    def trials(self) -> float:
+        return float(self.alternatives)
+
+    @property
+    def expression(self) -> Expression:
+        """The factor itself."""
+        beyond = (Signal(self.signal) - self.above) * (0.5 / self.width)
+        return (1.0 + tanh(-beyond if self.below else beyond)) * 0.5
+
+    def factors(self) -> Iterator[tuple[str, Expression]]:
+        yield "", self.expression
+
+
+COURSES = {kind.__name__: kind for kind in (Course, FromMoment, EachDrive, Spline, Where)}
 
 Offer = Callable[[Evidence, Expression], Iterator[Course]]
 """The courses that recordings can show of a coefficient that multiplies an expression."""
@@ -186,6 +217,23 @@ def from_standstills(e: Evidence, carrier: Expression) -> Iterator[Course]:
     """Start times at standstills and starts of recordings, where a load may change."""
     entering = np.flatnonzero(np.diff((e["speed"] < CRAWL_SPEED).astype(int)) > 0) + 1
     yield from _from_each(_starts(e) | set(entering.tolist()), e, 24)
+
+
+def conditions(e: Evidence) -> list[Where]:
+    """Conditions in which an effect may act and otherwise not: above or below a third and two thirds of the
+    speeds, slopes and engine forces that were driven."""
+    out = []
+    for signal in CONDITIONS:
+        x = e[signal][e.valid & np.isfinite(e[signal])] if signal in e.signals else np.zeros(0)
+        if len(x):
+            low, *borders, high = np.quantile(x, [0.05, 1.0 / 3.0, 2.0 / 3.0, 0.95])
+            out += [
+                Where(signal, float(border), SOFT * float(high - low), below, 0)
+                for border in borders
+                for below in (False, True)
+                if low < border < high
+            ]
+    return [replace(where, alternatives=len(out)) for where in out]
 
 
 def _starts(e: Evidence) -> set[int]:

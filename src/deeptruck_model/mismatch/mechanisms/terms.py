@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import Expression, Interpolated, Rerun, Signal, rows_of
-from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Course, EachDrive, FromMoment, Spline
+from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, Course, EachDrive, FromMoment, Spline, Where
 from deeptruck_model.mismatch.mechanisms.record import Column, Curve, Form, Mechanism, Variant
 from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -45,6 +45,11 @@ class CandidateTerm:
     def general(self) -> bool:
         """Whether it has no coefficient that is specific to one drive or time."""
         return all(v.course.general for v in self.variants)
+
+    @property
+    def reruns(self) -> bool:
+        """Whether it is the effect of changed commands, and no force."""
+        return any(isinstance(part.expression, Rerun) for part in self.parts)
 
     def settings(self) -> Iterator[tuple[str, float, str]]:
         """Constants that a finding reports: name, value, unit."""
@@ -87,13 +92,11 @@ def _asked(x: Expression) -> bool:
 
 def _columns(form: Form | Curve, v: Variant) -> list[Column]:
     constants, course = dict(v.constants), v.course
-    if isinstance(form, Curve):
-        return _of_curve(form, **constants)
-    made = form.made(constants)
+    made = _of_curve(form, **constants) if isinstance(form, Curve) else form.made(constants)
     if course == ALWAYS:
         return made
     varying = [varied for c in made for varied in _varied(c, course)]
-    if not isinstance(course, Spline):
+    if not isinstance(course, Spline) or isinstance(form, Curve):
         return varying
     if form.level is not None:
         each = EachDrive(course.names, 1.0 / len(course.names))
@@ -199,6 +202,18 @@ def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> Candi
     curve = isinstance(mechanism.forms[variant.form], Curve)
     trials = CURVE_TRIALS if curve else variant.course.trials
     return CandidateTerm(mechanism, (variant,), tuple(parts), columns, prior, trials)
+
+
+def confined(term: CandidateTerm, where: Where, e: Evidence) -> CandidateTerm:
+    """A term whose coefficients are constant, in one condition only."""
+    factor = where.expression
+    return replace(
+        term,
+        variants=tuple(replace(v, course=where) for v in term.variants),
+        parts=tuple(replace(part, expression=part.expression * factor) for part in term.parts),
+        columns=term.columns * factor.rows(e)[:, None],
+        trials=term.trials * where.trials,
+    )
 
 
 def distinct(made: Sequence[CandidateTerm], e: Evidence) -> float:

@@ -15,17 +15,20 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.expression import rows_of
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_terms
-from deeptruck_model.mismatch.mechanisms.courses import Spline
+from deeptruck_model.mismatch.mechanisms.courses import Spline, conditions
 from deeptruck_model.mismatch.mechanisms.record import Variant
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 
 Array = NDArray[np.float64]
 
 UNKNOWN = "unknown"
-LAW, IN_TIME, UNNAMED = 24, 60, 40  # leading directions that are kept of a kernel
-TIME_VARYING = 0.3  # prior odds that a name which may be time-varying is
-VARYING = "in time"  # part of such a kernel
+LAW, IN_TIME, IN_CONDITION, UNNAMED = 24, 60, 16, 40  # leading directions that are kept of a kernel
+NOT_ALWAYS = 0.3  # prior odds that a name which may vary in time does, or acts in one condition only
+LAWS, VARYING, CONDITIONAL = "law", "in time", "in one condition"  # parts of a name's forces
+FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families that may act in one condition only
+LEADING = 5  # directions of a law that are confined to conditions
 CARRIERS = {
     "engine": 0.15,
     "brake": 0.15,
@@ -47,7 +50,7 @@ class Kernel:
     features: Array
     sign: Array | None = None
     chance: float = 1.0
-    part: str = "law"  # which of the name's forces it holds: its laws, those that vary in time, a parameter's
+    part: str = LAWS  # which of the name's forces it holds: its laws, those not always there, a parameter's
 
 
 _made: WeakKeyDictionary[Regression, tuple[Kernel, ...]] = WeakKeyDictionary()  # no longer than the search
@@ -69,7 +72,8 @@ def without(search: Regression, rows: NDArray[np.bool_]) -> Regression:
 
 
 def _kernels(search: Regression) -> tuple[Kernel, ...]:
-    found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e))]
+    where = _gates(search)
+    found = [k for m in search.library for k in _of_terms(search, candidate_terms(m, search.e), where)]
     parameters = [
         Kernel(
             p,
@@ -81,16 +85,40 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
     return (*found, Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED)), *parameters)
 
 
-def _of_terms(search: Regression, terms: Sequence[CandidateTerm]) -> list[Kernel]:
-    """One kernel of a name's constant terms, and one of its terms that vary in time, in any order."""
+def _gates(search: Regression) -> Array:
+    """Conditions in which an effect may act and otherwise not, and one for everywhere, (n, c); empty for a
+    learned simulator, because its training errors also depend on conditions."""
+    e = search.e
+    if e.model_discrepancy != 0:
+        return np.zeros((len(e), 0))
+    made = [where.expression for where in conditions(e) if not where.below]
+    return np.stack([np.ones(len(e)), *rows_of(made, e)], axis=1)
+
+
+def _of_terms(search: Regression, terms: Sequence[CandidateTerm], gates: Array) -> list[Kernel]:
+    """One kernel of a name's constant terms, one of these in one condition only, and one of its terms that
+    vary in time, in any order."""
     terms = sorted(terms, key=lambda t: repr(t.variants))
     laws = [t for t in terms if not t.varies_in_time]
     varying = [t for t in terms if t.varies_in_time]
-    parts = ((laws, LAW, 1.0), (varying, IN_TIME, TIME_VARYING))
-    return [_kernel(search, part, most, odds) for part, most, odds in parts if part]
+    out = []
+    if laws:
+        out.append(_kernel(search, laws, LAW))
+        if gates.shape[1] and laws[0].mechanism.family in FORCES:
+            out.append(_in_condition(search, out[0], gates))
+    if varying:
+        own = _kernel(search, varying, IN_TIME)
+        out.append(replace(own, chance=own.chance * NOT_ALWAYS, part=VARYING))
+    return out
 
 
-def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int, odds: float) -> Kernel:
+def _in_condition(search: Regression, law: Kernel, gates: Array) -> Kernel:
+    products = law.features[:, :LEADING, None] * gates[:, None, :].astype(np.float32)
+    features = _thin(products.reshape(len(products), -1), search, IN_CONDITION)
+    return replace(law, features=features, chance=law.chance * NOT_ALWAYS, part=CONDITIONAL)
+
+
+def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int) -> Kernel:
     # of the same columns, which several terms have at other sizes
     power: dict[tuple[Variant, ...], Array] = {}
     first: dict[tuple[Variant, ...], CandidateTerm] = {}
@@ -110,8 +138,7 @@ def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int, odds:
         mechanism.effect,
         _thin(features, search, most),
         typical if signed else None,
-        mechanism.chance(search.e) * odds,
-        VARYING if most == IN_TIME else "law",
+        mechanism.chance(search.e),
     )
 
 

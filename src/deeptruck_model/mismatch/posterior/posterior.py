@@ -70,6 +70,11 @@ class Posterior:
         """Probability that a name acts; zero if there is no such block."""
         return float(self.inside(name).mean()) if any(k.name == name for k in self.of) else 0.0
 
+    def part(self, name: str, part: str) -> float:
+        """Probability that a part of a name's forces acts; zero if there is none."""
+        own = [j for j, k in enumerate(self.of) if k.name == name and k.part == part]
+        return float(self.draws.inside[:, own].any(axis=1).mean())
+
     def is_parameter(self, name: str) -> bool:
         """Whether the parameter of a name acts more often than its other forces."""
         inside = self.draws.inside
