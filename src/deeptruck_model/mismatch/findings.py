@@ -11,20 +11,23 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.data.checks import SensorFault
-from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
+from deeptruck_model.mismatch.mechanisms.courses import Where
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.mechanisms.road import ROAD_GRADE
 from deeptruck_model.mismatch.model import Made
 from deeptruck_model.mismatch.names import Named
+from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.report import wording
-from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Finding, Kind, Size
+from deeptruck_model.mismatch.result import Bound, Finding, Kind, Size
 from deeptruck_model.mismatch.road import Road
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.sizes import sizes_of
 from deeptruck_model.mismatch.strength import Strength, acts, visible
 from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
+from deeptruck_model.mismatch.where import PRINTED
 
 Array = NDArray[np.float64]
 
@@ -70,13 +73,25 @@ def _of_named(c: Compared, e: Evidence, made: Made | None, named: Named, rules: 
     f = _finding(e, named, Kind(m.kind), m.says, named.force, rules)
     term = next((t for t in made.terms if t.mechanism.effect == name), None) if made is not None else None
     sizes = sizes_of(term, made.fit, search.e) if made is not None and term is not None else {}
+    conditional = c.posterior.part(name, CONDITIONAL) >= rules.named
     return replace(
         f,
+        in_condition=_condition(term, e) if term is not None and conditional else "",
         equation=m.equation,
         parameters=sizes,
         depends_on=m.depends_on,
         separating_manoeuvre=m.manoeuvre,
     )
+
+
+def _condition(term: CandidateTerm, e: Evidence) -> str:
+    """The one condition in which a term acts; empty if it acts always."""
+    course = term.variants[0].course
+    if not isinstance(course, Where):
+        return ""
+    low, high = (-np.inf, course.above) if course.below else (course.above, np.inf)
+    signal = PRINTED.get(course.signal, course.signal)
+    return str(Bound(signal, low, high, unit(course.signal, e.command_units)))
 
 
 def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:

@@ -141,6 +141,7 @@ class Finding:
         default="", metadata=SPARSE
     )  # which was not recorded and may explain it as well
     in_drives: tuple[str, ...] = field(default=(), metadata=SPARSE)  # in which it acts, where not in all
+    in_condition: str = field(default="", metadata=SPARSE)  # in which it acts, where not always
     # of the squared speed error, that the budget gives its family
     share_of_error: float | None = field(default=None, metadata=stored(digits=4, sparse=True))
     force: Array | None = field(default=None, compare=False, metadata=HIDDEN)

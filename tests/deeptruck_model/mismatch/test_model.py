@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from small_drives import N, evidence, posterior_of, regression
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.expression import rows_of
+from deeptruck_model.mismatch.mechanisms import LIBRARY, build
+from deeptruck_model.mismatch.mechanisms.courses import Where
 from deeptruck_model.mismatch.model import Recipe, _best, _folds, _forms, _left_out, _nested, _rms, _terms
-from deeptruck_model.mismatch.posterior.kernels import UNKNOWN, kernels
+from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL, UNKNOWN, kernels
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -48,6 +50,21 @@ def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None
     columns = np.concatenate([np.nan_to_num(t.columns) for t in terms], axis=1)[p.search.rows]
     left = force[p.search.rows] - columns @ np.linalg.lstsq(columns, force[p.search.rows], rcond=None)[0]
     assert np.sum(left**2) < 0.3 * np.sum(force[p.search.rows] ** 2)
+
+
+def test_a_force_in_one_condition_is_corrected_there_only() -> None:
+    """A share of the engine's force is lost at high speed, and the truck runs with it step by step."""
+    e = evidence()
+    lost = -0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 20.0)
+    p = posterior(Regression(evidence(lost), exclude=set(LIBRARY) - {"driveline_loss"}), Rules(), sweeps=40)
+    assert p.part("driveline_loss", CONDITIONAL) == 1.0
+    (term,) = _terms(p)
+    (where,) = {v.course for v in term.variants}
+    assert isinstance(where, Where) and where.signal == "speed" and not where.below
+    assert where.above == pytest.approx(20.0, abs=1.0)
+    rebuilt = build(term.mechanism, term.variants)
+    columns = np.stack(rows_of([c.expression for c in rebuilt], e), axis=1)
+    np.testing.assert_allclose(columns, term.columns, atol=1e-9)
 
 
 def test_the_error_of_a_drive_is_by_the_recipe_that_the_others_choose() -> None:

@@ -16,8 +16,8 @@ from deeptruck_model.mismatch.expression.nodes import (
     lift,
     maximum,
     minimum,
-    tanh,
     rows_of,
+    tanh,
 )
 from deeptruck_model.mismatch.expression.places import (
     AtPlace,
@@ -54,6 +54,6 @@ __all__ = [
     "lift",
     "maximum",
     "minimum",
-    "tanh",
     "rows_of",
+    "tanh",
 ]

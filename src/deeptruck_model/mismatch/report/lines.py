@@ -70,7 +70,8 @@ def _in_drives(f: Finding) -> str:
     drives = ", ".join(_drive(f, name) for name in f.in_drives)
     what = f"in {drives} alone of the fitted drives, {_what(f)}" if drives else _what(f) + _by_drive(f)
     share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
-    return what + share
+    where = f", mostly where {f.in_condition}" if f.in_condition else ""
+    return what + where + share
 
 
 def _larger(v: Verdict) -> str:

@@ -170,6 +170,8 @@ def _finding(f: Finding) -> dict[str, Any]:
         )
     if f.in_drives:
         rows.append(("in the fitted drives", ", ".join(f.in_drives)))
+    if f.in_condition:
+        rows.append(("mostly where", f.in_condition))
     if f.separating_manoeuvre:
         rows.append(("manoeuvre", f.separating_manoeuvre))
     return {

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from deeptruck_model.mismatch.expression import lift
-from deeptruck_model.mismatch.mechanisms.courses import Spline, of_all, slowly
+from deeptruck_model.mismatch.mechanisms.courses import Spline, Where, conditions, of_all, slowly
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
@@ -25,6 +26,25 @@ def test_what_is_driven_once_cannot_come_again(nothing_missing: Evidence) -> Non
     once = replace(nothing_missing, signals=nothing_missing.signals | {"place": apart})
     (spline, *_) = of_distance(once)
     assert list(of_all(nothing_missing, spline)) and not list(of_all(once, spline))
+
+
+def test_conditions_part_driving_at_thirds_of_each_signal(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    made = conditions(e)
+    assert {w.signal for w in made} == {"speed", "engine", "grade"} & set(e.signals)
+    assert {w.alternatives for w in made} == {len(made)}
+    for where in made:
+        own = where.expression.rows(e)[e.valid]
+        assert 0.25 < own.mean() < 0.75 and own.min() >= 0.0 and own.max() <= 1.0
+        other = replace(where, below=not where.below)
+        assert other in made
+        np.testing.assert_allclose(own + other.expression.rows(e)[e.valid], 1.0)
+
+
+@pytest.mark.parametrize(("signal", "width"), [("gap", 1.0), ("speed", 0.0), ("speed", float("nan"))])
+def test_a_condition_is_of_a_signal_and_has_a_width(signal: str, width: float) -> None:
+    with pytest.raises(ValueError, match="no condition"):
+        Where(signal, 10.0, width, False, 4)
 
 
 def of_distance(e: Evidence) -> list[Spline]:

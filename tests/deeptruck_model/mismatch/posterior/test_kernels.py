@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,7 +14,7 @@ from deeptruck_model.mismatch.posterior import kernels as k
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
 
-FEW = ("headwind", "drag_area", "engine_brake", "brake_fade")
+FEW = ("clock_offset", "headwind", "drag_area", "engine_brake", "brake_fade")
 
 
 @cache
@@ -52,7 +53,27 @@ def test_few_directions_hold_what_the_forms_do() -> None:
 def test_what_varies_in_time_is_a_kernel_of_its_own_and_less_probable() -> None:
     law, varying = named("headwind"), named("headwind", "in time")
     assert law.features.shape[1] < varying.features.shape[1] <= k.IN_TIME
-    assert varying.chance == pytest.approx(k.TIME_VARYING * law.chance)
+    assert varying.chance == pytest.approx(k.NOT_ALWAYS * law.chance)
+
+
+def test_what_acts_in_one_condition_is_a_kernel_of_its_own_and_less_probable() -> None:
+    law, conditional = named("brake_fade"), named("brake_fade", k.CONDITIONAL)
+    assert conditional.features.shape[1] <= k.IN_CONDITION
+    assert conditional.chance == pytest.approx(k.NOT_ALWAYS * law.chance)
+    rows, speed = search().rows, search().e["speed"]
+    fast = (law.features[:, 0] * (speed > np.quantile(speed, 2.0 / 3.0)))[rows].astype(float)
+    for kernel, least, most in ((conditional, 0.0, 0.1), (law, 0.2, 1.0)):
+        X = kernel.features[rows].astype(float)
+        left = fast - X @ np.linalg.lstsq(X, fast, rcond=None)[0]
+        assert least * np.sum(fast**2) < np.sum(left**2) < most * np.sum(fast**2)
+
+
+def test_a_learned_simulator_and_a_clock_have_no_conditions() -> None:
+    learned = Regression(replace(search().e, model_discrepancy=0.05), exclude=set(LIBRARY) - set(FEW))
+    assert k.CONDITIONAL in {x.part for x in kernels(search())}
+    assert k.CONDITIONAL not in {x.part for x in kernels(learned)}
+    parts = {x.name: x.part for x in kernels(search()) if x.part == k.CONDITIONAL}
+    assert "clock_offset" not in parts and not set(parts) & {"torque_gain", "brake_gain"}
 
 
 def test_only_a_force_that_can_have_no_other_sign_has_one() -> None:
@@ -82,6 +103,6 @@ def test_rows_that_are_left_out_leave_the_kernels_as_they_are() -> None:
 
 def test_the_order_of_forms_does_not_matter() -> None:
     terms = candidate_terms(LIBRARY["engine_brake"], search().e)
-    for one, other in zip(k._of_terms(search(), terms), k._of_terms(search(), terms[::-1]), strict=True):
+    for one, other in zip(*(k._of_terms(search(), t, k._gates(search())) for t in (terms, terms[::-1])), strict=True):
         assert (one.part, one.chance) == (other.part, other.chance)
         np.testing.assert_array_equal(one.features, other.features)
