@@ -235,7 +235,7 @@ class Limits:
     # names
     rare: float = _rule(0.02, "1", "probability below which a name is left out", CHOSEN)
     form_choice: float = _rule(
-        0.05,
+        0.15,
         "1",
         "of the best name's gain, by which that of others in its place is divided: no form is exact",
         CHOSEN,
