@@ -108,7 +108,8 @@ def test_the_headline_says_the_drives_that_differ_and_by_how_much() -> None:
     v = Verdict(Conclusion.PHYSICS, found(EACH_DRIVE), budget=compared(EACH_DRIVE).budget)
     sizes = found(EACH_DRIVE)[0].parameters
     a, b = (sizes[f"force[{name}]"].value for name in "ab")
-    assert lines.headline(v).startswith(f"In a ({a:+.3g} N), b ({b:+.3g} N) alone, a constant force ")
+    start = f"In a ({a:+.3g} N), b ({b:+.3g} N) alone of the fitted drives, a constant force "
+    assert lines.headline(v).startswith(start)
 
 
 @cache

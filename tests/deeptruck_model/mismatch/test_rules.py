@@ -45,7 +45,7 @@ STEERING: dict[str, dict[str, str]] = {
         "mechanisms/courses.py": "BIN_M MOST_KNOTS SLOW_KNOT_S",
         "mechanisms/terms.py": "ACTING LEAST_ROWS NEAREST",
         "model.py": "FOLDS LOWEST",
-        "posterior/kernels.py": "IN_TIME TINY",
+        "posterior/kernels.py": "TINY",
         "posterior/next_pass.py": "AHEAD",
         "posterior/posterior.py": "MOST_KNOTS MOST_PLACES PLACE_M SLOW_S",
         "posterior/sampler.py": "BURN_IN LEAST_POWER MOST_KNOWN",

@@ -103,6 +103,8 @@ def test_rows_that_are_left_out_leave_the_kernels_as_they_are() -> None:
 
 def test_the_order_of_forms_does_not_matter() -> None:
     terms = candidate_terms(LIBRARY["engine_brake"], search().e)
-    for one, other in zip(*(k._of_terms(search(), t, k._gates(search())) for t in (terms, terms[::-1])), strict=True):
+    gates = k._gates(search())
+    made = (k._of_terms(search(), own, gates) for own in (terms, terms[::-1]))
+    for one, other in zip(*made, strict=True):
         assert (one.part, one.chance) == (other.part, other.chance)
         np.testing.assert_array_equal(one.features, other.features)
