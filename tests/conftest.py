@@ -1,5 +1,5 @@
-"""Fixtures of all tests: one thread for each library, since there is a worker for every core, and figures
-without a screen.
+"""Fixtures of all tests: one thread for each library, since workers use all cores, and figures without a
+screen.
 """
 
 from __future__ import annotations
@@ -51,6 +51,11 @@ LEARN = """
 x, target = np.zeros((1, 3, 2, 3), np.float32), np.ones((1, 4, 2, 3), np.float32)
 loss.gradient(network, x, target, np.ones(3, np.float32), "deployment")
 """
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than cores, since tests of nodes and buses wait in real time."""
+    return (os.cpu_count() or 1) + 1
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -109,8 +109,12 @@ def posterior_of(name: str) -> Posterior:
 
 def regression(e: Evidence) -> Regression:
     """A regression on evidence with the signals and rows of `evidence()`, whose kernels are made once."""
-    search, made = Regression(e), _regression()
-    assert e.signals.keys() == made.e.signals.keys() and np.array_equal(search.rows, made.rows)
+    return alike(Regression(e), _regression())
+
+
+def alike(search: Regression, made: Regression) -> Regression:
+    """`search` with the kernels of another regression, which has the same signals and rows."""
+    assert search.e.signals.keys() == made.e.signals.keys() and np.array_equal(search.rows, made.rows)
     kernels._made[search] = kernels.kernels(made)
     return search
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_drives import alike
 
 from deeptruck_model.mismatch.discrepancy import _slow_noise, allowed_for, kept
 from deeptruck_model.mismatch.names import Names, names
@@ -32,13 +33,14 @@ def test_an_error_on_its_own_recordings_too_is_not_detected(nothing_missing: Evi
     warm = 1.0 - np.exp(-nothing_missing["elapsed"] / 200.0)
     fades = 0.4 * nothing_missing["brake"] * warm
     flawed = replace(nothing_missing, residual=nothing_missing.residual + fades)
-    same, new = (_names(with_own(flawed, own)) for own in (flawed, nothing_missing))
+    first, second = (Regression(with_own(flawed, own)) for own in (flawed, nothing_missing))
+    same, new = _names(first), _names(alike(second, first))
     assert not any(n.accepted for n in same.found)
     assert next(n for n in new.found if n.accepted).tree.families["brakes"] > 0.8
 
 
-def _names(e: Evidence) -> Names:
-    return names(posterior(Regression(e), Rules(), sweeps=40), Rules())
+def _names(search: Regression) -> Names:
+    return names(posterior(search, Rules(), sweeps=40), Rules())
 
 
 def test_a_rare_jolt_is_no_slow_noise(nothing_missing: Evidence) -> None:

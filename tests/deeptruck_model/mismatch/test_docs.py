@@ -36,6 +36,7 @@ def test_every_promised_effect_has_a_row(effect: str) -> None:
     assert f"| `{effect}`" in effects_table.table()
 
 
+@pytest.mark.long
 def test_the_case_ends_as_the_page_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = PAGE.read_text().partition("## A case to repeat")[2].partition("\n## ")[0]

@@ -106,6 +106,7 @@ def test_an_object_that_is_no_simulator_is_refused_by_what_it_lacks(member: str)
         find_mismatch(wrong, [drive(MyTruck(), "a", 0, 30.0)])
 
 
+@pytest.mark.long
 def test_the_snippet_of_the_docs_runs_and_the_result_is_read_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
