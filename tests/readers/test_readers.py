@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from damage import AS_BEFORE, BYTES, OTHER, REFUSED, Reader, fuzz, judge, limited, mutants, same
+from damage import BYTES, OTHER, REFUSED, Reader, fuzz, judge, limited, mutants, same
 from kinds import READERS
 
 from deeptruck_model.errors import InputError
@@ -15,7 +15,6 @@ from deeptruck_model.errors import InputError
 SHORT, LONG = 20, 1000
 every_reader = pytest.mark.parametrize("reader", READERS, ids=[reader.name for reader in READERS])
 CAN_BE_EMPTY = ("truck overrides",)  # an empty file changes nothing
-OUTCOMES = {AS_BEFORE, OTHER, REFUSED}
 
 
 @every_reader

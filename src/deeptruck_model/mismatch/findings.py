@@ -171,7 +171,9 @@ def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
         value, a, b = (c.parameters[name] * (1.0 + x) for x in (change, *ci95))
         sizes = {name: Size(value, PARAMETERS[name].unit, (a, b))} | sizes
     force = np.nan_to_num(search.e.sensitivity[name]) * change
-    f = _finding(search.e, named, Kind.PARAMETER, wording.of_parameter(name, change), force, rules)
+    f = _finding(
+        search.e, named, Kind.PARAMETER, wording.of_parameter(PARAMETERS[name].says, change), force, rules
+    )
     manoeuvre = PARAMETERS[name].manoeuvre
     return replace(f, parameters=sizes, depends_on=("all driving",), separating_manoeuvre=manoeuvre)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from deeptruck_model.mismatch import folders
-from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 
 SENSOR_MANOEUVRE = "drive a known distance and compare each sensor with it"
 UNKNOWN_FORCE = "a force that follows no mechanism of the library"
@@ -51,10 +50,10 @@ BESIDE_MISSING = {
 }
 
 
-def of_parameter(name: str, change: float) -> str:
-    """A parameter of the simulator is wrong, and by how much."""
+def of_parameter(says: str, change: float) -> str:
+    """A parameter of the simulator, `says` in words, is wrong, and by how much."""
     side = "larger" if change > 0 else "smaller"
-    return f"the {PARAMETERS[name].says} is {abs(100 * change):.1f} % {side} than the simulator's"
+    return f"the {says} is {abs(100 * change):.1f} % {side} than the simulator's"
 
 
 def not_recorded(inputs: Sequence[str]) -> str:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from deeptruck_model.mismatch.report.wording import spoken
-from deeptruck_model.mismatch.tree import NAMES, PARTS
 
 SERIES = (
     "speed", "leader_speed", "gap", "engine_command", "brake_command", "engaged",
@@ -107,6 +106,9 @@ class Live:
 
     def names(self, probabilities: Mapping[str, float]) -> None:
         """Set the probabilities of families and of the names in them; NaN if nothing could be compared."""
+        # The library of mechanisms takes longer to import than all else of the page, and few runs have names.
+        from deeptruck_model.mismatch.tree import NAMES
+
         families = {f: probabilities.get(f, 0.0) for f in (*NAMES, "unknown", "nothing")}
         self._missing["names"] = [
             [spoken(family), p, _shown(probabilities, NAMES.get(family, ()))]
@@ -118,8 +120,8 @@ class Live:
     def budget(self, values: Mapping[str, float]) -> None:
         """Set the speed error, and the share of each part in its square."""
         known = {name: x for name, x in values.items() if math.isfinite(x)}
-        self._missing["budget"] = _shown(known, PARTS)
-        self._missing["off"] = [known.get("speed_rmse"), known.get("horizon_s")]
+        self._missing["off"] = [known.pop("speed_rmse", None), known.pop("horizon_s", None)]
+        self._missing["budget"] = _shown(known, known)
         self._missing_changed = True
 
     def health(
