@@ -26,6 +26,7 @@ LONGEST = 200  # characters that a library may say in one of our lines
 MOST_SAID = 500  # characters of one of our own lines about a file
 SAVE_AGAIN = "train or save the simulator again"
 LARGEST = 16 * 2**20  # bytes of a text file that people or our commands write
+DEEPEST = 100  # nested levels of a YAML file
 MOST_NODES = 1_000_000  # values in a YAML file, an alias counted as often as it stands
 
 
@@ -99,7 +100,7 @@ def yaml_mapping(path: Path, cure: str) -> dict[Any, Any]:
 
     content = text(path, cure)
     try:
-        data = yaml.safe_load(content)
+        data = parse_yaml(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date or number that is none
         raise InputError(f"{path} is not valid YAML ({_why(error)}); {cure}") from None
     if not isinstance(data, dict):
@@ -110,15 +111,25 @@ def yaml_mapping(path: Path, cure: str) -> dict[Any, Any]:
 
 
 def package_yaml(folder: str, name: str) -> Any:
-    """The content of a YAML file in a package, by libyaml where PyYAML has it.
+    """The content of a YAML file in a package."""
+    return parse_yaml(resources.files(folder).joinpath(name).read_text(encoding="utf-8"))
 
-    That is five to ten times as fast, but thousands of nested levels end the process, so that files of users
-    are read by `yaml_mapping`.
+
+def parse_yaml(content: str) -> Any:
+    """The content of a YAML text, by libyaml where PyYAML has it, which is five times as fast.
+
+    Raises yaml.YAMLError; ValueError for a date or number that is none; RecursionError for more than DEEPEST
+    nested levels, of which some thousands would end the process in libyaml.
     """
     import yaml
 
-    content = resources.files(folder).joinpath(name).read_text(encoding="utf-8")
-    return yaml.load(content, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    depth = 0
+    for event in yaml.parse(content, loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            raise RecursionError(f"more than {DEEPEST} nested levels")
+    return yaml.load(content, loader)
 
 
 def number(value: Any, name: str, source: Path | str, low: float, high: float) -> float:
@@ -132,7 +143,7 @@ def number(value: Any, name: str, source: Path | str, low: float, high: float) -
 def _nodes(value: Any, left: int, depth: int = 0) -> int:
     """`left` minus the number of values in `value`; 0 if there are more, or if they are nested too deeply."""
     left -= 1
-    if depth > 100:
+    if depth > DEEPEST:
         return 0
     if isinstance(value, Mapping):
         value = [*value.keys(), *value.values()]

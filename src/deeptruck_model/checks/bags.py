@@ -13,6 +13,7 @@ import yaml
 from deeptruck_model import files
 from deeptruck_model.checks.simulators import MANIFEST
 from deeptruck_model.errors import InputError
+from deeptruck_model.reading import parse_yaml
 from deeptruck_model.signals import TruckInterface
 
 METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished
@@ -160,12 +161,9 @@ def data_file(folder: Path, name: str) -> Path:
 
 
 def information_of(file: Path) -> dict[str, Any]:
-    """The content of metadata.yaml, read by the fastest available parser because it is long for a bag of many
-    files."""
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    """The content of metadata.yaml."""
     try:
-        data = yaml.load(file.read_text(encoding="utf-8"), Loader=loader)
-        information = data["rosbag2_bagfile_information"]
+        information = parse_yaml(file.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror}") from None
     except (yaml.YAMLError, ValueError, KeyError, TypeError, RecursionError) as error:

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from deeptruck_model.reading import package_yaml, plain
+from deeptruck_model.reading import package_yaml, parse_yaml, plain
 from truck_bridge import channels, j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
@@ -51,7 +51,7 @@ def _read(name: str) -> tuple[Any, str]:
     if not path.is_file():  # nor a pipe, which would never answer
         raise InputError(f"no vehicle '{name}'; known: {', '.join(NAMES)}, or the path of a YAML file")
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8")), name
+        return parse_yaml(path.read_text(encoding="utf-8")), name
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{name} cannot be read: {plain(str(error))}; give a YAML file in UTF-8") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date or number that is none

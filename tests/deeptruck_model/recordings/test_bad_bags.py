@@ -118,6 +118,12 @@ def _bad_yaml(bag: Path) -> Path:
     return bag
 
 
+def _deep_yaml(bag: Path) -> Path:
+    """More levels than a recursive parser in C survives."""
+    (bag / "metadata.yaml").write_text("- " * 100_000)
+    return bag
+
+
 def _empty_file(bag: Path) -> Path:
     file = bag.parent / "empty.mcap"
     file.touch()
@@ -130,7 +136,9 @@ def _text_file(bag: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("damage", [_cut, _flip, _no_metadata, _no_file, _bad_yaml, _empty_file, _text_file])
+@pytest.mark.parametrize(
+    "damage", [_cut, _flip, _no_metadata, _no_file, _bad_yaml, _deep_yaml, _empty_file, _text_file]
+)
 def test_damaged_bags_are_one_line(
     tmp_path: Path, drive: Recording, interface: TruckInterface, damage: Callable[[Path], Path]
 ) -> None:
