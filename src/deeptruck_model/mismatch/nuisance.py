@@ -81,7 +81,7 @@ def refitted(
     about = _About(simulator, drives, e, np.zeros(len(e), dtype=bool), seed, (), say)
     search = Regression(e.to_fit())
     for _ in range(CLOSER_STEPS):
-        anew = about.parameters_of(search, search.model((), free), CLOSE)
+        anew = about.parameters_of(search, search.model((), free), CLOSE, free)
         if anew is None:
             break
         search = Regression(anew.to_fit())
@@ -100,10 +100,16 @@ class _About:
     exclude: tuple[str, ...]
     say: Callable[[str], None]
 
-    def parameters_of(self, search: Regression, model: Model, least: float) -> Evidence | None:
-        """The evidence at the parameters of a model; None if no parameter changes by more than `least`."""
+    def parameters_of(
+        self, search: Regression, model: Model, least: float, among: frozenset[str] | None = None
+    ) -> Evidence | None:
+        """The evidence at the parameters of a model, of which only those `among` change (None: all).
+
+        None if no parameter changes by more than `least`.
+        """
         own = self.simulator.parameters()
-        change = {p: model.moved(p) for p in search.parameters if p in own}
+        may = search.parameters if among is None else among
+        change = {p: model.moved(p) for p in search.parameters if p in own and p in may}
         if all(abs(c) <= least for c in change.values()):
             return None
         self.say("linearising about refitted parameters")

@@ -58,3 +58,9 @@ def test_all_parameters_are_refitted_until_they_settle() -> None:
     change = search.e.total_change("mass", model.moved("mass"))
     assert change == pytest.approx(0.4, abs=0.02)
     assert abs(model.moved("mass")) < 0.005
+
+
+def test_a_parameter_that_is_not_free_stays_where_it_is() -> None:
+    drives, e = gathered(1.4, 1.4, 1.4)
+    search, _ = refitted(TRUCK, drives, e, 0, frozenset(["torque_gain", "brake_gain"]), lambda step: None)
+    assert search.e.moved.keys() <= {"torque_gain", "brake_gain"} and search.e.moved
