@@ -176,9 +176,9 @@ def _mesh(s: Any, p: Any) -> float:
 
 
 @part
-def _move_clutch(s: Any, p: Any, speed: float) -> None:
-    """Open, slip or keep the clutch of an automated gearbox."""
-    wants = s.demand > ON
+def _move_clutch(s: Any, p: Any, speed: float, braked: bool) -> None:
+    """Open, slip or keep the clutch of an automated gearbox. A torque while braking is what idling needs."""
+    wants = s.demand > ON and not braked
     if s.clutch == LOCKED and speed < p.declutch_speed:
         s.clutch = SLIPPING if wants else OPEN
     elif s.clutch == OPEN and (wants or speed > p.engage_speed):
@@ -224,13 +224,13 @@ def _convert(s: Any, p: Any, speed: float) -> None:
 
 
 @part
-def couple(s: Any, p: Any, speed: float) -> None:
+def couple(s: Any, p: Any, speed: float, braked: bool) -> None:
     """Set clutch mode and the torques on both of its sides, with the gearbox input at `speed`."""
     if s.shifting == 0.0:
         if p.converter > 0.0:
             _move_lockup(s, p, speed)
         else:
-            _move_clutch(s, p, speed)
+            _move_clutch(s, p, speed, braked)
     if s.clutch == LOCKED:
         s.clutch_torque = s.input_torque = s.engine_torque
     elif s.clutch == SLIPPING:

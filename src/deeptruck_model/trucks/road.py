@@ -32,7 +32,7 @@ def find_forces(s: Any, p: Any, engine: float, brake_command: float, grade: floa
     s.demand = demand(p, engine, max(full + drag, 1.0))
     speed = choose_gear(s, p, h)
     fuel = run_engine(s, p, engine, max(speed, p.idle_speed), drag, full, h)
-    couple(s, p, speed)
+    couple(s, p, speed, brake_command > 0.0)
     cosine = 1.0 / sqrt(1.0 + grade * grade)
     weight = p.mass * p.gravity
     grip = p.tyre_friction * weight * cosine

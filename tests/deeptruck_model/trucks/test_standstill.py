@@ -39,6 +39,16 @@ def test_rolling_resistance_holds_on_a_slight_slope() -> None:
     assert run("trucksim", 20.0, 0.0, 0.0, 0.0, -0.01).y[0, -1, 1] > 0.3
 
 
+def test_the_clutch_opens_where_it_brakes_with_the_torque_of_idling() -> None:
+    """Logs show the torque that accessories and friction take at idle; it is no demand to move."""
+    done = run("trucksim", 15.0, 6.0, 150.0, 60.0, 0.0)
+    stop = int(np.argmax(done.y[0, :, 1] == 0.0))
+    assert 0 < stop < 80
+    np.testing.assert_array_equal(done.y[0, stop:, 1], 0.0)
+    assert done.inside["engine_speed"][0].min() > 50.0
+    assert done.inside["clutch"][0, -1] == 0.0
+
+
 def test_an_automatic_creeps_and_a_clutch_does_not() -> None:
     assert 0.5 < run("freightliner", 30.0, 0.0, 0.0, 0.0, 0.0).y[0, -1, 1] < 4.0
     np.testing.assert_array_equal(run("trucksim", 30.0, 0.0, 0.0, 0.0, 0.0).y[0, :, 1], 0.0)
