@@ -92,7 +92,8 @@ def new(
     _check_commands(truck, units, drives)
     data = {**(data or _asked(drives, units)), **units}
     sheet = own_truck.sheet(data, str(source) if source else "the answers")
-    made = own_truck.specification(sheet, truck.stem)
+    slope = not drives or any("grade" in r.channels for r in drives)
+    made = own_truck.specification(sheet, truck.stem, grade=slope)
     if off := overall_ratios.misfit(sheet.overall_ratios, drives):
         raise InputError(f"the data sheet is not that of the recorded truck: {off}")
     driven = learned(made, drives)
@@ -104,6 +105,8 @@ def new(
         typer.echo("note: no engine speed was recorded, so the gears were not checked", err=True)
     elif bags:
         typer.echo("the gears are those of the recordings")
+    if not slope:
+        typer.echo("no slope was recorded, so that the truck takes none: it drives on a level road")
     for line in driven.says:
         typer.echo(line)
     typer.echo(f"load it as truck:{truck}; 'deeptruck-model calibrate-truck' fits it to recordings")

@@ -165,8 +165,8 @@ def contradictions(s: Sheet) -> list[str]:
     return out
 
 
-def specification(s: Sheet, name: str) -> Specification:
-    """The truck. Raises InputError with all contradictions."""
+def specification(s: Sheet, name: str, *, grade: bool = True) -> Specification:
+    """The truck, with or without the slope as an input. Raises InputError with all contradictions."""
     if wrong := contradictions(s):
         raise InputError("; ".join(wrong))
     base = from_pool(CONVERTER if s.converter else CLUTCH)
@@ -189,7 +189,7 @@ def specification(s: Sheet, name: str) -> Specification:
         "start_gear": min(v["start_gear"], float(max(1, len(s.gear_ratios) // 3))),
         "lockup_gear": min(v["lockup_gear"], float(len(s.gear_ratios))),
     }
-    interface = TruckInterface(name, s.engine_unit, s.brake_unit, mass_kg=s.mass_kg)
+    interface = TruckInterface(name, s.engine_unit, s.brake_unit, grade, mass_kg=s.mass_kg)
     truck = replace(
         base,
         name=name,

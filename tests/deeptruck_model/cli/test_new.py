@@ -56,6 +56,16 @@ def test_a_sheet_that_the_drive_confirms_becomes_a_truck(here: Path, new) -> Non
     assert yaml.safe_load((here / "mine.yaml").read_text())["transmission"]["final_drive"] == 3.7
 
 
+def test_a_truck_of_drives_without_slope_takes_none(here: Path, new) -> None:
+    truck = trucks.load("trucksim")
+    drive = driving_cycles.drive(truck, seconds=100.0, seed=3)
+    level = replace(drive, channels={n: x for n, x in drive.channels.items() if n != "grade"})
+    write_bag(here / "level", [level], interface=replace(truck.interface, grade=False))
+    code, says, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "level")
+    assert code == 0 and "no slope was recorded" in says, error
+    assert yaml.safe_load((here / "mine.yaml").read_text())["interface"]["grade"] is False
+
+
 def test_a_sheet_that_the_drive_contradicts_is_refused(here: Path, new) -> None:
     (here / "sheet.yaml").write_text(yaml.safe_dump({**SHEET, "axle_ratio": 4.6}))
     code, _, error = new("mine.yaml", "--from", "sheet.yaml", "--recordings", "bag")
