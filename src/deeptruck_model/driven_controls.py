@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,26 +32,62 @@ DEMAND_SPREAD = 0.15  # between the 10th and 90th percentile, for a slope over d
 BIN, LEAST_BIN_S, LEAST_BINS = 10.0, 5.0, 4  # % of pedal, s in a bin, bins
 STEADY, STEADY_S = 8.0, 1.0  # % that a held pedal moves at most, in so many s before
 SMOOTH_S = 1.0  # of the acceleration
-RUN_S = 40.0  # of free runs
-GAIN = 0.05  # of their error, that a single parameter must save
+RUN_S, EVENT_S = 40.0, 4.0  # of free runs, and of those about an event
+GAIN = 0.2  # of their error, that a single parameter must save; less is saved by wrong values too
 TRIALS = 12  # of values of a single parameter
+ROUNDS = 3  # through the single parameters at most: what one leaves hides what another would save
+
+
+BRAKING, SHIFT = "an application of the brakes", "a change of gear"
 
 
 @dataclass(frozen=True)
 class Single:
-    """A parameter that no data sheet has: its description and the values tried."""
+    """A parameter that no data sheet has: its description and the values tried.
+
+    Parameters `in_proportion` are scaled alike. With an `event` it is judged by free runs about such events.
+    """
 
     name: str
     says: str
     low: float
     high: float
+    in_proportion: tuple[str, ...] = ()
+    event: str = ""
+
+    def values(self, given: Specification, value: float) -> dict[str, float]:
+        """Its value and those of the parameters in proportion to it, by name."""
+        scale = value / given.values[self.name] if self.in_proportion else 1.0
+        return {self.name: value, **{name: scale * given.values[name] for name in self.in_proportion}}
 
 
 SINGLES = (
     Single("brake_pushout", "the share of the brake command at which the brakes begin", 0.0, 0.3),
-    Single("engine_friction", "engine friction over that of the reference truck", 0.2, 3.0),
-    Single("shift_time", "s without torque in a change of gear", 0.0, 3.0),
-    Single("boost_lag", "s until the turbocharger's boost is there", 0.0, 3.0),
+    Single("engine_friction", "engine friction over that of the reference truck", 0.0, 3.0),
+    Single("engine_inertia", "kg m^2 that turn with the engine", 0.5, 10.0),
+    Single(
+        "shift_time",
+        "s of a change of gear, and torque ramps in proportion",
+        0.0,
+        3.0,
+        ("shift_ramp",),
+        SHIFT,
+    ),
+    Single(
+        "boost_lag",
+        "s, time constant of the boost; that of fuelling in proportion",
+        0.0,
+        3.0,
+        ("fuelling_lag",),
+    ),
+    Single(
+        "brake_lag",
+        "s, time constant of the front brakes; the others in proportion",
+        0.0,
+        0.6,
+        ("brake_lag_rear", "brake_release_lag"),
+        BRAKING,
+    ),
 )
 OF_BRAKES_ALONE = Single("brake_controller_gain", "a request is what the brakes add", 0.0, 0.0)
 
@@ -66,7 +103,9 @@ class Learned:
 def learned(truck: Specification, recordings: Sequence[Recording]) -> Learned:
     """The truck with the shift speeds, pedal curve and single parameters of the recordings, each only if it
     reduces the speed error of free runs along these."""
-    usable = [r for r in recordings if {"gear", "engine_speed", "engine_command"} <= r.channels.keys()]
+    one_gear = len(truck.ratios) == 1
+    known = (_in_first(r) if one_gear else r for r in recordings)
+    usable = [r for r in known if {"gear", "engine_speed", "engine_command"} <= r.channels.keys()]
     before = _error(PhysicsTruck(truck), usable)
     if before is None:
         return Learned(truck, ())
@@ -75,6 +114,8 @@ def learned(truck: Specification, recordings: Sequence[Recording]) -> Learned:
     truck = _with_singles(truck, usable, says)
     said = _error(PhysicsTruck(truck), usable) or said
     truck, said = _taken("shift speeds", _with_shift_speeds, truck, usable, said, says)
+    if one_gear:
+        return Learned(truck, tuple(says))
     following = _error(PhysicsTruck(truck).with_recorded_gear(), usable)
     late_s = truck.values["shift_time"]
     sooner = _error(PhysicsTruck(truck).with_recorded_gear(), [_sooner(r, late_s) for r in usable])
@@ -111,33 +152,55 @@ def _taken(
     return (found, after) if better else (truck, before)
 
 
-def _with_singles(truck: Specification, recordings: Sequence[Recording], says: list[str]) -> Specification:
+def _with_singles(given: Specification, recordings: Sequence[Recording], says: list[str]) -> Specification:
     """The truck with those single parameters that reduce the error of free runs in the recorded gear by at
     least GAIN; adds a line for each."""
-    by_deceleration = truck.interface.brake_unit == "m/s^2"
-    for one in (OF_BRAKES_ALONE, *SINGLES[1:]) if by_deceleration else SINGLES:
+    by_deceleration = given.interface.brake_unit == "m/s^2"
+    singles = (OF_BRAKES_ALONE, *SINGLES[1:]) if by_deceleration else SINGLES
 
-        def off(value: float, name: str = one.name, own: Specification = truck) -> float:
-            run = PhysicsTruck(own.with_values({name: float(value)})).with_recorded_gear()
-            return _error(run, recordings) or np.inf
+    def off(truck: Specification, one: Single, value: float) -> float:
+        run = PhysicsTruck(truck.with_values(one.values(given, float(value)))).with_recorded_gear()
+        return _error(run, recordings, event=one.event) or np.inf
 
-        before, best = off(truck.values[one.name]), one.low
-        if one.high > one.low:
-            bounds, close = (one.low, one.high), 0.01 * (one.high - one.low)
-            found = minimize_scalar(
-                off, bounds=bounds, method="bounded", options={"maxiter": TRIALS, "xatol": close}
+    truck = given
+    for _ in range(ROUNDS):
+        before = truck
+        for one in singles:
+            found = _of_least_error(truck.values[one.name], one, partial(off, truck, one))
+            truck = truck.with_values(one.values(given, found))
+        if truck == before:
+            break
+    for one in singles:
+        best, sheet = truck.values[one.name], given.values[one.name]
+        if best != sheet:
+            value = f"{best:.3g}, not {sheet:.3g} ({one.says})" if one.high > one.low else one.says
+            runs = f"{EVENT_S:.0f} s about {one.event}" if one.event else f"{RUN_S:.0f} s"
+            says.append(
+                f"{one.name}: {value}; free runs of {runs} in the recorded gear are off by "
+                f"{off(truck, one, best):.2f} m/s (rms) with it, by {off(truck, one, sheet):.2f} without"
             )
-            best = min((one.low, float(found.x)), key=off)
-        after = off(best)
-        if after > (1.0 - GAIN) * before:
-            continue
-        value = f"{best:.3g}, not {truck.values[one.name]:.3g} ({one.says})"
-        says.append(
-            f"{one.name}: {value if one.high > one.low else one.says}; free runs of {RUN_S:.0f} s in the "
-            f"recorded gear are off by {after:.2f} m/s (rms) with it, by {before:.2f} without"
-        )
-        truck = truck.with_values({one.name: round(best, 4)})
     return truck
+
+
+def _of_least_error(given: float, one: Single, off: Callable[[float], float]) -> float:
+    """The value of least error `off`, if that is smaller by at least GAIN than that of the given value."""
+    before, best = off(given), one.low
+    if not np.isfinite(before):  # no such event
+        return given
+    if one.high > one.low:
+        found = minimize_scalar(
+            off,
+            bounds=(one.low, one.high),
+            method="bounded",
+            options={"maxiter": TRIALS, "xatol": 0.01 * (one.high - one.low)},
+        )
+        best = min((one.low, float(found.x)), key=off)
+    return round(best, 4) if off(best) < (1.0 - GAIN) * before else given
+
+
+def _in_first(r: Recording) -> Recording:
+    """The recording of a truck with one gear, with that gear."""
+    return replace(r, channels={**r.channels, "gear": np.ones(len(r))})
 
 
 def _sooner(r: Recording, late_s: float) -> Recording:
@@ -146,23 +209,36 @@ def _sooner(r: Recording, late_s: float) -> Recording:
     return replace(r, channels={**r.channels, "gear": np.append(gear[k:], np.full(k, gear[-1]))})
 
 
-def _error(truck: PhysicsTruck, recordings: Sequence[Recording]) -> float | None:
-    """Root mean square speed error of consecutive free runs of RUN_S, m/s; None without one."""
+def _error(truck: PhysicsTruck, recordings: Sequence[Recording], *, event: str = "") -> float | None:
+    """Root mean square speed error, m/s, of consecutive free runs of RUN_S, or of runs of EVENT_S about each
+    event of a kind; None without one."""
     total, count = 0.0, 0
     for r in recordings:
-        n, names = round(RUN_S / r.dt), (*truck.interface.u, *truck.interface.w)
+        n, names = round((EVENT_S if event else RUN_S) / r.dt), (*truck.interface.u, *truck.interface.w)
         inputs = np.column_stack([r.channels.get(name, np.zeros(len(r))) for name in names])
         y = np.column_stack([r.channels.get(name, np.zeros(len(r))) for name in truck.interface.y])
-        needed = np.column_stack([inputs[:, : len(truck.interface.u)], r.channels["speed"]])
-        starts = [k for k in range(0, len(r) - n, n) if np.isfinite(needed[k : k + n]).all()]
+        speed = r.channels["speed"]
+        needed = np.column_stack([inputs[:, : len(truck.interface.u)], speed])
+        begins = _about(r, event, n) if event else range(0, len(r) - n, n)
+        starts = [k for k in begins if np.isfinite(needed[k : k + n]).all()]
         if not starts:
             continue
         x = np.nan_to_num(np.stack([inputs[k : k + n] for k in starts]))
         u, w = np.split(x, [len(truck.interface.u)], axis=2)
         run = PhysicsTruck(truck.specification, dt=r.dt).rollout(u, w, np.nan_to_num(y[starts]), inside=False)
-        off = run.y[:, :, SPEED] - np.stack([r.channels["speed"][k : k + n] for k in starts])
+        off = run.y[:, :, SPEED] - np.stack([speed[k : k + n] for k in starts])
         total, count = total + float(np.sum(off**2)), count + off.size
     return float(np.sqrt(total / count)) if count else None
+
+
+def _about(r: Recording, event: str, n: int) -> list[int]:
+    """The first of n samples about each event: an application of the brakes, or HELD_S before a change of
+    gear. The truck moves at all of them."""
+    speed, brake = r.channels["speed"], r.channels["brake_command"]
+    applied = np.flatnonzero((brake[1:] > 0.0) & (brake[:-1] <= 0.0))
+    changed = [k - round(HELD_S / r.dt) for k, _, _ in _changes(r)]
+    begins = applied if event == BRAKING else changed
+    return [int(k) for k in begins if 0 <= k < len(r) - n and speed[k : k + n].min() > LEAST_SPEED]
 
 
 def _gear(r: Recording) -> Array:
@@ -177,6 +253,8 @@ def _changes(r: Recording) -> Iterator[tuple[int, float, float]]:
     """The sample before each gear change, and the gears before and after, both held for HELD_S."""
     gear, held = _gear(r), max(1, round(HELD_S / r.dt))
     at = np.flatnonzero(np.diff(gear) != 0)
+    if not at.size:
+        return
     for k, before, after in zip(at, (0, *at[:-1]), (*at[1:], len(gear) - 1), strict=True):
         moving = r.channels["speed"][k] > LEAST_SPEED
         if moving and k - before >= held and after - k >= held and np.isfinite(gear[k]):

@@ -71,6 +71,26 @@ def test_brakes_and_engine_friction_of_the_driven_truck_are_learned() -> None:
     assert {n: found[n] for n in kept} == {n: sheet.values[n] for n in kept}
 
 
+def test_lags_and_shifts_are_learned_about_their_events() -> None:
+    sheet = trucks.load("trucksim").specification
+    true = {"brake_lag": 0.0, "brake_lag_rear": 0.0, "brake_release_lag": 0.0, "shift_time": 0.4}
+    found = learned(sheet, drives(PhysicsTruck(sheet.with_values(true)), brakes=20.0)).truck.values
+    assert {n: found[n] for n in true if n != "shift_time"} == {n: 0.0 for n in true if n != "shift_time"}
+    assert found["shift_time"] == pytest.approx(0.4, abs=0.15)
+    kept = ("engine_inertia", "engine_friction", "boost_lag", "brake_pushout")
+    assert {n: found[n] for n in kept} == {n: sheet.values[n] for n in kept}
+
+
+def test_a_truck_with_one_gear_needs_no_gear_channel() -> None:
+    sheet = replace(trucks.load("trucksim").specification, ratios=(1.0,))
+    driven = drives(PhysicsTruck(sheet.with_values({"engine_friction": 0.0})))
+    for r in driven:
+        r.channels.pop("gear")
+    found = learned(sheet, driven)
+    assert found.truck.values["engine_friction"] < 0.1
+    assert not any("recorded gear, by" in line for line in found.says)
+
+
 def test_a_deceleration_by_the_brakes_alone_is_learned() -> None:
     driven = SHEET.with_values({"brake_controller_gain": 0.0})
     found = learned(SHEET, drives(PhysicsTruck(driven)))
