@@ -21,7 +21,7 @@ def brake_capacity(p: Any) -> float:
 def _pressure_for_deceleration(s: Any, p: Any, request: float, h: float) -> float:
     """Electronic brake system: feed-forward by a reckoned mass, and the integral of what is lacking.
 
-    Without an integral the request is what the brakes add, whatever the slope and the air do.
+    Without an integral the request is what the brakes add, whatever slope, air and load do.
     """
     if request <= p.brake_gate:
         without_brakes = min(s.acceleration, 0.0)
@@ -30,7 +30,8 @@ def _pressure_for_deceleration(s: Any, p: Any, request: float, h: float) -> floa
     if s.speed > 0.0:
         s.brake_controller += p.brake_controller_gain * (request + s.acceleration) * h
     s.brake_controller = clip(s.brake_controller, -CONTROLLER_SPAN, CONTROLLER_SPAN)
-    share = p.brake_controller_mass * (request + s.brake_controller) / max(brake_capacity(p), 1.0)
+    mass = p.brake_controller_mass if p.brake_controller_gain > 0.0 else p.mass
+    share = mass * (request + s.brake_controller) / max(brake_capacity(p), 1.0)
     return clip(p.brake_pushout + (1.0 - p.brake_pushout) * share, 0.0, 1.0)
 
 

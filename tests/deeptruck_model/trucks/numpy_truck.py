@@ -215,7 +215,8 @@ class NumpyTruck:
             held = np.clip(s["brake_controller"] + integral, -4.0, 4.0)
             s["brake_controller"] = np.where(off, np.minimum(s["acceleration"], 0.0), held)
             s["brake_controller"] *= p["brake_controller_gain"] > 0.0
-            share = p["brake_controller_mass"] * (request + s["brake_controller"]) / capacity
+            mass = p["brake_controller_mass"] if p["brake_controller_gain"] > 0.0 else p["mass"]
+            share = mass * (request + s["brake_controller"]) / capacity
             wanted = np.where(off, 0.0, np.clip(push + (1.0 - push) * share, 0.0, 1.0))
         for name, lag in (("front_pressure", p["brake_lag"]), ("rear_pressure", p["brake_lag_rear"])):
             s[name] = self._lag(s[name], wanted, np.where(wanted > s[name], lag, p["brake_release_lag"]))

@@ -29,6 +29,14 @@ def test_brakes_hold_exactly(name: str, grade: float) -> None:
     np.testing.assert_array_equal(y[stop + 1 :, :2], 0.0)
 
 
+def test_a_deceleration_that_the_brakes_add_is_no_less_with_more_load() -> None:
+    light, heavy = (
+        run("volvo", 4.0, 20.0, 0.0, 2.0, 0.0, brake_controller_gain=0.0, mass=mass).y[0, 20:, 0].mean()
+        for mass in (20_000.0, 30_000.0)
+    )
+    assert -2.4 < light < -2.0 and heavy == pytest.approx(light, abs=0.1)
+
+
 def test_released_on_a_slope_it_rolls_back_unless_held() -> None:
     assert run("trucksim", 10.0, 0.0, 0.0, 0.0, 0.05, hill_hold=0).y[0, -1, 1] < -1.0
     np.testing.assert_array_equal(run("trucksim", 10.0, 0.0, 0.0, 0.0, 0.05).y[0, :, 1], 0.0)
