@@ -92,7 +92,7 @@ brakes | fade_temperature | degC | -60 | 1000 | fade starts here
 brakes | brake_fade | 1/K | 0 | 0.02 | loss of brake torque for each degree above (0: no fade)
 brakes | fade_floor | 1 | 0 | 1 | share of brake torque that always remains
 brakes | brake_gate | m/s^2 | 0 | 2 | smallest deceleration request that closes the brake switch
-brakes | brake_controller_mass | kg | 1000 | 100000 | mass the deceleration controller reckons with where it has a gain
+brakes | brake_controller_mass | kg | 1000 | 100000 | mass that a controller with a gain reckons with
 brakes | brake_controller_gain | 1/s | 0 | 20 | its integral gain (0: the request is what the brakes add)
 """
 
