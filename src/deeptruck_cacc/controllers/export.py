@@ -89,7 +89,7 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
 
 
 def _track(g: _Graph, radar: RadarFilter, leader: str, speed: str, gap: str) -> tuple[str, str, str]:
-    """RadarFilter: estimated leader speed and gap, and the next track."""
+    """`RadarFilter` as ONNX nodes: estimated leader speed and gap, and the next track."""
     seen, old = g.add("Concat", gap, leader, axis=1), g.columns("memory", 6, 9)
     off = g.add("Abs", g.add("Sub", seen, g.columns(old, 0, 2)))
     near = g.add("Less", off, g.constant(np.array([radar.lost_m, radar.lost_speed])))
@@ -106,7 +106,7 @@ def _track(g: _Graph, radar: RadarFilter, leader: str, speed: str, gap: str) -> 
 
 
 def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str, str]:
-    """FeatureMap with memory: all features, and the next memory without the slow actions."""
+    """`FeatureMap` with memory as ONNX nodes: all features, and the next memory without the slow actions."""
     speeds, old = g.columns(signals, 0, 2), g.columns("memory", 1, 3)
     slow = g.add("Where", g.add("IsNaN", old), speeds, old)
     error = g.add("Sub", g.columns(signals, 2, 3), g.columns(signals, 3, 4))
@@ -133,7 +133,7 @@ def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str,
 
 
 def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str, track: str) -> None:
-    """FeatureMap.remember."""
+    """`FeatureMap.remember` as ONNX nodes."""
     parts = [integral_and_slow]
     if f.power:
         slow = g.columns("memory", 4, 6)
@@ -144,13 +144,13 @@ def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str, tra
 
 
 def _time_gap(g: _Graph, signals: str) -> str:
-    """FeatureMap._time_gap."""
+    """`FeatureMap._time_gap` as ONNX nodes."""
     moving = g.add("Max", g.columns(signals, 1, 2), g.constant(LEAST_SPEED))
     return g.clip(g.add("Div", g.columns(signals, 3, 4), moving), *TIME_GAPS)
 
 
 def _ideal(g: _Graph, f: FeatureMap, signals: str) -> tuple[str, str, str]:
-    """`FeatureMap._ideal` in torch."""
+    """`FeatureMap._ideal` as ONNX nodes."""
     leader, speed, gap = (g.columns(signals, k, k + 1) for k in range(3))
     time_gap = _time_gap(g, signals)
     if f.approach:
@@ -165,7 +165,7 @@ def _ideal(g: _Graph, f: FeatureMap, signals: str) -> tuple[str, str, str]:
 
 
 def _approach(g: _Graph, far: str, time_gap: str, rate: float) -> tuple[str, str]:
-    """approach.approach."""
+    """`approach.approach` as ONNX nodes."""
     most = g.add("Mul", time_gap, g.constant(rate))
     knee, size = g.add("Mul", most, time_gap), g.add("Abs", far)
     way = g.add("Mul", g.add("Max", size, knee), g.constant(2 * rate))
@@ -177,7 +177,7 @@ def _approach(g: _Graph, far: str, time_gap: str, rate: float) -> tuple[str, str
 def _power(
     g: _Graph, f: FeatureMap, signals: str, rate: str, integral: str, follower: tuple[str, str, str]
 ) -> list[str]:
-    """FeatureMap._power, column by column; `follower` is the result of _ideal."""
+    """`FeatureMap._power` as ONNX nodes, column by column; `follower` is the result of `_ideal`."""
     speed, gap, target, grade = (g.columns(signals, k, k + 1) for k in range(1, 5))
     moving, time_gap = g.add("Max", speed, g.constant(LEAST_SPEED)), _time_gap(g, signals)
     (ideal, pull, far), lasting = follower, g.add("Mul", integral, g.constant(f.integral_rate))
@@ -207,7 +207,7 @@ def _network(g: _Graph, policy: MlpPolicy, features: str) -> str:
 
 
 def _command(g: _Graph, s: ActionScale, action: str) -> None:
-    """ActionScale."""
+    """`ActionScale` as ONNX nodes."""
     half = g.constant(0.5)
     engine = g.add("Add", g.add("Mul", g.columns(action, 0, 1), half), half)
     brake = g.add("Relu", g.columns(action, 1, 2))

@@ -124,7 +124,8 @@ def multiply(rows: Any, matrix: Any, product: Any) -> None:
 def decode(
     h: Any, decoder: Any, decoder_bias: Any, output: Any, output_bias: Any, decoded: Any, raw: Any
 ) -> None:
-    """D, still normalised: decoded (batch, decoder) = tanh(...), raw (batch, outputs)."""
+    """Compute the decoder D in normalised units: its hidden layer `decoded` (batch, decoder) and its outputs
+    `raw` (batch, outputs)."""
     multiply(h, decoder, decoded)
     for b in range(h.shape[0]):
         for j in range(decoded.shape[1]):

@@ -81,8 +81,7 @@ def _valid(r: Recording, channel: str) -> bool:
 
 
 def _other_rate(r: Recording, rate_hz: float) -> str:
-    """The remedy: the command line reads a bag at the simulator's rate, unless it was recorded at a lower
-    one."""
+    """The error message for a recording at another rate than the simulator's, with the remedy."""
     own_hz = 1 / r.dt
     if own_hz > rate_hz:
         cure = f"read it with rate_hz={rate_hz:g}"

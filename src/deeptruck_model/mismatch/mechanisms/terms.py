@@ -81,7 +81,8 @@ def build(mechanism: Mechanism, variants: Sequence[Variant]) -> list[Column]:
 
 
 def _acceleration(force: Expression) -> Expression:
-    """The acceleration that a force causes; rerun columns are accelerations already."""
+    """The acceleration that a force causes; expressions of reruns and sensitivities are accelerations and
+    stay as they are."""
     return force if _asked(force) else with_effective_mass(force)
 
 
