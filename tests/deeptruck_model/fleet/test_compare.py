@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
@@ -13,7 +12,6 @@ from urllib.parse import unquote
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.cli import main
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import lock
 from deeptruck_model.fleet import page, pool
@@ -111,11 +109,10 @@ def test_a_family_of_one_truck_of_two_is_not_of_most(tmp_path):
     assert pool.pool(target, {}, 0.05)["classes"]["all"]["common"] == {}
 
 
-def test_two_runs_do_not_write_one_result(result, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["deeptruck-model", "fleet", "pool", str(result)])
-    with lock.reserved(result), pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2 and "another run is to write" in capsys.readouterr().err
+def test_two_runs_do_not_write_one_result(result, script):
+    with lock.reserved(result):
+        code, _, error = script("fleet", "pool", result)
+    assert code == 2 and "another run is to write" in error
 
 
 def test_the_page_lists_them_first_and_every_link_leads_to_a_report(result):

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model import console
-from deeptruck_model.cli import whole
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet import plan
 from deeptruck_model.fleet.storage import place
@@ -16,12 +14,16 @@ from deeptruck_model.fleet.storage import place
 LAYOUT = "{truck}/{date}/*.mcap"
 
 
-def refused(words: list[str], capsys) -> str:
-    with pytest.raises(SystemExit) as end:
-        console.run(whole(), "deeptruck-model", ["fleet", *words])
-    says = capsys.readouterr().err
-    assert end.value.code == 2 and says.count("\n") == 1
-    return says
+@pytest.fixture
+def refused(script):
+    """refused(words) -> the one line of a refused `deeptruck-model fleet`."""
+
+    def _refused(words: list[str]) -> str:
+        code, _, says = script("fleet", *words)
+        assert code == 2 and says.count("\n") == 1
+        return says
+
+    return _refused
 
 
 def test_files_are_whose_and_of_which_day(drives):
@@ -53,24 +55,24 @@ def test_weeks():
         (["--layout", LAYOUT, "--topic-map", "classes.yaml", "--columns", "classes.yaml"], "not both"),
     ],
 )
-def test_bad_input_is_one_line(drives, tmp_path, monkeypatch, capsys, more, says):
+def test_bad_input_is_one_line(drives, tmp_path, monkeypatch, refused, more, says):
     monkeypatch.chdir(tmp_path)
     Path("classes.yaml").write_text("heavy: truck:trucksim\n")
     Path("trucks.csv").write_text("truck,sound\na,yes\nb,maybe\n")
     given = ["--simulator", "truck:trucksim"] if "--simulator" not in more else []
-    assert re.search(says, refused([str(drives), "--out", "out", *given, *more], capsys))
+    assert re.search(says, refused([str(drives), "--out", "out", *given, *more]))
     assert not Path("out").exists()
 
 
-def test_stages_without_what_they_need(drives, tmp_path, capsys):
-    assert "fleet extract" in refused(["compare", str(tmp_path)], capsys)
-    assert "fleet compare" in refused(["pool", str(tmp_path)], capsys)
-    assert "has no verdicts" in refused(["show", str(tmp_path)], capsys)
-    assert "with one of extract, compare" in refused(["walk", str(tmp_path)], capsys)
-    assert "no such stage" in refused(["walk", str(tmp_path)], capsys)
-    assert "does not exist" in refused(["pool", str(tmp_path / "none")], capsys)
+def test_stages_without_what_they_need(drives, tmp_path, refused):
+    assert "fleet extract" in refused(["compare", str(tmp_path)])
+    assert "fleet compare" in refused(["pool", str(tmp_path)])
+    assert "has no verdicts" in refused(["show", str(tmp_path)])
+    assert "with one of extract, compare" in refused(["walk", str(tmp_path)])
+    assert "no such stage" in refused(["walk", str(tmp_path)])
+    assert "does not exist" in refused(["pool", str(tmp_path / "none")])
     inside = ["--layout", LAYOUT, "--simulator", "truck:trucksim", "--out", str(drives / "out")]
-    assert "is read here" in refused([str(drives), *inside], capsys)
+    assert "is read here" in refused([str(drives), *inside])
 
 
 def test_trucks_have_classes_and_traits(tmp_path):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from foreign_bags import Message, S, bag_of, number, twist
 
-from deeptruck_model import cli
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, read
 
@@ -164,14 +163,6 @@ def test_topics_that_are_not_used_may_have_any_clock(tmp_path: Path) -> None:
     assert remark(read(bag_of(tmp_path / "bag", drive), topic_map=MAP)) == ""
 
 
-def run(monkeypatch: pytest.MonkeyPatch, command: str) -> int:
-    """The exit code."""
-    monkeypatch.setattr("sys.argv", ["deeptruck-model", *command.split()])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0)
-
-
 @pytest.fixture
 def tai(tmp_path: Path) -> tuple[Path, Path]:
     """A bag whose speed has TAI stamps, and its topic map."""
@@ -199,25 +190,23 @@ def tai(tmp_path: Path) -> tuple[Path, Path]:
 def test_commands_say_it(
     tai: tuple[Path, Path],
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    script: Callable[..., tuple[int, str, str]],
     command: str,
     code: int,
 ) -> None:
-    ended = run(monkeypatch, command.format(bag=tai[0], map=tai[1], out=tmp_path / "out"))
-    said = capsys.readouterr()
-    assert ended == code, said.err
-    lines = [line for line in (said.out + said.err).splitlines() if "differ by 37.0 s" in line]
+    ended, said, error = script(*command.format(bag=tai[0], map=tai[1], out=tmp_path / "out").split())
+    assert ended == code, error
+    lines = [line for line in (said + error).splitlines() if "differ by 37.0 s" in line]
     assert lines
     if code:
-        assert len(said.err.splitlines()) == 1 and "--clock log" in said.err
+        assert len(error.splitlines()) == 1 and "--clock log" in error
 
 
-def test_a_table_has_one_clock(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_has_one_clock(tmp_path: Path, script: Callable[..., tuple[int, str, str]]) -> None:
     table, columns = tmp_path / "drive.csv", tmp_path / "columns.yaml"
     table.write_text("t,v\n" + "".join(f"{k / 10},{10 + k / 100}\n" for k in range(100)))
     columns.write_text("time: {column: t, unit: s}\nchannels: {speed: {column: v, unit: m/s}}\n")
-    assert run(monkeypatch, f"import {table} --columns {columns} --out {tmp_path / 'bag'} --clock log") == 2
-    assert "is for bags" in capsys.readouterr().err
+    code, _, error = script(
+        "import", table, "--columns", columns, "--out", tmp_path / "bag", "--clock", "log"
+    )
+    assert code == 2 and "is for bags" in error

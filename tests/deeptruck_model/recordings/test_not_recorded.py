@@ -1,15 +1,14 @@
 from __future__ import annotations
 
-import contextlib
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from deeptruck_model import cli
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import (
     Recording,
@@ -100,18 +99,13 @@ def test_of_a_table_the_columns_are_named_and_no_topics(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_it_comes_first_on_the_terminal_in_the_numbers_and_on_the_page(
-    tmp_path: Path,
-    drive: Recording,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, drive: Recording, script: Callable[..., tuple[int, str, str]]
 ) -> None:
     bare = TruckInterface("t", brake_unit=None, grade=False, fuel=False)
     lacking = replace(without(drive, "brake_command", "grade", "elevation"), interface=bare)
     bag = write_bag(tmp_path / "bag", [lacking], interface=bare)
-    monkeypatch.setattr("sys.argv", ["deeptruck-model", "coverage", str(bag), "--out", str(tmp_path / "out")])
-    with contextlib.suppress(SystemExit):
-        cli.main()
-    lines = capsys.readouterr().out.splitlines()
+    _, said, _ = script("coverage", bag, "--out", tmp_path / "out")
+    lines = said.splitlines()
     assert [line.partition(".")[0] for line in lines[:3]] == [
         "not recorded: brake",
         "not recorded: slope",
