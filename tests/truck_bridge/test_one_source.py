@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from importlib import resources
 
 import can
 import pytest
@@ -76,7 +77,7 @@ def test_every_channel_has_the_range_of_its_meaning():
 
 
 def test_a_second_speed_that_the_file_names_is_no_second_sender(tmp_path):
-    text = (vehicles.loading.resources.files("truck_bridge.vehicles") / "trucksim.yaml").read_text()
+    text = (resources.files("truck_bridge.vehicles") / "trucksim.yaml").read_text()
     entry = "{message: CCVS1, from: retarder, period: 0.1, timeout: 0.3, signals: {third_speed: %s}}"
     named = f"  retarder_speed: {entry % 'WheelBasedVehicleSpeed'}\n"
     path = tmp_path / "truck.yaml"
@@ -100,7 +101,7 @@ def test_a_second_speed_that_the_file_names_is_no_second_sender(tmp_path):
     ],
 )
 def test_what_a_vehicle_file_says_of_signals_is_checked(tmp_path, old, new, said):
-    text = (vehicles.loading.resources.files("truck_bridge.vehicles") / "trucksim.yaml").read_text()
+    text = (resources.files("truck_bridge.vehicles") / "trucksim.yaml").read_text()
     assert old in text
     path = tmp_path / "truck.yaml"
     path.write_text(text.replace(old, new))
