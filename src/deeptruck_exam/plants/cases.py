@@ -58,7 +58,7 @@ CONCEALED: Mapping[str, Concealed] = {
 }
 
 
-def drives(concealed: Concealed, seed: int) -> list[Recording]:
+def drives(concealed: Concealed, seed: int, *, geared: bool = False) -> list[Recording]:
     """The recordings of a case; roads, sensor noise and the speed scale of the cycles depend on the seed.
 
     Raises ModuleNotFoundError if FASTSim is not installed.
@@ -70,7 +70,7 @@ def drives(concealed: Concealed, seed: int) -> list[Recording]:
         truth = concealed.truth
         if concealed.each_drive:
             truth = replace(truth, mass_kg=concealed.each_drive[k])
-        whole = plant.record(name, target, plant.road(target, rng), truth, rng)
+        whole = plant.record(name, target, plant.road(target, rng), truth, rng, geared=geared)
         shown = {c: v for c, v in whole.channels.items() if c not in concealed.withholds}
         grade = "grade" in shown
         out.append(replace(whole, channels=shown, interface=replace(whole.interface, grade=grade)))

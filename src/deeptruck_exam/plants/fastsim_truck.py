@@ -3,8 +3,9 @@
 FASTSim is backward facing: it computes the power that a speed trace needs. If the truck falls behind its
 trace, FASTSim loses its slopes, so that the driver here demands no more than the engine has. FASTSim has
 neither gears nor an engine speed; the bus therefore shows its engine's power as a torque through one fixed
-ratio, at idle speed or above, like a lossless converter. It has no wind: a headwind is represented by the
-slope with the same force.
+ratio, at idle speed or above, like a lossless converter. No truck with a data sheet is built so: the same
+drives `geared` show the torque in the gears of a usual gearbox, below idle speed through a clutch that slips,
+and brakes at rest. FASTSim has no wind: a headwind is represented by the slope with the same force.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ AIR_DENSITY, GRAVITY = 1.2, 9.80665  # kg/m^3, m/s^2: FASTSim's own
 # The bus, which FASTSim does not have: direct drive with an axle of 4.0, so that 80 km/h are 1680 rpm, and
 # 670 rpm at idle, as heavy diesel engines run; sensors as the usual ones of worlds.yaml.
 RATIO, IDLE = 4.0, 70.0  # 1, rad/s
+# The geared bus: an Eaton Fuller FRO-1x210C with a common axle; 1620 rpm at most but in top gear.
+GEARS, AXLE, UPSHIFT = (12.69, 9.29, 6.75, 4.90, 3.62, 2.59, 1.90, 1.38, 1.00, 0.74), 3.7, 170.0  # rad/s
+HOLD = 1.0  # m/s^2 of braking at rest, more than the steepest slope asks for: FASTSim's truck does not roll
 SPEED_NOISE, ACCELERATION_NOISE, SLOPE_NOISE = 0.02, 0.03, 0.0006
 # The road: between the highways and the hills of worlds.yaml, less steep than the 6 % that AASHTO allows
 # freeways; few enough metres from slope to slope that a drive of 400 s has many.
@@ -83,7 +87,9 @@ def road(target: Array, rng: np.random.Generator) -> Array:
     return np.clip(np.interp(way, metres, slope), -STEEPEST, STEEPEST)
 
 
-def record(name: str, target: Array, slope: Array, truth: Truth, rng: np.random.Generator) -> Recording:
+def record(
+    name: str, target: Array, slope: Array, truth: Truth, rng: np.random.Generator, *, geared: bool = False
+) -> Recording:
     """The bus signals of FASTSim's truck along the target speeds and slopes, both (n,).
 
     Raises RuntimeError as FASTSim does if the truck falls behind.
@@ -94,17 +100,24 @@ def record(name: str, target: Array, slope: Array, truth: Truth, rng: np.random.
     history = _walk(driven(target, felt, truth), felt, truth)
     speed = history["veh.history.speed_ach_meters_per_second"]
     mean = np.maximum(np.r_[speed[0], 0.5 * (speed[1:] + speed[:-1])], SLOWEST)
-    engine = sum(history[f"veh.pt_type.Conv.fc.history.{p}"] for p in ("pwr_prop_watts", "pwr_aux_watts"))
+    drive, auxiliary = (history[f"veh.pt_type.Conv.fc.history.pwr_{p}_watts"] for p in ("prop", "aux"))
     braking = np.maximum(-history["veh.history.pwr_tractive_watts"], 0.0) / mean / mass
     braking = np.where(mean > SLOWEST, braking, 0.0)
-    n = len(speed)
+    n, torque = len(speed), (drive + auxiliary) / engine_speed(mean)
+    gears: dict[str, Array] = {}
+    if geared:
+        gears["gear"] = _held(gear(mean))
+        turning = engine_speed(mean, overall(gear(mean)))
+        torque = drive / (mean * overall(gear(mean))) + auxiliary / turning
+        braking[np.r_[speed[0], np.maximum(speed[1:], speed[:-1])] == 0.0] = HOLD
     channels = {
         "speed": np.maximum(speed + SPEED_NOISE * (speed > 0) * rng.standard_normal(n), 0.0),
         "acceleration": np.r_[0.0, np.diff(speed)] / DT + ACCELERATION_NOISE * rng.standard_normal(n),
-        "engine_command": _held(engine / engine_speed(mean)),  # FASTSim's step k is from k - 1 to k
+        "engine_command": _held(torque),  # FASTSim's step k is from k - 1 to k
         "brake_command": _held(braking),
         "grade": _held(slope) + SLOPE_NOISE * rng.standard_normal(n),
-        "engine_speed": engine_speed(mean),
+        "engine_speed": engine_speed(speed, overall(gears["gear"])) if geared else engine_speed(mean),
+        **gears,
     }
     return Recording(name, DT, channels, INTERFACE)
 
@@ -139,9 +152,22 @@ def inertia(mass: float) -> float:
     return float(mass + s["wheels"] * s["wheel_inertia"] / s["wheel_radius"] ** 2)
 
 
-def engine_speed(speed: Array) -> Array:
-    """Engine speed in rad/s at speeds (n,) in m/s, idle or above."""
-    return np.asarray(np.maximum(IDLE, speed * RATIO / sheet()["wheel_radius"]))
+def gear(speed: Array) -> Array:
+    """The lowest gear (n,), from 1, in which the engine turns at UPSHIFT or slower at speeds (n,) in m/s."""
+    highest = UPSHIFT * sheet()["wheel_radius"] / AXLE / np.array(GEARS[:-1])
+    return np.asarray(1.0 + np.searchsorted(highest, speed), dtype=np.float64)
+
+
+def overall(gear: Array) -> Array:
+    """Engine speed over road speed, rad/m, in gears (n,)."""
+    return np.asarray(np.array(GEARS)[gear.astype(int) - 1] * AXLE / sheet()["wheel_radius"])
+
+
+def engine_speed(speed: Array, overall: Array | None = None) -> Array:
+    """Engine speed in rad/s at speeds (n,) in m/s, idle or above, through RATIO or `overall` ratios
+    (n,), rad/m."""
+    through = RATIO / sheet()["wheel_radius"] if overall is None else overall
+    return np.asarray(np.maximum(IDLE, speed * through))
 
 
 def _held(values: Array) -> Array:

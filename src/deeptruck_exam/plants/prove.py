@@ -82,8 +82,10 @@ def _examine(out: Path, key: str, seed: int, made: str, simulator: str) -> None:
     if _kept(out, key, seed, simulator).get("outcome", FAILED) != FAILED:
         return
     folder, concealed = _folder(out, key, seed), CONCEALED[key]
-    cases.written(cases.drives(concealed, seed), folder / "recordings")
-    case = Case(folder, made, FIT, NAMES[-1:], {}, "")
+    geared = simulator == DATA_SHEET
+    place = folder / "geared" if geared else folder
+    cases.written(cases.drives(concealed, seed, geared=geared), place / "recordings")
+    case = Case(place, made, FIT, NAMES[-1:], {}, "")
     path = _row(out, key, seed, simulator)
     run = run_tool(case, folder / f"found_{path.stem}")
     about = {"key": key, "concealed": concealed.what, "simulator": simulator, "seed": seed}

@@ -13,7 +13,7 @@ from pathlib import Path
 import yaml
 
 from deeptruck_exam.plants import fastsim_truck as plant
-from deeptruck_exam.plants.cases import CONCEALED, drives, written
+from deeptruck_exam.plants.cases import CONCEALED, Concealed, drives, written
 from deeptruck_exam.tool import CONSOLE_SCRIPT
 from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import MANIFEST
@@ -21,7 +21,7 @@ from deeptruck_model.simulators import MANIFEST
 OWN, LEARNED, DATA_SHEET = SIMULATORS = ("own equations", "learned", "data sheet")
 EQUATIONS = "python:deeptruck_exam.plants.fastsim_equations:make"
 SEEDS = (900_000, 900_001, 900_002)  # of the drives that simulators are made of
-TORQUE = 5000.0  # N m: no less than its power at idle speed
+TORQUE = 2300.0  # N m: its power over the engine speed at which the reference truck's torque is largest
 FULL_BRAKING = 6.0  # m/s^2; UN Regulation 13 asks for 5.0 of a heavy truck
 UPDATES = 0  # as many as training chooses
 
@@ -31,7 +31,8 @@ def make(folder: Path, *, grade: bool = True, updates: int = UPDATES) -> dict[st
     without `grade`. Raises InputError if a command fails."""
     folder.mkdir(parents=True, exist_ok=True)
     shown = CONCEALED["nothing" if grade else "slope"]
-    bags = [path for seed in SEEDS for path in written(drives(shown, seed), folder / "drives" / str(seed))]
+    bags, geared = (_bags(shown, folder / name, name == "geared") for name in ("drives", "geared"))
+    each = [part for path in geared for part in ("--recordings", str(path))]
     learned, fitted, truck, equations = (
         folder / name for name in ("learned", "fitted", "line_haul.yaml", "equations.yaml")
     )
@@ -39,23 +40,25 @@ def make(folder: Path, *, grade: bool = True, updates: int = UPDATES) -> dict[st
         command("train", *map(str, bags), "--out", str(learned), "--resume", "--budget", str(updates))
     if not truck.exists():
         _data_sheet(folder / "sheet.yaml")
-        command("new", str(truck), "--from", str(folder / "sheet.yaml"), "--recordings", str(bags[0]))
-        if not grade:
-            truck.write_text(truck.read_text().replace("grade: true", "grade: false", 1))
+        command("new", str(truck), "--from", str(folder / "sheet.yaml"), *each)
     equations.write_text(yaml.safe_dump({"grade": grade}))
-    sheet = str(fitted) if grade else f"truck:{truck}"  # a fit without slopes is worse, and writes nothing
+    follows = f"truck:{truck}?gear=recorded"
+    sheet = str(fitted) if grade else follows  # a fit without slopes is worse, and writes nothing
     if grade and not (fitted / MANIFEST).exists():
-        each = [part for path in bags for part in ("--recordings", str(path))]
-        command("calibrate-truck", f"truck:{truck}", *each, "--out", str(fitted))
+        command("calibrate-truck", follows, *each, "--out", str(fitted))
     return {DATA_SHEET: sheet, LEARNED: str(learned), OWN: f"{EQUATIONS}:{equations}"}
+
+
+def _bags(shown: Concealed, folder: Path, geared: bool) -> list[Path]:
+    return [path for s in SEEDS for path in written(drives(shown, s, geared=geared), folder / str(s))]
 
 
 def _data_sheet(path: Path) -> None:
     s = plant.sheet()
     data = {
         "mass_kg": s["mass"],
-        "gear_ratios": [1.0],
-        "axle_ratio": plant.RATIO,
+        "gear_ratios": list(plant.GEARS),
+        "axle_ratio": plant.AXLE,
         "tyres": s["wheel_radius"],
         "rated_torque_nm": TORQUE,
         "frontal_area_m2": s["frontal_area"],
@@ -66,6 +69,7 @@ def _data_sheet(path: Path) -> None:
 
 def command(*arguments: str) -> None:
     """Run a command of the tool, with one thread. Raises InputError with its last line if it fails."""
+    print(f"deeptruck-model {arguments[0]}", flush=True)
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     line: Sequence[str] = (sys.executable, "-c", CONSOLE_SCRIPT, *arguments)
     done = subprocess.run(line, check=False, env=environment, capture_output=True, text=True)

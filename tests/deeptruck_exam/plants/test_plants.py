@@ -85,6 +85,18 @@ def test_the_equations_drive_as_fastsim_does_until_something_is_concealed() -> N
 
 
 @needs_fastsim
+def test_geared_drives_are_the_same_drives_in_gears() -> None:
+    """Above idle speed the engine has the same power through either bus."""
+    one, geared = (cases.drives(cases.CONCEALED["nothing"], 7, geared=g)[1].channels for g in (False, True))
+    np.testing.assert_array_equal(one["speed"], geared["speed"])
+    assert set(geared["gear"]) <= set(range(1, 11)) and len(set(geared["gear"])) > 5
+    fast = (geared["speed"] > 9.5) & (np.diff(geared["gear"], prepend=0.0) == 0.0)
+    powers = [c["engine_command"] * c["engine_speed"] for c in (one, geared)]
+    np.testing.assert_allclose(powers[0][fast], powers[1][fast], rtol=0.05, atol=500.0)
+    assert (geared["brake_command"][geared["speed"] == 0.0][2:] > 0.0).mean() > 0.8
+
+
+@needs_fastsim
 def test_a_slope_that_is_not_logged_and_a_payload_that_changes() -> None:
     blind = cases.drives(cases.CONCEALED["slope"], 7)
     assert all("grade" not in r.channels and not r.interface.grade for r in blind)
@@ -129,7 +141,7 @@ def test_a_failed_run_is_run_again_and_a_scored_one_is_not(
 ) -> None:
     ends = [ToolRun(124, 1.0, {}, "stopped after 900 s"), ToolRun(0, 1.0, verdict("mass"), "")]
     monkeypatch.setattr(prove, "run_tool", lambda case, out: ends.pop(0))
-    monkeypatch.setattr(cases, "drives", lambda concealed, seed: [])
+    monkeypatch.setattr(cases, "drives", lambda concealed, seed, geared: [])
     (tmp_path / "cases" / "mass-3").mkdir(parents=True)
     for outcome in ("failed", "right", "right"):
         prove._examine(tmp_path, "mass", 3, "sim", "learned")
