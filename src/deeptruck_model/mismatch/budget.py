@@ -35,8 +35,9 @@ class DriveShare:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the squared speed error: its `share` with a 90 % interval, the share of time in which its
-    force acts, the force (n,), m/s^2, and its share in the error of each drive."""
+    """A part of the squared speed error: its `share` with a 90 % interval, the share of compared time in
+    which its force is notable (1 for the unexplained part), the force (n,), m/s^2, and its share in the error
+    of each drive."""
 
     part: str
     share: float = field(metadata=stored(digits=4))
@@ -175,8 +176,8 @@ def _shares(draws: Array, groups: Sequence[NDArray[np.intp]], products: Array) -
 
     `products` (K, K) are those of the k drawn columns, of the fixed columns, and of the error. A share is
     each part's marginal contribution averaged over all orders (Shapley's value of a quadratic form), so that
-    what two correlated parts explain is divided between them; parts that cancel each other count only by
-    their sum.
+    what two correlated parts explain is divided between them. Negative ones are set to zero and the others
+    scaled to what all explain, so that parts that cancel each other count only by their sum.
     """
     one, zero = np.ones((len(draws), len(products) - draws.shape[1] - 1)), np.zeros((len(draws), 1))
     parts = np.hstack([draws, one, zero])

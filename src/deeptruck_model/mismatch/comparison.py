@@ -1,4 +1,4 @@
-"""Types for a comparison of a simulator with drives, before any correction; the input of `decide`."""
+"""Types for a comparison of a simulator with drives, before any correction; the input of `conclude`."""
 
 from __future__ import annotations
 

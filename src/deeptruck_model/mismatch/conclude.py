@@ -123,7 +123,8 @@ def _caveats(c: Compared) -> list[str]:
 
 
 def _mass(c: Compared, made: Made) -> Iterator[str]:
-    """Remark on a stated mass that the drives contradict when all parameters and the findings are fitted."""
+    """Remark on a stated mass that the drives contradict when all parameters are fitted with the
+    terms of the correction."""
     model = c.search.model(made.recipe.terms, frozenset(c.search.parameters))
     if "mass" not in c.parameters or "mass" not in model.free or model.moved_sd("mass") >= 0.5 * FREE["mass"]:
         return

@@ -1,4 +1,8 @@
-"""Decides verdict and advice from numbers alone; no other file does."""
+"""Decides verdict and advice from numbers alone.
+
+The best simulator along held-out drives is chosen in `validate`; where nothing could be compared, `conclude`
+advises to record other data.
+"""
 
 from __future__ import annotations
 
@@ -65,8 +69,8 @@ def uncompared(*, faulty: bool) -> Conclusion:
 
 
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
-    """The simulator with the least error on held-out drives, with or without a name. If nothing is missing,
-    it is offered only if it removes as large a share of the error as a finding of drift must have."""
+    """The simulator that was chosen on held-out drives, with or without a name. If nothing is missing, it is
+    offered only if it reduces the error by as much as a drift must make to be a finding."""
     after = {REFIT: n.refitted, CORRECTION: n.corrected}.get(n.offered, n.given)
     if kind is Conclusion.NOTHING and not n.given - after > rules.drift:
         return AS_GIVEN

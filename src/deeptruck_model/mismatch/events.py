@@ -1,10 +1,10 @@
-"""Events: forces that act only for seconds, found in the residual after the mean forces of the posterior are
+"""Events: forces that act only for seconds, found in the residual after the forces of the posterior are
 removed.
 
 A matched filter is applied for each leading direction of each mechanism's kernel, confined to a window, over
 all windows of 3 to 60 s. The residual is whitened, clipped (an outlier is no event) and filtered back, so
 that its inner products with all windows are differences of one cumulative sum per direction. A filter's gain
-is divided by its spread over the other windows of the same log, so that a permanent error is no event. The
+is divided by its squared spread over all windows of its length, so that a permanent error is no event. The
 largest gain is compared with that of noise of the fitted model along the same drives.
 """
 
@@ -68,8 +68,8 @@ class Event:
 def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
     """The events in the residual after the posterior mean of all forces is subtracted.
 
-    Held-out drives are searched too, after subtracting their medians, because each drive has a constant force
-    of its own.
+    Held-out drives are searched too, after subtracting these forces with sizes fitted to each, and then its
+    median, because each drive has a constant force of its own.
     """
     e = p.search.e.everywhere()
     return find_events(_left_over(p, e), p.noise, kernels(p.search), e.stretches, e.dt, seed)

@@ -1,5 +1,5 @@
-"""Checks names excluded from the library; a separate module, so that a wrong name is refused before the tool
-loads.
+"""Checks names excluded from the library; a separate module, so that the command line refuses a wrong name
+before the tool loads.
 """
 
 from __future__ import annotations

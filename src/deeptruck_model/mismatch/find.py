@@ -67,7 +67,8 @@ def find_mismatch(
     rules: Rules = Rules(),
     mass_kg: float | None = None,
 ) -> Mismatch:
-    """Compare a simulator with recordings. If the data do not suffice, the verdict is `undetermined`.
+    """Compare a simulator with recordings. If the data do not suffice, the verdict is `undetermined`, or
+    `measurement_fault` if a sensor is wrong.
 
     The simulator may be named as for `load`, recordings by paths of bags. `say` is called with each step;
     without it a terminal shows them.
@@ -75,7 +76,8 @@ def find_mismatch(
     `exclude` removes effects from the library, `without` rows from the recordings. `mass_kg` is the mass of a
     simulator that does not state its mass: without it forces are per kilogram. Raises InputError if simulator
     and recordings do not belong together, for a held-out drive that is also fitted, for an unknown effect,
-    and for a mass that is impossible or differs from the simulator's.
+    for a mass that is impossible or differs from the simulator's, and for a simulator whose acceleration no
+    vehicle has.
     """
     truck, fit, held = called(
         simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,

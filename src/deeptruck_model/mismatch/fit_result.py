@@ -1,6 +1,4 @@
-"""Types for free-run errors and the intervals of their improvement; `FitResult.to_json` is `fit` of
-verdict.json.
-"""
+"""Types for free-run errors and the intervals of their improvement; `FitResult` is `fit` of verdict.json."""
 
 from __future__ import annotations
 

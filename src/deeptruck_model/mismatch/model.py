@@ -51,8 +51,9 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Made:
-    """The corrected simulator and the one with refitted parameters only; the recipe with its most probable
-    sizes, which findings state even if other sizes predict better; and the parameters of the refit.
+    """The corrected simulator, the one with refitted parameters only, the recipe of the correction, the most
+    probable sizes of `terms`, which findings state even if other sizes predict better, and the parameters of
+    the refit.
 
     `left_out` are first-order speed errors (drives,), rms in m/s, of fitted drives that were left out in
     turn, by simulator as in `FreeRunErrors`; empty if they are too few. Those of the corrected

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.events import Event, together
 from deeptruck_model.mismatch.posterior.kernels import NOT_ALWAYS, VARYING, kernels
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.mismatch.tree import FAMILY, SLOW, Tree
+from deeptruck_model.mismatch.tree import FAMILY, Tree
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -47,22 +47,20 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Names:
-    """The effects, most probable first; the probability that any mechanism acts, and that slow drift does;
-    the sets of names that act together; and the probability of every name."""
+    """The effects, most probable first; the sets of names that act together; and the probability of every
+    name."""
 
     found: tuple[Named, ...]
-    any: float
-    slow: float
     explanations: tuple[Explanation, ...]
     each: Mapping[str, float]
 
 
 def names(p: Posterior, rules: Rules, happened: Sequence[Event] = ()) -> Names:
-    """The names of a posterior. Each finding has the most probable name of the most probable family not yet
-    represented by an earlier finding; its alternatives are the names that may act in its place. Without
-    any accepted, the finding is the possible common cause of the events that `happened`."""
+    """The names of a posterior. Each has the most probable name of the most probable family in the draws that
+    earlier ones leave open, if that family acts with a probability of `rules.named`; for the first it
+    suffices that any mechanism does. Its alternatives are the names that may act in its place. Without any
+    accepted, it is the possible common cause of the events that `happened`."""
     there = {n: p.inside(n) for n in dict.fromkeys(k.name for k in p.of)}
-    slow = float(there[SLOW].mean()) if SLOW in there else 0.0
     own = {n: x for n, x in there.items() if n not in NO_NAME}
     some = float(np.any(list(own.values()), axis=0).mean()) if own else 0.0
     left = {n: x for n, x in own.items() if x.mean() >= Limits.rare}
@@ -82,7 +80,7 @@ def names(p: Posterior, rules: Rules, happened: Sequence[Event] = ()) -> Names:
     if matters and len(happened) >= Limits.events_agree and not any(x.accepted for x in found):
         found = [_cause(p, happened, rules)]
     each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= Limits.rare}
-    return Names(tuple(found), some, slow, _explanations(own), each)
+    return Names(tuple(found), _explanations(own), each)
 
 
 def _named(p: Posterior, sought: str, tree: Tree, rules: Rules) -> Named:

@@ -177,7 +177,7 @@ class Verdict:
 
     @property
     def validated(self) -> bool:
-        """Whether the corrected simulator passed validation."""
+        """Whether the offered simulator, corrected or with refitted parameters only, passed validation."""
         return self.fit is not None and self.fit.validated
 
     def to_json(self) -> dict[str, Any]:

@@ -1,10 +1,10 @@
 """Identifies an unrecorded road: a slow force that depends on the road position.
 
 A learned truck that gets its own speed follows a slope as it follows every slow force, so that little of it
-remains in its residual. A linear model of the recordings does not (`slow_force.plain_truck`). The slow part
-of its residual is the posterior mean of a smooth kernel in time; if a window of it is repeated elsewhere,
-with the same sign in the same direction or the opposite sign in the opposite direction, it belongs to the
-road. If none is repeated, the size that each possible cause would need decides.
+remains in its residual. A linear model of the recordings does not (`slow_force.plain_truck`). Its residual
+is smoothed in time; if a window of the slow part is repeated elsewhere, with the same sign in the same
+direction or the opposite sign in the opposite direction, it belongs to the road. If none is repeated, the
+size that each possible cause would need decides.
 """
 
 from __future__ import annotations

@@ -166,7 +166,7 @@ class Limits:
     no_vehicle: float = _rule(
         0.01,
         "1",
-        "of the samples beyond what a vehicle can do: with more the recording is none of a truck",
+        "of the simulated samples beyond what a vehicle can do: with more the simulator is none of a vehicle",
         CHOSEN,
     )
     forgotten: float = _rule(

@@ -85,9 +85,10 @@ def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous
 
 
 def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
-    """Whether both the root-mean-square and the mean absolute error along held-out drives decrease
-    significantly, alone or combined with the fitted drives that were left out in turn; and whether drives do
-    not grow worse in the mean, as those do that carried another load."""
+    """Whether both the root-mean-square and the mean absolute error along held-out drives decrease; whether
+    the mean error of runs decreases significantly, or that of drives, combined with the fitted drives that
+    were left out in turn; and whether drives do not grow worse in the mean, as those do that carried another
+    load."""
     before, after = errors["before"], errors[name]
     if (
         not len(before.speed)
@@ -106,8 +107,8 @@ def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
 
 
 def _log_ratio(pairs: Array) -> Array:
-    """Logarithm (drives,) of the ratio of drives' errors (drives, 2), m/s, after to before; errors too small
-    for a finding count as zero."""
+    """Logarithm (drives,) of the ratio of drives' errors (drives, 2), m/s, after to before. What is
+    too small for a finding is added to both in quadrature, so that smaller errors hardly count."""
     floored = np.hypot(pairs, Rules.drift)
     return np.asarray(np.log(floored[:, 1] / floored[:, 0]))
 

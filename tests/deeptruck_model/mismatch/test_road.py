@@ -21,7 +21,7 @@ def long(kilometres: float) -> Evidence:
 
 
 def lock(same_km: float, other_km: float) -> RoadLock:
-    return RoadLock(same_km, other_km, 0.8, 0.5)
+    return RoadLock(same_km, other_km)
 
 
 def test_the_longer_a_road_comes_again_the_surer_it_is() -> None:

@@ -151,7 +151,7 @@ def with_held_out(
             pieces.append(r)
             flags.append(False)
             continue
-        pieces += [replace(r.piece(0, cut)), replace(r.piece(cut, len(r)))]
+        pieces += [r.piece(0, cut), r.piece(cut, len(r))]
         flags += [False, True]
     return pieces, flags, [SAME_DRIVES]
 

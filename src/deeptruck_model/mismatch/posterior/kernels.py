@@ -25,10 +25,10 @@ Array = NDArray[np.float64]
 
 UNKNOWN = "unknown"
 LAW, IN_TIME, IN_CONDITION, UNNAMED = 24, 60, 16, 40  # leading directions that are kept of a kernel
-NOT_ALWAYS = 0.3  # prior odds that a name which may vary in time does, or acts in one condition only
+NOT_ALWAYS = 0.3  # prior odds that a name which may vary in time does, or that its size depends on conditions
 LAWS, VARYING, CONDITIONAL = "law", "in time", "in one condition"  # parts of a name's forces
-FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families that may act in one condition only
-LEADING = 5  # directions of a law that are confined to conditions
+FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families whose sizes may depend on conditions
+LEADING = 5  # directions of a law whose sizes may depend on conditions
 CARRIERS = {
     "engine": 0.15,
     "brake": 0.15,
@@ -43,8 +43,8 @@ TINY = 1e-7  # of the largest power: a direction that has less is rounding
 
 @dataclass(frozen=True)
 class Kernel:
-    """The features (n, k) of a name, in m/s^2, whose coefficients are N(0, 1). `sign` (n,) is the sign of a
-    force that can have no other; `chance` the prior probability of the name."""
+    """The features (n, k) of a name, in m/s^2, whose coefficients are N(0, 1). `sign` (n,) is a typical force
+    of a name whose force can have no other sign; `chance` a factor on the name's prior odds."""
 
     name: str
     features: Array
@@ -86,7 +86,7 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
 
 
 def _gates(search: Regression) -> Array:
-    """Conditions in which an effect may act and otherwise not, and one for everywhere, (n, c); empty for a
+    """Conditions by which the size of an effect may differ, and one for everywhere, (n, c); empty for a
     learned simulator, because its training errors also depend on conditions."""
     e = search.e
     if e.model_discrepancy != 0:
@@ -96,8 +96,8 @@ def _gates(search: Regression) -> Array:
 
 
 def _of_terms(search: Regression, terms: Sequence[CandidateTerm], gates: Array) -> list[Kernel]:
-    """One kernel of a name's constant terms, one of these in one condition only, and one of its terms that
-    vary in time, in any order."""
+    """One kernel of a name's constant terms, one of these with sizes that depend on all conditions at once,
+    and one of its terms that vary in time; terms may be in any order."""
     terms = sorted(terms, key=lambda t: repr(t.variants))
     laws = [t for t in terms if not t.varies_in_time]
     varying = [t for t in terms if t.varies_in_time]

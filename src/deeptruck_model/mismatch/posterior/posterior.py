@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.mechanisms.courses import FINE_M
 from deeptruck_model.mismatch.mechanisms.road import HILLY, ROAD_GRADE
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
-from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, Blocks, Draws, sample
+from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, SWEEPS, Blocks, Draws, sample
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, fit, whiten
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
@@ -54,7 +54,6 @@ class Posterior:
     mean: Array  # (n,) m/s^2, what the prior means of these are
     noise: Fit
     prior: Prior
-    gram: Array  # of all whitened columns
     first: Array  # what each block gains by itself at each size, nats
 
     def inside(self, name: str) -> NDArray[np.bool_]:
@@ -116,7 +115,7 @@ class Posterior:
             everything = space.evidence(tuple(state.tolist()))
             left = np.where(names == name, OUT, state)
             open_ = may & (left == OUT)
-            gains, odds = space.table(tuple(left.tolist()))[0][open_], space.log_odds[open_]
+            gains, odds = space.table(tuple(left.tolist()))[open_], space.log_odds[open_]
             chosen[open_] += weight * softmax(
                 self._logs(gains, odds, Limits.form_choice * float(gains.max()))
             )
@@ -152,7 +151,7 @@ def posterior(
     extra: Sequence[Kernel] = (),
     *,
     seed: int = 0,
-    sweeps: int = 240,
+    sweeps: int = SWEEPS,
     noise: Fit | None = None,
 ) -> Posterior:
     """Draws from the posterior of all blocks of a search, and of those that are `extra`; beside `noise` that
@@ -170,22 +169,22 @@ def posterior(
     columns = [always, *(k.features for k in of)]
     first = np.arange(always.shape[1])
 
-    def drawn(noise: Fit, sweeps: int) -> tuple[Draws, Array]:
+    def drawn(noise: Fit, sweeps: int) -> Draws:
         gram, pull = _products(search, columns, y, noise)
         blocks = Blocks(gram, pull, at, odds, signed)
-        return sample(blocks, first, rules.evidence_temperature, seed, sweeps=sweeps), gram
+        return sample(blocks, first, rules.evidence_temperature, seed, sweeps=sweeps)
 
     if noise is None:
         noise = search.background(()).fit
-        b = drawn(noise, FEW)[0].coefficients.mean(axis=0)
+        b = drawn(noise, FEW).coefficients.mean(axis=0)
         own = always @ b[first] + sum(
             (k.features @ b[a] for k, a in zip(of, at, strict=True) if np.abs(b[a]).max(initial=0.0) > 0),
             start=np.zeros(len(y)),
         )
         left = np.where(search.series.valid, y - own, 0.0)
         noise = fit(replace(search.series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
-    draws, gram = drawn(noise, sweeps)
-    return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior, gram, draws.alone)
+    draws = drawn(noise, sweeps)
+    return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior, draws.alone)
 
 
 def _form_error(search: Regression) -> Array:

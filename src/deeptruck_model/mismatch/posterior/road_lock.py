@@ -22,13 +22,10 @@ EVERY = 8  # steps between the windows that are sought again
 
 @dataclass(frozen=True)
 class RoadLock:
-    """Distance (km) over which the force was repeated by a pass in the same and in the other direction, the
-    agreement there, and the agreement that 99 % of windows do not exceed by chance."""
+    """Distance (km) over which the force was repeated by a pass in the same and in the other direction."""
 
     same_way_km: float
     other_way_km: float
-    agreement: float
-    by_chance: float
     ahead: NextPass | None = None  # what the other pass predicts of the road beyond
 
 
@@ -56,7 +53,7 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     on = again > limit
     reverse = (again == other) & (other_km > 0.0)
     ahead = next_pass(windows, picked[on], np.where(reverse, back, there)[on], reverse[on])
-    return RoadLock(same_km, other_km, float(np.median(again[on])), limit, ahead)
+    return RoadLock(same_km, other_km, ahead)
 
 
 def _beyond_chance(found: NDArray[np.bool_]) -> float:

@@ -45,13 +45,12 @@ class Blocks:
 class Draws:
     """Draws of the posterior: states (m, blocks) and coefficients (m, k).
 
-    `gain` is the best state's and `alone` (blocks, sizes) each block's own at each size, in nats over no
-    active block; `space` gives the gains relative to any state.
+    `alone` (blocks, sizes) is each block's own gain at each size, in nats over no active block; `space` gives
+    the gains relative to any state.
     """
 
     states: NDArray[np.int_]
     coefficients: Array
-    gain: float
     alone: Array
     space: Reduced
 
@@ -118,13 +117,13 @@ class Reduced:
             np.concatenate([np.full(len(self.at[j]), SIZES[s]) for j, s in on]),
         )
 
-    def table(self, state: State) -> tuple[Array, float]:
+    def table(self, state: State) -> Array:
         """The gain of every inactive block at each size, (blocks, sizes) in nats, including its sign
-        constraint; and the log evidence of the state."""
+        constraint."""
         given = self._given(state)
         for j in np.flatnonzero(np.isnan(given.gains[:, 0])):
             self.gains(state, int(j))
-        return given.gains, given.evidence
+        return given.gains
 
     def gains(self, state: State, j: int) -> Array:
         """The gain of one block at each size relative to a state, (sizes,) in nats; minus infinity for an
@@ -197,36 +196,33 @@ def _gains(inner: Array, pull: Array, signed: Array | None) -> Array:
     return out
 
 
-def sample(
-    blocks: Blocks, always: Places, unit: float, seed: int = 0, sweeps: int = SWEEPS, thin: int = 1
-) -> Draws:
+def sample(blocks: Blocks, always: Places, unit: float, seed: int = 0, sweeps: int = SWEEPS) -> Draws:
     """Draw states and coefficients. Log evidence is divided by `unit`, because noise and forms are
     approximate. Columns in `always` are always active with unit prior variance."""
     rng = np.random.default_rng(seed)
     r = Reduced(blocks, always)
-    state, best = _greedy(r, unit)
+    state = _greedy(r, unit)
     states, coefficients = [], []
     for sweep in range(sweeps + BURN_IN):
         for j in rng.permutation(len(r.at)):
             state = _toggled(r, state, int(j), unit, rng)
         state = _exchanged(r, state, unit, rng)
-        best = max(best, r.evidence(state))
-        if sweep >= BURN_IN and (sweep - BURN_IN) % thin == 0:
+        if sweep >= BURN_IN:
             states.append(state)
             coefficients.append(r.drawn(state, unit, rng))
-    alone = r.table((OUT,) * len(r.at))[0]
-    return Draws(np.array(states), np.array(coefficients), best, alone, r)
+    alone = r.table((OUT,) * len(r.at))
+    return Draws(np.array(states), np.array(coefficients), alone, r)
 
 
-def _greedy(r: Reduced, unit: float) -> tuple[State, float]:
+def _greedy(r: Reduced, unit: float) -> State:
     """Blocks put in one after the other while that is more probable than not."""
     state: State = tuple([OUT] * len(r.at))
     while True:
-        gains, evidence = r.table(state)
+        gains = r.table(state)
         worth = gains / unit + r.log_odds[:, None] - np.log(len(SIZES))
         j, s = np.unravel_index(int(np.argmax(worth)), worth.shape)
         if worth[j, s] <= 0.0:
-            return state, evidence
+            return state
         state = _with(state, int(j), int(s))
 
 
@@ -248,7 +244,7 @@ def _exchanged(r: Reduced, state: State, unit: float, rng: np.random.Generator) 
     if not on:
         return state
     without = _with(state, int(rng.choice(on)), OUT)
-    logs = r.table(without)[0] / unit + r.log_odds[:, None]
+    logs = r.table(without) / unit + r.log_odds[:, None]
     j, s = np.unravel_index(_pick(logs.ravel(), rng), logs.shape)
     return _with(without, int(j), int(s))
 

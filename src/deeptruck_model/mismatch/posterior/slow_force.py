@@ -139,7 +139,7 @@ class SlowForce:
 
 
 def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: float = 0.0) -> SlowForce | None:
-    """The slow part of `left` (n,), the residual after named mechanisms and signals; None where it is small.
+    """The slow part of `left` (n,), the residual of the linear model; None where it is small.
 
     `weight` (n,) is the weight of each sample, `sigma` the sd of one sample's noise, `doubt` the rms of the
     part of `left` that may have another cause.

@@ -111,7 +111,6 @@ PARTS = {
     "slow": "slow drift",
     "left_over": "unexplained",
     "unknown": "no known mechanism",
-    "unrecorded:gear": "gear changes that were not recorded",
     "commands obeyed": "whether commands were obeyed",
 }
 ROOT = "mismatch"

@@ -167,8 +167,8 @@ def signals(
 
 
 def _places(grid: Grid, parts: Sequence[Array]) -> Array:
-    """Block means of positions; NOWHERE in blocks that contain the end of one road and the start of
-    another."""
+    """Block means of positions; the last sample's position in blocks that contain the end of one road and
+    the start of another."""
     mean, last = grid.stack(parts), grid.last(parts)
     return np.where(np.abs(mean - last) < NEAR_M, mean, last)
 

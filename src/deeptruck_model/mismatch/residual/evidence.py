@@ -141,10 +141,10 @@ class Evidence:
     """Stacked signals (n,) at period `dt`. Forces are specific (m/s^2, that is N per kg of `mass`).
 
     `residual` is observed minus simulated acceleration, with the simulator forced along the recording;
-    `disagreement` the sd of the simulator under its own input noise; `sensitivity` the change of the residual
-    for a 100 % change of each simulator parameter. `signals` holds the signals in mechanisms, NaN or absent
-    where unknown. `rerun(name, amount)` returns the change of the simulated acceleration under a changed
-    command path.
+    `disagreement` the sd of the simulator under its own input noise; `sensitivity` the change of the
+    simulated acceleration for +100 % of each simulator parameter. `signals` holds the signals in mechanisms,
+    NaN or absent where unknown. `rerun(name, amount)` returns the change of the simulated acceleration under
+    a changed command path.
     """
 
     dt: float

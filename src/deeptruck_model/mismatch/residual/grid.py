@@ -33,7 +33,7 @@ class Grid:
         return self.stretches[-1].stop
 
     def stack(self, parts: Sequence[Array]) -> Array:
-        """Block means over valid samples; NaN if a block has none."""
+        """Block means; NaN in a block with a NaN."""
         return np.concatenate([self._blocks(p).mean(axis=1) for p in parts])
 
     def last(self, parts: Sequence[Array]) -> Array:

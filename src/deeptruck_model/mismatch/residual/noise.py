@@ -68,7 +68,7 @@ class Fit:
     """Posterior of the coefficients (k,), covariance (k, k), log evidence in nats, and the fitted noise.
 
     `between` (k,) is the sd of the coefficients between recordings; zero if these are too few. `innovations`
-    (n,) are in units of sigma and NaN where a sample does not count; `pointwise` (n,) their log densities.
+    (n,) are in units of sigma and NaN where a sample does not count.
     """
 
     b: Array
@@ -78,7 +78,6 @@ class Fit:
     sigma: float
     ar: Array
     innovations: Array
-    pointwise: Array
 
 
 def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit:
@@ -152,16 +151,14 @@ def log_orthant(mean: Array, covariance: Array) -> float:
 def _without_samples(series: Series, prior: Prior) -> Fit:
     """The fit if no sample counts, as in a part of the recordings: the prior."""
     n, k = len(series.y), len(prior.mean)
-    covariance, zero = np.diag(prior.sd**2), np.zeros(n)
     return Fit(
         prior.mean.copy(),
-        covariance,
+        np.diag(prior.sd**2),
         np.zeros(k),
         0.0,
         series.rules.noise_floor,
         np.zeros(ORDER),
         np.full(n, np.nan),
-        zero,
     )
 
 
@@ -190,9 +187,9 @@ def _finish(
     between[active] = _between(
         Xa * (w * scaled * rel * sigma)[:, None], series, use, covariance[active][:, active]
     )
-    innovations, pointwise = np.full(len(series.y), np.nan), np.zeros(len(series.y))
-    innovations[use], pointwise[use] = scaled, point
-    return Fit(b, covariance, between, evidence, sigma, ar, innovations, pointwise)
+    innovations = np.full(len(series.y), np.nan)
+    innovations[use] = scaled
+    return Fit(b, covariance, between, evidence, sigma, ar, innovations)
 
 
 def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Finds samples in which a simulator that reports no forces uses another gear than was recorded."""
+"""Finds samples in which a simulator uses another gear than was recorded."""
 
 from __future__ import annotations
 

@@ -47,7 +47,6 @@ def test_the_same_way_and_the_other_way_are_distinguished(nothing_missing: Evide
     found = road_lock(e, np.concatenate([seen(there, 1), seen(there, 2), *(road(k) for k in range(3, 7))]))
     assert found is not None
     assert found.other_way_km == 0.0 and 30.0 < found.same_way_km < 50.0
-    assert found.agreement > found.by_chance
 
 
 @pytest.mark.parametrize("seed", range(4))
