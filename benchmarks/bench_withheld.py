@@ -117,7 +117,6 @@ def gear(folder: Path) -> Withheld:
     sheet, truck = folder / "sheet.yaml", folder / "bus.yaml"
     sheet.write_text(yaml.safe_dump({**SHEET, "gear_ratios": ratios([*normal, *forged])}))
     command("new", str(truck), "--from", str(sheet), "--recordings", str(folder / "bus"))
-    truck.write_text(truck.read_text().replace("grade: true", "grade: false", 1))  # the bus has none
     parts = split(normal, (1 / PIECES, 1 - 1 / PIECES, 0.0))[:PIECES]
     channel = {r.name: r.channels["gear"] for part in parts for r in part}
     blind, held = ([withhold(r, ("gear", "engine_speed")) for r in part] for part in parts)

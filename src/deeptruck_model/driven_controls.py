@@ -64,7 +64,7 @@ class Single:
 SINGLES = (
     Single("brake_pushout", "the share of the brake command at which the brakes begin", 0.0, 0.3),
     Single("engine_friction", "engine friction over that of the reference truck", 0.0, 3.0),
-    Single("engine_inertia", "kg m^2 that turn with the engine", 0.5, 10.0),
+    Single("engine_inertia", "kg m^2 that turn with the engine", 0.3, 10.0),
     Single(
         "shift_time",
         "s of a change of gear, and torque ramps in proportion",
@@ -89,7 +89,9 @@ SINGLES = (
         BRAKING,
     ),
 )
-OF_BRAKES_ALONE = Single("brake_controller_gain", "a request is what the brakes add", 0.0, 0.0)
+OF_BRAKES_ALONE = Single(
+    "brake_controller_gain", "a request is what the brakes add", 0.0, 0.0, ("brake_gate",)
+)  # the smallest requests too
 
 
 @dataclass(frozen=True)

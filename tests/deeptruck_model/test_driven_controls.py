@@ -94,7 +94,7 @@ def test_a_truck_with_one_gear_needs_no_gear_channel() -> None:
 def test_a_deceleration_by_the_brakes_alone_is_learned() -> None:
     driven = SHEET.with_values({"brake_controller_gain": 0.0})
     found = learned(SHEET, drives(PhysicsTruck(driven)))
-    assert found.truck.values["brake_controller_gain"] == 0.0
+    assert found.truck.values["brake_controller_gain"] == found.truck.values["brake_gate"] == 0.0
     assert any(
         line.startswith("brake_controller_gain: a request is what the brakes add") for line in found.says
     )
