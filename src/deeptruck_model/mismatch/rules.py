@@ -261,6 +261,12 @@ class Limits:
     drives_that_agree: int = _rule(
         4, "drives", "below which only free runs show whether a correction is better", STATISTICS
     )
+    falls: float = _rule(
+        0.9,
+        "1",
+        "one-sided confidence that drives' errors fall, from which on a correction is offered",
+        CHOSEN,
+    )
     least_in: float = _rule(0.1, "1", "probability of a mechanism, above which it is corrected", CHOSEN)
     form_left: float = _rule(0.03, "1", "of the squares of a mean force, that its forms may leave", CHOSEN)
     simpler: float = _rule(

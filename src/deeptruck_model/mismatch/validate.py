@@ -114,10 +114,11 @@ def _log_ratio(pairs: Array) -> Array:
 
 
 def _falls(ratio: Array) -> bool:
-    """Whether drives' ratios of errors, as `_log_ratio` gives them, are significantly below `better`."""
+    """Whether drives' ratios of errors, as `_log_ratio` gives them, are below `better`, at the one-sided
+    confidence `falls`."""
     if len(ratio) < Limits.drives_that_agree:
         return False
-    wide = float(student_t.ppf(0.975, len(ratio) - 1)) * ratio.std(ddof=1) / np.sqrt(len(ratio))
+    wide = float(student_t.ppf(Limits.falls, len(ratio) - 1)) * ratio.std(ddof=1) / np.sqrt(len(ratio))
     return bool(ratio.mean() + wide < np.log(Rules.better))
 
 
