@@ -264,7 +264,7 @@ class Limits:
     falls: float = _rule(
         0.9,
         "1",
-        "one-sided confidence that drives' errors fall, from which on a correction is offered",
+        "one-sided confidence that drives' errors fall, above which a correction is offered",
         CHOSEN,
     )
     least_in: float = _rule(0.1, "1", "probability of a mechanism, above which it is corrected", CHOSEN)
