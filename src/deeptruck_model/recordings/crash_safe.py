@@ -75,11 +75,15 @@ class CrashSafeWriter:
         self._first_ns = min(self._first_ns, stamp_ns)
         self._last_ns = max(self._last_ns, stamp_ns)
         self._guarded(self._writer.add_message, channel.id, stamp_ns, cdr, stamp_ns, channel.count)
+        self.flush_if_due()
+
+    def flush_if_due(self) -> None:
+        """Store everything written so far if the interval has passed. Call it often if messages may stop."""
         if time.monotonic() >= self._due:
-            self._guarded(self._flush)
+            self.flush()
 
     def flush(self) -> None:
-        """Store everything written so far. Call it from a timer if messages may stop."""
+        """Store everything written so far as one chunk."""
         self._guarded(self._flush)
 
     def close(self) -> None:

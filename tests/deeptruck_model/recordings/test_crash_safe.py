@@ -90,6 +90,17 @@ def test_after_kill_9_all_but_the_last_second_is_there(tmp_path: Path, killed: A
     assert repair(bag) is None
 
 
+def test_a_chunk_ends_when_it_is_due_and_not_before(tmp_path: Path) -> None:
+    for seconds, chunks in ((3600.0, 1), (0.0, 50)):
+        with CrashSafeWriter(tmp_path / f"{seconds:g}", flush_s=seconds) as writer:
+            for number in range(50):
+                fill(writer, [number], ("/a",))
+                writer.flush_if_due()
+        with next((tmp_path / f"{seconds:g}").glob("*.mcap")).open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary is not None and len(summary.chunk_indexes) == chunks
+
+
 def test_cut_off_anywhere(tmp_path: Path) -> None:
     """Whatever byte the file ends at, a whole bag with the first messages of every topic results."""
     with CrashSafeWriter(tmp_path / "bag", custom_data={"deeptruck.x": "1"}) as writer:

@@ -96,7 +96,7 @@ class Recorder(DeeptruckNode):
     def tick(self) -> float:
         if self._undiscovered:
             self._find_topics()
-        self._writer.flush()
+        self._writer.flush_if_due()
         if not self.lockstep:  # what it counts depends on timing: no part of a run that repeats itself
             level, says = ("warn", "messages were lost") if self._lost else ("ok", "recording")
             self.diagnose(self.now(), level, says, {"messages": self.received, "lost": self._lost})
