@@ -105,7 +105,7 @@ def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Ow
     """Load, wind and constant force of the drive with these prepared pieces; None if too little can be
     compared."""
     e = gather(simulator, drives, [False] * len(drives), rules=rules)
-    e = replace(e, valid=e.valid & ~unrecorded.braking(e, rules)[0])
+    e, _ = unrecorded.braking(e)
     if e.valid.sum() * e.dt < Limits.least_driving_s:
         return None
     e = allowed_for(simulator, e, drives[0].measured_acceleration, 0)
@@ -114,8 +114,8 @@ def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Ow
         columns[LOAD] = e.sensitivity[LOAD][:, None]
     search = Regression(replace(e, sensitivity={}), exclude=set(LIBRARY) - {SLOPE})
     blocks = [Kernel(n, SD[n] * np.nan_to_num(x), chance=DRIFT_ODDS / rules.odds) for n, x in columns.items()]
-    p = posterior(search, rules, blocks)
-    rise, wind = (_quantity(p.probability(n), _drawn(p, n), STRONGEST[n]) for n in STEADY)
+    p = posterior(search, blocks)
+    rise, wind = (_quantity(p.probability(n), _drawn(p, n), STRONGEST[n], rules) for n in STEADY)
     load = _load(p) if LOAD in columns else Quantity()
     return Own(load, wind, _constant(rise), float(e.valid.sum() * e.dt), Shares.if_unreported(e))
 
@@ -136,7 +136,7 @@ def _load(p: Posterior) -> Quantity:
     """The relative change of mass."""
     low, high = p.search.e.vehicle.possible(LOAD)
     moved = np.array([changed_by(LOAD, float(x), p.search.mass_gain) for x in _drawn(p, LOAD)])
-    q = _quantity(p.probability(LOAD), moved, np.inf)
+    q = _quantity(p.probability(LOAD), moved, np.inf, p.search.rules)
     bent = Z95 * 0.5 * q.value**2  # what a line through the simulator's answer may be off by so far away
     beyond = q.state is State.ESTIMATED and not low < q.value < high
     return replace(
@@ -146,12 +146,12 @@ def _load(p: Posterior) -> Quantity:
     )
 
 
-def _quantity(probability: float, drawn: Array, most: float) -> Quantity:
-    """A quantity from its draws (m,): estimated if its probability exceeds one half, and valid up to
+def _quantity(probability: float, drawn: Array, most: float, rules: Rules) -> Quantity:
+    """A quantity from its draws (m,): estimated from a probability of `rules.named` on, and valid up to
     `most`."""
     value = float(drawn.mean())
     low, high = (float(x) for x in np.quantile(drawn, [0.025, 0.975]))
-    state = State.UNESTIMATED if probability < Rules.named else State.ESTIMATED
+    state = State.UNESTIMATED if probability < rules.named else State.ESTIMATED
     state = State.INVALID if state is State.ESTIMATED and abs(value) > most else state
     return Quantity(state, value, (low, high), probability)
 

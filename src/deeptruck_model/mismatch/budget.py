@@ -71,17 +71,19 @@ class Budget:
         return next((p.force for p in self.parts if p.part == part), np.zeros_like(like))
 
 
-def budget(p: Posterior, hidden: Mask, given: Evidence) -> Budget:
+def budget(p: Posterior, given: Evidence) -> Budget:
     """Split the simulator's error, as in the evidence `given`, into parts over the fitted rows.
 
-    If the regression used refitted parameters, the change due to the refit counts in their families. `hidden`
-    (n,) marks rows that are not compared because an unrecorded input acts; their residual is the part HIDDEN.
+    If the regression used refitted parameters, the change due to the refit counts in their families. The
+    residual in rows in which an unrecorded brake acts is the part HIDDEN. Rows of events count as no error:
+    what acts for seconds is not in the budget.
     """
     search, e = p.search, p.search.e
     columns, draws, part_of = _columns(p)
     fixed = _refitted(search, given)
     used = np.zeros(len(e), dtype=bool)
     used[search.rows] = True
+    hidden = np.zeros(len(e), dtype=bool) if given.hidden is None else given.hidden & ~e.held_out
     counted = used | hidden
     braked = np.where(hidden, e.residual, 0.0)
     fixed = {part: np.where(used, force, 0.0) for part, force in fixed.items()} | {HIDDEN: braked}

@@ -6,7 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from deeptruck_model import calls
+from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.prepare import Span
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
@@ -38,14 +40,25 @@ def called(
         calls.number(mass_kg, "mass_kg", "kg")
     if isinstance(exclude, str):
         raise InputError(f"exclude must be a list of effects: exclude=[{exclude!r}]")
+    check_excluded(exclude)
     check_paths_apart(recordings, held_out)
     truck = completed(simulator)
+    _check_mass(truck, mass_kg)
     rate = 1.0 / truck.dt
     fit = drives(recordings, "recordings", rate_hz=rate, among=held_out)
     held = drives(held_out, "held_out", rate_hz=rate, among=recordings)
     check_apart(fit, held)
     _check_spans(without, [*fit, *held])
     return truck, fit, held
+
+
+def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
+    if mass_kg is None:
+        return
+    mass(mass_kg)
+    own = simulator.parameters().get("mass")
+    if own is not None and abs(mass_kg - own) > 1e-6 * own:
+        raise InputError(f"the simulator's own mass is {own:g} kg; leave --mass-kg out, or set its parameter")
 
 
 def _check_spans(without: Any, recordings: Sequence[Recording]) -> None:

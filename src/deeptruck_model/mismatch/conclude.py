@@ -17,15 +17,14 @@ from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Advice, Answer, Data, Finding, Verdict
-from deeptruck_model.mismatch.road import Road
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.road import Road, road
 from deeptruck_model.mismatch.tree import ROOT, Node, Tree
-from deeptruck_model.mismatch.unrecorded import NotRecorded, contradicted_mass
+from deeptruck_model.mismatch.unrecorded import contradicted_mass
 from deeptruck_model.mismatch.validate import Validated
-from deeptruck_model.mismatch.witnesses import Witness
+from deeptruck_model.mismatch.witnesses import witnesses
 
 
-def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
+def useless(drives: Drives) -> Verdict:
     """The verdict if nothing can be compared: a sensor fault if there is one, else undetermined with the
     reason."""
     found = tuple(of_fault(f) for f in drives.faults)
@@ -35,7 +34,7 @@ def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
         found,
         data=Data(drives.rejected, drives.samples),
         caveats=(*drives.caveats, why),
-        not_recorded=missing,
+        not_recorded=drives.missing,
         advice={
             "data": Advice(Answer.NO, why),
             "simulator": Advice(Answer.UNSURE, "nothing could be compared"),
@@ -44,25 +43,19 @@ def useless(drives: Drives, missing: tuple[NotRecorded, ...]) -> Verdict:
     )
 
 
-def conclude(
-    c: Compared,
-    road: Road | None,
-    witnesses: tuple[Witness, ...],
-    made: Made,
-    driven: Validated,
-    rules: Rules,
-) -> Verdict:
+def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
     """The verdict from all results of the comparison."""
-    e, fit = c.fitted, driven.fit
+    e, fit, rules = c.fitted, driven.fit, c.search.rules
+    slope = road(c.search.e.everywhere())
     numbers = _numbers(c, driven)
-    found = findings(c, made, road, numbers.error, decide.tolerance(numbers.own, rules), rules)
+    found = findings(c, made, slope, numbers.error, decide.tolerance(numbers.own, rules))
     shares = [f.share_of_explainable_error for f in found]
     numbers = replace(numbers, kinds=[f.kind for f in found], shares=shares)
     kind = decide.conclusion(numbers, rules)
     offered = decide.offered(numbers, kind, rules)
     forces = {i: f.force for i, f in enumerate(found) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
-    ahead = road.ahead if road is not None else None
+    ahead = slope.ahead if slope is not None else None
     return Verdict(
         kind,
         found,
@@ -73,20 +66,20 @@ def conclude(
         replace(fit, offered=offered, validated=offered != AS_GIVEN, next_pass=ahead),
         Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean())),
         (*c.drives.caveats, *_caveats(c), *_mass(c, made)),
-        c.missing,
+        c.drives.missing,
         c.budget,
-        witnesses,
-        tree(c, found, road, rules),
+        witnesses(c.search, c.drives.prepared, c.budget),
+        tree(c, found, slope),
         decide.advice(numbers, kind, rules),
     )
 
 
-def tree(c: Compared, found: Sequence[Finding], road: Road | None, rules: Rules) -> tuple[Node, ...]:
-    """The tree of the road if it states a name; else of the first finding that has one, else of the first
-    name that was not accepted; without any, `nothing` and every mechanism with its probability, but for
-    accepted names that became no finding, as a delay of ordinary sensors."""
-    if road is not None and road.tree.stated(rules.stated) != ROOT:
-        return road.tree.nodes()
+def tree(c: Compared, found: Sequence[Finding], slope: Road | None) -> tuple[Node, ...]:
+    """The tree of the unrecorded slope if it states a name; else of the first finding that has one, else of
+    the first name that was not accepted; without any, `nothing` and every mechanism with its probability, but
+    for accepted names that became no finding, as a delay of ordinary sensors."""
+    if slope is not None and slope.tree.stated(c.search.rules.stated) != ROOT:
+        return slope.tree.nodes()
     by_name = {x.name: x.tree for x in c.names.found}
     trees = [by_name[f.effect] for f in found if f.effect in by_name]
     trees += [x.tree for x in c.names.found if not x.accepted]
@@ -109,7 +102,7 @@ def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
         own=driven.own_error,
         offered=fit.offered,
         is_corrected=bool(fit.corrected),
-        missing=[m.input for m in c.missing],
+        missing=[m.input for m in c.drives.missing],
     )
 
 

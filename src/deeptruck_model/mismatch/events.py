@@ -21,8 +21,9 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from deeptruck_model.json_data import HIDDEN, stored
-from deeptruck_model.mismatch.posterior.kernels import LAWS, UNKNOWN, VARYING, Kernel, kernels
-from deeptruck_model.mismatch.posterior.posterior import Posterior
+from deeptruck_model.mismatch.posterior.kernels import LAWS, UNKNOWN, VARYING, Kernel, kernels, without
+from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
+from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, whiten
@@ -65,6 +66,27 @@ class Event:
     stop: int = field(default=0, metadata=HIDDEN)
 
 
+def without_events(search: Regression, seed: int) -> tuple[Posterior, tuple[Event, ...]]:
+    """The posterior of what acts always, and the events.
+
+    A first posterior finds the events and estimates the noise; then the rows of events are left out.
+    """
+    first = posterior(search, seed=seed)
+    happened = events(first, seed)
+    if not happened:
+        return first, ()
+    always = without(search, rows_of(happened, len(search.e)))
+    return posterior(always, seed=seed, noise=first.noise), happened
+
+
+def rows_of(happened: Sequence[Event], n: int) -> Mask:
+    """Rows (n,) of the stacked evidence in which events act."""
+    out = np.zeros(n, dtype=bool)
+    for x in happened:
+        out[x.start : x.stop] = True
+    return out
+
+
 def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
     """The events in the residual after the posterior mean of all forces is subtracted.
 
@@ -78,12 +100,10 @@ def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
 def together(p: Posterior, happened: Sequence[Event]) -> tuple[dict[str, float], Array]:
     """Log evidence (nats) of every name for the events together, as if its force acted in these and at no
     other time; and what is left of the residual in them (n,), m/s^2."""
-    left, rows = _left_over(p, p.search.e.everywhere()), [slice(x.start, x.stop) for x in happened]
-    inside = np.zeros(len(left.y), dtype=bool)
-    for own in rows:
-        inside[own] = True
+    left, windows = _left_over(p, p.search.e.everywhere()), [slice(x.start, x.stop) for x in happened]
     mechanisms = [k for k in kernels(p.search) if k.part in AT_ANY_TIME]
-    return _nats(left, p.noise, mechanisms, rows), np.where(inside, left.y, 0.0)
+    force = np.where(rows_of(happened, len(left.y)), left.y, 0.0)
+    return _nats(left, p.noise, mechanisms, windows), force
 
 
 def _left_over(p: Posterior, e: Evidence) -> Series:

@@ -50,4 +50,4 @@ def _nats(simulator: Simulator, drives: Sequence[Prepared], seed: int, rules: Ru
     if float(e.valid.sum()) * e.dt < Limits.least_driving_s:
         return {}
     search = Regression(allowed_for(simulator, e, drives[0].measured_acceleration, seed))
-    return gains(search, search.rules)
+    return gains(search)

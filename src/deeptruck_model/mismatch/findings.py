@@ -27,6 +27,7 @@ from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.sizes import sizes_of
 from deeptruck_model.mismatch.strength import Strength, acts, visible
 from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
+from deeptruck_model.mismatch.unrecorded import names_behind
 from deeptruck_model.mismatch.where import PRINTED
 
 Array = NDArray[np.float64]
@@ -36,12 +37,13 @@ FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its de
 
 
 def findings(
-    c: Compared, made: Made | None, road: Road | None, error: float, tolerance: float, rules: Rules
+    c: Compared, made: Made | None, road: Road | None, error: float, tolerance: float
 ) -> tuple[Finding, ...]:
     """The findings: sensor faults, the road, every accepted name, differences between drives, and slow or
     position-dependent forces if the simulator's error exceeds `tolerance`, m/s. Sizes are absent if no
     correction was made."""
-    e = c.fitted
+    e, rules = c.fitted, c.search.rules
+    behind = names_behind([p.recording for p in c.drives.prepared], c.drives.missing)
     out = [of_fault(f) for f in c.drives.faults]
     of_road = _of_road(e, road, rules)
     out += of_road
@@ -50,7 +52,7 @@ def findings(
         f = _of_named(c, e, made, named, rules)
         if f is not None and named.accepted and _longer_than_sensors(f, e):
             own = brief if named.brief else out
-            own.append(replace(f, missing_input=c.behind.get(f.effect, "")))
+            own.append(replace(f, missing_input=behind.get(f.effect, "")))
     of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)
     if not of_road and not of_slope:  # which would be what is slow too
         out += _of_drift(c, rules, good_enough=error <= tolerance)
@@ -122,11 +124,11 @@ def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
     slow or accumulating part, one that changes within seconds, or one that follows recorded channels without
     being a mechanism. Its probability is that of the last, since a mechanism that was missed is none."""
     b = c.budget
-    unexplained = b.force(LEFT_OVER, c.residual)
+    unexplained = b.force(LEFT_OVER, c.given.residual)
     each = {
-        SLOW: (b.share(SLOW) + b.persistent, b.force(SLOW, c.residual) + unexplained),
+        SLOW: (b.share(SLOW) + b.persistent, b.force(SLOW, c.given.residual) + unexplained),
         LEFT_OVER: (b.share(LEFT_OVER) - b.persistent, unexplained),
-        UNKNOWN: (b.share(UNKNOWN), b.force(UNKNOWN, c.residual)),
+        UNKNOWN: (b.share(UNKNOWN), b.force(UNKNOWN, c.given.residual)),
     }
     part = max(each, key=lambda part: each[part][0])
     share, force = each[part]

@@ -69,9 +69,9 @@ class Made:
     left_out: Mapping[str, Array] = field(default_factory=dict)
 
 
-def correct(simulator: Simulator, p: Posterior, rules: Rules) -> Made:
+def correct(simulator: Simulator, p: Posterior) -> Made:
     """The correction by all blocks of the posterior, named or not."""
-    search = p.search
+    search, rules = p.search, p.search.rules
     terms, stated = _terms(p, general=True), _terms(p)
     parameters = frozenset(search.parameters)
     likely = frozenset(n for n in parameters if p.inside(n).mean() >= rules.named)

@@ -14,7 +14,7 @@ from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.events import Event, together
 from deeptruck_model.mismatch.posterior.kernels import NOT_ALWAYS, VARYING, kernels
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import FAMILY, Tree
 
 Array = NDArray[np.float64]
@@ -55,11 +55,12 @@ class Names:
     each: Mapping[str, float]
 
 
-def names(p: Posterior, rules: Rules, happened: Sequence[Event] = ()) -> Names:
+def names(p: Posterior, happened: Sequence[Event] = ()) -> Names:
     """The names of a posterior. Each has the most probable name of the most probable family in the draws that
     earlier ones leave open, if that family acts with a probability of `rules.named`; for the first it
     suffices that any mechanism does. Its alternatives are the names that may act in its place. Without any
     accepted, it is the possible common cause of the events that `happened`."""
+    rules = p.search.rules
     there = {n: p.inside(n) for n in dict.fromkeys(k.name for k in p.of)}
     own = {n: x for n, x in there.items() if n not in NO_NAME}
     some = float(np.any(list(own.values()), axis=0).mean()) if own else 0.0
@@ -74,29 +75,29 @@ def names(p: Posterior, rules: Rules, happened: Sequence[Event] = ()) -> Names:
         left = _without(left, name, chosen)
         tree = Tree({n: q * probable for n, q in chosen.items() if q * probable >= Limits.rare})
         if sum(tree.names.values()) >= rules.named:
-            found.append(_named(p, name, tree, rules))
+            found.append(_named(p, name, tree))
             left.pop(found[-1].name, None)
     matters = max((abs(x.speed_change) for x in happened), default=0.0) >= rules.drift
     if matters and len(happened) >= Limits.events_agree and not any(x.accepted for x in found):
-        found = [_cause(p, happened, rules)]
+        found = [_cause(p, happened)]
     each = {n: float(x.mean()) for n, x in own.items() if x.mean() >= Limits.rare}
     return Names(tuple(found), _explanations(own), each)
 
 
-def _named(p: Posterior, sought: str, tree: Tree, rules: Rules) -> Named:
+def _named(p: Posterior, sought: str, tree: Tree) -> Named:
     first = tree.first
     drawn = first if p.inside(first).any() else sought
-    sure = sum(tree.names.values()) >= rules.stated  # a learned simulator is off in many ways
-    accepted = (sure or p.search.e.known_physics) and p.gain(first) > _own_gain(p, rules)
+    sure = sum(tree.names.values()) >= p.search.rules.stated  # a learned simulator is off in many ways
+    accepted = (sure or p.search.e.known_physics) and p.gain(first) > _own_gain(p)
     return Named(first, tree, p.gain(first), p.force(drawn, p.inside(drawn)), accepted)
 
 
-def _cause(p: Posterior, happened: Sequence[Event], rules: Rules) -> Named:
+def _cause(p: Posterior, happened: Sequence[Event]) -> Named:
     """What may be the one cause of some events, of which noise makes hardly two. Names that do not vary in
     time of themselves are less probable by the odds of that. No form is exact here either, see
     `Posterior.in_place_of`."""
     nats, force = together(p, happened)
-    unit = max(Limits.form_choice * max(nats.values()), rules.evidence_temperature)
+    unit = max(Limits.form_choice * max(nats.values()), p.search.rules.evidence_temperature)
     varies = {k.name for k in kernels(p.search) if k.part == VARYING}
     odds = [0.0 if n in varies else np.log(NOT_ALWAYS) for n in nats]
     chosen = softmax(np.array([*nats.values()]) / unit + odds)
@@ -104,14 +105,14 @@ def _cause(p: Posterior, happened: Sequence[Event], rules: Rules) -> Named:
     return Named(tree.first, tree, nats[tree.first], force, p.search.e.known_physics, brief=True)
 
 
-def _own_gain(p: Posterior, rules: Rules) -> float:
+def _own_gain(p: Posterior) -> float:
     """The gain that a name must exceed for a learned simulator, nats: the largest gain of any name, scaled to
     as much driving, on the simulator's own held-out recordings."""
     own = p.search.own
     if own is None:
         return 0.0
     ratio = max(float(p.search.e.valid.sum()) / max(float(own.e.valid.sum()), 1.0), Limits.least_ratio)
-    return rules.discrepancy * ratio * max(gains(own, rules).values())
+    return p.search.rules.discrepancy * ratio * max(gains(own).values())
 
 
 def _most_probable(left: Mapping[str, Mask]) -> tuple[str, float]:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
@@ -32,14 +31,13 @@ def about_fitting_parameters(
     simulator: Simulator,
     drives: Drives,
     e: Evidence,
-    hidden: NDArray[np.bool_],
     seed: int,
     exclude: Sequence[str],
     say: Callable[[str], None],
 ) -> Regression:
     """The regression at the parameters that fit best without an effect, of the fitted drives; at the given
-    parameters if changing them explains no more. `hidden` (n,) marks rows that are not compared."""
-    about = _About(simulator, drives, e, hidden, seed, tuple(exclude), say)
+    parameters if changing them explains no more."""
+    about = _About(simulator, drives, e, seed, say)
     first = search = Regression(e.to_fit(), exclude=exclude)
     here = search.background(())
     loaded = search.background(_own_loads(search))
@@ -78,7 +76,7 @@ def refitted(
 
     Many steps are needed if mass and gains change together.
     """
-    about = _About(simulator, drives, e, np.zeros(len(e), dtype=bool), seed, (), say)
+    about = _About(simulator, drives, e, seed, say)
     search = Regression(e.to_fit())
     for _ in range(CLOSER_STEPS):
         anew = about.parameters_of(search, search.model((), free), CLOSE, free)
@@ -95,9 +93,7 @@ class _About:
     simulator: Simulator
     drives: Drives
     e: Evidence
-    hidden: NDArray[np.bool_]
     seed: int
-    exclude: tuple[str, ...]
     say: Callable[[str], None]
 
     def parameters_of(
@@ -123,11 +119,10 @@ class _About:
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
         anew = gather(
             tuned, self.drives.prepared, self.drives.held_out, seed=self.seed, moved=moved,
-            rules=self.e.rules, mass_kg=self.e.mass if self.e.mass_known else None, reruns_held_out=False,
+            rules=self.e.rules, mass_kg=self.e.mass if self.e.mass_known else None,
         )  # fmt: skip
         return replace(
-            anew,
-            valid=anew.valid & ~self.hidden,
+            anew.without(self.e.hidden),
             model_discrepancy=self.e.model_discrepancy,
             slow_noise=self.e.slow_noise,
             itself=self.e.itself,

@@ -8,6 +8,7 @@ from itertools import compress
 
 import numpy as np
 
+from deeptruck_model import overall_ratios
 from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
@@ -19,9 +20,11 @@ from deeptruck_model.mismatch.data.prepared import (
     with_held_out,
     with_inputs,
 )
-from deeptruck_model.mismatch.residual.forced import forced
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.forced import forced, forgotten
 from deeptruck_model.mismatch.roads.one_road import on_a_road_of_its_own, on_one_road, without_a_place
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.unrecorded import NotRecorded, braking, inputs
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Simulator
@@ -30,6 +33,18 @@ OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitu
 NO_PLACE = "positions of {} are missing or do not fit the speed: their place on the road is not known"
 LEFT_OUT = "rows that were marked"
 OUTSIDE_TRAINING = "the simulator has learned from no driving at such speeds, commands and slopes"
+OTHER_GEAR = "the simulator drives in another gear than was recorded or follows from the engine speed"
+FORGETS = (
+    "the simulator has no force() and starts anew at each recorded response, which changes its own "
+    "acceleration by {share:.0%}: what it forgets would be named as what it lacks. Add force(state, y), "
+    "which keeps gear, boost and brake pressure"
+)
+CHECK_GEAR = (
+    "in the gear that was recorded: look whether gear and engine_speed are recorded in the right units, or "
+    "record more"
+)
+RECORD_BRAKE = "without braking that was not recorded: record the brake, or more driving without it"
+RECORD_MORE = "that can be compared: record at least several minutes above walking pace"
 
 
 @dataclass(frozen=True)
@@ -43,14 +58,15 @@ class Span:
 
 @dataclass(frozen=True)
 class Drives:
-    """The usable recordings, in their original order, and the problems found. `useless` is the reason why
-    nothing can be compared, or None."""
+    """The usable recordings, in their original order, the problems found, and the inputs `missing` in them.
+    `useless` is the reason why nothing can be compared, or None."""
 
     prepared: tuple[Prepared, ...]
     held_out: tuple[bool, ...]
     faults: tuple[checks.SensorFault, ...]
     rejected: tuple[checks.Rejection, ...]
     caveats: tuple[str, ...]
+    missing: tuple[NotRecorded, ...]
     useless: str | None
 
     @property
@@ -71,9 +87,14 @@ def prepared(
     *,
     sets_aside: bool = True,
     without: Sequence[Span] = (),
+    mass_kg: float | None = None,
 ) -> Drives:
     """Check and align the recordings; if none is held out, some are set aside, unless all are to be fitted.
-    Rows in `without` do not count. Raises InputError if recordings do not belong to the simulator."""
+    Rows in `without` do not count; a `mass_kg` counts as recorded. Raises InputError if recordings do not
+    belong to the simulator."""
+    overall_ratios.check(simulator, [*recordings, *held_out])
+    mass_known = mass_kg is not None or "mass" in simulator.parameters()
+    missing = inputs([*recordings, *held_out], mass_known=mass_known)
     recordings, lacking = with_inputs(simulator, recordings)
     held_out, of_held_out = with_inputs(simulator, held_out)
     lacking += of_held_out
@@ -103,12 +124,30 @@ def prepared(
     if marked := sum(int((p.valid & ~q.valid).sum()) for p, q in zip(aligned, kept, strict=True)):
         rejected = sorted([*rejected, checks.Rejection(LEFT_OUT, marked)], key=lambda r: -r.samples)
     aligned = kept
-    useless = unusable(list(compress(aligned, to_fit)), rejected)
+    fitted = list(compress(aligned, to_fit))
+    useless = unusable(fitted, rejected)
+    if useless is None and (share := forgotten(simulator, fitted)) > Limits.forgotten:
+        useless = FORGETS.format(share=share)
     lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(aligned)) else []
     lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(aligned)) else []
-    return Drives(
-        aligned, tuple(flags), tuple(faults), tuple(rejected), (*lacking, *twice, *caveats, *lost), useless
-    )
+    remarks = (*lacking, *twice, *caveats, *lost)
+    return Drives(aligned, tuple(flags), tuple(faults), tuple(rejected), remarks, missing, useless)
+
+
+def left_to_compare(drives: Drives, e: Evidence) -> tuple[Drives, Evidence]:
+    """The evidence without rows in which an unrecorded brake acts, and the drives: samples in which the
+    simulator drives in another gear count as rejected, and if too little is left, they are useless."""
+    e, missing = braking(e, drives.missing)
+    drives = replace(drives, missing=missing)
+    if e.other_gear:
+        drives = replace(drives, rejected=(*drives.rejected, checks.Rejection(OTHER_GEAR, e.other_gear)))
+    seconds = float((e.valid & ~e.held_out).sum()) * e.dt
+    if seconds < Limits.least_driving_s:
+        braked = 0.0 if e.hidden is None else float(e.hidden.sum()) * e.dt
+        lost = {CHECK_GEAR: e.other_gear * drives.prepared[0].dt, RECORD_BRAKE: braked}
+        why = max(lost, key=lambda cure: lost[cure]) if any(lost.values()) else RECORD_MORE
+        drives = replace(drives, useless=f"only {seconds:.0f} s of driving {why}")
+    return drives, e
 
 
 def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
@@ -153,10 +192,3 @@ def _corrected(
     simulator: Simulator, drives: Sequence[Recording], faults: Sequence[checks.SensorFault], measured: bool
 ) -> list[Prepared]:
     return [prepare(checks.corrected(r, faults), measured, simulator.interface) for r in drives]
-
-
-def with_rejection(drives: Drives, rule: str, samples: int) -> Drives:
-    """The drives, with further samples counted as rejected."""
-    return (
-        replace(drives, rejected=(*drives.rejected, checks.Rejection(rule, samples))) if samples else drives
-    )

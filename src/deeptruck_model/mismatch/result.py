@@ -180,6 +180,11 @@ class Verdict:
         """Whether the offered simulator, corrected or with refitted parameters only, passed validation."""
         return self.fit is not None and self.fit.validated
 
+    @property
+    def offered(self) -> str:
+        """The simulator that is offered, as given if no other is better."""
+        return self.fit.offered if self.fit is not None else AS_GIVEN
+
     def to_json(self) -> dict[str, Any]:
         """verdict.json."""
         out = to_json(self)

@@ -15,7 +15,7 @@ from scipy.stats import t as student_t
 from deeptruck_model.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.fit_result import Interval
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import NAMES
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.not_recorded import not_recorded as lacking
@@ -83,12 +83,24 @@ def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]
     return {n: m.input for m in missing if m.input not in known for n in BEHIND.get(m.input, ())}
 
 
-def braking(e: Evidence, rules: Rules) -> tuple[Mask, float]:
-    """Rows (n,) in which an unrecorded brake acts, and the gain in nats of two hidden states over one, for
-    the time in which no engine torque is demanded; no rows if the gain is too small."""
-    on, gain = np.zeros(len(e), dtype=bool), 0.0
+def braking(e: Evidence, missing: Sequence[NotRecorded] = ()) -> tuple[Evidence, tuple[NotRecorded, ...]]:
+    """The evidence without the rows in which an unrecorded brake acts, and the missing inputs with the share
+    of time in which it does and the gain in nats of two hidden states over one.
+
+    It is sought where no engine torque is demanded, unless the brake was recorded or the engine's command was
+    not; no row is left out if the gain is too small.
+    """
     if "engine_command" not in e.signals or "brake_command" in e.signals:
-        return on, gain
+        return e, tuple(missing)
+    on, gain = _braking(e)
+    share = float(on.sum() / max((e.valid | on).sum(), 1))
+    found = (replace(m, share_of_time=share, gain=gain) if m.input == "brake" else m for m in missing)
+    return e.without(on), tuple(found)
+
+
+def _braking(e: Evidence) -> tuple[Mask, float]:
+    """Rows (n,) in which a brake acts, and the gain, nats."""
+    on, gain = np.zeros(len(e), dtype=bool), 0.0
     ok = e.valid & np.isfinite(e.residual)
     per = max(1, round(BLOCK_S / e.dt))
     command = e["engine_command"]
@@ -105,7 +117,7 @@ def braking(e: Evidence, rules: Rules) -> tuple[Mask, float]:
         p, nats = _two_states(r, may, per * e.dt)
         gain += nats
         on[blocks[p > 0.5].ravel()] = True
-    return (on & ok, gain) if gain > rules.parameter_gain else (np.zeros(len(e), dtype=bool), gain)
+    return (on & ok, gain) if gain > e.rules.parameter_gain else (np.zeros(len(e), dtype=bool), gain)
 
 
 def _two_states(r: Array, may: Mask, dt: float) -> tuple[Array, float]:
@@ -138,15 +150,3 @@ def _passes(states: Array, change: Array, begin: float) -> tuple[Array, Array]:
             b = backward[k + 1, 1] + states[k + 1, 1] + change[i, 1]
             backward[k, i] = max(a, b) + np.log1p(np.exp(-abs(a - b)))
     return forward, backward
-
-
-def with_braking(
-    missing: Sequence[NotRecorded], e: Evidence, hidden: Mask, gain: float
-) -> tuple[NotRecorded, ...]:
-    """The missing inputs, with the share of time in which unrecorded braking was found, if it was
-    searched."""
-    share = float(hidden.sum() / max((e.valid | hidden).sum(), 1))
-    searched = "engine_command" in e.signals and "brake_command" not in e.signals
-    return tuple(
-        replace(m, share_of_time=share, gain=gain) if m.input == "brake" and searched else m for m in missing
-    )

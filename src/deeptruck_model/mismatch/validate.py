@@ -23,6 +23,7 @@ from deeptruck_model.mismatch.discrepancy import kept
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, WithoutExogenous
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.model import Made
+from deeptruck_model.mismatch.prepare import Drives
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Simulator
 
@@ -31,28 +32,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Validated:
-    """The corrected simulator and the one with refitted parameters only; their free runs by name; and the
-    error of a learned simulator in free runs on its held-out recordings, m/s (None if not known)."""
+    """Free runs along held-out drives by simulator, and of the one as given along the `fitted` drives; and
+    the error of a learned simulator in free runs on its held-out recordings, m/s (None if not known)."""
 
-    corrected: CorrectedTruck
-    refitted: CorrectedTruck
     errors: dict[str, Errors]
     fit: FitResult
     own_error: float | None
-    refit_better: bool = False  # parameters refitted alone are significantly better than those given
+    refit_better: bool  # parameters refitted alone are significantly better than those given
 
 
-def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted: list[Prepared]) -> Validated:
+def validate(simulator: Simulator, made: Made, drives: Drives, rules: Rules) -> Validated:
     """Run the simulator as given, with refitted parameters only, and corrected. Of those that are
     significantly better than the one as given, the one with the least error along held-out drives is offered.
     """
+    held_out, fitted = drives.part(held_out=True), drives.part(held_out=False)
     horizon_s = horizon(held_out or fitted)
     after = made.corrected
     jobs = {"before": simulator, "parameters_only": made.tuned, "after": after}
     driven = free_runs([(truck, held_out) for truck in jobs.values()], horizon_s)
     errors = dict(zip(jobs, driven, strict=True))
     without = _without_exogenous(after, held_out, horizon_s)
-    offered = _offered(errors, made, without)
+    offered = _offered(errors, made, without, rules)
     fit = FitResult(
         held_out=tuple(p.recording.name for p in held_out),
         horizon_s=horizon_s,
@@ -69,22 +69,23 @@ def validate(simulator: Simulator, made: Made, held_out: list[Prepared], fitted:
         scales_forces=not simulator.parameters(),
     )
     own = own_error(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
-    refit_better = bool(made.tuned.moved) and _better(errors, made, "parameters_only")
-    return Validated(after, made.tuned, errors, fit, own, refit_better)
+    refit_better = bool(made.tuned.moved) and _better(errors, made, "parameters_only", rules)
+    along_fitted = free_windows(simulator, fitted, horizon_s)
+    return Validated(errors | {"fitted": along_fitted}, fit, own, refit_better)
 
 
-def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous | None) -> str:
+def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous | None, rules: Rules) -> str:
     before = errors["before"]
     better = {}
     for offer, name, truck in ((REFIT, "parameters_only", made.tuned), (CORRECTION, "after", made.corrected)):
-        if (truck.terms or truck.moved) and _better(errors, made, name):
+        if (truck.terms or truck.moved) and _better(errors, made, name, rules):
             better[offer] = errors[name].rmse().speed
     if without is not None and without.after > before.rmse().speed:
         better.pop(CORRECTION, None)
     return min(better, key=lambda offer: better[offer], default=AS_GIVEN)
 
 
-def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
+def _better(errors: Mapping[str, Errors], made: Made, name: str, rules: Rules) -> bool:
     """Whether both the root-mean-square and the mean absolute error along held-out drives decrease; whether
     the mean error of runs decreases significantly, or that of drives, combined with the fitted drives that
     were left out in turn; and whether drives do not grow worse in the mean, as those do that carried another
@@ -102,24 +103,24 @@ def _better(errors: Mapping[str, Errors], made: Made, name: str) -> bool:
     ]
     if made.left_out:
         pairs += list(zip(made.left_out["before"], made.left_out[name], strict=True))
-    ratio = _log_ratio(np.array(pairs))
-    return float(ratio.mean()) < 0.0 and (interval(before, after)[0] > 0.0 or _falls(ratio))
+    ratio = _log_ratio(np.array(pairs), rules)
+    return float(ratio.mean()) < 0.0 and (interval(before, after)[0] > 0.0 or _falls(ratio, rules))
 
 
-def _log_ratio(pairs: Array) -> Array:
+def _log_ratio(pairs: Array, rules: Rules) -> Array:
     """Logarithm (drives,) of the ratio of drives' errors (drives, 2), m/s, after to before. What is
     too small for a finding is added to both in quadrature, so that smaller errors hardly count."""
-    floored = np.hypot(pairs, Rules.drift)
+    floored = np.hypot(pairs, rules.drift)
     return np.asarray(np.log(floored[:, 1] / floored[:, 0]))
 
 
-def _falls(ratio: Array) -> bool:
-    """Whether drives' ratios of errors, as `_log_ratio` gives them, are below `better`, at the one-sided
-    confidence `falls`."""
+def _falls(ratio: Array, rules: Rules) -> bool:
+    """Whether drives' ratios of errors, as `_log_ratio` gives them, are below `rules.better`, at the
+    one-sided confidence `falls`."""
     if len(ratio) < Limits.drives_that_agree:
         return False
     wide = float(student_t.ppf(Limits.falls, len(ratio) - 1)) * ratio.std(ddof=1) / np.sqrt(len(ratio))
-    return bool(ratio.mean() + wide < np.log(Rules.better))
+    return bool(ratio.mean() + wide < np.log(rules.better))
 
 
 def _without_exogenous(

@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.posterior.posterior import SLOW_S
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.grid import Grid
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 
 Array = NDArray[np.float64]
@@ -36,12 +36,10 @@ class Witness:
     share: float = field(metadata=stored(digits=3))
 
 
-def witnesses(
-    search: Regression, prepared: Sequence[Prepared], found: Budget, rules: Rules
-) -> tuple[Witness, ...]:
+def witnesses(search: Regression, prepared: Sequence[Prepared], found: Budget) -> tuple[Witness, ...]:
     """The channels that predict a constant per drive or a slow drift, best first, if that part has a share of
     at least `rules.witness`."""
-    e = search.e
+    e, rules = search.e, search.rules
     taken = {"speed", "acceleration"}
     for p in prepared:
         taken |= {*p.recording.interface.u, *p.recording.interface.w}

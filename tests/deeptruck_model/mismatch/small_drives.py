@@ -12,7 +12,6 @@ from deeptruck_model.mismatch.posterior import kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 from deeptruck_model.recordings import Recording
 
@@ -91,6 +90,17 @@ def evidence(
     )
 
 
+def braked(e: Evidence, times: int = 12, seconds: float = 6.0) -> tuple[Evidence, np.ndarray]:
+    """Evidence with unrecorded braking of 0.8 m/s^2 while the engine is idle, and the rows (N,) of it."""
+    on = np.zeros(len(e), dtype=bool)
+    rows = round(seconds / e.dt)
+    for start in np.linspace(300, len(e) - 300, times).astype(int):
+        on[start : start + rows] = True
+    command = np.where(on, 0.0, e["engine_command"] + 0.2)
+    signals = {k: v for k, v in e.signals.items() if k != BRAKE_COMMAND} | {"engine_command": command}
+    return replace(e, residual=e.residual - 0.8 * on, signals=signals), on
+
+
 FORCES = {
     "none": np.zeros(N),
     "steady": np.full(N, 0.05),
@@ -104,7 +114,7 @@ FORCES = {
 @cache
 def posterior_of(name: str) -> Posterior:
     """The posterior if one of FORCES is missing in the simulator."""
-    return posterior(regression(evidence(FORCES[name])), Rules(), sweeps=60)
+    return posterior(regression(evidence(FORCES[name])), sweeps=60)
 
 
 def regression(e: Evidence) -> Regression:

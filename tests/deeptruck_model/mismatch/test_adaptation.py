@@ -13,6 +13,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.adaptation import _quantity, adapt, begin, with_own
 from deeptruck_model.mismatch.correction.improvement import free_windows
 from deeptruck_model.mismatch.own import Own, Quantity, State
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -85,8 +86,10 @@ def test_a_drive_without_anything_of_its_own_is_left_as_it_is() -> None:
 )
 def test_the_state_of_a_quantity(probability: float, size: float, state: State) -> None:
     drawn = np.full(100, size)
-    found = _quantity(probability, drawn, 0.75)
+    found = _quantity(probability, drawn, 0.75, Rules())
     assert found == Quantity(state, pytest.approx(size), (size, size), probability)
+    sure = _quantity(probability, drawn, 0.75, Rules(named=1.01))
+    assert sure.state is State.UNESTIMATED
 
 
 def test_all_that_is_valid_is_used_where_anything_is_estimated() -> None:

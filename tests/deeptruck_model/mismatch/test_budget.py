@@ -13,20 +13,17 @@ from small_drives import DT, N, evidence, posterior_of, regression
 from deeptruck_model.mismatch.budget import Budget, Part, _shares, budget
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, LEFT_OVER, SLOW
-
-NOWHERE = np.zeros(N, dtype=bool)
 
 
 def split(e: Evidence, given: Evidence) -> Budget:
-    return budget(posterior(regression(e), Rules(), sweeps=80), NOWHERE, given)
+    return budget(posterior(regression(e), sweeps=80), given)
 
 
 @cache
 def of(name: str) -> Budget:
     p = posterior_of(name)
-    return budget(p, NOWHERE, p.search.e)
+    return budget(p, p.search.e)
 
 
 @pytest.mark.parametrize("name", ["none", EACH_DRIVE, SLOW])
@@ -82,7 +79,7 @@ def test_intervals_hold_what_is_known() -> None:
     inside, errors = [], []
     for seed in range(100, 108):
         true, found = _known(seed)
-        parts = {n: Part(n, 0.0, 0.0, 0.0, 0.0, NOWHERE) for n in names}  # of what is in no draw
+        parts = {n: Part(n, 0.0, 0.0, 0.0, 0.0) for n in names}  # of what is in no draw
         parts |= {p.part: p for p in found.parts}
         inside.append([parts[n].low - 0.005 <= true[n] <= parts[n].high + 0.005 for n in names])
         errors.append([parts[n].share - true[n] for n in names])

@@ -40,7 +40,7 @@ def test_an_error_on_its_own_recordings_too_is_not_detected(nothing_missing: Evi
 
 
 def _names(search: Regression) -> Names:
-    return names(posterior(search, Rules(), sweeps=40), Rules())
+    return names(posterior(search, sweeps=40))
 
 
 def test_a_rare_jolt_is_no_slow_noise(nothing_missing: Evidence) -> None:

@@ -11,7 +11,16 @@ from scipy.signal import lfilter
 from small_drives import DT, N, evidence, regression
 
 from deeptruck_model.json_data import from_json, to_json
-from deeptruck_model.mismatch.events import CLIP, LARGEST, POWER, Event, _Filters, events, find_events
+from deeptruck_model.mismatch.events import (
+    CLIP,
+    LARGEST,
+    POWER,
+    Event,
+    _Filters,
+    events,
+    find_events,
+    rows_of,
+)
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels, without
 from deeptruck_model.mismatch.posterior.posterior import posterior
@@ -156,7 +165,7 @@ def test_events_are_found_beside_what_acts_always_and_left_out_of_its_fit() -> N
     rows = (ROWS, slice(5000, 5035))
     always = 0.2 * evidence()["brake"] + during(slice(4000, 6000), 0.04)
     e = evidence(always + sum(during(r, -0.2) for r in rows), held_out=1)
-    p = posterior(Regression(e.to_fit()), e.rules, sweeps=30)
+    p = posterior(Regression(e.to_fit()), sweeps=30)
     happened = events(p)
     assert len(happened) == len(rows)
     for r in rows:
@@ -167,7 +176,7 @@ def test_events_are_found_beside_what_acts_always_and_left_out_of_its_fit() -> N
     assert kernels(other) is kernels(p.search)
     assert not set(other.rows) & set(range(ROWS.start, ROWS.stop))
     assert set(range(ROWS.start, ROWS.stop)) <= set(p.search.rows)
-    assert posterior(other, e.rules, sweeps=5).probability("brake_gain") > 0.3
+    assert posterior(other, sweeps=5).probability("brake_gain") > 0.3
 
 
 THREE = (slice(800, 835), slice(2700, 2735), slice(4900, 4935))
@@ -178,22 +187,20 @@ def test_events_that_agree_have_one_cause_where_nothing_acts_always(rows: tuple[
     """A share of the engine's force is lost for seconds; of one event no cause is sought."""
     lost = -0.5 * evidence()["engine"]
     e = evidence(sum(during(r, lost) for r in rows))
-    p = posterior(regression(e), e.rules, sweeps=30)
+    p = posterior(regression(e), sweeps=30)
     happened = events(p)
     assert len(happened) == len(rows)
-    outside = np.zeros(N, dtype=bool)
-    for x in happened:
-        outside[x.start : x.stop] = True
-    p = posterior(without(p.search, outside), e.rules, sweeps=30)
-    found = names(p, e.rules, happened).found
+    p = posterior(without(p.search, rows_of(happened, N)), sweeps=30)
+    found = names(p, happened).found
     assert len(found) == (len(rows) > 1)
-    assert not names(p, replace(e.rules, drift=9.0), happened).found  # m/s, which no event changes
+    p.search.rules = replace(e.rules, drift=9.0)  # m/s, which no event changes
+    assert not names(p, happened).found
     for cause in found:
         assert FAMILY[max(cause.tree.names, key=lambda n: cause.tree.names[n])] == "engine_driveline"
         assert sum(cause.tree.names.values()) == pytest.approx(1.0, abs=0.1)
         middle = slice(rows[1].start + 5, rows[1].stop - 5)
         np.testing.assert_allclose(cause.force[middle], lost[middle], atol=0.1)
-        assert not cause.force[~outside].any()
+        assert not cause.force[~rows_of(happened, N)].any()
 
 
 def false_events(seeds: range) -> tuple[int, float]:

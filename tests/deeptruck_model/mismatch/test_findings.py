@@ -23,7 +23,6 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN, Tree
 
 RULES = Rules()
-NOWHERE = np.zeros(N, dtype=bool)
 ROAD = np.tile(0.08 * np.sin(np.arange(N // 3) / 90.0) * np.sin(np.arange(N // 3) / 230.0), 3)
 
 
@@ -32,7 +31,7 @@ def of_places() -> Posterior:
     e = evidence(ROAD)
     road = np.tile(np.cumsum(e["speed"][: N // 3]) * e.dt, 3)
     signals = {**e.signals, "place": road, "distance": np.arange(N) * e.dt * 18.0}
-    return posterior(Regression(replace(e, signals=signals)), RULES, sweeps=60)
+    return posterior(Regression(replace(e, signals=signals)), sweeps=60)
 
 
 @cache
@@ -41,12 +40,12 @@ def compared(part: str) -> Compared:
 
 
 def _compared(p: Posterior) -> Compared:
-    e, drives = p.search.e, Drives((), (), (), (), (), None)
-    return Compared({}, drives, (), e.residual, p, names(p, RULES), budget(p, NOWHERE, e), {})
+    e, drives = p.search.e, Drives((), (), (), (), (), (), None)
+    return Compared({}, drives, e, p, names(p), budget(p, e))
 
 
 def found(part: str, error: float = 1.0) -> tuple[Finding, ...]:
-    return findings(compared(part), None, None, error, RULES.visible, RULES)
+    return findings(compared(part), None, None, error, RULES.visible)
 
 
 @pytest.mark.parametrize("part", [EACH_DRIVE, PLACE, SLOW])
@@ -76,7 +75,7 @@ def test_the_cause_of_events_stands_beside_what_lasts() -> None:
     c, force = compared(SLOW), np.zeros(N)
     force[2500:2540] = 0.5
     cause = Named("wheel_slip", Tree({"wheel_slip": 0.7}), 50.0, force, brief=True)
-    both = findings(replace(c, names=replace(c.names, found=(cause,))), None, None, 1.0, RULES.visible, RULES)
+    both = findings(replace(c, names=replace(c.names, found=(cause,))), None, None, 1.0, RULES.visible)
     assert {f.effect for f in both} == {UNKNOWN, "wheel_slip"}
     (own,) = (f for f in both if f.effect == "wheel_slip")
     assert own.in_drives == ("b",)
@@ -117,12 +116,12 @@ def of_noise(persists: float, sd: float) -> Compared:
     """Nothing but noise, an autoregression, as a learned simulator may be off by."""
     noise = lfilter([1.0], [1.0, -persists], np.random.default_rng(3).normal(0.0, sd, N))
     e = replace(evidence(), residual=noise, slow_noise=0.3)
-    return _compared(posterior(regression(e), RULES, sweeps=60))
+    return _compared(posterior(regression(e), sweeps=60))
 
 
 def test_what_adds_up_in_no_recorded_channel_is_slow_and_never_undetermined_alone() -> None:
     c = of_noise(0.95, 0.03)
-    (f,) = findings(c, None, None, c.budget.speed_rmse, RULES.visible, RULES)
+    (f,) = findings(c, None, None, c.budget.speed_rmse, RULES.visible)
     assert (f.effect, f.says, f.separating_manoeuvre) == (
         UNKNOWN,
         wording.DRIFT[SLOW],
@@ -130,11 +129,11 @@ def test_what_adds_up_in_no_recorded_channel_is_slow_and_never_undetermined_alon
     )
     assert f.share_of_error == pytest.approx(c.budget.share(SLOW) + c.budget.persistent)
     assert f.share_of_error > 0.5
-    assert findings(c, None, None, 0.5 * RULES.visible, RULES.visible, RULES) == ()
+    assert findings(c, None, None, 0.5 * RULES.visible, RULES.visible) == ()
 
 
 def test_what_changes_within_seconds_is_said_as_such() -> None:
     c = of_noise(0.0, 0.2)
-    (f,) = findings(c, None, None, 1.0, RULES.visible, RULES)
+    (f,) = findings(c, None, None, 1.0, RULES.visible)
     assert (f.says, f.separating_manoeuvre) == (wording.DRIFT["left_over"], wording.RECORD_FAST)
     assert f.share_of_error == pytest.approx(c.budget.share("left_over") - c.budget.persistent)

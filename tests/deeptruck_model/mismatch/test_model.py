@@ -33,7 +33,7 @@ def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
     e = evidence()
     quiet = posterior_of("none")
     lost = evidence(-0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 18.0))
-    loud = posterior(regression(lost), Rules(), sweeps=40)
+    loud = posterior(regression(lost), sweeps=40)
     assert len(_terms(quiet)) <= 1
     assert _terms(loud)
 
@@ -43,7 +43,7 @@ def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None
     features = next(k.features for k in kernels(regression(evidence())) if k.name == UNKNOWN)
     force = features @ np.random.default_rng(1).standard_normal(features.shape[1])
     force *= 0.3 / force.std()
-    p = posterior(regression(evidence(force)), Rules(), sweeps=40)
+    p = posterior(regression(evidence(force)), sweeps=40)
     assert p.probability(UNKNOWN) == 1.0 and not _terms(p)
     terms = _terms(p, general=True)
     assert terms and all(t.general for t in terms)
@@ -56,7 +56,7 @@ def test_a_force_in_one_condition_is_corrected_there_only() -> None:
     """A share of the engine's force is lost at high speed, and the truck runs with it step by step."""
     e = evidence()
     lost = -0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 20.0)
-    p = posterior(Regression(evidence(lost), exclude=set(LIBRARY) - {"driveline_loss"}), Rules(), sweeps=40)
+    p = posterior(Regression(evidence(lost), exclude=set(LIBRARY) - {"driveline_loss"}), sweeps=40)
     assert p.part("driveline_loss", CONDITIONAL) == 1.0
     (term,) = _terms(p)
     (where,) = {v.course for v in term.variants}

@@ -34,7 +34,7 @@ class Draws:
 
     @property
     def search(self) -> Any:
-        return SimpleNamespace(own=None, e=SimpleNamespace(known_physics=self.known_physics))
+        return SimpleNamespace(own=None, rules=RULES, e=SimpleNamespace(known_physics=self.known_physics))
 
     def inside(self, name: str) -> np.ndarray:
         out = np.zeros(DRAWS, dtype=bool)
@@ -53,7 +53,7 @@ class Draws:
 
 
 def of(shares: Mapping[str, slice], **more: Any) -> Names:
-    return names(Draws(shares, **more), RULES)  # type: ignore[arg-type]
+    return names(Draws(shares, **more))  # type: ignore[arg-type]
 
 
 def test_where_nothing_is_in_nothing_is_named() -> None:

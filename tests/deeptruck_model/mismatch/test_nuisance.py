@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
 import pytest
 from small_drives import TRUCK, sensed
 
@@ -34,8 +33,7 @@ def gathered(*masses: float) -> tuple[Drives, Evidence]:
 
 def about(*masses: float, exclude: tuple[str, ...] = ()) -> Regression:
     drives, e = gathered(*masses)
-    none = np.zeros(len(e), dtype=bool)
-    return about_fitting_parameters(TRUCK, drives, e, none, 0, exclude, lambda step: None)
+    return about_fitting_parameters(TRUCK, drives, e, 0, exclude, lambda step: None)
 
 
 def test_a_wrong_mass_is_set_before_names_are_compared() -> None:

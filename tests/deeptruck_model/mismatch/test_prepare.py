@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_drives import TRUCK, LazyBrake, drives
+from small_drives import TRUCK, LazyBrake, braked, drives, evidence
 
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.data import checks
-from deeptruck_model.mismatch.prepare import LEFT_OUT, Span, prepared
+from deeptruck_model.mismatch.prepare import LEFT_OUT, OTHER_GEAR, Drives, Span, left_to_compare, prepared
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
-from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.unrecorded import NotRecorded
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
 
@@ -137,3 +139,33 @@ def test_how_often_the_wrong_sensor_is_found() -> None:
     print({kind: (sum(each), len(each)) for kind, each in right.items()}, another)
     assert np.mean(right["lag"]) > 0.9 and np.mean(right["scale"]) > 0.9
     assert another == 0
+
+
+def left_of(e: Evidence) -> tuple[Drives, Evidence]:
+    """What is left to compare along one drive whose brake was not recorded."""
+    brake = NotRecorded("brake", "hides", "signal")
+    whole = prepared(TRUCK, drives(TRUCK, 1), [], Rules(), sets_aside=False)
+    return left_to_compare(replace(whole, missing=(brake,)), e)
+
+
+def test_hidden_braking_is_left_out_before_what_is_left_is_judged() -> None:
+    """115 s count, 72 s of them with unrecorded braking."""
+    e, on = braked(evidence())
+    enough, _ = left_of(e)
+    assert enough.useless is None
+    assert enough.missing[0].share_of_time == pytest.approx(on.mean(), abs=0.02)
+    near = np.convolve(on, np.ones(19), "same") > 0
+    short = replace(e, valid=near)
+    assert near.sum() * e.dt > Limits.least_driving_s > (near & ~on).sum() * e.dt
+    found, left = left_of(short)
+    assert "s of driving without braking that was not recorded: record the brake" in str(found.useless)
+    assert not (left.valid & on).mean() > 0.01
+
+
+def test_too_little_driving_is_said_with_its_cause() -> None:
+    e = replace(evidence(), valid=np.arange(len(evidence())) < 250)
+    plain, _ = left_of(e)
+    assert str(plain.useless).startswith("only 50 s of driving that can be compared: record at least several")
+    other, _ = left_of(replace(e, other_gear=3000))
+    assert "only 50 s of driving in the gear that was recorded" in str(other.useless)
+    assert other.rejected[-1] == checks.Rejection(OTHER_GEAR, 3000)

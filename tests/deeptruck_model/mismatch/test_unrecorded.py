@@ -5,56 +5,45 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from small_drives import BRAKE_COMMAND, TRUCK, drives, evidence
+import pytest
+from small_drives import BRAKE_COMMAND, TRUCK, braked, drives, evidence
 
 from deeptruck_model.mismatch import unrecorded
-from deeptruck_model.mismatch.rules import Rules
 
-
-def braked(e, times=12, seconds=6.0):
-    """The residual with braking at moments in which the engine is idle, and the rows of it."""
-    on = np.zeros(len(e), dtype=bool)
-    rows = round(seconds / e.dt)
-    for start in np.linspace(300, len(e) - 300, times).astype(int):
-        on[start : start + rows] = True
-    command = np.where(on, 0.0, e["engine_command"] + 0.2)
-    signals = {k: v for k, v in e.signals.items() if k != BRAKE_COMMAND} | {"engine_command": command}
-    return replace(e, residual=e.residual - 0.8 * on, signals=signals), on
+BRAKE = unrecorded.NotRecorded("brake", "hides", "signal")
 
 
 def test_unrecorded_braking_is_found_where_it_acts() -> None:
     e, on = braked(evidence())
-    found, gain = unrecorded.braking(e, Rules())
-    assert gain > Rules().parameter_gain
-    assert found[on].mean() > 0.8
-    assert found[~on].mean() < 0.02
+    left, (brake,) = unrecorded.braking(e, [BRAKE])
+    assert left.hidden is not None and not (left.valid & left.hidden).any()
+    assert left.hidden[on].mean() > 0.8
+    assert left.hidden[~on].mean() < 0.02
+    assert brake.gain > e.rules.parameter_gain
+    assert brake.share_of_time == pytest.approx(left.hidden.mean())
 
 
 def test_a_truck_whose_pedal_is_never_released_does_not_brake() -> None:
     e, _ = braked(evidence())
     e = replace(e, signals=e.signals | {"engine_command": e["engine_command"] + 0.5})
-    assert not unrecorded.braking(e, Rules())[0].any()
+    assert unrecorded.braking(e)[0].valid.all()
 
 
 def test_noise_alone_is_no_braking() -> None:
     e = evidence()
     e = replace(e, signals={k: v for k, v in e.signals.items() if k != BRAKE_COMMAND})
-    found, _ = unrecorded.braking(e, Rules())
-    assert not found.any()
+    assert unrecorded.braking(e)[0].valid.all()
 
 
 def test_where_the_brake_was_recorded_none_is_hidden() -> None:
     e, _ = braked(evidence())
     e = replace(e, signals=e.signals | {BRAKE_COMMAND: np.zeros(len(e))})
-    found, gain = unrecorded.braking(e, Rules())
-    assert not found.any()
-    assert gain == 0.0
+    assert unrecorded.braking(e, [BRAKE]) == (e, (BRAKE,))
 
 
 def test_a_name_of_the_brakes_is_said_with_the_brake_that_was_not_recorded() -> None:
-    missing = [unrecorded.NotRecorded("brake", "hides", "signal")]
     recorded = drives(TRUCK, 1, 30.0)
-    assert unrecorded.names_behind(recorded, missing)["dragging_brake"] == "brake"
+    assert unrecorded.names_behind(recorded, [BRAKE])["dragging_brake"] == "brake"
     assert not unrecorded.names_behind(recorded, [])
 
 

@@ -15,9 +15,12 @@ from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.mismatch.model import Made, Recipe
 from deeptruck_model.mismatch.posterior.regression import Model
+from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.validate import _better, _falls, _log_ratio, validate
 
 TRUCK = trucks.load("trucksim")
+RULES = Rules()
 GAP_M, LENGTH_M, SHARE = 8.0, 20.0, 0.4
 
 
@@ -39,8 +42,9 @@ def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> 
     )
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     held_out = [behind_another(seed) for seed in range(3)]
+    drives = Drives(tuple(held_out), (True,) * 3, (), (), (), (), None)
     made = Made(drafting, plain, Recipe(), Model.__new__(Model))
-    fit = validate(TRUCK, made, held_out, []).fit
+    fit = validate(TRUCK, made, drives, RULES).fit
     assert fit.errors is not None and fit.errors.after.speed < fit.errors.before.speed
     assert fit.without_exogenous is not None and fit.without_exogenous.signals == ("gap",)
     assert fit.without_exogenous.after == fit.errors.before.speed
@@ -61,7 +65,17 @@ def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> 
     ],
 )
 def test_drives_together_show_whether_errors_fall(ratios: list[float], size: float, falls: bool) -> None:
-    assert _falls(_log_ratio(size * np.array([[1.0, x] for x in ratios]))) is falls
+    assert _falls(_log_ratio(size * np.array([[1.0, x] for x in ratios]), RULES), RULES) is falls
+
+
+@pytest.mark.parametrize(
+    ("rules", "falls"),
+    [(RULES, True), (Rules(better=0.2), False), (Rules(drift=5.0), False)],
+    ids=["ordinary", "better", "drift"],
+)
+def test_a_user_s_rules_say_what_falls(rules: Rules, falls: bool) -> None:
+    ratio = _log_ratio(np.array([[1.0, x] for x in (0.3, 0.4, 0.3, 0.5)]), rules)
+    assert _falls(ratio, rules) is falls
 
 
 def runs(speed: float, drives: int) -> Errors:
@@ -83,8 +97,8 @@ def test_few_held_out_drives_are_judged_with_the_fitted_ones(
     )
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     made = Made(plain, plain, Recipe(), Model.__new__(Model), left_out=fitted)
-    assert _better({"before": before, "after": mixed}, made, "after") is better
-    assert not _better({"before": before, "after": mixed}, replace(made, left_out={}), "after")
+    assert _better({"before": before, "after": mixed}, made, "after", RULES) is better
+    assert not _better({"before": before, "after": mixed}, replace(made, left_out={}), "after", RULES)
 
 
 def test_what_suits_held_out_drives_alone_is_not_better() -> None:
@@ -97,5 +111,5 @@ def test_what_suits_held_out_drives_alone_is_not_better() -> None:
     before, after = (
         Errors(x, x, np.zeros(12, dtype=int), np.zeros(12, dtype=int)) for x in (sizes, 0.7 * sizes)
     )
-    assert not _better({"before": before, "after": after}, made, "after")
-    assert _better({"before": before, "after": after}, replace(made, left_out={}), "after")
+    assert not _better({"before": before, "after": after}, made, "after", RULES)
+    assert _better({"before": before, "after": after}, replace(made, left_out={}), "after", RULES)

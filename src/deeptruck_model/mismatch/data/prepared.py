@@ -15,7 +15,6 @@ from deeptruck_model.compatibility import how_without
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
-from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED, TruckInterface
@@ -172,17 +171,6 @@ def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection])
             "accelerate, brake and coast between 5 and 25 m/s"
         )
     return None
-
-
-def too_little(e: Evidence) -> str | None:
-    """Why no statement is possible if the simulator uses another gear in most of the fitted data, or None."""
-    seconds = float((e.valid & ~e.held_out).sum()) * e.dt
-    if seconds >= Limits.least_driving_s or not e.other_gear:
-        return None
-    return (
-        f"only {seconds:.0f} s of driving in the gear that was recorded: look whether gear and engine_speed "
-        "are recorded in the right units, or record more"
-    )
 
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import conclude
 from deeptruck_model.mismatch.adaptation import adapt, with_own
-from deeptruck_model.mismatch.comparison import Uncompared
+from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.findings import findings
 from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
@@ -66,11 +66,11 @@ def _loaded(path: str, own: Own | None) -> Simulator:
 def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules()) -> NamesReply:
     """Names and budget of recordings, all of which are fitted. Raises InputError as `find_mismatch` does."""
     c = compared(simulator, recordings, sets_aside=False, rules=rules)
-    if isinstance(c, Uncompared):
-        return NamesReply(c.drives.useless or "")
-    found = findings(c, None, None, c.budget.speed_rmse, rules.visible, rules)
+    if not isinstance(c, Compared):
+        return NamesReply(c.useless or "")
+    found = findings(c, None, None, c.budget.speed_rmse, rules.visible)
     stated = [f for f in found if f.stated != ROOT or f.effect == UNKNOWN]
-    nodes = conclude.tree(c, found, None, rules)
+    nodes = conclude.tree(c, found, None)
     if stated:
         says = " ".join(lines.cause(f) for f in stated)
     elif found:

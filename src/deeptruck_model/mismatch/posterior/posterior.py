@@ -22,7 +22,7 @@ from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, SWEEPS, Blocks, Draws, sample
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, fit, whiten
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
 
 Array = NDArray[np.float64]
@@ -147,7 +147,6 @@ class Posterior:
 
 def posterior(
     search: Regression,
-    rules: Rules,
     extra: Sequence[Kernel] = (),
     *,
     seed: int = 0,
@@ -164,7 +163,7 @@ def posterior(
     sizes = np.cumsum([always.shape[1], *(k.features.shape[1] for k in of)])
     at = tuple(np.arange(a, b) for a, b in itertools.pairwise(sizes))
     y = search.series.y - mean
-    odds = np.log([(DRIFT_ODDS if k.part in (*NO_NAME, SLOPE) else rules.odds) * k.chance for k in of])
+    odds = np.log([(DRIFT_ODDS if k.part in (*NO_NAME, SLOPE) else search.rules.odds) * k.chance for k in of])
     signed = [None if k.sign is None else _signed(k, search) for k in of]
     columns = [always, *(k.features for k in of)]
     first = np.arange(always.shape[1])
@@ -172,7 +171,7 @@ def posterior(
     def drawn(noise: Fit, sweeps: int) -> Draws:
         gram, pull = _products(search, columns, y, noise)
         blocks = Blocks(gram, pull, at, odds, signed)
-        return sample(blocks, first, rules.evidence_temperature, seed, sweeps=sweeps)
+        return sample(blocks, first, search.rules.evidence_temperature, seed, sweeps=sweeps)
 
     if noise is None:
         noise = search.background(()).fit
@@ -199,9 +198,9 @@ def _form_error(search: Regression) -> Array:
     return out
 
 
-def gains(search: Regression, rules: Rules) -> dict[str, float]:
+def gains(search: Regression) -> dict[str, float]:
     """Log evidence of each name alone over no effect, nats, along the drives of a search."""
-    p = posterior(search, rules, sweeps=1)
+    p = posterior(search, sweeps=1)
     return {name: p.gain(name) for name in dict.fromkeys(k.name for k in p.of) if name not in NO_NAME}
 
 

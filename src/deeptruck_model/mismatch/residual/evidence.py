@@ -169,6 +169,7 @@ class Evidence:
     known_physics: bool = True  # the simulator reports parameters or forces, so that it is no learned one
     vehicle: VehicleKind = UNSTATED  # what is usual of what drove
     whole: Mask | None = None  # `valid` with held-out recordings, where it is without
+    hidden: Mask | None = None  # rows that are left out because an unrecorded brake acts
 
     def __len__(self) -> int:
         return len(self.residual)
@@ -180,6 +181,10 @@ class Evidence:
     def everywhere(self) -> Evidence:
         """The same evidence, with all recordings to be fitted, held-out ones included."""
         return self if self.whole is None else replace(self, valid=self.whole, whole=None)
+
+    def without(self, hidden: Mask | None) -> Evidence:
+        """The same evidence without the rows (n,) in which an unrecorded brake acts."""
+        return self if hidden is None else replace(self, valid=self.valid & ~hidden, hidden=hidden)
 
     @property
     def gears(self) -> tuple[float, ...]:

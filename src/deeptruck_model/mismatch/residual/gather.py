@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, quantum
 from deeptruck_model.mismatch.residual import components, effective_mass
 from deeptruck_model.mismatch.residual.command_path import changed
@@ -26,11 +27,16 @@ from deeptruck_model.mismatch.residual.shift_moment import (
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
+from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 JITTER_RUNS = 6
+IMPOSSIBLE = (
+    "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
+    "see 'deeptruck-model check-simulator'"
+)
 
 
 def gather(
@@ -42,19 +48,17 @@ def gather(
     moved: Mapping[str, float] | None = None,
     rules: Rules = Rules(),
     mass_kg: float | None = None,
-    reruns_held_out: bool = True,
 ) -> Evidence:
     """Run the simulator forced along every drive: as given, with perturbed inputs, and with changed
     parameters.
 
     `moved` are relative changes already made to the parameters as given. `mass_kg` is stated for a simulator
-    that does not report its mass; otherwise the recordings or its training data may. Unless
-    `reruns_held_out`, other command paths are run along the fitted drives only, and their change is zero
-    along others.
+    that does not report its mass; otherwise the recordings or its training data may. Other command paths are
+    run along the fitted drives only, and their change is zero along others. Raises InputError for
+    accelerations that no vehicle has.
     """
     driven = _driven(simulator, prepared, held_out)
-    along = [reruns_held_out or not out for out in held_out]
-    evidence = _compared(driven, held_out, seed, rules, mass_kg, along)
+    evidence = _compared(driven, held_out, seed, rules, mass_kg)
     return _with_parameters(driven, replace(evidence, moved=dict(moved or {})))
 
 
@@ -99,7 +103,6 @@ def _compared(
     seed: int,
     rules: Rules,
     mass_kg: float | None,
-    rerun_along: Sequence[bool],
 ) -> Evidence:
     """Simulated acceleration and residual along the drives, with the simulator's uncertainty."""
     simulator, prepared, grid = d.simulator, d.prepared, d.grid
@@ -108,6 +111,7 @@ def _compared(
     residual, simulated = d.residual()
     for_long, apart = d.other_gear(held_out)
     valid = grid.valid() & ~grid.any(for_long)
+    _check_possible(simulated[valid])
     sooner = of_a_sample_sooner(simulator, prepared, grid) if d.known_physics else None
     apart_by = 0.0 if sooner is None else samples_apart(residual, sooner, valid)
     return Evidence(
@@ -124,12 +128,19 @@ def _compared(
         mass_known=mass_known,
         known_physics=d.known_physics,
         vehicle=prepared[0].recording.interface.kind,
-        rerun=_rerunner(simulator, prepared, grid, simulated, rerun_along),
+        rerun=_rerunner(simulator, prepared, grid, simulated, [not out for out in held_out]),
         sooner=sooner,
         slow_noise=rules.slow_noise,
         rules=rules,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
     )
+
+
+def _check_possible(simulated: Array) -> None:
+    """Raises InputError if a simulator's accelerations (n,), m/s^2, are impossible for any vehicle."""
+    beyond = float(np.mean(np.abs(simulated) > IMPOSSIBLE_ACCELERATION)) if len(simulated) else 0.0
+    if beyond > Limits.no_vehicle:
+        raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))
 
 
 def _with_parameters(d: _Driven, e: Evidence) -> Evidence:

@@ -9,8 +9,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data.prepared import each_once, same_signals, too_little
-from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.data.prepared import each_once, same_signals
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("trucksim")
@@ -80,9 +79,3 @@ def test_another_rate_names_a_cure_that_there_is(drives: list[Recording], dt: fl
 def test_an_effect_that_is_none_cannot_be_left_out(drives: list[Recording]) -> None:
     with pytest.raises(InputError, match="no effect 'heawind' to leave out; did you mean headwind"):
         mismatch.find_mismatch(TRUCK, drives[:2], drives[2:], exclude=["brake_fade", "heawind"])
-
-
-def test_too_little_driving_in_the_recorded_gear_is_said(nothing_missing: Evidence) -> None:
-    assert too_little(nothing_missing) is None
-    held_out_alone = replace(nothing_missing, valid=nothing_missing.held_out, other_gear=3000)
-    assert "only 0 s of driving in the gear that was recorded" in str(too_little(held_out_alone))

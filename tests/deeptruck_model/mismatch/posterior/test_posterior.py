@@ -22,14 +22,14 @@ HILLS = 0.01 * np.sin(2 * np.pi * evidence()["distance"] / 700.0)
 
 
 def test_of_noise_nothing_is_found() -> None:
-    found = names(posterior_of("none"), RULES)
+    found = names(posterior_of("none"))
     assert not found.found
     assert found.explanations[0].names == ()
 
 
 def test_a_parameter_that_is_wrong_is_found_with_its_size() -> None:
     p = posterior_of("brakes")
-    found = names(p, RULES)
+    found = names(p)
     assert found.found[0].tree.families["brakes"] > 0.9
     assert p.probability("brake_gain") > 0.5
     change, sd = p.change("brake_gain")
@@ -69,12 +69,12 @@ def test_a_small_force_beside_a_large_one_may_be_its_form(monkeypatch: pytest.Mo
 def without_slope(**options: Sequence[str]) -> Posterior:
     e = evidence(GRAVITY * HILLS)
     e = replace(e, signals={n: x for n, x in e.signals.items() if n != "grade"})
-    return posterior(Regression(e, **options), RULES, sweeps=30)
+    return posterior(Regression(e, **options), sweeps=30)
 
 
 def test_hills_that_were_not_recorded_are_a_slope() -> None:
     p = without_slope()
-    assert names(p, RULES).found[0].name == "road_grade"
+    assert names(p).found[0].name == "road_grade"
     force, rows = p.force("road_grade"), p.search.rows
     assert np.corrcoef(force[rows], HILLS[rows])[0, 1] > 0.95
 
@@ -86,20 +86,20 @@ def test_a_slope_that_is_left_out_of_the_library_has_no_block() -> None:
 
 def test_the_mean_force_is_what_was_planted() -> None:
     p = posterior_of("brakes")
-    first = names(p, RULES).found[0]
+    first = names(p).found[0]
     planted = FORCES["brakes"][p.search.rows]
     left = first.force[p.search.rows] - planted
     assert np.sum(left**2) < 0.1 * np.sum(planted**2)
 
 
 def test_probabilities_of_explanations_add_up_to_at_most_one() -> None:
-    found = names(posterior_of("drag"), RULES)
+    found = names(posterior_of("drag"))
     assert 0.5 < sum(x.probability for x in found.explanations) <= 1.0
     assert all(0.0 < x <= 1.0 for x in found.each.values())
 
 
 def test_a_name_gains_most_of_its_own_force() -> None:
-    by_name = gains(regression(evidence(FORCES["brakes"])), RULES)
+    by_name = gains(regression(evidence(FORCES["brakes"])))
     assert by_name["brake_gain"] > 20.0
     assert by_name["brake_gain"] > by_name.get("drag_area", 0.0)
 

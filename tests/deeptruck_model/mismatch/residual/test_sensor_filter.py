@@ -72,7 +72,7 @@ def test_a_slope_that_is_recorded_late_or_early_is_no_finding(
 
 def _most(search: Regression) -> float:
     """Nats that the best kernel gains."""
-    return max(gains(search, search.rules).values())
+    return max(gains(search).values())
 
 
 def test_a_hole_in_the_recorded_slope_is_no_turn_of_the_road(nothing_missing: Evidence) -> None:
