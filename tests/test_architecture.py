@@ -196,7 +196,7 @@ MISMATCH = (  # what the steps share, the steps of docs/mismatch_method.md, and 
     ("mismatch.unrecorded",),
     ("mismatch.prepare",),
     ("mismatch.discrepancy",),
-    ("mismatch.nuisance",),
+    ("mismatch.relinearise",),
     ("mismatch.names",),
     ("mismatch.budget",),
     ("mismatch.road",),

@@ -22,7 +22,7 @@ from deeptruck_model.mismatch import unrecorded
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
-from deeptruck_model.mismatch.discrepancy import allowed_for
+from deeptruck_model.mismatch.discrepancy import with_own_error
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
 from deeptruck_model.mismatch.own import Own, Quantity, State
 from deeptruck_model.mismatch.posterior.kernels import Kernel
@@ -108,7 +108,7 @@ def own_of(simulator: Simulator, drives: Sequence[Prepared], rules: Rules) -> Ow
     e, _ = unrecorded.braking(e)
     if e.valid.sum() * e.dt < Limits.least_driving_s:
         return None
-    e = allowed_for(simulator, e, drives[0].measured_acceleration, 0)
+    e = with_own_error(simulator, e, drives[0].measured_acceleration, 0)
     columns = {name: candidate_term(LIBRARY[name], STEADY[name], e).columns for name in STEADY}
     if LOAD in e.sensitivity:
         columns[LOAD] = e.sensitivity[LOAD][:, None]

@@ -52,8 +52,9 @@ class Part:
 class Budget:
     """The parts of the squared speed error after up to `horizon_s`, largest first, the unexplained part last.
 
-    `speed_rmse`, m/s, is the root mean square error of the `windows` windows. There are no parts if too few
-    windows are free of gaps. `persistent` is the unexplained share in excess of that of white noise.
+    `speed_rmse`, m/s, is the root mean square of the residual integrated over the `windows` windows. There
+    are no parts if too few windows are free of gaps. `persistent` is the unexplained share in excess of that
+    of white noise.
     """
 
     horizon_s: float

@@ -22,9 +22,9 @@ from threadpoolctl import threadpool_limits
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.improvement import free_windows, horizon, improvement
 from deeptruck_model.mismatch.fit_result import Interval, Rmse
-from deeptruck_model.mismatch.nuisance import refitted
 from deeptruck_model.mismatch.posterior.regression import FREE, Model, Regression
-from deeptruck_model.mismatch.prepare import Drives, prepared
+from deeptruck_model.mismatch.prepare import PreparedDrives, prepare_drives
+from deeptruck_model.mismatch.relinearise import refitted
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.residual.sensitivity import accepted
@@ -88,7 +88,7 @@ def calibrate(
     """
     with threadpool_limits(1):
         say("checking the data")
-        drives = prepared(truck, recordings, held_out, rules)
+        drives = prepare_drives(truck, recordings, held_out, rules)
         if drives.useless:
             raise InputError(f"the truck cannot be fitted to these recordings: {drives.useless}")
         say("driving the truck along the recordings")
@@ -117,7 +117,7 @@ def _off(found: Calibration, name: str) -> float:
     return next((abs(p.value / p.given - 1.0) for p in found.parameters if p.name == name), 0.0)
 
 
-def _saves(drives: Drives, held: PhysicsTruck, moved: PhysicsTruck) -> float:
+def _saves(drives: PreparedDrives, held: PhysicsTruck, moved: PhysicsTruck) -> float:
     """The share of the held-out speed error that is removed by changing the mass: the lower end of its 95 %
     interval; 0 without a free run."""
     along = drives.part(held_out=True)
@@ -130,7 +130,7 @@ def _saves(drives: Drives, held: PhysicsTruck, moved: PhysicsTruck) -> float:
 
 
 def _driven(
-    truck: PhysicsTruck, drives: Drives, search: Regression, model: Model, identified: frozenset[str]
+    truck: PhysicsTruck, drives: PreparedDrives, search: Regression, model: Model, identified: frozenset[str]
 ) -> Calibration:
     change = {p: search.e.total_change(p, model.moved(p)) for p in identified}
     own = truck.parameters()

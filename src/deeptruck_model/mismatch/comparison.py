@@ -10,7 +10,7 @@ from deeptruck_model.mismatch.events import Event, rows_of
 from deeptruck_model.mismatch.names import Names
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
@@ -20,7 +20,7 @@ class Compared:
     posterior (perhaps linearised at refitted parameters), names, budget and events."""
 
     parameters: Mapping[str, float]
-    drives: Drives
+    drives: PreparedDrives
     given: Evidence
     posterior: Posterior
     names: Names

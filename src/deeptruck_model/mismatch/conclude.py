@@ -13,7 +13,7 @@ from deeptruck_model.mismatch.findings import findings, of_fault
 from deeptruck_model.mismatch.folders import AS_GIVEN
 from deeptruck_model.mismatch.model import Made
 from deeptruck_model.mismatch.posterior.regression import FREE
-from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Advice, Answer, Data, Finding, Verdict
@@ -24,7 +24,7 @@ from deeptruck_model.mismatch.validate import Validated
 from deeptruck_model.mismatch.witnesses import witnesses
 
 
-def useless(drives: Drives) -> Verdict:
+def useless(drives: PreparedDrives) -> Verdict:
     """The verdict if nothing can be compared: a sensor fault if there is one, else undetermined with the
     reason."""
     found = tuple(of_fault(f) for f in drives.faults)
@@ -45,7 +45,7 @@ def useless(drives: Drives) -> Verdict:
 
 def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
     """The verdict from all results of the comparison."""
-    e, fit, rules = c.fitted, driven.fit, c.search.rules
+    e, fit, rules = c.fitted, driven.judged, c.search.rules
     slope = road(c.search.e.everywhere())
     numbers = _numbers(c, driven)
     found = findings(c, made, slope, numbers.error, decide.tolerance(numbers.own, rules))
@@ -91,14 +91,14 @@ def tree(c: Compared, found: Sequence[Finding], slope: Road | None) -> tuple[Nod
 
 
 def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
-    fit, nan = driven.fit, float("nan")
+    fit, nan = driven.judged, float("nan")
     errors = fit.errors
     return decide.Numbers(
         given=errors.before.speed if errors is not None else nan,
-        refitted=errors.parameters_only.speed if errors is not None else nan,
+        parameters_only=errors.parameters_only.speed if errors is not None else nan,
         corrected=errors.after.speed if errors is not None else nan,
         horizon_s=fit.horizon_s,
-        fitted=c.budget.speed_rmse,
+        added_up=c.budget.speed_rmse,
         own=driven.own_error,
         offered=fit.offered,
         is_corrected=bool(fit.corrected),

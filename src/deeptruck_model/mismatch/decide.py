@@ -22,19 +22,20 @@ class Numbers:
     """The numbers that decide a verdict.
 
     `kinds` and `shares` of the findings. Speed errors (m/s) in free runs of `horizon_s` along held-out
-    drives, of the simulator as `given`, with `refitted` parameters, and `corrected` (NaN if no drive is long
-    enough). The `fitted` error along fitted drives (NaN if too few windows are free of gaps). The `own` error
-    of a learned simulator on its held-out recordings (None if it is not learned or not known). Which
-    simulator is `offered`, whether anything `is corrected`, and which inputs are `missing`.
+    drives, of the simulator as `given`, with refitted `parameters_only`, and `corrected` (NaN if no drive is
+    long enough). The error to which the residual along fitted drives has `added_up`, without events, over the
+    budget's own horizon (NaN if too few windows are free of gaps). The `own` error of a learned simulator on
+    its held-out recordings (None if it is not learned or not known). Which simulator is `offered`, whether
+    anything `is corrected`, and which inputs are `missing`.
     """
 
     kinds: Sequence[Kind] = ()
     shares: Sequence[float] = ()
     given: float = float("nan")
-    refitted: float = float("nan")
+    parameters_only: float = float("nan")
     corrected: float = float("nan")
     horizon_s: float = 40.0
-    fitted: float = float("nan")
+    added_up: float = float("nan")
     own: float | None = None
     offered: str = AS_GIVEN
     is_corrected: bool = False
@@ -43,7 +44,7 @@ class Numbers:
     @property
     def error(self) -> float:
         """The larger of the errors along held-out and fitted drives, m/s; NaN if neither is known."""
-        known = [x for x in (self.given, self.fitted) if np.isfinite(x)]
+        known = [x for x in (self.given, self.added_up) if np.isfinite(x)]
         return max(known, default=float("nan"))
 
 
@@ -71,7 +72,7 @@ def uncompared(*, faulty: bool) -> Conclusion:
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
     """The simulator that was chosen on held-out drives, with or without a name. If nothing is missing, it is
     offered only if it reduces the error by as much as a drift must make to be a finding."""
-    after = {REFIT: n.refitted, CORRECTION: n.corrected}.get(n.offered, n.given)
+    after = {REFIT: n.parameters_only, CORRECTION: n.corrected}.get(n.offered, n.given)
     if kind is Conclusion.NOTHING and not n.given - after > rules.drift:
         return AS_GIVEN
     return n.offered
@@ -84,7 +85,7 @@ def advice(n: Numbers, kind: Conclusion, rules: Rules) -> Mapping[str, Advice]:
 
 
 def _data(n: Numbers) -> Advice:
-    if not np.isfinite(n.fitted):
+    if not np.isfinite(n.added_up):
         return Advice(Answer.NO, wording.TOO_SHORT)
     if Kind.SENSOR in n.kinds:
         return Advice(Answer.UNSURE, wording.FAULTY)
@@ -97,7 +98,7 @@ def _simulator(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
     if not np.isfinite(n.given):
         return Advice(Answer.UNSURE, wording.NOT_DRIVEN)
     if n.error > tolerance(n.own, rules):
-        worst = wording.off_fitted(n.fitted) if n.given <= tolerance(n.own, rules) else None
+        worst = wording.off_fitted(n.added_up) if n.given <= tolerance(n.own, rules) else None
         return Advice(Answer.NO, worst or wording.off(n.given, n.horizon_s, n.own))
     if kind is Conclusion.NOTHING:
         return Advice(Answer.YES, wording.good(n.given, n.horizon_s))
@@ -112,12 +113,12 @@ def _apply(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
     offer = offered(n, kind, rules)
     if offer != AS_GIVEN:
         refit = offer == REFIT
-        better = wording.better(n.given, n.refitted if refit else n.corrected, refit=refit)
+        better = wording.better(n.given, n.parameters_only if refit else n.corrected, refit=refit)
         if Kind.SENSOR in n.kinds:
             return Advice(Answer.UNSURE, wording.after_repair(better))
         return Advice(Answer.YES, better)
     if kind is Conclusion.NOTHING or not n.is_corrected:
         return Advice(Answer.NO, wording.NOTHING_CORRECTED)
-    if min(n.refitted, n.corrected) < n.given:
+    if min(n.parameters_only, n.corrected) < n.given:
         return Advice(Answer.UNSURE, wording.NOT_SIGNIFICANT)
     return Advice(Answer.NO, wording.NOT_BETTER)

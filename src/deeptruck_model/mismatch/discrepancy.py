@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 JOLTS = 0.02  # of the time, that count for nothing
 
 
-def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
+def own_drives(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
     """The held-out recordings stored in a learned simulator; empty if they are too short."""
     try:
         prepared = [
@@ -31,18 +31,14 @@ def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
     return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= Limits.least_driving_s else []
 
 
-def allowed_for(simulator: Simulator, e: Evidence, measured_acceleration: bool, seed: int) -> Evidence:
+def with_own_error(simulator: Simulator, e: Evidence, measured_acceleration: bool, seed: int) -> Evidence:
     """The evidence with a learned simulator's error on its held-out recordings, and the slow part of that
     error; unchanged for a physics truck."""
     if e.known_physics:
         return e
-    own_drives = kept(simulator, measured_acceleration)
+    drives = own_drives(simulator, measured_acceleration)
     try:
-        own = (
-            gather(simulator, own_drives, [False] * len(own_drives), seed=seed, rules=e.rules)
-            if own_drives
-            else None
-        )
+        own = gather(simulator, drives, [False] * len(drives), seed=seed, rules=e.rules) if drives else None
     except InputError:
         own = None
     if own is None:

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from threadpoolctl import threadpool_limits
 
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.discrepancy import allowed_for
+from deeptruck_model.mismatch.discrepancy import with_own_error
 from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.prepare import prepared
+from deeptruck_model.mismatch.prepare import prepare_drives
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
@@ -38,7 +38,7 @@ def evidence_by_name(
     """
     simulator = completed(simulator)
     with threadpool_limits(1):
-        drives = prepared(simulator, recordings, held_out, rules)
+        drives = prepare_drives(simulator, recordings, held_out, rules)
         fit, held = (_nats(simulator, drives.part(out), seed, rules) for out in (False, True))
     return fit, held
 
@@ -49,5 +49,5 @@ def _nats(simulator: Simulator, drives: Sequence[Prepared], seed: int, rules: Ru
     e = gather(simulator, drives, [False] * len(drives), seed=seed, rules=rules)
     if float(e.valid.sum()) * e.dt < Limits.least_driving_s:
         return {}
-    search = Regression(allowed_for(simulator, e, drives[0].measured_acceleration, seed))
+    search = Regression(with_own_error(simulator, e, drives[0].measured_acceleration, seed))
     return gains(search)

@@ -11,14 +11,13 @@ from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.conclude import conclude, useless
-from deeptruck_model.mismatch.discrepancy import allowed_for
+from deeptruck_model.mismatch.discrepancy import with_own_error
 from deeptruck_model.mismatch.events import without_events
 from deeptruck_model.mismatch.folders import CORRECTION
 from deeptruck_model.mismatch.model import correct
 from deeptruck_model.mismatch.names import names
-from deeptruck_model.mismatch.nuisance import about_fitting_parameters
-from deeptruck_model.mismatch.prepare import Drives as Prepared
-from deeptruck_model.mismatch.prepare import Span, left_to_compare, prepared
+from deeptruck_model.mismatch.prepare import PreparedDrives, Span, left_to_compare, prepare_drives
+from deeptruck_model.mismatch.relinearise import at_fitted_parameters
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.mismatch.rules import Rules
@@ -53,13 +52,13 @@ def find_mismatch(
     for a mass that is impossible or differs from the simulator's, and for a simulator whose acceleration no
     vehicle has.
     """
-    truck, fit, held = called(
+    truck, to_fit, to_hold_out = called(
         simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
         mass_kg=mass_kg,
     )  # fmt: skip
     with threadpool_limits(1), steps(say, "checking the data") as say:
         c = compared(
-            truck, fit, held, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
+            truck, to_fit, to_hold_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
             mass_kg=mass_kg,
         )  # fmt: skip
         if not isinstance(c, Compared):
@@ -74,7 +73,7 @@ def find_mismatch(
         driven.errors,
         made.corrected.marked(verdict.offered == CORRECTION),
         c.drives.prepared,
-        made.tuned.marked(verdict.validated and driven.refit_better),
+        made.parameters_only.marked(verdict.validated and driven.refit_better),
     )
 
 
@@ -90,13 +89,13 @@ def compared(
     say: Callable[[str], None] = lambda step: None,
     rules: Rules = Rules(),
     mass_kg: float | None = None,
-) -> Compared | Prepared:
+) -> Compared | PreparedDrives:
     """The first half of `find_mismatch`: names and budget, without a correction; drives that are `useless` if
     nothing can be compared. Raises InputError as it does.
 
     Without `sets_aside` all recordings are fitted if none is held out.
     """
-    drives = prepared(
+    drives = prepare_drives(
         simulator, recordings, held_out, rules, sets_aside=sets_aside, without=without, mass_kg=mass_kg
     )
     if drives.useless:
@@ -107,10 +106,10 @@ def compared(
     drives, e = left_to_compare(drives, e)
     if drives.useless:
         return drives
-    e = allowed_for(simulator, e, drives.prepared[0].measured_acceleration, seed)
+    e = with_own_error(simulator, e, drives.prepared[0].measured_acceleration, seed)
 
     say("comparing every mechanism with what the simulator is off by")
-    search = about_fitting_parameters(simulator, drives, e, seed, exclude, say)
+    search = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
     p, events = without_events(search, seed)
     parameters = dict(simulator.parameters())
     return Compared(parameters, drives, e, p, names(p, events), budget(p, e), events)

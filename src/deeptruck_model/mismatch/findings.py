@@ -74,7 +74,7 @@ def _of_named(c: Compared, e: Evidence, made: Made | None, named: Named, rules: 
     m = LIBRARY[name]
     f = _finding(e, named, Kind(m.kind), m.says, named.force, rules)
     term = next((t for t in made.terms if t.mechanism.effect == name), None) if made is not None else None
-    sizes = sizes_of(term, made.fit, search.e) if made is not None and term is not None else {}
+    sizes = sizes_of(term, made.model, search.e) if made is not None and term is not None else {}
     conditional = c.posterior.part(name, CONDITIONAL) >= rules.named
     return replace(
         f,
@@ -207,7 +207,7 @@ def _finding(e: Evidence, named: Named, kind: Kind, says: str, force: Array, rul
         round(named.tree.names[first], 3),
         round(named.tree.families[family], 3),
         rivals,
-        evidence_nats=round(named.held, 1),
+        evidence_nats=round(named.nats, 1),
         strength=_strength(e, force),
         force=force,
         in_drives=_drives(e, force),

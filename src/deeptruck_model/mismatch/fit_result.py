@@ -96,7 +96,9 @@ class FitResult:
     windows: int
     corrected: tuple[str, ...]  # effects and parameters that the corrected simulator holds
     # relative changes of its parameters
-    refitted: Mapping[str, float] = field(default_factory=dict, metadata=SPARSE)
+    corrected_parameters: Mapping[str, float] = field(
+        default_factory=dict, metadata=stored(key="refitted", sparse=True)
+    )
     # whether sizes are those of least speed error, not the most probable ones
     output_error: bool = field(default=False, metadata=SPARSE)
     # the simulator has no parameters: what refits them scales its forces instead

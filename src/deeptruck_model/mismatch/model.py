@@ -61,9 +61,9 @@ class Made:
     """
 
     corrected: CorrectedTruck
-    tuned: CorrectedTruck
+    parameters_only: CorrectedTruck
     recipe: Recipe
-    fit: Model
+    model: Model
     refit: Mapping[str, Refitted] = field(default_factory=dict)
     terms: tuple[CandidateTerm, ...] = ()  # forms of all that may be in, of single drives too
     left_out: Mapping[str, Array] = field(default_factory=dict)
@@ -84,7 +84,7 @@ def correct(simulator: Simulator, p: Posterior) -> Made:
     folds = _folds(search.e)
     *errors, tuned = (_left_out(folds, recipe) for recipe in (*options, tuning))
     best = options[_best(errors, rules)]
-    whole = Regression(search.e.everywhere(), only=~search.e.held_out & search.e.valid, held=PINNED)
+    whole = Regression(search.e.everywhere(), only=~search.e.held_out & search.e.valid, parameter_sd=PINNED)
     alone = whole.model((), parameters)
     return Made(
         _truck(simulator, whole, best, _fitted(whole, best)),
@@ -210,11 +210,13 @@ def _folds(e: Evidence) -> list[_Fold]:
     fitted = np.flatnonzero([not s.held_out for s in e.stretches])
     parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= FOLDS else []
     if not parts:
-        return [_Fold(Regression(e, held=PINNED), e.valid & ~e.held_out)]
+        return [_Fold(Regression(e, parameter_sd=PINNED), e.valid & ~e.held_out)]
     out = []
     for away in parts:
         there = np.isin(e.record, away)
-        out.append(_Fold(Regression(e, only=e.valid & ~e.held_out & ~there, held=PINNED), e.valid & there))
+        out.append(
+            _Fold(Regression(e, only=e.valid & ~e.held_out & ~there, parameter_sd=PINNED), e.valid & there)
+        )
     return out
 
 

@@ -25,13 +25,13 @@ MOST_EXPLANATIONS = 6
 
 @dataclass(frozen=True)
 class Named:
-    """One effect in the posterior: its most probable `name`, the `tree` of alternatives, the gain (nats) of
+    """One effect in the posterior: its most probable `name`, the `tree` of alternatives, the gain (`nats`) of
     its kernel, and the posterior mean (n,) of its force, m/s^2. It is a finding only if `accepted`. A
     `brief` one acts in events only."""
 
     name: str
     tree: Tree
-    held: float
+    nats: float
     force: Array
     accepted: bool = True
     brief: bool = False

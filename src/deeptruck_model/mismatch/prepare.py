@@ -57,7 +57,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Drives:
+class PreparedDrives:
     """The usable recordings, in their original order, the problems found, and the inputs `missing` in them.
     `useless` is the reason why nothing can be compared, or None."""
 
@@ -79,7 +79,7 @@ class Drives:
         return [p for p, out in zip(self.prepared, self.held_out, strict=True) if out == held_out]
 
 
-def prepared(
+def prepare_drives(
     simulator: Simulator,
     recordings: Sequence[Recording],
     held_out: Sequence[Recording],
@@ -88,7 +88,7 @@ def prepared(
     sets_aside: bool = True,
     without: Sequence[Span] = (),
     mass_kg: float | None = None,
-) -> Drives:
+) -> PreparedDrives:
     """Check and align the recordings; if none is held out, some are set aside, unless all are to be fitted.
     Rows in `without` do not count; a `mass_kg` counts as recorded. Raises InputError if recordings do not
     belong to the simulator."""
@@ -131,10 +131,10 @@ def prepared(
     lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(aligned)) else []
     lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(aligned)) else []
     remarks = (*lacking, *twice, *caveats, *lost)
-    return Drives(aligned, tuple(flags), tuple(faults), tuple(rejected), remarks, missing, useless)
+    return PreparedDrives(aligned, tuple(flags), tuple(faults), tuple(rejected), remarks, missing, useless)
 
 
-def left_to_compare(drives: Drives, e: Evidence) -> tuple[Drives, Evidence]:
+def left_to_compare(drives: PreparedDrives, e: Evidence) -> tuple[PreparedDrives, Evidence]:
     """The evidence without rows in which an unrecorded brake acts, and the drives: samples in which the
     simulator drives in another gear count as rejected, and if too little is left, they are useless."""
     e, missing = braking(e, drives.missing)

@@ -19,11 +19,11 @@ from deeptruck_model.mismatch.correction.improvement import (
     interval,
 )
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.discrepancy import kept
+from deeptruck_model.mismatch.discrepancy import own_drives
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, WithoutExogenous
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.model import Made
-from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Simulator
 
@@ -36,19 +36,19 @@ class Validated:
     the error of a learned simulator in free runs on its held-out recordings, m/s (None if not known)."""
 
     errors: dict[str, Errors]
-    fit: FitResult
+    judged: FitResult
     own_error: float | None
     refit_better: bool  # parameters refitted alone are significantly better than those given
 
 
-def validate(simulator: Simulator, made: Made, drives: Drives, rules: Rules) -> Validated:
+def validate(simulator: Simulator, made: Made, drives: PreparedDrives, rules: Rules) -> Validated:
     """Run the simulator as given, with refitted parameters only, and corrected. Of those that are
     significantly better than the one as given, the one with the least error along held-out drives is offered.
     """
     held_out, fitted = drives.part(held_out=True), drives.part(held_out=False)
     horizon_s = horizon(held_out or fitted)
     after = made.corrected
-    jobs = {"before": simulator, "parameters_only": made.tuned, "after": after}
+    jobs = {"before": simulator, "parameters_only": made.parameters_only, "after": after}
     driven = free_runs([(truck, held_out) for truck in jobs.values()], horizon_s)
     errors = dict(zip(jobs, driven, strict=True))
     without = _without_exogenous(after, held_out, horizon_s)
@@ -62,14 +62,14 @@ def validate(simulator: Simulator, made: Made, drives: Drives, rules: Rules) -> 
         offered=offered,
         errors=free_run_errors(errors),
         improvement=improvement(errors) if len(errors["before"].speed) else None,
-        refitted={p: round(change, 4) for p, change in after.moved.items()},
+        corrected_parameters={p: round(change, 4) for p, change in after.moved.items()},
         refit=made.refit,
         output_error=made.recipe.output_error,
         without_exogenous=without,
         scales_forces=not simulator.parameters(),
     )
     own = own_error(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
-    refit_better = bool(made.tuned.moved) and _better(errors, made, "parameters_only", rules)
+    refit_better = bool(made.parameters_only.moved) and _better(errors, made, "parameters_only", rules)
     along_fitted = free_windows(simulator, fitted, horizon_s)
     return Validated(errors | {"fitted": along_fitted}, fit, own, refit_better)
 
@@ -77,7 +77,10 @@ def validate(simulator: Simulator, made: Made, drives: Drives, rules: Rules) -> 
 def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous | None, rules: Rules) -> str:
     before = errors["before"]
     better = {}
-    for offer, name, truck in ((REFIT, "parameters_only", made.tuned), (CORRECTION, "after", made.corrected)):
+    for offer, name, truck in (
+        (REFIT, "parameters_only", made.parameters_only),
+        (CORRECTION, "after", made.corrected),
+    ):
         if (truck.terms or truck.moved) and _better(errors, made, name, rules):
             better[offer] = errors[name].rmse().speed
     if without is not None and without.after > before.rmse().speed:
@@ -139,5 +142,5 @@ def own_error(simulator: Simulator, measured_acceleration: bool, horizon_s: floa
     has none, or has parameters."""
     if simulator.parameters():
         return None
-    errors = free_windows(simulator, kept(simulator, measured_acceleration), horizon_s)
+    errors = free_windows(simulator, own_drives(simulator, measured_acceleration), horizon_s)
     return errors.rmse().speed if len(errors.speed) else None

@@ -23,7 +23,7 @@ from deeptruck_model.fleet.roads import INTERVAL, MERGED, ROADS, TABLE, merged, 
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
 from deeptruck_model.fleet.slopes import COLUMNS, NO_POSITIONS, ONCE, SLOPES, slopes, written
 from deeptruck_model.fleet.storage import place
-from deeptruck_model.mismatch.prepare import prepared
+from deeptruck_model.mismatch.prepare import prepare_drives
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.roads.one_road import STEP_M
 from deeptruck_model.mismatch.roads.recovered_road import with_road
@@ -79,7 +79,7 @@ def true_slope(row: dict[str, object], road: Array) -> float:
 
 def recovered(drives: list[Recording]) -> list[dict[str, Any]]:
     """Rows of slopes.csv."""
-    p = prepared(TRUCK, drives[:-1], drives[-1:], Rules())
+    p = prepare_drives(TRUCK, drives[:-1], drives[-1:], Rules())
     return slopes(gather(TRUCK, p.prepared, p.held_out), p.prepared)
 
 
@@ -241,7 +241,7 @@ def test_trucks_that_share_no_slope_say_why(fleet) -> None:
         recovered(away)
     with_grade = driving_cycles.drive(trucks.load("trucksim"), seconds=60.0, seed=0)
     with pytest.raises(InputError, match="takes the recorded slope"):
-        p = prepared(trucks.load("trucksim"), [with_grade], [], Rules())
+        p = prepare_drives(trucks.load("trucksim"), [with_grade], [], Rules())
         slopes(gather(trucks.load("trucksim"), p.prepared, p.held_out), p.prepared)
 
 

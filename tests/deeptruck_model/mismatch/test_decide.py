@@ -15,8 +15,8 @@ from deeptruck_model.mismatch.rules import Rules
 
 RULES = Rules()
 NAN = float("nan")
-RIGHT = Numbers(given=0.1, refitted=0.1, corrected=0.1, fitted=0.1)
-OFF = replace(RIGHT, given=0.5, fitted=0.5, is_corrected=True)
+RIGHT = Numbers(given=0.1, parameters_only=0.1, corrected=0.1, added_up=0.1)
+OFF = replace(RIGHT, given=0.5, added_up=0.5, is_corrected=True)
 PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0])
 
 
@@ -26,13 +26,13 @@ PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0])
         (RIGHT, Conclusion.NOTHING),
         (replace(RIGHT, given=RULES.visible), Conclusion.NOTHING),
         (replace(RIGHT, given=RULES.visible + 1e-6), Conclusion.UNDETERMINED),
-        (replace(RIGHT, fitted=RULES.visible + 1e-6), Conclusion.UNDETERMINED),
+        (replace(RIGHT, added_up=RULES.visible + 1e-6), Conclusion.UNDETERMINED),
         (replace(RIGHT, given=NAN), Conclusion.NOTHING),
-        (replace(RIGHT, given=NAN, fitted=NAN), Conclusion.UNDETERMINED),
+        (replace(RIGHT, given=NAN, added_up=NAN), Conclusion.UNDETERMINED),
         (OFF, Conclusion.UNDETERMINED),
         (replace(OFF, own=0.4), Conclusion.NOTHING),  # no more than on its own recordings
         (replace(OFF, own=0.37), Conclusion.UNDETERMINED),
-        (replace(OFF, given=0.25, fitted=0.25, own=0.01), Conclusion.NOTHING),  # a floor of what is visible
+        (replace(OFF, given=0.25, added_up=0.25, own=0.01), Conclusion.NOTHING),  # a floor of what is visible
         (replace(OFF, given=1.1, own=2.0), Conclusion.UNDETERMINED),
         (PHYSICS, Conclusion.PHYSICS),
         (
@@ -68,7 +68,7 @@ def lights(numbers: Numbers) -> dict[str, tuple[Answer, str]]:
     [
         (RIGHT, Answer.YES, wording.ENOUGH),
         (replace(RIGHT, missing=["gear"]), Answer.UNSURE, wording.not_recorded(["gear"])),
-        (replace(RIGHT, fitted=NAN, missing=["gear"]), Answer.NO, wording.TOO_SHORT),
+        (replace(RIGHT, added_up=NAN, missing=["gear"]), Answer.NO, wording.TOO_SHORT),
         (replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0], missing=["gear"]), Answer.UNSURE, wording.FAULTY),
         (replace(PHYSICS, kinds=[Kind.PHYSICS, Kind.SENSOR], shares=[1, 0]), Answer.UNSURE, wording.FAULTY),
     ],
@@ -86,8 +86,8 @@ def test_data_are_enough_where_every_input_is_known(numbers: Numbers, answer: An
         (PHYSICS, Answer.NO, wording.off(0.5, 40.0)),
         (replace(PHYSICS, own=0.2), Answer.NO, wording.off(0.5, 40.0, 0.2)),
         (replace(PHYSICS, given=0.1), Answer.NO, wording.off_fitted(0.5)),
-        (replace(PHYSICS, given=0.1, fitted=0.1), Answer.YES, wording.good_enough(0.1, 40.0)),
-        (replace(PHYSICS, given=0.3, fitted=0.3), Answer.YES, wording.good_enough(0.3, 40.0)),
+        (replace(PHYSICS, given=0.1, added_up=0.1), Answer.YES, wording.good_enough(0.1, 40.0)),
+        (replace(PHYSICS, given=0.3, added_up=0.3), Answer.YES, wording.good_enough(0.3, 40.0)),
         (
             replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0]),
             Answer.YES,
@@ -109,15 +109,15 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
             Answer.YES,
             wording.better(0.5, 0.2, refit=False),
         ),
-        (replace(OFF, offered=REFIT, refitted=0.2), Answer.YES, wording.better(0.5, 0.2, refit=True)),
+        (replace(OFF, offered=REFIT, parameters_only=0.2), Answer.YES, wording.better(0.5, 0.2, refit=True)),
         (
             replace(OFF, kinds=[Kind.SENSOR], shares=[0.0], offered=CORRECTION, corrected=0.2),
             Answer.UNSURE,
             wording.after_repair(wording.better(0.5, 0.2, refit=False)),
         ),
-        (replace(PHYSICS, corrected=0.4, refitted=0.6), Answer.UNSURE, wording.NOT_SIGNIFICANT),
-        (replace(PHYSICS, corrected=0.6, refitted=0.4), Answer.UNSURE, wording.NOT_SIGNIFICANT),
-        (replace(PHYSICS, corrected=0.5, refitted=0.5), Answer.NO, wording.NOT_BETTER),
+        (replace(PHYSICS, corrected=0.4, parameters_only=0.6), Answer.UNSURE, wording.NOT_SIGNIFICANT),
+        (replace(PHYSICS, corrected=0.6, parameters_only=0.4), Answer.UNSURE, wording.NOT_SIGNIFICANT),
+        (replace(PHYSICS, corrected=0.5, parameters_only=0.5), Answer.NO, wording.NOT_BETTER),
         (replace(PHYSICS, is_corrected=False), Answer.NO, wording.NOTHING_CORRECTED),
         (Numbers([Kind.PHYSICS], [1.0], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
         (replace(RIGHT, offered=CORRECTION, is_corrected=True), Answer.NO, wording.NOTHING_CORRECTED),
@@ -128,8 +128,8 @@ def test_what_is_best_on_drives_left_out_is_advised(numbers: Numbers, answer: An
     assert lights(numbers)["apply"] == (answer, reason)
 
 
-NEARLY = replace(RIGHT, given=0.2, refitted=0.02, corrected=0.02)  # a torque 5 % too small, unnamed
-JUST = replace(RIGHT, given=0.25, refitted=0.25 - RULES.drift, corrected=0.25 - RULES.drift)
+NEARLY = replace(RIGHT, given=0.2, parameters_only=0.02, corrected=0.02)  # a torque 5 % too small, unnamed
+JUST = replace(RIGHT, given=0.25, parameters_only=0.25 - RULES.drift, corrected=0.25 - RULES.drift)
 
 
 @pytest.mark.parametrize(
@@ -141,13 +141,13 @@ JUST = replace(RIGHT, given=0.25, refitted=0.25 - RULES.drift, corrected=0.25 - 
         (NEARLY, CORRECTION, CORRECTION),
         (NEARLY, AS_GIVEN, AS_GIVEN),
         (replace(NEARLY, corrected=0.2), CORRECTION, AS_GIVEN),
-        (replace(NEARLY, refitted=0.2), REFIT, AS_GIVEN),
+        (replace(NEARLY, parameters_only=0.2), REFIT, AS_GIVEN),
         (JUST, REFIT, AS_GIVEN),
         (JUST, CORRECTION, AS_GIVEN),
         (replace(JUST, given=NAN), REFIT, AS_GIVEN),
-        (replace(OFF, refitted=0.49), REFIT, REFIT),  # off by more than it may be, whatever is missing
+        (replace(OFF, parameters_only=0.49), REFIT, REFIT),  # off by more than it may be, whatever is missing
         (replace(PHYSICS, corrected=0.49), CORRECTION, CORRECTION),
-        (replace(PHYSICS, given=0.1, fitted=0.1, corrected=0.09), CORRECTION, CORRECTION),
+        (replace(PHYSICS, given=0.1, added_up=0.1, corrected=0.09), CORRECTION, CORRECTION),
         (PHYSICS, AS_GIVEN, AS_GIVEN),
     ],
 )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_drives import alike
 
-from deeptruck_model.mismatch.discrepancy import _slow_noise, allowed_for, kept
+from deeptruck_model.mismatch.discrepancy import _slow_noise, own_drives, with_own_error
 from deeptruck_model.mismatch.names import Names, names
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -26,7 +26,7 @@ def with_own(e: Evidence, own: Evidence) -> Evidence:
 
 
 def test_a_simulator_that_keeps_no_recordings_has_no_reference() -> None:
-    assert kept(BARE, measured_acceleration=False) == []
+    assert own_drives(BARE, measured_acceleration=False) == []
 
 
 def test_an_error_on_its_own_recordings_too_is_not_detected(nothing_missing: Evidence) -> None:
@@ -60,9 +60,9 @@ def test_without_own_recordings_the_discrepancy_is_what_learned_simulators_usual
     nothing_missing: Evidence, off: float, expected: float
 ) -> None:
     e = replace(nothing_missing, known_physics=False, residual=nothing_missing.residual + off)
-    found = allowed_for(BARE, e, measured_acceleration=False, seed=0)
+    found = with_own_error(BARE, e, measured_acceleration=False, seed=0)
     assert 0.0 < found.model_discrepancy <= expected
 
 
 def test_known_physics_has_no_discrepancy(nothing_missing: Evidence) -> None:
-    assert allowed_for(BARE, nothing_missing, measured_acceleration=False, seed=0) is nothing_missing
+    assert with_own_error(BARE, nothing_missing, measured_acceleration=False, seed=0) is nothing_missing

@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.findings import findings
 from deeptruck_model.mismatch.names import Named, names
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.report import lines, wording
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 from deeptruck_model.mismatch.rules import Rules
@@ -40,7 +40,7 @@ def compared(part: str) -> Compared:
 
 
 def _compared(p: Posterior) -> Compared:
-    e, drives = p.search.e, Drives((), (), (), (), (), (), None)
+    e, drives = p.search.e, PreparedDrives((), (), (), (), (), (), None)
     return Compared({}, drives, e, p, names(p), budget(p, e))
 
 

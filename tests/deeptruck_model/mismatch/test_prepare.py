@@ -10,7 +10,14 @@ from small_drives import TRUCK, LazyBrake, braked, drives, evidence
 
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.data import checks
-from deeptruck_model.mismatch.prepare import LEFT_OUT, OTHER_GEAR, Drives, Span, left_to_compare, prepared
+from deeptruck_model.mismatch.prepare import (
+    LEFT_OUT,
+    OTHER_GEAR,
+    PreparedDrives,
+    Span,
+    left_to_compare,
+    prepare_drives,
+)
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -32,7 +39,7 @@ def shifted(r: Recording, channel: str, late_s: float) -> Recording:
 @pytest.mark.parametrize("channel", ["speed", "acceleration"])
 def test_the_late_sensor_is_found_though_the_simulator_is_wrong(truck: PhysicsTruck, channel: str) -> None:
     recorded = [shifted(r, channel, 0.6) for r in drives(truck, 2)]
-    found = prepared(TRUCK, recorded, [], Rules())
+    found = prepare_drives(TRUCK, recorded, [], Rules())
     (lag,) = (f for f in found.faults if f.is_lag)
     assert lag.channel == channel
     sign = 1.0 if channel == "acceleration" else -1.0
@@ -45,7 +52,7 @@ def test_the_scaled_sensor_is_found_though_the_simulator_is_wrong(truck: Physics
     recorded = [
         replace(r, channels=r.channels | {channel: 1.05 * r.channels[channel]}) for r in drives(truck, 2)
     ]
-    found = prepared(TRUCK, recorded, [], Rules())
+    found = prepare_drives(TRUCK, recorded, [], Rules())
     (scale,) = (f for f in found.faults if f.is_scale)
     assert scale.channel == channel
     assert scale.value == pytest.approx(1.05 if channel == "speed" else 1 / 1.05, abs=0.01)
@@ -53,14 +60,14 @@ def test_the_scaled_sensor_is_found_though_the_simulator_is_wrong(truck: Physics
 
 
 def test_a_sensor_on_time_has_no_lag() -> None:
-    assert not prepared(TRUCK, drives(LAZY, 2), [], Rules()).faults
+    assert not prepare_drives(TRUCK, drives(LAZY, 2), [], Rules()).faults
 
 
 def test_rows_left_out_do_not_count_and_are_counted() -> None:
     """Of the drive that is named alone, seconds from the start of its bag; all of it is still driven."""
     recorded = drives(LAZY, 2)
     all_of, part = (
-        prepared(TRUCK, recorded, [], Rules(), without=spans).prepared
+        prepare_drives(TRUCK, recorded, [], Rules(), without=spans).prepared
         for spans in ((), [Span(recorded[0].name, 60.0, 90.0)])
     )
     marked = (recorded[0].time >= 60.0) & (recorded[0].time <= 90.0)
@@ -69,7 +76,7 @@ def test_rows_left_out_do_not_count_and_are_counted() -> None:
     assert np.array_equal(part[at].valid[~marked], all_of[at].valid[~marked])
     assert np.array_equal(part[1 - at].valid, all_of[1 - at].valid)
     assert len(part[at].u) == len(all_of[at].u)
-    found = prepared(TRUCK, recorded, [], Rules(), without=[Span(recorded[0].name, 60.0, 90.0)])
+    found = prepare_drives(TRUCK, recorded, [], Rules(), without=[Span(recorded[0].name, 60.0, 90.0)])
     (rule,) = (r for r in found.rejected if r.rule == LEFT_OUT)
     assert rule.samples == int(all_of[at].valid[marked].sum())
 
@@ -86,7 +93,7 @@ def test_a_truck_that_follows_the_recorded_gear_is_compared_in_it() -> None:
     chooses = TRUCK.with_parameters({n: 1.25 * p[n] for n in ("upshift_low", "upshift_high")})
     off = {}
     for truck in (chooses, chooses.with_recorded_gear()):
-        found = prepared(truck, recorded, [], Rules())
+        found = prepare_drives(truck, recorded, [], Rules())
         e = gather(truck, found.prepared, found.held_out, seed=0, rules=Rules())
         off[truck.interface.gear] = float(np.sqrt(np.nanmean(e.residual**2)))
     assert off[True] < 0.4 * off[False], off
@@ -132,7 +139,7 @@ def test_how_often_the_wrong_sensor_is_found() -> None:
                 for c, s in SCALES
             ]
             for kind, channel, bad in wrong:
-                faults = prepared(simulator, bad, [], Rules()).faults
+                faults = prepare_drives(simulator, bad, [], Rules()).faults
                 own = [f.channel for f in faults if (f.is_lag if kind == "lag" else f.is_scale)]
                 right[kind].append(own == [channel])
                 another += len(faults) > 1
@@ -141,10 +148,10 @@ def test_how_often_the_wrong_sensor_is_found() -> None:
     assert another == 0
 
 
-def left_of(e: Evidence) -> tuple[Drives, Evidence]:
+def left_of(e: Evidence) -> tuple[PreparedDrives, Evidence]:
     """What is left to compare along one drive whose brake was not recorded."""
     brake = NotRecorded("brake", "hides", "signal")
-    whole = prepared(TRUCK, drives(TRUCK, 1), [], Rules(), sets_aside=False)
+    whole = prepare_drives(TRUCK, drives(TRUCK, 1), [], Rules(), sets_aside=False)
     return left_to_compare(replace(whole, missing=(brake,)), e)
 
 

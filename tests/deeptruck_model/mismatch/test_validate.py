@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
 from deeptruck_model.mismatch.model import Made, Recipe
 from deeptruck_model.mismatch.posterior.regression import Model
-from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.validate import _better, _falls, _log_ratio, validate
 
@@ -42,9 +42,9 @@ def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> 
     )
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     held_out = [behind_another(seed) for seed in range(3)]
-    drives = Drives(tuple(held_out), (True,) * 3, (), (), (), (), None)
+    drives = PreparedDrives(tuple(held_out), (True,) * 3, (), (), (), (), None)
     made = Made(drafting, plain, Recipe(), Model.__new__(Model))
-    fit = validate(TRUCK, made, drives, RULES).fit
+    fit = validate(TRUCK, made, drives, RULES).judged
     assert fit.errors is not None and fit.errors.after.speed < fit.errors.before.speed
     assert fit.without_exogenous is not None and fit.without_exogenous.signals == ("gap",)
     assert fit.without_exogenous.after == fit.errors.before.speed

@@ -96,11 +96,11 @@ class Regression:
         exclude: Iterable[str] = (),
         only: Mask | None = None,
         sigma: float | None = None,
-        held: float = HELD,
+        parameter_sd: float = HELD,
     ) -> None:
         """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured;
-        `held` the relative change by which parameters may move that are not free."""
-        self._held = held
+        `parameter_sd` the relative change by which parameters may move that are not free."""
+        self._parameter_sd = parameter_sd
         self.e, self.rules = evidence, evidence.rules
         self.parameters = tuple(evidence.sensitivity)
         self.lateness, self._lateness_prior = sensor_filter.known(evidence)
@@ -189,7 +189,7 @@ class Regression:
         names = (
             [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters] + ["sensor lag"]
         )
-        sd = np.array([FREE[p] if p in free else self._held for p in self.parameters])
+        sd = np.array([FREE[p] if p in free else self._parameter_sd for p in self.parameters])
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
         prior = Prior.join(
             *(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), self._lateness_prior

@@ -310,7 +310,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
 
 def _refitted(v: Verdict) -> str:
     """The parameters that a correction also changes, as a subordinate clause."""
-    changes = v.fit.refitted if v.fit is not None else {}
+    changes = v.fit.corrected_parameters if v.fit is not None else {}
     large = [
         f"{PARAMETERS[n].says} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= WORTH_SAYING
     ]

@@ -72,7 +72,7 @@ def good_enough(error: float, horizon_s: float) -> str:
 
 
 def off_fitted(error: float) -> str:
-    """The error along the fitted drives."""
+    """The speed error, m/s, to which the residual along the fitted drives adds up."""
     return f"along the fitted drives it is off by {error:.2g} m/s"
 
 

@@ -87,7 +87,7 @@ def test_one_set_of_parameters_is_said(offered: str) -> None:
     errors = FreeRunErrors(Rmse(0.8, 0.1), Rmse(0.6, 0.1), Rmse(0.4, 0.1))
     fit = FitResult(
         ("d",), 40.0, 3, ("headwind", "mass"), validated=offered != AS_GIVEN, errors=errors,
-        refitted={"mass": 0.32}, offered=offered, refit={"mass": Refitted(0.168, (0.08, 0.26))},
+        corrected_parameters={"mass": 0.32}, offered=offered, refit={"mass": Refitted(0.168, (0.08, 0.26))},
     )  # fmt: skip
     said = " ".join(lines.lines(Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)))
     assert ("mass +16.8 %" in said) is (offered != CORRECTION)

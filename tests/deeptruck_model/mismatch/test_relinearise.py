@@ -9,9 +9,9 @@ import pytest
 from small_drives import TRUCK, sensed
 
 from deeptruck_model import driving_cycles
-from deeptruck_model.mismatch.nuisance import about_fitting_parameters, refitted
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.prepare import Drives, prepared
+from deeptruck_model.mismatch.prepare import PreparedDrives, prepare_drives
+from deeptruck_model.mismatch.relinearise import at_fitted_parameters, refitted
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules
@@ -20,20 +20,20 @@ MASS = TRUCK.parameters()["mass"]
 
 
 @cache
-def gathered(*masses: float) -> tuple[Drives, Evidence]:
+def gathered(*masses: float) -> tuple[PreparedDrives, Evidence]:
     """A drive of every mass, relative to the simulator's."""
     recordings = []
     for k, mass in enumerate(masses):
         truck = TRUCK.with_parameters({"mass": mass * MASS})
         drive = driving_cycles.drive(truck, seconds=180.0, seed=k)
         recordings.append(replace(sensed(drive, k), name="abc"[k]))
-    drives = prepared(TRUCK, recordings, [], Rules(), sets_aside=False)
+    drives = prepare_drives(TRUCK, recordings, [], Rules(), sets_aside=False)
     return drives, gather(TRUCK, drives.prepared, drives.held_out)
 
 
 def about(*masses: float, exclude: tuple[str, ...] = ()) -> Regression:
     drives, e = gathered(*masses)
-    return about_fitting_parameters(TRUCK, drives, e, 0, exclude, lambda step: None)
+    return at_fitted_parameters(TRUCK, drives, e, 0, exclude, lambda step: None)
 
 
 def test_a_wrong_mass_is_set_before_names_are_compared() -> None:

@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.mechanisms import CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.mechanisms.load import PAYLOAD_CHANGE
 from deeptruck_model.mismatch.posterior.regression import Model, Regression
-from deeptruck_model.mismatch.prepare import Drives
+from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.sensitivity import STEP, accepted
@@ -27,9 +27,9 @@ FAR, SETTLED, STEPS = 0.05, 0.02, 4  # relative changes of parameters that are w
 CLOSE, CLOSER_STEPS = 0.005, 10  # the same where parameters are all that is fitted
 
 
-def about_fitting_parameters(
+def at_fitted_parameters(
     simulator: Simulator,
-    drives: Drives,
+    drives: PreparedDrives,
     e: Evidence,
     seed: int,
     exclude: Sequence[str],
@@ -44,7 +44,7 @@ def about_fitting_parameters(
     differs = loaded.score > here.score + e.rules.parameter_gain
     here = loaded if differs else here
     for step in range(STEPS):
-        anew = about.parameters_of(search, here, SETTLED if step else FAR)
+        anew = about.evidence_at(search, here, SETTLED if step else FAR)
         if anew is None:
             break
         further = Regression(anew.to_fit(), exclude=exclude)
@@ -65,7 +65,7 @@ def _own_loads(search: Regression) -> tuple[CandidateTerm, ...]:
 
 def refitted(
     simulator: Simulator,
-    drives: Drives,
+    drives: PreparedDrives,
     e: Evidence,
     seed: int,
     free: frozenset[str],
@@ -79,7 +79,7 @@ def refitted(
     about = _About(simulator, drives, e, seed, say)
     search = Regression(e.to_fit())
     for _ in range(CLOSER_STEPS):
-        anew = about.parameters_of(search, search.model((), free), CLOSE, free)
+        anew = about.evidence_at(search, search.model((), free), CLOSE, free)
         if anew is None:
             break
         search = Regression(anew.to_fit())
@@ -91,12 +91,12 @@ class _About:
     """Linearises at changed parameters of the simulator."""
 
     simulator: Simulator
-    drives: Drives
+    drives: PreparedDrives
     e: Evidence
     seed: int
     say: Callable[[str], None]
 
-    def parameters_of(
+    def evidence_at(
         self, search: Regression, model: Model, least: float, among: frozenset[str] | None = None
     ) -> Evidence | None:
         """The evidence at the parameters of a model, of which only those `among` change (None: all).
