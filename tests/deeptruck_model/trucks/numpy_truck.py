@@ -171,7 +171,7 @@ class NumpyTruck:
 
     def _clutch(self, s: dict[str, Any], speed: Any, brake_command: Any) -> tuple[Any, Any]:
         p, mode, still = self.p, s["clutch"], s["shifting"] == 0.0
-        wants = (s["demand"] > 0.02) & (brake_command <= 0.0)
+        wants = (s["demand"] > 0.02) & (brake_command <= 0.02)
         if p["converter"] > 0.0:
             release = (mode != OPEN) & (speed < p["lockup_release_speed"])
             fast = (s["gear"] >= p["lockup_gear"]) & (speed > p["lockup_speed"]) & (s["since_shift"] > 0.3)

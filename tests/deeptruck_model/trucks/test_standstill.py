@@ -140,3 +140,7 @@ def test_forced_speed_keeps_gear_and_turns_the_engine() -> None:
     np.testing.assert_array_equal(inside["gear"], gear)
     np.testing.assert_allclose(inside["engine_speed"], inside["ratio"] * 20.5 / 0.5)
     np.testing.assert_array_equal(truck.inside(state)["engine_speed"], inside["ratio"] * 20.0 / 0.5)
+
+
+def test_a_truck_starts_with_the_rest_of_a_filtered_brake_command() -> None:
+    assert run("trucksim", 10.0, 0.0, 1000.0, 1e-6, 0.0).y[0, -1, 1] > 3.0
