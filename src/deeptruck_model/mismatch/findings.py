@@ -268,7 +268,7 @@ def _share(f: Finding, budget: Budget) -> float | None:
 
 
 def _strength(e: Evidence, force: Array) -> Strength:
-    """The strength of a force (n,), m/s^2, while it acts."""
+    """The strength of a force (n,), m/s^2, where it is largest."""
     on = acts(force, visible(e), e.dt)
     part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
     one_way = bool(abs(part.mean()) > 0.5 * np.abs(part).mean())

@@ -1,4 +1,4 @@
-"""The size of a force while it acts."""
+"""The size of a force where it is largest."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def acts(force: NDArray[np.float64], seen: NDArray[np.bool_], dt: float) -> NDAr
 
 @dataclass(frozen=True)
 class Strength:
-    """The mean of a force in `unit` while it acts, or its rms if its sign alternates."""
+    """The mean of a force in `unit` where it is largest, or its rms if its sign alternates."""
 
     value: float = field(metadata=stored(figures=4))
     unit: str

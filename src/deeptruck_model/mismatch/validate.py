@@ -89,14 +89,14 @@ def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous
 
 
 def _better(errors: Mapping[str, Errors], made: Made, name: str, rules: Rules) -> bool:
-    """Whether both the root-mean-square and the mean absolute error along held-out drives decrease; whether
-    the mean error of runs decreases significantly, or that of drives, combined with the fitted drives that
-    were left out in turn; and whether drives do not grow worse in the mean, as those do that carried another
-    load."""
+    """Whether the root-mean-square error along held-out drives falls below `better` of that as given, and the
+    mean absolute one falls; whether the mean error of runs decreases significantly, or that of drives,
+    combined with the fitted drives that were left out in turn; and whether drives do not grow worse in the
+    mean, as those do that carried another load."""
     before, after = errors["before"], errors[name]
     if (
         not len(before.speed)
-        or after.rmse().speed >= before.rmse().speed
+        or after.rmse().speed >= rules.better * before.rmse().speed
         or np.abs(after.speed).mean() >= np.abs(before.speed).mean()
     ):
         return False

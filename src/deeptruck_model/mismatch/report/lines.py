@@ -99,7 +99,7 @@ def _by_drive(f: Finding) -> str:
 
 
 def sizes(v: Verdict) -> str:
-    """Size of each finding with 95 % interval, and its force while it acts; empty without findings."""
+    """Size of each finding with 95 % interval, and its force where it is largest; empty without findings."""
     each = []
     for f in v.findings:
         if found := list(_size(f)):
@@ -128,7 +128,7 @@ def _size(f: Finding) -> Iterator[str]:
                 yield what + _interval(x, 1.0, x.unit)
     if f.strength is not None:
         mean, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
-        yield f"{digits(f.strength.value)} {f.strength.unit} ({mean}) while it acts, {time} of the time"
+        yield f"{digits(f.strength.value)} {f.strength.unit} ({mean}) where it is largest, {time} of the time"
 
 
 def _interval(x: Size, scale: float, unit: str, *, sign: bool = False) -> str:
@@ -302,6 +302,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
     manoeuvres = dict.fromkeys(
         f.separating_manoeuvre for f in v.findings if f.separating_manoeuvre and f.credible_set
     )
+    yield from (f"{opened(f.separating_manoeuvre)}." for f in v.findings if f.effect == UNKNOWN)
     for manoeuvre in list(manoeuvres)[:2]:
         yield f"To separate the names: {manoeuvre}."
     if v.not_recorded:

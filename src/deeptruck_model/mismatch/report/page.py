@@ -164,7 +164,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         kind, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
         rows.append(
             (
-                "while it acts",
+                "where it is largest",
                 f"{digits(f.strength.value)} {f.strength.unit} ({kind}), {time} of the time",
             )
         )

@@ -61,8 +61,8 @@ def test_sizes_follow_the_first_line() -> None:
     assert first.startswith("Mass of the simulator is wrong")
     assert second == (
         "Sizes with 95 % intervals: mass: +4,000 kg (+2,000 to +6,000), +20 % (+10 to +30); if headwind: "
-        "wind 4.37 m/s (0.43 to 8.31), -699 N (mean) while it acts, 82 % of the time; headwind: -699 N "
-        "(mean) while it acts, 82 % of the time."
+        "wind 4.37 m/s (0.43 to 8.31), -699 N (mean) where it is largest, 82 % of the time; headwind: -699 N "
+        "(mean) where it is largest, 82 % of the time."
     )
     assert lines.sizes(Verdict(Conclusion.NOTHING)) == ""
 
