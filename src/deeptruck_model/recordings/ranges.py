@@ -121,8 +121,7 @@ class Range:
         unit = interface.unit(self.channel)
         least, largest, units = _OTHER_UNITS.get((self.channel, unit), (0.0, 0.0, {}))
         for unit, factor in units.items():
-            scaled = values / factor
-            if ((scaled >= least) & (scaled <= largest)).mean() >= 0.9:
+            if least <= float(np.quantile(values, 0.9)) / factor <= largest:
                 raise InputError(
                     f"{what}: {self.channel} is {factor:.3g} times too large: {unit}? "
                     f"Give it its unit, or 'scale: {1 / factor:.6g}'"

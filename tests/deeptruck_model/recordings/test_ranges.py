@@ -29,3 +29,14 @@ def test_a_grade_in_percent_is_no_ratio_and_a_faulty_one_is() -> None:
         percent.check("drive", interface)
     faulty.masked(time, np.where(time > 290.0, 3.0, slope))
     faulty.check("drive", interface)
+
+
+@pytest.mark.parametrize("largest", [100.0, 40.0])
+def test_a_pedal_in_percent_that_is_given_as_a_ratio_is_refused(largest: float) -> None:
+    """It arrives as percent a hundred times too large; most of the time it is pressed by a few percent."""
+    rng = np.random.default_rng(0)
+    pedal = np.where(rng.random(3000) < 0.2, rng.uniform(0.0, largest, 3000), rng.uniform(0.0, 6.0, 3000))
+    own = Range("engine_command", Tally(), "percent")
+    own.masked(0.1 * np.arange(3000), 100.0 * pedal)
+    with pytest.raises(InputError, match=r"engine_command is 100 times too large.* 'scale: 0\.01'"):
+        own.check("drive", TruckInterface("truck", "percent", "percent"))
