@@ -78,7 +78,8 @@ def creeping(count: int) -> list[Recording]:
         u = np.stack([300.0 + 100.0 * np.sin(np.arange(len(r)) / 30.0), np.zeros(len(r))], axis=1)
         run = simulators.free_run(POOL, u[None], r.w[None], np.array([[0.0, 2.0, 0.0]]))
         named = dict(zip(r.interface.u, u.T, strict=True)) | dict(zip(r.interface.y, run.y[0].T, strict=True))
-        out.append(replace(r, channels=r.channels | named))
+        others = {n: x for n, x in r.channels.items() if n not in ("gear", "engine_speed")}  # of the profile
+        out.append(replace(r, channels=others | named))
     return out
 
 
