@@ -206,7 +206,7 @@ def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
 
 def refitted(v: Verdict) -> Iterator[str]:
     """The error of each simulator along held-out drives, and each parameter of the refit, unless the
-    correction is offered, which has other values."""
+    correction is offered, which has other values, or nothing is."""
     if v.fit is None or v.fit.errors is None:
         return
     e = v.fit.errors
@@ -215,7 +215,8 @@ def refitted(v: Verdict) -> Iterator[str]:
         f"Held-out drives, free runs of {v.fit.horizon_s:.0f} s: as given off by {e.before.speed:.2g} m/s, "
         f"with parameters refitted alone {e.parameters_only.speed:.2g} m/s{corrected}."
     )
-    if v.fit.offered == CORRECTION:
+    nothing = v.kind is Conclusion.NOTHING and not v.validated
+    if v.fit.offered == CORRECTION or nothing:
         return  # its own changes of parameters are said where it is offered
     sizes = [
         f"{spoken(name)} {100 * r.change:+.1f} % ({100 * r.change_ci95[0]:+.1f} to "
@@ -234,7 +235,7 @@ def how_probable(v: Verdict) -> Iterator[str]:
         yield candidates(v.tree)
     if len(v.explanations) > 1 and v.findings:
         sets = [
-            f"{' and '.join(map(spoken, x.names)) or 'nothing'} {percent(x.probability)}"
+            f"{' and '.join(map(spoken, x.names)) or 'no mechanism'} {percent(x.probability)}"
             for x in v.explanations[:MOST_SETS]
         ]
         yield f"In together: {'; '.join(sets)}."
