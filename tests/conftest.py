@@ -53,6 +53,7 @@ loss.gradient(network, x, target, np.ones(3, np.float32), "deployment")
 """
 
 
+@pytest.hookimpl(optionalhook=True)  # tests of the core run without xdist
 def pytest_xdist_auto_num_workers() -> int:
     """One worker more than cores, since tests of nodes and buses wait in real time."""
     return (os.cpu_count() or 1) + 1

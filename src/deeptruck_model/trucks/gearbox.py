@@ -11,7 +11,6 @@ from deeptruck_model.trucks.state import LOCKED, OPEN, SLIPPING
 PEDAL_LAG = 0.3  # s; keeps a kick of the pedal from being a kick-down
 OVERRUN_CAPACITY = 0.3  # of the stall capacity, when the wheels drive the engine through the converter
 ON = 0.02  # share of torque above which the driver wants to move
-BRAKED = 0.02  # in the unit of the brake command; a filtered one never falls to zero
 SOFTLY = 250.0  # N m, the most a closing clutch drags the engine up with; more would jerk the truck
 LAUNCH_RESERVE = 2.0  # pull over resistance that a launch gear must have
 
@@ -178,7 +177,8 @@ def _mesh(s: Any, p: Any) -> float:
 
 @part
 def _move_clutch(s: Any, p: Any, speed: float, braked: bool) -> None:
-    """Open, slip or keep the clutch of an automated gearbox. A torque while braking is what idling needs."""
+    """Open, slip or keep the clutch of an automated gearbox. A torque of which the brakes take more is what
+    idling needs, and no demand to move."""
     wants = s.demand > ON and not braked
     if s.clutch == LOCKED and speed < p.declutch_speed:
         s.clutch = SLIPPING if wants else OPEN

@@ -8,7 +8,7 @@ from typing import Any
 from deeptruck_model.trucks.brakes import brake, heat
 from deeptruck_model.trucks.compiled import part
 from deeptruck_model.trucks.engine import by_pedal, clip, demand, friction, full_load, run_engine
-from deeptruck_model.trucks.gearbox import BRAKED, choose_gear, couple
+from deeptruck_model.trucks.gearbox import choose_gear, couple
 from deeptruck_model.trucks.state import LOCKED, SLIPPING
 
 LOAD_LAG = 0.5  # s, of the gearbox's reckoned resistance
@@ -32,13 +32,14 @@ def find_forces(s: Any, p: Any, engine: float, brake_command: float, grade: floa
     s.demand = demand(p, engine, max(full + drag, 1.0))
     speed = choose_gear(s, p, h)
     fuel = run_engine(s, p, engine, max(speed, p.idle_speed), drag, full, h)
-    couple(s, p, speed, brake_command > BRAKED)
     cosine = 1.0 / sqrt(1.0 + grade * grade)
     weight = p.mass * p.gravity
     grip = p.tyre_friction * weight * cosine
+    s.brake_force = min(brake(s, p, brake_command, h), grip)
+    demanded = s.demand * max(full + drag, 1.0) * s.ratio / p.wheel_radius
+    couple(s, p, speed, s.brake_force > demanded)
     pull = s.input_torque * s.ratio * _efficiency(p, s.input_torque) / p.wheel_radius
     s.traction_force = clip(pull, -grip * p.drive_axle_share, grip * p.drive_axle_share)
-    s.brake_force = min(brake(s, p, brake_command, h), grip)
     s.drag_force = 0.5 * p.air_density * p.drag_area * s.speed * abs(s.speed)
     s.rolling_force = (p.rolling_resistance + p.rolling_resistance_speed * abs(s.speed)) * weight * cosine
     s.grade_force = weight * grade * cosine

@@ -169,9 +169,9 @@ class NumpyTruck:
         efficiency = p["indicated_efficiency"] * np.maximum(1.0 - loss, 0.3)
         return p["fuel_gain"] * s["indicated_torque"] * w / (efficiency * p["fuel_energy"])
 
-    def _clutch(self, s: dict[str, Any], speed: Any, brake_command: Any) -> tuple[Any, Any]:
+    def _clutch(self, s: dict[str, Any], speed: Any, braked: Any) -> tuple[Any, Any]:
         p, mode, still = self.p, s["clutch"], s["shifting"] == 0.0
-        wants = (s["demand"] > 0.02) & (brake_command <= 0.02)
+        wants = (s["demand"] > 0.02) & ~braked
         if p["converter"] > 0.0:
             release = (mode != OPEN) & (speed < p["lockup_release_speed"])
             fast = (s["gear"] >= p["lockup_gear"]) & (speed > p["lockup_speed"]) & (s["since_shift"] > 0.3)
@@ -239,15 +239,16 @@ class NumpyTruck:
         s["demand"] = np.where(torque >= 0.0, np.minimum(torque / most, 1.0), retard)
         speed = self._gearbox(s)
         fuel = self._engine(s, command, speed)
-        taken, given = self._clutch(s, speed, brake_command)
         cosine = 1.0 / np.sqrt(1.0 + grade**2)
         weight = p["mass"] * p["gravity"]
         grip = p["tyre_friction"] * weight * cosine
+        brake = np.minimum(self._brakes(s, brake_command), grip)
+        demanded = s["demand"] * most * s["ratio"] / p["wheel_radius"]
+        taken, given = self._clutch(s, speed, brake > demanded)
         eta = np.where(given >= 0.0, p["driveline_efficiency"], 1.0 / p["driveline_efficiency"])
         force_per_torque = s["ratio"] / p["wheel_radius"]
         driven = grip * p["drive_axle_share"]
         traction = np.clip(given * force_per_torque * eta, -driven, driven)
-        brake = np.minimum(self._brakes(s, brake_command), grip)
         drag = 0.5 * p["air_density"] * p["drag_area"] * v * np.abs(v)
         rolling = (p["rolling_resistance"] + p["rolling_resistance_speed"] * np.abs(v)) * weight * cosine
         slope = weight * grade * cosine
