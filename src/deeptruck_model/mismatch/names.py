@@ -85,11 +85,12 @@ def names(p: Posterior, happened: Sequence[Event] = ()) -> Names:
 
 
 def _named(p: Posterior, sought: str, tree: Tree) -> Named:
+    """The finding in the place of the name `sought`, whose force it has: in its place others were drawn too
+    seldom to know theirs."""
     first = tree.first
-    drawn = first if p.inside(first).any() else sought
     sure = sum(tree.names.values()) >= p.search.rules.stated  # a learned simulator is off in many ways
     accepted = (sure or p.search.e.known_physics) and p.gain(first) > _own_gain(p)
-    return Named(first, tree, p.gain(first), p.force(drawn, p.inside(drawn)), accepted)
+    return Named(first, tree, p.gain(first), p.force(sought, p.inside(sought)), accepted)
 
 
 def _cause(p: Posterior, happened: Sequence[Event]) -> Named:

@@ -78,4 +78,4 @@ def test_a_steady_climb_is_no_case_of_nothing_missing() -> None:
     assert result.kind is Conclusion.PHYSICS
     first = result.findings[0]  # a steady climb resembles any steady drag: only its size is known
     assert first.strength.value == pytest.approx(-blind.parameters()["mass"] * GRAVITY * CLIMB, rel=0.1)
-    assert result.fit.errors.after.speed < 0.2 * result.fit.errors.before.speed
+    assert result.fit.errors.after.speed < 0.3 * result.fit.errors.before.speed

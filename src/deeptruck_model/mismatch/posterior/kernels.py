@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 UNKNOWN = "unknown"
 LAW, IN_TIME, IN_CONDITION, UNNAMED = 24, 60, 16, 40  # leading directions that are kept of a kernel
 NOT_ALWAYS = 0.3  # prior odds that a name which may vary in time does, or that its size depends on conditions
+NAMELESS = 0.3  # prior odds that a force follows no mechanism, beside those that it follows a given one
 LAWS, VARYING, CONDITIONAL = "law", "in time", "in one condition"  # parts of a name's forces
 FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families whose sizes may depend on conditions
 LEADING = 5  # directions of a law whose sizes may depend on conditions
@@ -82,7 +83,7 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
         )
         for p in search.parameters
     ]
-    return (*found, Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED)), *parameters)
+    return (*found, Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED), chance=NAMELESS), *parameters)
 
 
 def _gates(search: Regression) -> Array:
