@@ -177,7 +177,8 @@ def _correlations(w: Withheld, found: Mismatch) -> str:
     if e is None:
         return "-"
     seen = np.isfinite(e.residual)
-    hidden, _ = unrecorded.braking(replace(e, valid=seen), e.rules)
+    shown, _ = unrecorded.braking(replace(e, valid=seen))
+    hidden = seen & ~shown.valid
     force = np.sum([f.force for f in found.findings if f.force is not None] or [np.zeros(len(e))], axis=0)
     force = np.where(hidden, e.residual, force)
     of_bags = {r.name: r for r in (*w.fitted, *w.held_out)}
