@@ -12,7 +12,7 @@ from scipy.special import softmax
 
 from deeptruck_model.json_data import stored
 from deeptruck_model.mismatch.events import Event, together
-from deeptruck_model.mismatch.posterior.kernels import NOT_ALWAYS, VARYING, kernels
+from deeptruck_model.mismatch.posterior.kernels import VARYING, kernels
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import FAMILY, Tree
@@ -100,7 +100,7 @@ def _cause(p: Posterior, happened: Sequence[Event]) -> Named:
     nats, force = together(p, happened)
     unit = max(Limits.form_choice * max(nats.values()), p.search.rules.evidence_temperature)
     varies = {k.name for k in kernels(p.search) if k.part == VARYING}
-    odds = [0.0 if n in varies else np.log(NOT_ALWAYS) for n in nats]
+    odds = [0.0 if n in varies else np.log(Limits.not_always) for n in nats]
     chosen = softmax(np.array([*nats.values()]) / unit + odds)
     tree = Tree({n: float(q) for n, q in zip(nats, chosen, strict=True) if q >= Limits.rare})
     return Named(tree.first, tree, nats[tree.first], force, p.search.e.known_physics, brief=True)

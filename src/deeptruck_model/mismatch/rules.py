@@ -234,6 +234,12 @@ class Limits:
 
     # names
     rare: float = _rule(0.02, "1", "probability below which a name is left out", CHOSEN)
+    not_always: float = _rule(
+        0.3, "1", "prior odds that an effect varies in time or by condition, times those of its law", CHOSEN
+    )
+    nameless: float = _rule(
+        0.3, "1", "prior odds that a force follows no mechanism, times those of a mechanism", CHOSEN
+    )
     form_choice: float = _rule(
         0.15,
         "1",

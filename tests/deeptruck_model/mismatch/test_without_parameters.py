@@ -78,4 +78,5 @@ def test_a_steady_climb_is_no_case_of_nothing_missing() -> None:
     assert result.kind is Conclusion.PHYSICS
     first = result.findings[0]  # a steady climb resembles any steady drag: only its size is known
     assert first.strength.value == pytest.approx(-blind.parameters()["mass"] * GRAVITY * CLIMB, rel=0.1)
+    # 0.10 or 0.25 with nearly the same draws: slopes with knots of 17 or 41 fit the mean force alike
     assert result.fit.errors.after.speed < 0.3 * result.fit.errors.before.speed

@@ -20,13 +20,12 @@ from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_terms
 from deeptruck_model.mismatch.mechanisms.courses import Spline, conditions
 from deeptruck_model.mismatch.mechanisms.record import Variant
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
+from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
 
 UNKNOWN = "unknown"
 LAW, IN_TIME, IN_CONDITION, UNNAMED = 24, 60, 16, 40  # leading directions that are kept of a kernel
-NOT_ALWAYS = 0.3  # prior odds that a name which may vary in time does, or that its size depends on conditions
-NAMELESS = 0.3  # prior odds that a force follows no mechanism, beside those that it follows a given one
 LAWS, VARYING, CONDITIONAL = "law", "in time", "in one condition"  # parts of a name's forces
 FORCES = ("brakes", "engine_driveline", "air_tyres_road")  # families whose sizes may depend on conditions
 LEADING = 5  # directions of a law whose sizes may depend on conditions
@@ -83,7 +82,11 @@ def _kernels(search: Regression) -> tuple[Kernel, ...]:
         )
         for p in search.parameters
     ]
-    return (*found, Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED), chance=NAMELESS), *parameters)
+    return (
+        *found,
+        Kernel(UNKNOWN, _thin(_anything(search), search, UNNAMED), chance=Limits.nameless),
+        *parameters,
+    )
 
 
 def _gates(search: Regression) -> Array:
@@ -109,14 +112,14 @@ def _of_terms(search: Regression, terms: Sequence[CandidateTerm], gates: Array) 
             out.append(_in_condition(search, out[0], gates))
     if varying:
         own = _kernel(search, varying, IN_TIME)
-        out.append(replace(own, chance=own.chance * NOT_ALWAYS, part=VARYING))
+        out.append(replace(own, chance=own.chance * Limits.not_always, part=VARYING))
     return out
 
 
 def _in_condition(search: Regression, law: Kernel, gates: Array) -> Kernel:
     products = law.features[:, :LEADING, None] * gates[:, None, :].astype(np.float32)
     features = _thin(products.reshape(len(products), -1), search, IN_CONDITION)
-    return replace(law, features=features, chance=law.chance * NOT_ALWAYS, part=CONDITIONAL)
+    return replace(law, features=features, chance=law.chance * Limits.not_always, part=CONDITIONAL)
 
 
 def _kernel(search: Regression, terms: Sequence[CandidateTerm], most: int) -> Kernel:

@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_terms
 from deeptruck_model.mismatch.posterior import kernels as k
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression
+from deeptruck_model.mismatch.rules import Limits
 
 FEW = ("clock_offset", "headwind", "drag_area", "engine_brake", "brake_fade")
 
@@ -53,13 +54,13 @@ def test_few_directions_hold_what_the_forms_do() -> None:
 def test_what_varies_in_time_is_a_kernel_of_its_own_and_less_probable() -> None:
     law, varying = named("headwind"), named("headwind", "in time")
     assert law.features.shape[1] < varying.features.shape[1] <= k.IN_TIME
-    assert varying.chance == pytest.approx(k.NOT_ALWAYS * law.chance)
+    assert varying.chance == pytest.approx(Limits.not_always * law.chance)
 
 
 def test_what_acts_in_one_condition_is_a_kernel_of_its_own_and_less_probable() -> None:
     law, conditional = named("brake_fade"), named("brake_fade", k.CONDITIONAL)
     assert conditional.features.shape[1] <= k.IN_CONDITION
-    assert conditional.chance == pytest.approx(k.NOT_ALWAYS * law.chance)
+    assert conditional.chance == pytest.approx(Limits.not_always * law.chance)
     rows, speed = search().rows, search().e["speed"]
     fast = (law.features[:, 0] * (speed > np.quantile(speed, 2.0 / 3.0)))[rows].astype(float)
     for kernel, least, most in ((conditional, 0.0, 0.1), (law, 0.2, 1.0)):
