@@ -123,7 +123,8 @@ FLOOR = tuple(
     for name in (
         "account", "entry_points", "errors", "files", "reading", "console", "checks", "compatibility",
         "constants",
-        "earth", "vehicle_kinds", "table_file", "csv_text", "curve_file", "log_kinds", "mat_file", "row_keys",
+        "earth", "vehicle_kinds", "curve_file", "log_kinds", "recordings.tables.table_file",
+        "recordings.tables.csv_text", "recordings.tables.mat_file", "recordings.tables.row_keys",
         "outside.reference", "outside.saved", "outside.truck",
         "interrupts", "script_start",
     )

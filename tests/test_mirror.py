@@ -35,7 +35,6 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
     "deeptruck_model": {
         "deeptruck_model/test_calls.py": "lazy",
         "deeptruck_model/test_checks.py": "compatibility entry_points",
-        "deeptruck_model/test_table_file.py": "mat_file row_keys",
         "readers/test_readers.py": "log_kinds reading",
     },
     "deeptruck_model.checks": {
@@ -85,8 +84,12 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
         "deeptruck_model/recordings/test_bad_bags.py": "bag_file bag_storage mcap_chunks message_definitions",
         "deeptruck_model/recordings/test_recording.py": "recording_figure",
         "deeptruck_model/recordings/test_resample.py": "interpolate",
-        "deeptruck_model/recordings/test_table_suggestion.py": "evidence row_clock table_form",
+        "deeptruck_model/recordings/tables/test_table_suggestion.py": "evidence",
         "deeptruck_model/test_calls.py": "given",
+    },
+    "deeptruck_model.recordings.tables": {
+        "deeptruck_model/recordings/tables/test_table_file.py": "mat_file row_keys",
+        "deeptruck_model/recordings/tables/test_table_suggestion.py": "row_clock table_form",
     },
     "deeptruck_model.trucks": {
         "deeptruck_model/trucks/test_reference.py": (

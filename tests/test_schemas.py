@@ -16,7 +16,7 @@ import yaml
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import topic_map
-from deeptruck_model.recordings.columns import load_columns
+from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.units import conversion, known_units
 from deeptruck_model.signals import CHANNELS
 from truck_bridge import vehicles

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from deeptruck_model import reading
 from deeptruck_model.account import Account
-from deeptruck_model.csv_text import CsvText
 from deeptruck_model.errors import InputError
-from deeptruck_model.row_keys import key_of
-from deeptruck_model.table_file import PARQUET, decimal_mark, read_table
+from deeptruck_model.recordings.tables.csv_text import CsvText
+from deeptruck_model.recordings.tables.row_keys import key_of
+from deeptruck_model.recordings.tables.table_file import PARQUET, decimal_mark, read_table
 
 Array = NDArray[np.float64]
 

@@ -29,7 +29,7 @@ from simulator_files import (
 )
 from table_files import columns_yaml, csv_table, parquet_table, read_table, topic_map
 
-from deeptruck_model.recordings.columns import load_columns
+from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.topic_map import load as load_topic_map
 
 MCAP, SQLITE = StoragePlugin.MCAP, StoragePlugin.SQLITE3

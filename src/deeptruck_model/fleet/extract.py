@@ -28,11 +28,11 @@ from deeptruck_model.fleet.plan import Drive
 from deeptruck_model.fleet.storage import Place, StorageError, code, key
 from deeptruck_model.json_data import to_json
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.recordings.table_writer import as_table
+from deeptruck_model.recordings.tables.table_writer import as_table
 from deeptruck_model.signals import TruckInterface
 
 RECEIPTS, RECORDINGS, INDEX = "receipts", "recordings", "recordings.json"
-ROOMS = ("recordings/", "table_file", "csv_text", "signals", "checks/", "fleet/extract")
+ROOMS = ("recordings/", "signals", "checks/", "fleet/extract")
 META = b"deeptruck.recordings"
 MEASURED = ("seconds", "cpu_seconds")  # of a receipt: unlike in every run
 

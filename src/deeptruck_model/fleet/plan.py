@@ -145,7 +145,7 @@ def mapping(path: Path | None, columns: bool) -> dict[str, Any] | None:
     one."""
     if path is None:
         return None
-    from deeptruck_model.recordings.columns import load_columns
+    from deeptruck_model.recordings.tables.columns import load_columns
     from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
 
     data = load_yaml(path)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from deeptruck_model.recordings.several import read_all
     from deeptruck_model.recordings.splits import data_hash, split
     from deeptruck_model.recordings.suggestion import Suggestion, suggest
-    from deeptruck_model.recordings.table_suggestion import TableSuggestion, suggest_columns
-    from deeptruck_model.recordings.table_writer import check_table, write_table
+    from deeptruck_model.recordings.tables.table_suggestion import TableSuggestion, suggest_columns
+    from deeptruck_model.recordings.tables.table_writer import check_table, write_table
 
 __all__ = [
     "Coverage",
@@ -59,7 +59,7 @@ __getattr__ = lazy.names(
         "several": ("read_all",),
         "splits": ("data_hash", "split"),
         "suggestion": ("Suggestion", "suggest"),
-        "table_suggestion": ("TableSuggestion", "suggest_columns"),
-        "table_writer": ("check_table", "write_table"),
+        "tables.table_suggestion": ("TableSuggestion", "suggest_columns"),
+        "tables.table_writer": ("check_table", "write_table"),
     },
 )

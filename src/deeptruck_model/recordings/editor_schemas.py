@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from deeptruck_model.recordings import columns, gated_brake, topic_map
+from deeptruck_model.recordings import gated_brake, topic_map
+from deeptruck_model.recordings.tables import columns
 from deeptruck_model.recordings.units import canonical_units, known_units
 from deeptruck_model.signals import CHANNELS, PERSON
 from deeptruck_model.vehicle_kinds import UNSTATED, VEHICLE_KINDS

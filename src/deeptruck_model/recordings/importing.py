@@ -15,27 +15,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import calls, files, row_keys
+from deeptruck_model import calls, files
 from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
-from deeptruck_model.csv_text import RAGGED
 from deeptruck_model.entry_points import registered
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, import_checks, plausibility
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
-from deeptruck_model.recordings.columns import Column, Columns, load_columns
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
-from deeptruck_model.recordings.header_words import fits, header, spelled
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, period
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import Series, count_derived, uniform
-from deeptruck_model.recordings.row_times import timed
+from deeptruck_model.recordings.tables import row_keys
+from deeptruck_model.recordings.tables.columns import Column, Columns, load_columns
+from deeptruck_model.recordings.tables.csv_text import RAGGED
+from deeptruck_model.recordings.tables.header_words import fits, header, spelled
+from deeptruck_model.recordings.tables.row_keys import key_of, only, widened
+from deeptruck_model.recordings.tables.row_times import timed
+from deeptruck_model.recordings.tables.table_file import TextTable, read_table
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.results import BAG
-from deeptruck_model.row_keys import key_of, only, widened
 from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
-from deeptruck_model.table_file import TextTable, read_table
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import yaml
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.recordings import write_bag
-from deeptruck_model.recordings.columns import load_columns
+from deeptruck_model.recordings.tables.columns import load_columns
 
 SHEET = {
     "mass_kg": 20000,

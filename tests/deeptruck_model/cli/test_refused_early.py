@@ -13,7 +13,7 @@ from deeptruck_model.cli.comparing import _a_drive
 from deeptruck_model.cli.simulators import _stated_mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.columns import load_columns
+from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.signals import TruckInterface
 
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from deeptruck_model.recordings import Recording, read
-from deeptruck_model.recordings.columns import load_columns
+from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.topic_map import load
 from deeptruck_model.signals import CHANNELS, FAULTS
 

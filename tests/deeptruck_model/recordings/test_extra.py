@@ -12,8 +12,8 @@ from foreign_bags import Message, S, bag_of, number, twist
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table, read
-from deeptruck_model.recordings.columns import load_columns
 from deeptruck_model.recordings.editor_schemas import of_columns
+from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.topic_map import load
 
 COLUMNS = """\

@@ -15,7 +15,7 @@ from driven_tables import COLUMNS, drive, speed, table, with_channels
 from deeptruck_model.curve_file import read_curve
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table, suggest_columns
-from deeptruck_model.table_file import read_table
+from deeptruck_model.recordings.tables.table_file import read_table
 
 
 def speeds(recordings: Any) -> Any:

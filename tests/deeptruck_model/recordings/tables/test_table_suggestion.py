@@ -16,7 +16,7 @@ from pyarrow import parquet
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import TableSuggestion, import_table, suggest_columns
 from deeptruck_model.recordings.channel_words import COMMANDED, named_channels
-from deeptruck_model.recordings.header_words import fits, header
+from deeptruck_model.recordings.tables.header_words import fits, header
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,11 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import parquet
 
-from deeptruck_model import mat_file, reading
+from deeptruck_model import reading
 from deeptruck_model.account import Account
-from deeptruck_model.csv_text import BLANK, SAMPLED, CsvText
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.tables import mat_file
+from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

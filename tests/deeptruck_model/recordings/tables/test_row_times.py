@@ -14,9 +14,9 @@ from pyarrow import parquet
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
-from deeptruck_model.recordings.columns import load_columns
-from deeptruck_model.recordings.row_times import timed
-from deeptruck_model.table_file import read_table
+from deeptruck_model.recordings.tables.columns import load_columns
+from deeptruck_model.recordings.tables.row_times import timed
+from deeptruck_model.recordings.tables.table_file import read_table
 
 COUNT = 100
 DATES = [datetime(2026, 8, 5, 23, 59, 56, tzinfo=UTC) + k * timedelta(seconds=0.1) for k in range(COUNT)]

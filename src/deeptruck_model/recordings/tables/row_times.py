@@ -18,8 +18,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Clock
-from deeptruck_model.table_file import TextTable, floats, shown
+from deeptruck_model.recordings.tables.columns import DATE_UNITS, TIME_UNITS, Clock
+from deeptruck_model.recordings.tables.table_file import TextTable, floats, shown
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.reading import plain
-from deeptruck_model.table_file import TextTable
+from deeptruck_model.recordings.tables.table_file import TextTable
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from deeptruck_model import mat_file, reading
-from deeptruck_model.csv_text import BYTE_ORDER_MARKS, DELIMITERS, single_blanks
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.log_kinds import check_measurement
-from deeptruck_model.table_file import PARQUET, STATES
-from deeptruck_model.table_file import WITH_UNIT as OF_UNIT
+from deeptruck_model.recordings.tables import mat_file
+from deeptruck_model.recordings.tables.csv_text import BYTE_ORDER_MARKS, DELIMITERS, single_blanks
+from deeptruck_model.recordings.tables.table_file import PARQUET, STATES
+from deeptruck_model.recordings.tables.table_file import WITH_UNIT as OF_UNIT
 
 LOOKED_AT = 200  # lines in which header and delimiter are looked for
 MOST_HEAD = 2**20  # characters of those lines
@@ -121,7 +122,7 @@ def _below_units(rows: Sequence[list[str]], as_wide: Sequence[int]) -> int:
 
 
 def _is_unit(cell: str) -> bool:
-    from deeptruck_model.recordings.header_words import spelled
+    from deeptruck_model.recordings.tables.header_words import spelled
 
     return bool(spelled(cell))
 

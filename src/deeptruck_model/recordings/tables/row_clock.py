@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from deeptruck_model.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
-from deeptruck_model.recordings.columns import TIME_UNITS, Clock
-from deeptruck_model.recordings.header_words import NO_TIME, TIME, Header
-from deeptruck_model.recordings.row_times import OF_DAY, is_iso, packed_format, timed, usual_formats
-from deeptruck_model.recordings.table_form import NUMBER
-from deeptruck_model.table_file import MOST_ABOVE, TextTable
+from deeptruck_model.recordings.tables.columns import TIME_UNITS, Clock
+from deeptruck_model.recordings.tables.header_words import NO_TIME, TIME, Header
+from deeptruck_model.recordings.tables.row_times import OF_DAY, is_iso, packed_format, timed, usual_formats
+from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, TextTable
+from deeptruck_model.recordings.tables.table_form import NUMBER
 
 Array = NDArray[np.float64]
 
