@@ -180,7 +180,6 @@ def test_the_command_prove_is_the_only_way_from_the_model_to_the_exam() -> None:
 MODEL = (  # the rooms of docs/architecture.md: a row imports from itself and the rows above
     ("simulators", "protocol_check"),
     ("trucks", "recordings", "driving_cycles"),
-    ("overall_ratios",),
     ("deep", "fmu", "compare", "mismatch"),
     ("fleet",),
     ("cli",),

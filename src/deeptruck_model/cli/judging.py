@@ -56,12 +56,13 @@ def evaluate(
         lambda: _finite(horizon),
         lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
     )
-    from deeptruck_model import overall_ratios, simulators
+    from deeptruck_model import simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
+    from deeptruck_model.recordings.consistency import gears
 
     with progress("reading") as say:
         truck, recordings = simulators.load(simulator), read(bags, topic_map, clock, msg)
-        said = overall_ratios.other_truck(truck, recordings)
+        said = gears.other_truck(truck, recordings)
         say(f"driving {trials} free runs and the baselines, and drawing them")
         metrics = evaluate_simulator(
             truck, recordings, out, trials, horizon, seed, overwrite=overwrite, named=simulator

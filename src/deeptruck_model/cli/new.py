@@ -80,10 +80,10 @@ def new(
     )
     if source is None and not sys.stdin.isatty():
         raise InputError("there is no terminal to ask at; give the data sheet by --from FILE.yaml")
-    from deeptruck_model import overall_ratios
     from deeptruck_model.driven_controls import learned
     from deeptruck_model.recordings import read_all
-    from deeptruck_model.recordings.plausibility import steady_ratios
+    from deeptruck_model.recordings.consistency import gears
+    from deeptruck_model.recordings.consistency.sensors import steady_ratios
     from deeptruck_model.trucks import own_truck
 
     drives = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ()) if bags else []
@@ -94,7 +94,7 @@ def new(
     sheet = own_truck.sheet(data, str(source) if source else "the answers")
     slope = not drives or any("grade" in r.channels for r in drives)
     made = own_truck.specification(sheet, truck.stem, grade=slope)
-    if off := overall_ratios.misfit(sheet.overall_ratios, drives):
+    if off := gears.misfit(sheet.overall_ratios, drives):
         raise InputError(f"the data sheet is not that of the recorded truck: {off}")
     driven = learned(made, drives)
     with files.new_file(truck) as draft:
@@ -148,7 +148,7 @@ def _asked(drives: list[Recording], units: dict[str, Any]) -> dict[str, Any]:
 
     An unusable answer is asked again.
     """
-    from deeptruck_model import overall_ratios
+    from deeptruck_model.recordings.consistency import gears
     from deeptruck_model.trucks import own_truck
     from deeptruck_model.trucks.specification import from_pool
 
@@ -174,7 +174,7 @@ def _asked(drives: list[Recording], units: dict[str, Any]) -> dict[str, Any]:
     ask_number("axle_ratio", "3.7")
     ask("tyres", "295/80R22.5", own_truck.radius, "Tyres, a size or the rolling radius in m")
     scale = own_truck.radius(answers["tyres"]) / float(answers["axle_ratio"])
-    seen = [round(x * scale, 3) for x in overall_ratios.from_gears(drives)]
+    seen = [round(x * scale, 3) for x in gears.from_gears(drives)]
     usual = ", ".join(f"{x:g}" for x in seen or from_pool(own_truck.CLUTCH).ratios)
     ask(
         "gear_ratios",

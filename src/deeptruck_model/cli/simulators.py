@@ -144,8 +144,8 @@ def calibrate_truck(
     if not isinstance(given, PhysicsTruck):
         raise InputError(f"{truck} is no physics truck; 'deeptruck-model mismatch' refits other simulators")
     with progress("reading") as say:
-        from deeptruck_model import overall_ratios
         from deeptruck_model.mismatch.calibration import calibrate
+        from deeptruck_model.recordings.consistency import gears
 
         fit, held = (
             rec.read_all(
@@ -153,7 +153,7 @@ def calibrate_truck(
             )
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
-        overall_ratios.check(given, [*fit, *held])
+        gears.check(given, [*fit, *held])
         found = calibrate(given, fit, held, say=say)
     typer.echo("\n".join([*_calibrated(found), *_stated_mass(found, fit)]))
     if not keep:

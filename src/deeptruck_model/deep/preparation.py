@@ -30,7 +30,8 @@ from deeptruck_model.deep.data import (
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, data_hash, plausibility
+from deeptruck_model.recordings import Recording, data_hash
+from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.signals import CHANNELS, TruckInterface
 from deeptruck_model.simulators import read_manifest
 
@@ -78,7 +79,7 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     """Cut, correct and split the recordings. Raises InputError if there is nothing to train on."""
     remarks.refuse_twice(recordings)
     for _, pieces_of in groupby(recordings, lambda r: r.name.partition("#")[0]):
-        plausibility.refuse(list(pieces_of))
+        sensors.refuse(list(pieces_of))
     interface = common_interface(recordings)
     pieces = [piece for recording in recordings for piece in cut(recording, interface)]
     if not pieces:

@@ -8,7 +8,6 @@ from itertools import compress
 
 import numpy as np
 
-from deeptruck_model import overall_ratios
 from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
@@ -26,6 +25,7 @@ from deeptruck_model.mismatch.roads.one_road import on_a_road_of_its_own, on_one
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.unrecorded import NotRecorded, braking, inputs
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.consistency import gears
 from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Simulator
 
@@ -92,7 +92,7 @@ def prepare_drives(
     """Check and align the recordings; if none is held out, some are set aside, unless all are to be fitted.
     Rows in `without` do not count; a `mass_kg` counts as recorded. Raises InputError if recordings do not
     belong to the simulator."""
-    overall_ratios.check(simulator, [*recordings, *held_out])
+    gears.check(simulator, [*recordings, *held_out])
     mass_known = mass_kg is not None or "mass" in simulator.parameters()
     missing = inputs([*recordings, *held_out], mass_known=mass_known)
     recordings, lacking = with_inputs(simulator, recordings)

@@ -20,8 +20,9 @@ from deeptruck_model.account import Account
 from deeptruck_model.checks import Clock
 from deeptruck_model.entry_points import registered
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import gated_brake, import_checks, plausibility
+from deeptruck_model.recordings import gated_brake, import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
+from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, period
@@ -347,7 +348,7 @@ def _of_what_is_there(recordings: list[Recording]) -> list[Recording]:
 
     Raises InputError if a channel contradicts the others.
     """
-    plausibility.refuse(recordings)
+    sensors.refuse(recordings)
     interface, there = recordings[0].interface, {channel for r in recordings for channel in r.channels}
     fitting = replace(
         interface,

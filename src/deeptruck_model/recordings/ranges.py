@@ -1,14 +1,19 @@
-"""Detects reversing, and samples out of range for any truck, because of their unit or a fault."""
+"""Detects reversing, codes for missing values, and samples out of range for any truck, because of their unit
+or a fault.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.account import Tally
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.plausibility import LIMITS, no_values
 from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
+from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -33,6 +38,72 @@ _OTHER_UNITS: dict[tuple[str, str], tuple[float, float, dict[str, float]]] = {
     ("brake_command", "bar"): (0.75, 15.0, {"kPa": 100.0, "mbar": 1000.0, "Pa": 1e5}),
     ("grade", "ratio"): (0.004, 0.4, {"percent": 100.0}),
 }
+
+# per channel: a step between samples, and a rate of change, that no truck has, in units of the channel
+_IMPOSSIBLE = {
+    "speed": (2.0, IMPOSSIBLE_ACCELERATION),  # many sensors show zero below 2 m/s
+    "elevation": (20.0, 10.0),
+    "latitude": (0.01, 0.001),
+    "longitude": (0.01, 0.001),
+    "engine_speed": (50.0, 600.0),
+}
+LIMITS = {  # of commands, by unit; the codes of J1939 for 'error' and 'not available' lie above
+    ("engine_command", "percent"): (-125.0, 125.0),
+    ("brake_command", "percent"): (-0.5, 100.5),
+}
+NONE_SHARE, FULL_STEP = -1.0, 5.0  # percent: written for no value by some loggers; reached by such a step
+_PEDAL, _CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its codes for error and no value
+DROPPED = "that jump to a number for no value and back"
+UNAVAILABLE = "of a code for 'not available'"
+
+
+def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[tuple[str, Mask]]:
+    """Reasons, each with the samples (n,) that are certainly missing values; time (n,) in s, NaN is already
+    missing.
+
+    A code is a number that J1939 reserves for a missing value; a drop-out is a constant number at or below
+    zero that is entered and left faster than a truck can change.
+    """
+    valid = np.flatnonzero(np.isfinite(values))
+    if len(valid) < 3:
+        return
+    t, v = time[valid], values[valid]
+    found = np.zeros(len(values), dtype=bool)
+    if channel in ("engine_command", "brake_command") and unit == "percent":
+        coded = np.isclose(v, _CODES[0], atol=1e-6) | np.isclose(v, _CODES[1], atol=1e-6)
+        if coded.any() and not coded.all() and v[~coded].max() <= _PEDAL:
+            found[valid[coded]] = True
+            yield UNAVAILABLE, found
+        negative = v < 0.0
+        jumped = np.abs(np.diff(v))[negative[1:]] > FULL_STEP
+        if (v[negative] == NONE_SHARE).all() and jumped.any():
+            found = np.zeros(len(values), dtype=bool)
+            found[valid[negative]] = True
+            yield UNAVAILABLE, found
+    if channel in _IMPOSSIBLE and bool((v <= 0.0).any()):
+        found = np.zeros(len(values), dtype=bool)
+        least = {"speed": CHANNELS["speed"].low, "elevation": -np.inf}.get(channel, 0.0)
+        below = np.unique(v[(v <= 0.0) & (v >= least)])
+        fix = channel in ("elevation", "latitude", "longitude")
+        found[valid[_dropped(t, v, *_IMPOSSIBLE[channel], below, fix)]] = True
+        if found.any():
+            yield DROPPED, found
+
+
+def _dropped(t: Array, v: Array, step: float, rate: float, codes: Array, fix: bool) -> Mask:
+    """Runs of a code that are entered and left by jumps. At the start or end, zero counts only for a receiver
+    without `fix`, because a truck may stand where a log starts or ends."""
+    jump = np.abs(np.diff(v)) > step + rate * np.diff(t)
+    edges = [0, *(np.flatnonzero(jump) + 1), len(v)]
+    dropped = np.zeros(len(v), dtype=bool)
+    if len(edges) == 2:
+        return dropped
+    for i, j in pairwise(edges):
+        within = fix or v[i] != 0.0 or (i > 0 and j < len(v))
+        dropped[i:j] = (
+            within and v[i] in codes and bool((v[i:j] == v[i]).all()) and (j - i > 1 or v[i] == 0.0)
+        )
+    return dropped
 
 
 class Range:

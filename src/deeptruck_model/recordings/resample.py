@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.account import Account, Tally
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import plausibility
+from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, SNAP, at_ticks, period
 from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, reversing
 from deeptruck_model.recordings.recording import Recording
@@ -203,7 +203,7 @@ class Resampler:
             piece.recording(name, self.dt, interface, needed, notes, account)
             for name, piece in zip(names, self._pieces, strict=True)
         ]
-        account.remarks += [doubt.says for doubt in plausibility.doubts(found)]
+        account.remarks += [doubt.says for doubt in sensors.doubts(found)]
         return found
 
     def _accounted(self) -> Account:

@@ -21,7 +21,7 @@ from deeptruck_model.recordings.channel_words import (
     unit_by_range,
     words,
 )
-from deeptruck_model.recordings.evidence import COMPARED, settled
+from deeptruck_model.recordings.consistency.proposals import COMPARED, settled
 from deeptruck_model.recordings.message_types import MESSAGE_TYPES, WITH_QUATERNION, Known, Role
 from deeptruck_model.recordings.survey import Field, Survey, Topic, survey, values_of
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS

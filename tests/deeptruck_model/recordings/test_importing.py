@@ -11,7 +11,8 @@ from csv_tables import EVERYTHING, SPEED, everything, write_csv
 from foreign_bags import bag_of, drive_messages
 from pyarrow import parquet
 
-from deeptruck_model.recordings import import_table, plausibility, read
+from deeptruck_model.recordings import import_table, read
+from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.signals import CHANNELS, FAULTS, TruckInterface
 
 
@@ -44,7 +45,7 @@ def test_every_channel_of_the_contract(tmp_path: Path, kind: str) -> None:
     assert set(recording.channels) == set(expected)
     for name, values in expected.items():
         np.testing.assert_allclose(recording.channels[name], values, rtol=1e-12, err_msg=name)
-    doubts = [doubt.says for doubt in plausibility.doubts([recording])]  # of numbers drawn by chance
+    doubts = [doubt.says for doubt in sensors.doubts([recording])]  # of numbers drawn by chance
     assert recording.notes == (f"imported from the table {table.name}", *doubts)
 
 

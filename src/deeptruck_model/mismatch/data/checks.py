@@ -14,9 +14,10 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.recordings import Recording, plausibility
+from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.consistency import sensors
+from deeptruck_model.recordings.consistency.sensors import SPEEDS
 from deeptruck_model.recordings.not_recorded import unrecorded_braking
-from deeptruck_model.recordings.plausibility import SPEEDS
 from deeptruck_model.signals import channel_of
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
@@ -217,8 +218,8 @@ def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:
 
 def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorFault]:
     """Faults between speed and accelerometer, pooled over the recordings, without a truck model."""
-    found = plausibility.accelerometer(recordings)
-    if found is not None and found.correlation < -plausibility.CORRELATED:
+    found = sensors.accelerometer(recordings)
+    if found is not None and found.correlation < -sensors.CORRELATED:
         says = f"the accelerometer has the wrong sign: {found.slope:.2f} times the derivative of speed"
         turned = [
             replace(r, channels={**r.channels, "acceleration": -r.channels["acceleration"]})
@@ -226,11 +227,11 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
         ]
         sign = SensorFault("acceleration_bias", -1.0, 0.0, "1", says)
         return [sign, *sensor_faults(turned, rules)]
-    if found is not None and abs(found.gravity) > plausibility.HAS_GRAVITY:
+    if found is not None and abs(found.gravity) > sensors.HAS_GRAVITY:
         says = (
             f"acceleration has gravity in it, {GRAVITY * found.gravity:.2f} m/s^2 times the slope of the "
             f"road, and {found.offset:+.3f} m/s^2 whatever happens: a tilt of "
-            f"{plausibility.degrees_of_tilt(found.offset):.1f} degrees"
+            f"{sensors.degrees_of_tilt(found.offset):.1f} degrees"
         )
         felt = SensorFault("acceleration_bias", found.offset, 0.0, "m/s^2", says)
         level = [_level(r, found) for r in recordings]
@@ -254,7 +255,7 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
     return faults
 
 
-def _level(r: Recording, found: plausibility.Accelerometer) -> Recording:
+def _level(r: Recording, found: sensors.Accelerometer) -> Recording:
     """The recording with its accelerometer corrected for gravity on slopes; NaN where no grade is known."""
     grade = r.channels.get("grade", np.full(len(r), np.nan))
     felt = found.offset + found.gravity * GRAVITY * np.sin(np.arctan(grade))

@@ -18,9 +18,10 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.reading import plain
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate, Proposal, span, yaml_text
 from deeptruck_model.recordings.channel_words import COMMANDED, named_channels, units_by_range
-from deeptruck_model.recordings.evidence import settled
+from deeptruck_model.recordings.consistency.proposals import settled
+from deeptruck_model.recordings.consistency.sensors import metres_of
+from deeptruck_model.recordings.consistency.units import TRAVELLED, fitting
 from deeptruck_model.recordings.message_types import Role
-from deeptruck_model.recordings.plausibility import metres_of
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.header_words import (
     IMPERIAL,
@@ -36,7 +37,6 @@ from deeptruck_model.recordings.tables.row_keys import Key, key_of, only, widene
 from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, TextTable, decimal_mark, read_table
 from deeptruck_model.recordings.tables.table_form import Form, find_form
 from deeptruck_model.recordings.topic_map import EXTRA
-from deeptruck_model.recordings.unit_evidence import TRAVELLED, fitting
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import CHANNELS
 

@@ -14,7 +14,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks, speed_unit, units
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.recordings.plausibility import SPEEDS
+from deeptruck_model.recordings.consistency.sensors import SPEEDS
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
 

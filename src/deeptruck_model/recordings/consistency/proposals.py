@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import plausibility
 from deeptruck_model.recordings.candidates import OURS, Candidate, Proposal
+from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.recording import Recording
@@ -57,20 +57,20 @@ def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candi
             and one.sure != OURS
             and (pieces := _recordings({"speed": speed, "acceleration": one}, values))
         ):
-            measured[k] = _followed(one, plausibility.accelerometer(pieces))
+            measured[k] = _followed(one, sensors.accelerometer(pieces))
     measured.sort(key=lambda one: (one.role, not one.follows, not one.unit))
     taken = ((channel, found.taken(channel)) for channel in COMPARED)
     proposed = {channel: one for channel, one in taken if one is not None}
-    return [doubt.says for doubt in plausibility.doubts(_recordings(proposed, values))]
+    return [doubt.says for doubt in sensors.doubts(_recordings(proposed, values))]
 
 
-def _followed(one: Candidate, found: plausibility.Accelerometer | None) -> Candidate:
+def _followed(one: Candidate, found: sensors.Accelerometer | None) -> Candidate:
     """The candidate with evidence for or against it."""
     if found is None:
         return one
     by = f"slope {found.slope:.2f} on the derivative of speed, correlation {found.correlation:.2f}"
-    if found.still < plausibility.STILL or abs(found.correlation) < plausibility.CORRELATED:
-        still = "stands still" if found.still < plausibility.STILL else "does not follow it"
+    if found.still < sensors.STILL or abs(found.correlation) < sensors.CORRELATED:
+        still = "stands still" if found.still < sensors.STILL else "does not follow it"
         needs = f"another sensor or axis: while the speed changes this one {still} ({by})"
         return replace(one, unit="", needs=needs)
     if found.correlation < 0.0:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.plausibility import (
+from deeptruck_model.recordings.consistency.sensors import (
     LEAST_STEADY_S,
     TURNING_M_S,
     TURNING_RAD_S,

@@ -1,15 +1,13 @@
-"""Consistency of channels: codes that stand for missing values, and sensors that contradict the speed.
+"""Sensors that contradict one another.
 
-`no_values` finds samples that are certainly missing values, before resampling. `doubts` compares the channels
-of recordings: a `Doubt` states the probable cause and the key that settles it, and is `wrong` if training on
-the channel would give a different truck.
+`doubts` compares the channels of recordings: a `Doubt` states the probable cause and the key that settles it,
+and is `wrong` if training on the channel would give a different truck.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,27 +19,9 @@ from deeptruck_model.recordings.channel_words import LEADER
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.tables.header_words import header
 from deeptruck_model.signals import CHANNELS
-from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# per channel: a step between samples, and a rate of change, that no truck has, in units of the channel
-_IMPOSSIBLE = {
-    "speed": (2.0, IMPOSSIBLE_ACCELERATION),  # many sensors show zero below 2 m/s
-    "elevation": (20.0, 10.0),
-    "latitude": (0.01, 0.001),
-    "longitude": (0.01, 0.001),
-    "engine_speed": (50.0, 600.0),
-}
-LIMITS = {  # of commands, by unit; the codes of J1939 for 'error' and 'not available' lie above
-    ("engine_command", "percent"): (-125.0, 125.0),
-    ("brake_command", "percent"): (-0.5, 100.5),
-}
-NONE_SHARE, FULL_STEP = -1.0, 5.0  # percent: written for no value by some loggers; reached by such a step
-_PEDAL, _CODES = 100.4, (101.6, 102.0)  # percent: largest of a pedal, and its codes for error and no value
-DROPPED = "that jump to a number for no value and back"
-UNAVAILABLE = "of a code for 'not available'"
 
 WINDOW_S, SLOW_S = 2.0, 10.0  # over which rates of change are taken, those of heights and places
 LEAST = 10  # windows that do not overlap
@@ -77,55 +57,6 @@ SPEEDS = {  # what speed is multiplied by where it is read so
     1 / 1.9438: "m/s read as knots",
 }
 WITHOUT = "or leave acceleration out, and it is derived from speed"
-
-
-def no_values(channel: str, unit: str, time: Array, values: Array) -> Iterator[tuple[str, Mask]]:
-    """Reasons, each with the samples (n,) that are certainly missing values; time (n,) in s, NaN is already
-    missing.
-
-    A code is a number that J1939 reserves for a missing value; a drop-out is a constant number at or below
-    zero that is entered and left faster than a truck can change.
-    """
-    valid = np.flatnonzero(np.isfinite(values))
-    if len(valid) < 3:
-        return
-    t, v = time[valid], values[valid]
-    found = np.zeros(len(values), dtype=bool)
-    if channel in ("engine_command", "brake_command") and unit == "percent":
-        coded = np.isclose(v, _CODES[0], atol=1e-6) | np.isclose(v, _CODES[1], atol=1e-6)
-        if coded.any() and not coded.all() and v[~coded].max() <= _PEDAL:
-            found[valid[coded]] = True
-            yield UNAVAILABLE, found
-        negative = v < 0.0
-        jumped = np.abs(np.diff(v))[negative[1:]] > FULL_STEP
-        if (v[negative] == NONE_SHARE).all() and jumped.any():
-            found = np.zeros(len(values), dtype=bool)
-            found[valid[negative]] = True
-            yield UNAVAILABLE, found
-    if channel in _IMPOSSIBLE and bool((v <= 0.0).any()):
-        found = np.zeros(len(values), dtype=bool)
-        least = {"speed": CHANNELS["speed"].low, "elevation": -np.inf}.get(channel, 0.0)
-        below = np.unique(v[(v <= 0.0) & (v >= least)])
-        fix = channel in ("elevation", "latitude", "longitude")
-        found[valid[_dropped(t, v, *_IMPOSSIBLE[channel], below, fix)]] = True
-        if found.any():
-            yield DROPPED, found
-
-
-def _dropped(t: Array, v: Array, step: float, rate: float, codes: Array, fix: bool) -> Mask:
-    """Runs of a code that are entered and left by jumps. At the start or end, zero counts only for a receiver
-    without `fix`, because a truck may stand where a log starts or ends."""
-    jump = np.abs(np.diff(v)) > step + rate * np.diff(t)
-    edges = [0, *(np.flatnonzero(jump) + 1), len(v)]
-    dropped = np.zeros(len(v), dtype=bool)
-    if len(edges) == 2:
-        return dropped
-    for i, j in pairwise(edges):
-        within = fix or v[i] != 0.0 or (i > 0 and j < len(v))
-        dropped[i:j] = (
-            within and v[i] in codes and bool((v[i:j] == v[i]).all()) and (j - i > 1 or v[i] == 0.0)
-        )
-    return dropped
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ import pytest
 from driven_tables import COLUMNS, drive, speed, table, with_channels
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, import_table, plausibility, suggest_columns, unit_evidence
+from deeptruck_model.recordings import Recording, import_table, ranges, suggest_columns
+from deeptruck_model.recordings.consistency import sensors, units
 from deeptruck_model.signals import TruckInterface
 
 ACCELERATION = {"column": "a", "unit": "m/s^2"}
@@ -25,7 +26,7 @@ def recording(**channels: Any) -> Recording:
 
 
 def said(**channels: Any) -> list[str]:
-    return [doubt.says for doubt in plausibility.doubts([recording(**channels)])]
+    return [doubt.says for doubt in sensors.doubts([recording(**channels)])]
 
 
 def test_a_sound_drive_is_not_doubted() -> None:
@@ -43,7 +44,7 @@ def test_sign_and_scale_of_an_accelerometer(factor: float, wrong: str) -> None:
     (line,) = said(acceleration=factor * np.gradient(speed(t), t))
     assert wrong in line
     with pytest.raises(InputError, match="derivative of speed"):
-        plausibility.refuse([recording(acceleration=factor * np.gradient(speed(t), t))])
+        sensors.refuse([recording(acceleration=factor * np.gradient(speed(t), t))])
 
 
 def test_another_axis_stands_still_or_does_not_follow() -> None:
@@ -57,7 +58,7 @@ def test_tilt_and_gravity_are_found_by_the_grade() -> None:
     t = 0.1 * np.arange(3000)
     grade, tilt = 0.04 * np.sin(t / 23), np.radians(2.0)
     felt = np.gradient(speed(t), t) * np.cos(tilt) + 9.80665 * np.sin(np.arctan(grade) + tilt)
-    found = plausibility.accelerometer([recording(acceleration=felt, grade=grade)])
+    found = sensors.accelerometer([recording(acceleration=felt, grade=grade)])
     assert found is not None
     assert found.gravity == pytest.approx(1.0, abs=0.02)
     assert np.degrees(np.arcsin(found.offset / 9.80665)) == pytest.approx(2.0, abs=0.05)
@@ -98,10 +99,10 @@ def test_minus_one_percent_is_no_value_where_it_is_jumped_to() -> None:
     t = 0.1 * np.arange(100)
     command = np.where(t < 5.0, 40.0, 0.0)
     command[30:33] = -1.0
-    ((reason, found),) = plausibility.no_values("engine_command", "percent", t, command)
+    ((reason, found),) = ranges.no_values("engine_command", "percent", t, command)
     assert "not available" in reason and list(np.flatnonzero(found)) == [30, 31, 32]
     retarding = np.where(t > 8.0, -10.0 * (t - 8.0) - 1.0, command)
-    assert not list(plausibility.no_values("engine_command", "percent", t, retarding))
+    assert not list(ranges.no_values("engine_command", "percent", t, retarding))
 
 
 def test_grade_is_held_against_height() -> None:
@@ -126,7 +127,7 @@ def test_pedals_that_are_swapped_pressed_together_or_in_bar() -> None:
     assert len(small) == 2 and all("is it a ratio?" in line for line in small)
     bar = Recording("drive", 0.1, recording(engine_command=gas, brake_command=brake).channels,
                     TruckInterface("truck", "percent", "bar"))  # fmt: skip
-    assert any("is it in percent?" in doubt.says for doubt in plausibility.doubts([bar]))
+    assert any("is it in percent?" in doubt.says for doubt in sensors.doubts([bar]))
 
 
 def test_speed_that_no_truck_drives() -> None:
@@ -144,7 +145,7 @@ def test_drop_outs_of_speed_are_set_aside_and_counted(tmp_path: Path, code: floa
     assert np.nanmin(values) > 7.0 and np.nanmax(np.abs(gained)) < 1.5
     account = done.recordings[0].account
     assert account is not None and account.balanced
-    assert account.channels["speed"].aside[plausibility.DROPPED].count == count
+    assert account.channels["speed"].aside[ranges.DROPPED].count == count
     derived = account.channels["acceleration"]
     assert derived.read == sum(map(len, done.recordings)) and derived.used == int(np.isfinite(gained).sum())
 
@@ -152,25 +153,25 @@ def test_drop_outs_of_speed_are_set_aside_and_counted(tmp_path: Path, code: floa
 def test_a_standstill_is_no_drop_out() -> None:
     t = 0.1 * np.arange(400)
     v = np.clip(20 - 2.0 * t, 0, None)
-    assert list(plausibility.no_values("speed", "m/s", t, v)) == []
+    assert list(ranges.no_values("speed", "m/s", t, v)) == []
     v[50:60] = 0.0
-    ((reason, these),) = plausibility.no_values("speed", "m/s", t, v)
-    assert reason == plausibility.DROPPED and these.sum() == 10
+    ((reason, these),) = ranges.no_values("speed", "m/s", t, v)
+    assert reason == ranges.DROPPED and these.sum() == 10
 
 
 def test_a_standstill_behind_a_cut_is_no_drop_out() -> None:
     """A log of several drives without their gaps, which ends standing."""
     t = np.arange(400.0)
     v = np.where(t < 300, 20.0 + np.sin(t / 9), 0.0)
-    assert list(plausibility.no_values("speed", "m/s", t, v)) == []
-    assert list(plausibility.no_values("speed", "m/s", t, v[::-1])) == []
+    assert list(ranges.no_values("speed", "m/s", t, v)) == []
+    assert list(ranges.no_values("speed", "m/s", t, v[::-1])) == []
 
 
 def test_places_and_heights_before_a_fix() -> None:
     t = 0.1 * np.arange(100)
     for channel, value in (("latitude", 49.0), ("longitude", -8.0), ("elevation", 300.0)):
         values = np.where(t < 2.0, 0.0, value + 1e-5 * t)
-        ((_, these),) = plausibility.no_values(channel, "", t, values)
+        ((_, these),) = ranges.no_values(channel, "", t, values)
         assert these.sum() == 20 and these[:20].all()
 
 
@@ -230,5 +231,5 @@ def test_the_unit_of_a_speed_agrees_with_places_though_the_receiver_showed_zero(
     v[300:400] = 0.0
     known = {"latitude": [("lat", north)], "longitude": [("lon", np.full(900, 8.0))]}
     for unit, factor in (("m/s", 1.0), ("km/h", 3.6)):
-        found, why = unit_evidence.fitting("speed", ["m/s", "km/h", "mph"], factor * v, t, known)
+        found, why = units.fitting("speed", ["m/s", "km/h", "mph"], factor * v, t, known)
         assert found == unit and "the positions in 'lat'" in why

@@ -1,0 +1,1 @@
+"""Whether channels agree with one another: asked by suggest, import, train and mismatch alike."""
