@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_model import console
+from deeptruck_model._terminal import console
 from deeptruck_model.errors import InputError
 from examples.demo.display import Display
 from examples.demo.runner import Runner, StepError

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 import harness
 import numpy as np
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.calibration import Calibration, calibrate
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 OFF = {  # relative sd of what a truck differs by
     "mass": 0.2,

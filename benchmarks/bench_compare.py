@@ -15,8 +15,9 @@ from pathlib import Path
 
 import harness
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.trucks import driving_cycles
 
 HOURS, REPEATS = 1.0, 3
 CONSOLE_SCRIPT = "from deeptruck_model.cli import main; main()"

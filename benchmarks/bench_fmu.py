@@ -13,8 +13,9 @@ from pathlib import Path
 import harness
 import numpy as np
 
-from deeptruck_model import driving_cycles, simulators
+from deeptruck_model import simulators
 from deeptruck_model.fmu import export
+from deeptruck_model.trucks import driving_cycles
 
 SECONDS, STEPS = 300.0, 1000
 

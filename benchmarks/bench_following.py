@@ -26,7 +26,8 @@ from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.evaluation import evaluate, evaluate_seeds, metrics, platoon
 from deeptruck_cacc.training.analytic import AnalyticConfig
-from deeptruck_model import deep, driving_cycles, simulators, trucks
+from deeptruck_model import deep, simulators, trucks
+from deeptruck_model.trucks import driving_cycles
 
 WORK = Path("runs/following")
 DRAWS = 64  # of radar noise; eight are too few to separate 0.997 from 1.003 at 0.2 m/s

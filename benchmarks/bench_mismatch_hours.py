@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 Array = NDArray[np.float64]
 

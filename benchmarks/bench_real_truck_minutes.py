@@ -30,9 +30,9 @@ from benchmarks.paper.drives import FLEET_SEED, by_fuel, fleet
 from benchmarks.paper.experiments import ADAPTED, FLEET, FLEET_MINUTES, MINUTES, SCRATCH
 from deeptruck_model.deep import Arguments, train
 from deeptruck_model.deep.data import common_interface, cut
-from deeptruck_model.driving_cycles import CycleSettings, RoadSettings
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.trucks.driving_cycles import CycleSettings, RoadSettings
 
 SEGMENTS = 3  # of each number of minutes
 ROADS = CycleSettings(road=RoadSettings(limit=0.045))  # steeper than 99 % of the first half

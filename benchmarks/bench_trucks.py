@@ -18,7 +18,8 @@ from typing import Any
 import harness
 import numpy as np
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
+from deeptruck_model.trucks import driving_cycles
 
 BATCH, STEPS = 1000, 400
 FASTSIM = """

@@ -18,10 +18,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.fleet.storage import place
 from deeptruck_model.recordings import write_bag
-from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks import PhysicsTruck, driving_cycles
 
 FAULTS = ({"drag_area": 1.25}, {"brake_gain": 0.8}, {"rolling_resistance": 1.3})
 FIRST_DAY = date(2026, 3, 2)

@@ -26,7 +26,8 @@ hypothesis.settings.load_profile("any machine")
 
 TRUCK = """
 import numpy as np
-from deeptruck_model import driving_cycles, simulators
+from deeptruck_model import simulators
+from deeptruck_model.trucks import driving_cycles
 truck = simulators.load("truck:trucksim")
 u, w, y = np.zeros((1, 5, 2)), np.zeros((1, 5, 1)), np.full((1, 5, 3), 10.0)
 truck.step(truck.reset(y[:, 0]), u[:, 0], w[:, 0])

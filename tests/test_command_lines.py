@@ -16,7 +16,8 @@ import deeptruck_cacc.cli
 import truck_bridge.cli
 from benchmarks.benefit import run as benefit
 from benchmarks.paper import run as paper
-from deeptruck_model import cli, console
+from deeptruck_model import cli
+from deeptruck_model._terminal import console
 from deeptruck_nodes import replay_recording, start_simulation, start_vehicle
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 import deeptruck_model
-from deeptruck_model import driving_cycles, recordings, trucks
+from deeptruck_model import recordings, trucks
+from deeptruck_model.trucks import driving_cycles
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

@@ -32,13 +32,15 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
     "deeptruck_exam.worlds": {
         "deeptruck_exam/worlds/test_worlds.py": "drive drivers",
     },
-    "deeptruck_model": {
-        "deeptruck_model/test_calls.py": "lazy",
-        "deeptruck_model/test_checks.py": "compatibility entry_points",
+    "deeptruck_model._imports": {
+        "deeptruck_model/checks/test_calls.py": "lazy",
+        "deeptruck_model/test_checks.py": "entry_points",
+    },
+    "deeptruck_model._io": {
         "readers/test_readers.py": "log_kinds reading",
     },
     "deeptruck_model.checks": {
-        "deeptruck_model/test_checks.py": "bags simulators",
+        "deeptruck_model/test_checks.py": "bags compatibility simulators",
     },
     "deeptruck_model.cli": {
         "deeptruck_model/cli/test_topics.py": "inputs",
@@ -84,7 +86,7 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
         "deeptruck_model/recordings/test_bad_bags.py": "bag_file bag_storage mcap_chunks message_definitions",
         "deeptruck_model/recordings/test_recording.py": "recording_figure",
         "deeptruck_model/recordings/test_resample.py": "interpolate",
-        "deeptruck_model/test_calls.py": "given",
+        "deeptruck_model/checks/test_calls.py": "given",
     },
     "deeptruck_model.recordings.consistency": {
         "deeptruck_model/recordings/tables/test_table_suggestion.py": "proposals",
@@ -92,6 +94,9 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
     "deeptruck_model.recordings.tables": {
         "deeptruck_model/recordings/tables/test_table_file.py": "mat_file row_keys",
         "deeptruck_model/recordings/tables/test_table_suggestion.py": "row_clock table_form",
+    },
+    "deeptruck_model.simulators": {
+        "deeptruck_model/simulators/test_protocol_check.py": "protocol",
     },
     "deeptruck_model.trucks": {
         "deeptruck_model/trucks/test_reference.py": (

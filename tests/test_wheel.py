@@ -28,7 +28,8 @@ channels:
   brake_command: {column: brake, unit: percent}
 """
 DRIVE = """
-from deeptruck_model import driving_cycles, recordings, trucks
+from deeptruck_model import recordings, trucks
+from deeptruck_model.trucks import driving_cycles
 drive = driving_cycles.drive(trucks.load("trucksim"), seconds=60.0, seed=1, name="drive")
 recordings.write_bag("drive", [drive], interface=drive.interface)
 """

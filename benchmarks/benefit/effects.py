@@ -14,8 +14,8 @@ from deeptruck_cacc.environments.hard_scenes import HARD, settled
 from deeptruck_cacc.environments.scenes import Drawer, Scene
 from deeptruck_model import trucks
 from deeptruck_model.constants import ROUNDED_GRAVITY
-from deeptruck_model.driving_cycles import CycleSettings, RoadSettings, SpeedSettings
 from deeptruck_model.trucks import CommandFilter, Force, PhysicsTruck, View
+from deeptruck_model.trucks.driving_cycles import CycleSettings, RoadSettings, SpeedSettings
 
 Array = NDArray[np.float64]
 

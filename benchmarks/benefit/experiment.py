@@ -27,11 +27,12 @@ from deeptruck_cacc.safety.guard import guard
 from deeptruck_cacc.training import analytic
 from deeptruck_cacc.training.lent_gradient import with_gradient
 from deeptruck_cacc.training.settings import AnalyticConfig
-from deeptruck_model import driving_cycles, files, mismatch, recordings, simulators
+from deeptruck_model import files, mismatch, recordings, simulators
 from deeptruck_model.checks import MANIFEST, METADATA
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.trucks import driving_cycles
 
 Say = Callable[[str], None]
 DRIVES, HELD_OUT, DRIVE_S = 8, 2, 400.0

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_model import checks, files
+from deeptruck_model._io.results import FOUND, PHYSICS_TRUCK
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import APPLIED
-from deeptruck_model.results import FOUND, PHYSICS_TRUCK
 
 EFFECTS = ("road_grade", "brake_fade", "payload", "brake_lag", "command_delay")
 FIGURES, PAGE, PICTURE, WORK = "benefit.json", "benefit.md", "benefit.png", "work"

@@ -16,13 +16,13 @@ from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.driving_cycles import FREEWAY, YARD, CycleSettings, drive
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.gated_brake import COMMAND, SWITCH, substituted
 from deeptruck_model.recordings.resample import derive_acceleration
 from deeptruck_model.recordings.units import DIESEL_DENSITY
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks.driving_cycles import FREEWAY, YARD, CycleSettings, drive
 
 # Seeds of the drives: settings were chosen on the validation drives, the test drives are only ever read.
 TRAIN_SEED, VALIDATION_SEED, TEST_SEED, OTHER_SEED, LOOK_ALIKE_SEED, FLEET_SEED = 1, 2, 3, 4, 5, 7

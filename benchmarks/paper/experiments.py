@@ -47,9 +47,9 @@ from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.evaluation import calibrated, inside, statistics, trials
 from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.driving_cycles import drive
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.trucks.driving_cycles import drive
 
 TRUCKS = ("trucksim", "freightliner", "volvo")
 MINUTES = (5, 15, 60)

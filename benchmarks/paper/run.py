@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from deeptruck_model import console, files
+from deeptruck_model import files
+from deeptruck_model._terminal import console
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False, help=__doc__)
 

@@ -10,10 +10,12 @@ import numpy as np
 import typer
 import yaml
 
-from deeptruck_model import console, driving_cycles, files, trucks
+from deeptruck_model import files, trucks
+from deeptruck_model._io.results import BAG_FILES
+from deeptruck_model._terminal import console
 from deeptruck_model.mismatch.strength import acts
 from deeptruck_model.recordings import write_bag
-from deeptruck_model.results import BAG_FILES
+from deeptruck_model.trucks import driving_cycles
 
 BAGS = ("cycle", "test", *(f"other/{name}" for name in "abcd"))
 DRIVES = files.Result(

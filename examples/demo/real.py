@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_model import console, files
+from deeptruck_model import files
+from deeptruck_model._io.results import BAG_FILES
+from deeptruck_model._terminal import console
 from deeptruck_model.recordings import import_table, split, write_bag
-from deeptruck_model.results import BAG_FILES
 
 COLUMNS = Path(__file__).parents[2] / "layouts" / "columns" / "veh002.yaml"
 DRIVES = files.Result(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from deeptruck_model._io.results import FOUND, TRUCK_FILES, apart
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import LEDGER, Result
-from deeptruck_model.results import FOUND, TRUCK_FILES, apart
 
 _BAG = ("metadata.yaml", "*_0.mcap", LEDGER)
 _FOUND = tuple(f"found/{name}" for name in (*FOUND.names, LEDGER))

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import reading
-from deeptruck_model.account import Account
+from deeptruck_model._io import reading
+from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.tables.csv_text import CsvText
 from deeptruck_model.recordings.tables.row_keys import key_of

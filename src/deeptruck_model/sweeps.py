@@ -15,7 +15,7 @@ from multiprocessing import get_context, parent_process
 from threading import Thread
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from deeptruck_model import interrupts
+from deeptruck_model._terminal import interrupts
 from deeptruck_model.errors import InputError
 
 Settings = dict[str, Any]

@@ -9,8 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from deeptruck_model import files
+from deeptruck_model._io.log_kinds import check_measurement, holds_frames
 from deeptruck_model.errors import InputError
-from deeptruck_model.log_kinds import check_measurement, holds_frames
 
 TEXT = (".log", ".candump", ".txt", "")
 PACKED = ".gz"  # of any kind but a folder

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import checks, simulators, trucks
-from deeptruck_model.compatibility import Given, Taken, misfits
+from deeptruck_model.checks.compatibility import Given, Taken, misfits
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS

@@ -21,10 +21,10 @@ from deeptruck_model import files, sweeps
 from deeptruck_model.cli import whole
 from deeptruck_model.deep import Arguments, sweep
 from deeptruck_model.deep.arguments import OPTIONS
-from deeptruck_model.driving_cycles import drive
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import load
+from deeptruck_model.trucks.driving_cycles import drive
 
 GRID = {"budget": [20], "hidden": [8], "decoder": [8], "rounds": [6]}
 SETTINGS = "budget=20,hidden=8,decoder=8,rounds=6"

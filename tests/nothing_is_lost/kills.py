@@ -227,8 +227,9 @@ def _content(path: Path) -> str:
 
 
 def _write_drives(folder: Path) -> None:
-    from deeptruck_model import driving_cycles, trucks
+    from deeptruck_model import trucks
     from deeptruck_model.recordings import write_bag
+    from deeptruck_model.trucks import driving_cycles
 
     truck = trucks.load("trucksim").with_parameters({"mass": 30e3})
     for seed, name in enumerate("ab"):

@@ -15,7 +15,8 @@ import truck_bridge.cli
 from benchmarks.benefit import run as benefit
 from deeptruck_exam.folder import CASE
 from deeptruck_exam.run import examine
-from deeptruck_model import files, results, trucks
+from deeptruck_model import files, trucks
+from deeptruck_model._io import results
 from deeptruck_model.cli import whole
 from deeptruck_model.deep.sweep import sweep
 from deeptruck_model.errors import InputError

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.roads.shared_roads import CELL_DEG
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.trucks import driving_cycles
 from deeptruck_nodes import leaders, roads
 from truck_bridge.emulator.road import road
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.controllers.signed_pedal import pedal_commands
-from deeptruck_model.compiler import numba
+from deeptruck_model._imports.compiler import numba
 from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import ACCELERATION, FUEL, SPEED

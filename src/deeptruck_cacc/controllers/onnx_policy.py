@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, observed
-from deeptruck_model import reading
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from safetensors.numpy import save as to_bytes
 
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap, paper_signals
-from deeptruck_model import files, reading
+from deeptruck_model import files
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 

@@ -9,8 +9,8 @@ from deeptruck_cacc.controllers.loading import PLANNER, load_policy
 from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.hard_scenes import HARD
 from deeptruck_model import checks, files
+from deeptruck_model._io.results import apart
 from deeptruck_model.errors import InputError
-from deeptruck_model.results import apart
 
 METRICS, CURVE, STABILITY = "metrics.json", "learning_curve.png", "string_stability.png"
 PAGE = "evaluation.html"

@@ -19,7 +19,7 @@ import numpy as np
 
 from deeptruck_exam.laws.law import Array
 from deeptruck_exam.laws.series import ou_series
-from deeptruck_model.reading import package_yaml
+from deeptruck_model._io.reading import package_yaml
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 

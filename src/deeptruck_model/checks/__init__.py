@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import compatibility
+from deeptruck_model.checks import compatibility
 from deeptruck_model.checks.bags import (
     EXTRA_KEY,
     INTERFACE_KEY,
@@ -26,6 +26,7 @@ from deeptruck_model.checks.bags import (
     Mapped,
     bag,
 )
+from deeptruck_model.checks.compatibility import Given, Taken
 from deeptruck_model.checks.simulators import (
     KINDS,
     MANIFEST,
@@ -38,7 +39,6 @@ from deeptruck_model.checks.simulators import (
     simulator,
     trucks,
 )
-from deeptruck_model.compatibility import Given, Taken
 from deeptruck_model.errors import InputError, MisfitsError
 from deeptruck_model.vehicle_kinds import UNSTATED
 

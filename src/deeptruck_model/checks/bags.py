@@ -11,9 +11,9 @@ from typing import Any, Literal
 import yaml
 
 from deeptruck_model import files
+from deeptruck_model._io.reading import parse_yaml
 from deeptruck_model.checks.simulators import MANIFEST
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import parse_yaml
 from deeptruck_model.signals import TruckInterface
 
 METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished

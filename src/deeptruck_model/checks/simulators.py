@@ -8,8 +8,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import reading
-from deeptruck_model.entry_points import registered
+from deeptruck_model._imports.entry_points import registered
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import FMU_FORM, FORM, is_outside

@@ -10,7 +10,8 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_model import checks, results
+from deeptruck_model import checks
+from deeptruck_model._io import results
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, Overwrite, TopicMap, Units, mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import speed_unit

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import checks, files, reading, results
+from deeptruck_model import checks, files
+from deeptruck_model._io import reading, results
+from deeptruck_model._terminal.progress_steps import progress
 from deeptruck_model.checks import Clock
 from deeptruck_model.cli.inputs import (
     ClockOption,
@@ -24,7 +26,6 @@ from deeptruck_model.cli.inputs import (
     show_accounts,
 )
 from deeptruck_model.errors import InputError
-from deeptruck_model.progress_steps import progress
 from deeptruck_model.signals import speed_unit, speeds_in
 
 if TYPE_CHECKING:

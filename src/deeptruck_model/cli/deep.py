@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import checks, console, files, results
+from deeptruck_model import checks, files
+from deeptruck_model._io import results
+from deeptruck_model._terminal import console
 from deeptruck_model.cli.inputs import (
     Bags,
     ClockOption,

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model import checks, results
+from deeptruck_model import checks
+from deeptruck_model._io import results
+from deeptruck_model._terminal.progress_steps import progress
 from deeptruck_model.cli.inputs import (
     SIMULATOR,
     Bags,
@@ -22,7 +24,6 @@ from deeptruck_model.cli.inputs import (
     read,
 )
 from deeptruck_model.errors import InputError
-from deeptruck_model.progress_steps import progress
 from deeptruck_model.signals import printed, sensible, speed_unit
 
 if TYPE_CHECKING:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
+from deeptruck_model._io.results import BAG_WITH_ROAD, FOUND, apart
+from deeptruck_model._terminal.progress_steps import progress
 from deeptruck_model.cli.inputs import (
     SIMULATOR,
     ClockOption,
@@ -23,8 +25,6 @@ from deeptruck_model.cli.inputs import (
 )
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
-from deeptruck_model.progress_steps import progress
-from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 from deeptruck_model.signals import speed_unit, speeds_in
 
 if TYPE_CHECKING:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model import checks, files, reading, results
+from deeptruck_model import checks, files
+from deeptruck_model._io import reading, results
+from deeptruck_model.checks.compatibility import Given, Taken, misfits
 from deeptruck_model.cli.inputs import ClockOption, MessageFiles, TopicMap, mapped
-from deeptruck_model.compatibility import Given, Taken, misfits
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
@@ -80,11 +81,11 @@ def new(
     )
     if source is None and not sys.stdin.isatty():
         raise InputError("there is no terminal to ask at; give the data sheet by --from FILE.yaml")
-    from deeptruck_model.driven_controls import learned
     from deeptruck_model.recordings import read_all
     from deeptruck_model.recordings.consistency import gears
     from deeptruck_model.recordings.consistency.sensors import steady_ratios
     from deeptruck_model.trucks import own_truck
+    from deeptruck_model.trucks.driven_controls import learned
 
     drives = read_all(bags, topic_map=topic_map, clock=clock, msg=msg or ()) if bags else []
     data = {} if source is None else dict(reading.yaml_mapping(source, "give a data sheet"))

@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import checks, files, results
+from deeptruck_model import checks, files
+from deeptruck_model._io import results
+from deeptruck_model._io.json_data import to_json
+from deeptruck_model._terminal.progress_steps import progress
 from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, MessageFiles, Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
-from deeptruck_model.json_data import to_json
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import is_outside, made, refer
 from deeptruck_model.outside.truck import lacks
-from deeptruck_model.progress_steps import progress
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.calibration import Calibration
-    from deeptruck_model.protocol_check import Row
     from deeptruck_model.recordings import Recording
+    from deeptruck_model.simulators.protocol_check import Row
 
 
 def check_simulator(
@@ -71,7 +72,7 @@ def _members(simulator: str) -> list[Row]:
     lacking = lacks(made(refer(simulator)))
     if not lacking:
         return []
-    from deeptruck_model.protocol_check import Row, State
+    from deeptruck_model.simulators.protocol_check import Row, State
 
     parts = (says.partition("; ") for says in lacking.values())
     return [Row(name, State.NO, says, mend) for name, (says, _, mend) in zip(lacking, parts, strict=True)]
@@ -79,7 +80,8 @@ def _members(simulator: str) -> list[Row]:
 
 def _driven(simulator: str, changed: Path | None) -> list[Row]:
     """The table of a simulator, or of the present simulator to which the folder `changed` refers."""
-    from deeptruck_model import protocol_check, simulators
+    from deeptruck_model import simulators
+    from deeptruck_model.simulators import protocol_check
 
     if changed is None:
         checks.simulator(simulator)
@@ -101,7 +103,7 @@ def _tell(table: list[Row]) -> None:
 
 
 def _judge(simulator: str, table: list[Row]) -> None:
-    from deeptruck_model.protocol_check import missing
+    from deeptruck_model.simulators.protocol_check import missing
 
     if lacking := missing(table):
         names = ", ".join(row.about for row in lacking)

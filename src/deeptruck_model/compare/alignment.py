@@ -11,7 +11,7 @@ from scipy.signal import correlate
 from scipy.spatial import cKDTree
 
 from deeptruck_model.compare.sides import Side
-from deeptruck_model.earth import metres_per_degree
+from deeptruck_model.recordings.earth import metres_per_degree
 
 Array = NDArray[np.float64]
 

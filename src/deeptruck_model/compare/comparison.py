@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model import calls
-from deeptruck_model.checks import Clock
+from deeptruck_model.checks import Clock, calls
 from deeptruck_model.compare import sides, statistics
 from deeptruck_model.compare.alignment import By, Offset, Road, offset, road
 from deeptruck_model.compare.sides import Side

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
-from deeptruck_model import compatibility, trucks
-from deeptruck_model.compatibility import Given, Taken
+from deeptruck_model import trucks
+from deeptruck_model.checks import compatibility
+from deeptruck_model.checks.compatibility import Given, Taken
 from deeptruck_model.deep.data import cut, has
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording

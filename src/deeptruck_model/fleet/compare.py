@@ -15,11 +15,11 @@ from urllib.parse import quote
 
 import numpy as np
 
+from deeptruck_model._io.reading import sha256
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.extract import MEASURED, load
 from deeptruck_model.fleet.plan import week
 from deeptruck_model.fleet.storage import Place, StorageError, code, key
-from deeptruck_model.reading import sha256
 
 VERDICTS, DONE, PREVIOUS = "verdicts", "compared.json", "previous.json"
 VERDICT = "verdict.json"

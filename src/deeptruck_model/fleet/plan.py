@@ -12,7 +12,8 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import checks, reading
+from deeptruck_model import checks
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.storage import Place, Stored
 

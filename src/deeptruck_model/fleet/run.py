@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_model import checks, sweeps
-from deeptruck_model.compatibility import Taken
+from deeptruck_model._terminal.progress_bar import bar
+from deeptruck_model.checks.compatibility import Taken
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet import compare as comparing
 from deeptruck_model.fleet import extract as extracting
@@ -19,7 +20,6 @@ from deeptruck_model.fleet.compare import Comparison
 from deeptruck_model.fleet.extract import INDEX, RECEIPTS, Extraction, Reading
 from deeptruck_model.fleet.plan import Drive, Truck
 from deeptruck_model.fleet.storage import Place, StorageError, code
-from deeptruck_model.progress_bar import bar
 
 FLEET = "fleet.json"
 PROBES = 3  # files of a class that are read first: where none can be used, nothing else is read

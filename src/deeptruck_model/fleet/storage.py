@@ -20,7 +20,7 @@ from typing import Any
 
 from pyarrow import fs
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 
 TRIES = 5  # of one transfer; storage that fails half the time then fails one in 32

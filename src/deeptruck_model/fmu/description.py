@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 
 MISSING = "FMUs need FMPy; install it with \"pip install 'deeptruck[fmu]'\""

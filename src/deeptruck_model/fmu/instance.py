@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.fmu.description import Description, Variable
 

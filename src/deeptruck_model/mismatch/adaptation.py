@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from deeptruck_model import calls
+from deeptruck_model.checks import calls
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import unrecorded

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from deeptruck_model._terminal.progress_steps import steps
 from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.comparison import Compared
@@ -22,7 +23,6 @@ from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.validate import validate
-from deeptruck_model.progress_steps import steps
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.given import Drives
 from deeptruck_model.simulators import MinimalSimulator, Simulator

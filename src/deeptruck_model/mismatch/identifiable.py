@@ -6,7 +6,9 @@ import numpy as np
 
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, accepted
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.protocol_check import (
+from deeptruck_model.signals import ACCELERATION, SPEED
+from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators.protocol_check import (
     BRAKE,
     DRIVE_S,
     ENGINE,
@@ -17,8 +19,6 @@ from deeptruck_model.protocol_check import (
     road,
     start,
 )
-from deeptruck_model.signals import ACCELERATION, SPEED
-from deeptruck_model.simulators import Simulator
 
 FORCES = (  # all of them, where there is a traction_force: each is read wherever the first is there
     "traction_force",

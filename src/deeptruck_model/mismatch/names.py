@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from deeptruck_model.json_data import stored
+from deeptruck_model._io.json_data import stored
 from deeptruck_model.mismatch.events import Event, together
 from deeptruck_model.mismatch.posterior.kernels import VARYING, kernels
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains

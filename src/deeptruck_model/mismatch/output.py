@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from deeptruck_model import calls, simulators
+from deeptruck_model import simulators
+from deeptruck_model._io.results import FOUND
+from deeptruck_model.checks import calls
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import (
@@ -22,7 +24,6 @@ from deeptruck_model.mismatch.folders import (
 )
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Mismatch, Verdict
-from deeptruck_model.results import FOUND
 
 
 def summary(mismatch: Mismatch) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.json_data import HIDDEN, SPARSE, from_json, stored, to_json
+from deeptruck_model._io.json_data import HIDDEN, SPARSE, from_json, stored, to_json
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection

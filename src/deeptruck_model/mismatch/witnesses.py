@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.json_data import stored
+from deeptruck_model._io.json_data import stored
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.posterior.posterior import SLOW_S

@@ -19,8 +19,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import reading
-from deeptruck_model.entry_points import registered
+from deeptruck_model._imports.entry_points import registered
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 
 PYTHON, FMU = "python:", "fmu:"

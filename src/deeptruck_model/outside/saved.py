@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import files, reading
+from deeptruck_model import files
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside.reference import PYTHON, Reference, is_outside, refer
 from deeptruck_model.outside.truck import KIND, MANIFEST, SCHEMA, OutsideTruck, adopted

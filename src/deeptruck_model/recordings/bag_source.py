@@ -18,7 +18,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.records import Metadata
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
 from deeptruck_model.checks import EXTRA_KEY, INTERFACE_KEY, MANIFEST, METADATA, NOTES_KEY, RECORD_AGAIN
 from deeptruck_model.checks.bags import data_file, information_of
 from deeptruck_model.errors import InputError

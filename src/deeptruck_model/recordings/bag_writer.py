@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import calls
+from deeptruck_model._io.results import WRITTEN_BAG
+from deeptruck_model.checks import calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import Result
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY
@@ -19,7 +20,6 @@ from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
 from deeptruck_model.recordings.obeyed import COMMAND, ENGAGED
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, EXTRA_TOPIC
-from deeptruck_model.results import WRITTEN_BAG
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from deeptruck_model.reading import plain
+from deeptruck_model._io.reading import plain
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.survey import Field, Topic
 from deeptruck_model.recordings.units import conversion, known_units

@@ -17,14 +17,14 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from deeptruck_model._io.json_data import to_json
+from deeptruck_model._io.results import COVERAGE
 from deeptruck_model.errors import InputError
-from deeptruck_model.json_data import to_json
 from deeptruck_model.pages.document import Folded, Picture, Table, document
 from deeptruck_model.pages.style import MODELLED, WIDTH_IN, plain_log, png, styled
 from deeptruck_model.recordings.given import Drives, drives
 from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.results import COVERAGE
 from deeptruck_model.signals import printed, sensible, speed_unit, speeds_in
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import calls, reading
-from deeptruck_model.account import Account
-from deeptruck_model.checks import Clock
+from deeptruck_model._io import reading
+from deeptruck_model._io.account import Account
+from deeptruck_model.checks import Clock, calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY, BagSource

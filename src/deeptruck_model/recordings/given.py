@@ -8,7 +8,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from deeptruck_model import calls, checks
+from deeptruck_model import checks
+from deeptruck_model.checks import calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.several import read_all

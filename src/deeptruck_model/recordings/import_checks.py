@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_model import checks, files
+from deeptruck_model._io.log_kinds import CAPTURES, check_measurement, holds_frames
+from deeptruck_model._io.results import BAG, apart
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
-from deeptruck_model.log_kinds import CAPTURES, check_measurement, holds_frames
 from deeptruck_model.recordings.tables.columns import load_columns
 from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
-from deeptruck_model.results import BAG, apart
 
 CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc", ".mcap")
 BAG_SUFFIXES = (".db3", ".bag")

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import calls, files
-from deeptruck_model.account import Account
-from deeptruck_model.checks import Clock
-from deeptruck_model.entry_points import registered
+from deeptruck_model import files
+from deeptruck_model._imports.entry_points import registered
+from deeptruck_model._io.account import Account
+from deeptruck_model._io.results import BAG
+from deeptruck_model.checks import Clock, calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
@@ -36,7 +37,6 @@ from deeptruck_model.recordings.tables.row_keys import key_of, only, widened
 from deeptruck_model.recordings.tables.row_times import timed
 from deeptruck_model.recordings.tables.table_file import TextTable, read_table
 from deeptruck_model.recordings.units import conversion
-from deeptruck_model.results import BAG
 from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.account import Tally
+from deeptruck_model._io.account import Tally
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION

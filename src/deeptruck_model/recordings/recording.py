@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.account import Account
+from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 

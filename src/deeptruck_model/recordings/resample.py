@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.account import Account, Tally
+from deeptruck_model._io.account import Account, Tally
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, SNAP, at_ticks, period

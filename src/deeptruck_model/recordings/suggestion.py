@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model._io.reading import plain
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import plain
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, OURS, TOPIC, TYPE, Candidate, Proposal
 from deeptruck_model.recordings.channel_words import (
     COMMANDED,

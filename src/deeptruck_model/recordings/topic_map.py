@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
+from deeptruck_model._io.reading import near
 from deeptruck_model.checks import Mapped
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import near
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.units import Conversion, conversion
 from deeptruck_model.signals import CHANNELS, FAULTS, check_driver

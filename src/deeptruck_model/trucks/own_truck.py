@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
+from deeptruck_model._io.reading import near
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import near
 from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 from deeptruck_model.trucks.specification import Specification, from_pool
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from deeptruck_model import files
-from deeptruck_model.account import Account
+from deeptruck_model._io.account import Account
 from truck_bridge import j1939
 from truck_bridge.can_logs import faults
 from truck_bridge.can_logs.faults import Said

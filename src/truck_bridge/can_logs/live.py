@@ -19,7 +19,7 @@ from typing import Any
 import can
 
 from deeptruck_model import files
-from deeptruck_model.account import Account
+from deeptruck_model._io.account import Account
 from truck_bridge import log_files
 from truck_bridge.bus import open_bus
 from truck_bridge.can_logs.frames import Frame, Kind

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from itertools import chain, islice, pairwise
 from pathlib import Path
 
-from deeptruck_model.account import Account
-from deeptruck_model.log_kinds import BYTES, COMMENT, DATA, IDS, plain_name
+from deeptruck_model._io.account import Account
+from deeptruck_model._io.log_kinds import BYTES, COMMENT, DATA, IDS, plain_name
 from truck_bridge.can_logs.frames import (
     ERROR_FLAG,
     EXTENDED_FLAG,

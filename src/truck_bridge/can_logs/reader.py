@@ -16,9 +16,9 @@ from pathlib import Path
 
 import can
 
-from deeptruck_model.account import Account
-from deeptruck_model.log_kinds import CAPTURES, holds_frames
-from deeptruck_model.reading import plain
+from deeptruck_model._io.account import Account
+from deeptruck_model._io.log_kinds import CAPTURES, holds_frames
+from deeptruck_model._io.reading import plain
 from truck_bridge import log_files
 from truck_bridge.can_logs import other_logs, text_logs, trc_logs
 from truck_bridge.can_logs.frames import Frame, Kind, of_message

@@ -13,7 +13,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
-from deeptruck_model.account import Account
+from deeptruck_model._io.account import Account
 from truck_bridge.can_logs.frames import (
     ERROR_FLAG,
     EXTENDED_FLAG,

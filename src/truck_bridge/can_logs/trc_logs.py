@@ -9,7 +9,7 @@ from pathlib import Path
 
 import can
 
-from deeptruck_model.account import Account
+from deeptruck_model._io.account import Account
 from truck_bridge.can_logs.frames import Frame, of_message
 from truck_bridge.can_logs.whole import COPY
 from truck_bridge.errors import InputError

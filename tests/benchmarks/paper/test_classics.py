@@ -7,8 +7,8 @@ from benchmarks.paper import classics
 from benchmarks.paper.classics import physics
 from deeptruck_model import trucks
 from deeptruck_model.deep import statistics, trials
-from deeptruck_model.driving_cycles import drive
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.trucks.driving_cycles import drive
 
 
 @pytest.mark.parametrize("name", ["ARX", "NARX"])

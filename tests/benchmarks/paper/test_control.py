@@ -13,7 +13,7 @@ from benchmarks.paper.run import Chain, app
 from deeptruck_cacc import training
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.environments.scenes import Scene
-from deeptruck_model import console
+from deeptruck_model._terminal import console
 
 
 def run(*arguments: object) -> int:

@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.paper.drives import by_fuel, fleet, random_truck
 from deeptruck_model import trucks
-from deeptruck_model.driving_cycles import YARD
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.trucks.driving_cycles import YARD
 
 
 def test_a_fleet_drives_trucks_of_one_interface_and_many_kinds():

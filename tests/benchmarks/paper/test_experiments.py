@@ -12,7 +12,7 @@ from benchmarks.paper import experiments, output
 from benchmarks.paper.drives import drive_of
 from benchmarks.paper.output import SHORT_RUNS, of_seeds
 from benchmarks.paper.run import app
-from deeptruck_model import console
+from deeptruck_model._terminal import console
 
 
 def test_field_experiment_writes_tables_and_figures(tmp_path):

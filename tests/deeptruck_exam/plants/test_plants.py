@@ -58,7 +58,7 @@ def test_steps_of_a_forced_run_side_by_side_are_those_one_after_another() -> Non
 
 
 def test_it_is_fit_for_use_as_a_simulator_of_ones_own() -> None:
-    from deeptruck_model import protocol_check
+    from deeptruck_model.simulators import protocol_check
 
     loaded = simulators.load("python:deeptruck_exam.plants.fastsim_equations:make")
     assert not protocol_check.missing(protocol_check.examine(loaded))

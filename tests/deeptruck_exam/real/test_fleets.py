@@ -11,8 +11,9 @@ import pytest
 
 from deeptruck_exam.folder import check_real
 from deeptruck_exam.real.fleets import CHOSEN_ON, REPORTED, Fleet, Row, examine_real, page
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
+from deeptruck_model.trucks import driving_cycles
 
 LAYOUT = """name: made_up
 time: {column: t, unit: s}

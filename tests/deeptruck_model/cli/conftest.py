@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.trucks import driving_cycles
 
 
 @pytest.fixture(scope="session")

@@ -14,9 +14,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.recordings.tables.columns import load_columns
+from deeptruck_model.trucks import driving_cycles
 
 SHEET = {
     "mass_kg": 20000,

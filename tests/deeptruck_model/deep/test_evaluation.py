@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model import files, results
+from deeptruck_model import files
+from deeptruck_model._io import results
 from deeptruck_model.deep import DeepTruck, evaluate, report, statistics, train, trials
 from deeptruck_model.deep.evaluation import Trials, _interval, against_time, baselines, calibrated, inside
 from deeptruck_model.deep.truck import half_width

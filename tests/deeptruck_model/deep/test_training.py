@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from deeptruck_model import files, results, trucks
+from deeptruck_model import files, trucks
+from deeptruck_model._io import results
 from deeptruck_model.deep import Arguments, finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.training import DivergedError

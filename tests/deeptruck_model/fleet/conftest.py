@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from pyarrow import fs
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.fleet import storage
 from deeptruck_model.fleet.compare import DONE
 from deeptruck_model.fleet.extract import MEASURED, RECEIPTS
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.trucks import driving_cycles
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import lock
 from deeptruck_model.fleet import page, pool
@@ -22,6 +22,7 @@ from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
 from deeptruck_model.fleet.storage import place
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.trucks import driving_cycles
 
 LAYOUT = "{truck}/{date}/*.mcap"
 SOUND_NATS = {"drag_area": -1.0, "brake_gain": -1.2, "headwind": -2.0}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.cli.mismatch import road as road_command
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet import page
@@ -30,7 +30,7 @@ from deeptruck_model.mismatch.roads.recovered_road import with_road
 from deeptruck_model.mismatch.roads.shared_roads import CELL_DEG, SharedRoads, cells
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording, read, write_bag
-from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks import PhysicsTruck, driving_cycles
 
 Array = NDArray[np.float64]
 

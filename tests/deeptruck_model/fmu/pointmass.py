@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.trucks import driving_cycles
 
 SOURCE = Path(__file__).with_name("pointmass.c")
 VARIABLES = {  # causality, variability, start

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from deeptruck_model import driving_cycles, simulators, trucks
+from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch import CorrectedTruck
+from deeptruck_model.trucks import driving_cycles
 
 
 def test_the_corrected_fmu_loads_again_and_is_better(heavy: Path, tmp_path: Path) -> None:

@@ -19,11 +19,13 @@ import fmpy
 import numpy as np
 import pytest
 
-from deeptruck_model import checks, driving_cycles, protocol_check, simulators
+from deeptruck_model import checks, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.simulators import protocol_check
+from deeptruck_model.trucks import driving_cycles
 
 FOLDER = os.environ.get("DEEPTRUCK_FOREIGN_FMUS", "")
 POINT_MASS = """\

@@ -10,9 +10,10 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from deeptruck_model import protocol_check, simulators
+from deeptruck_model import simulators
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import protocol_check
 
 sys.path.append(str(Path(__file__).parent))
 import pointmass

@@ -75,7 +75,8 @@ def test_without_fmpy_the_extra_is_named(own: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_a_truck_that_starts_at_another_speed(own: Path, tmp_path: Path) -> None:
-    from deeptruck_model import protocol_check, simulators
+    from deeptruck_model import simulators
+    from deeptruck_model.simulators import protocol_check
 
     file = tmp_path / "map.yaml"
     file.write_text("start: {speed: {variable: initial_speed, unit: km/h}}\n")

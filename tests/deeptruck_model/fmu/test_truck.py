@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from deeptruck_cacc.environments.adapters import CaccGymEnv
-from deeptruck_model import checks, driving_cycles, protocol_check, simulators, trucks
+from deeptruck_model import checks, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.simulators import Array
+from deeptruck_model.simulators import Array, protocol_check
+from deeptruck_model.trucks import driving_cycles
 
 NO_FORCING = "measured: {speed: null, acceleration: null, active: null}\n"
 

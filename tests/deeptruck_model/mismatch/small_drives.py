@@ -7,13 +7,14 @@ from functools import cache
 
 import numpy as np
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.posterior import kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 

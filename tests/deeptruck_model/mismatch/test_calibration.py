@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, simulators, trucks
+from deeptruck_model import simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.calibration import Calibration, calibrate
 from deeptruck_model.recordings import Recording, write_bag
+from deeptruck_model.trucks import driving_cycles
 
 POOL = trucks.load("trucksim")
 TRUE = {"mass": 25_000.0, "drag_area": 6.6, "brake_gain": 0.9}

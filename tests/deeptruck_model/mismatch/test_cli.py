@@ -15,9 +15,10 @@ import jsonschema
 import numpy as np
 import pytest
 
-from deeptruck_model import cli, driving_cycles, mismatch, simulators, trucks
+from deeptruck_model import cli, mismatch, simulators, trucks
 from deeptruck_model.mismatch.report.lines import lines as summary_of
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.trucks import driving_cycles
 
 SCRIPT = Path(sys.executable).with_name("deeptruck-model")
 TRUCK = trucks.load("trucksim")

@@ -18,10 +18,11 @@ import jsonschema
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, mismatch, simulators, trucks
+from deeptruck_model import mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]

@@ -12,8 +12,8 @@ from deeptruck_model import mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import identifiable
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
-from deeptruck_model.protocol_check import State
 from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators.protocol_check import State
 
 
 def rows(simulator: Any) -> dict[str, Any]:

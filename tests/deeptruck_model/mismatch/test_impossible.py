@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find_mismatch
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.fit_result import Errors
@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.posterior.regression import Model
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.validate import _better, _falls, _log_ratio, validate
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 RULES = Rules()

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.mismatch.report.wording import COUNTS_AS_LEARNED
 from deeptruck_model.mismatch.result import Conclusion
 from deeptruck_model.simulators import Run
-from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks import PhysicsTruck, driving_cycles
 
 CLIMB = 0.02
 

@@ -11,11 +11,18 @@ import pytest
 from numpy.typing import NDArray
 
 import deeptruck_model
-from deeptruck_model import find_mismatch, load, mismatch, protocol_check, read
+from deeptruck_model import find_mismatch, load, mismatch, read
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.signals import TruckInterface
-from deeptruck_model.simulators import MinimalSimulator, Simulator, completed, forced_run, free_run
+from deeptruck_model.simulators import (
+    MinimalSimulator,
+    Simulator,
+    completed,
+    forced_run,
+    free_run,
+    protocol_check,
+)
 
 Array = NDArray[np.float64]
 DOCS = Path(__file__).parents[3] / "docs"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from foreign_bags import TYPES, Message, S, bag_of, stamped, twist
 
-from deeptruck_model.account import Tally
+from deeptruck_model._io.account import Tally
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.recordings.not_recorded import not_recorded
 from deeptruck_model.signals import TruckInterface

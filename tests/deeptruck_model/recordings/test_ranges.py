@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model.account import Tally
+from deeptruck_model._io.account import Tally
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.ranges import Range
 from deeptruck_model.signals import TruckInterface

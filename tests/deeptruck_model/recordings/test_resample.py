@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model.account import Account
+from deeptruck_model._io.account import Account
+from deeptruck_model._io.json_data import to_json
 from deeptruck_model.errors import InputError
-from deeptruck_model.json_data import to_json
 from deeptruck_model.recordings import Recording, Series, uniform
 from deeptruck_model.recordings.resample import Resampler
 from deeptruck_model.signals import TruckInterface

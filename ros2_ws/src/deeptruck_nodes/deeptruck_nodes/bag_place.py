@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from deeptruck_model import files
+from deeptruck_model._io.results import BAG_FILES
 from deeptruck_model.errors import InputError
-from deeptruck_model.results import BAG_FILES
 
 METADATA = "metadata.yaml"
 BAG = files.Result("a recorded bag", BAG_FILES, elsewhere="choose another --record")

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from deeptruck_model import console
+from deeptruck_model._terminal import console
 from deeptruck_model.files import OVERWRITE_HELP
 
 RUNS = Path("runs")

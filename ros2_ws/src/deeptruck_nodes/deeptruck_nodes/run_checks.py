@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from deeptruck_model import checks, console
-from deeptruck_model.compatibility import Given, Taken, misfits
+from deeptruck_model import checks
+from deeptruck_model._terminal import console
+from deeptruck_model.checks.compatibility import Given, Taken, misfits
 from deeptruck_model.errors import InputError
 from deeptruck_model.pages import local
 from deeptruck_model.signals import TruckInterface

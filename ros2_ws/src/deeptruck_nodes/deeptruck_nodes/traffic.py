@@ -18,7 +18,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
-from deeptruck_model import console, reading
+from deeptruck_model._io import reading
+from deeptruck_model._terminal import console
 from deeptruck_model.errors import InputError
 from deeptruck_nodes.choice import require
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
+from deeptruck_model._io.json_data import from_json, to_json
 from deeptruck_model.errors import InputError
-from deeptruck_model.json_data import from_json, to_json
 from deeptruck_model.mismatch.correction.added import Added, State, TruckWithForces
 from deeptruck_model.mismatch.expression import Expression, Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.compatibility import how_without
+from deeptruck_model.checks.compatibility import how_without
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration

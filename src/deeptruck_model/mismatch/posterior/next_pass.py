@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.json_data import stored
+from deeptruck_model._io.json_data import stored
 from deeptruck_model.mismatch.roads.stretches import STEP_M, WIDTH, Windows, turned
 from deeptruck_model.mismatch.rules import Limits
 

@@ -15,9 +15,9 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from deeptruck_model.compare.alignment import NEAR_M
-from deeptruck_model.earth import metres_per_degree
 from deeptruck_model.mismatch.data.prepared import Prepared, fill
 from deeptruck_model.mismatch.rules import Limits
+from deeptruck_model.recordings.earth import metres_per_degree
 
 Array = NDArray[np.float64]
 

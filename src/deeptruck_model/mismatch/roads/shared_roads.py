@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.roads.one_road import STEP_M, headed

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.earth import metres_per_degree
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.channel_words import LEADER
+from deeptruck_model.recordings.earth import metres_per_degree
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.tables.header_words import header
 from deeptruck_model.signals import CHANNELS

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.earth import metres_per_degree
+from deeptruck_model.recordings.earth import metres_per_degree
 from deeptruck_model.recordings.units import conversion
 
 Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
+from deeptruck_model._io.reading import near
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import near
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.topic_map import EXTRA, extra_of, load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion

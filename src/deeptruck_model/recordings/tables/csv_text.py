@@ -22,7 +22,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv
 
-from deeptruck_model.account import Account
+from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 
 DELIMITERS = ",;\t| "  # one of these is found by the header where none is given; blanks may be several

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from deeptruck_model._io.reading import package_yaml
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import package_yaml
 from deeptruck_model.recordings.channel_words import BY_WORDS, COMMANDED, STATISTIC, UNIT_WORDS, words
 from deeptruck_model.recordings.tables.columns import TIME_UNITS
 from deeptruck_model.recordings.units import conversion

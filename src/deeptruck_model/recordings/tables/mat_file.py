@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from deeptruck_model._io.reading import plain
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import plain
 
 SUFFIX = ".mat"
 MOST_COLUMNS = 64  # of a matrix

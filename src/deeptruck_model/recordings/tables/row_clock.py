@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from deeptruck_model.account import Account
+from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.candidates import yaml_text
 from deeptruck_model.recordings.tables.columns import TIME_UNITS, Clock

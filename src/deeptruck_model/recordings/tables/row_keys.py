@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from deeptruck_model._io.reading import plain
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import plain
 from deeptruck_model.recordings.tables.table_file import TextTable
 
 Array = NDArray[np.float64]

@@ -18,8 +18,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import parquet
 
-from deeptruck_model import reading
-from deeptruck_model.account import Account
+from deeptruck_model._io import reading
+from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText

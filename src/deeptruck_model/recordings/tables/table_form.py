@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
+from deeptruck_model._io.log_kinds import check_measurement
 from deeptruck_model.errors import InputError
-from deeptruck_model.log_kinds import check_measurement
 from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.csv_text import BYTE_ORDER_MARKS, DELIMITERS, single_blanks
 from deeptruck_model.recordings.tables.table_file import PARQUET, STATES

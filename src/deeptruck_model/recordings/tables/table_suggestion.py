@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from deeptruck_model._io.reading import plain
 from deeptruck_model.errors import InputError
-from deeptruck_model.reading import plain
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate, Proposal, span, yaml_text
 from deeptruck_model.recordings.channel_words import COMMANDED, named_channels, units_by_range
 from deeptruck_model.recordings.consistency.proposals import settled

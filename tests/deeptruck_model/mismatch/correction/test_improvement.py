@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction import improvement
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import free_run_errors, free_windows
@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, mismatch, trucks
+from deeptruck_model import mismatch, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import each_once, same_signals
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 

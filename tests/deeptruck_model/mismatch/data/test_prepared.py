@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.deep import coverage
 from deeptruck_model.mismatch.data import prepared
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import FUEL
+from deeptruck_model.trucks import driving_cycles
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 TRUCK = trucks.load("trucksim")

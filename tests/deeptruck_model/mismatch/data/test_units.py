@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks, speed_unit, units
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings.consistency.sensors import SPEEDS
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
+from deeptruck_model.trucks import driving_cycles
 
 Array = NDArray[np.float64]
 TRUCK = trucks.load("trucksim")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.live.monitor import Monitor, Sample
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.json_data import from_json, to_json
+from deeptruck_model._io.json_data import from_json, to_json
 from deeptruck_model.mismatch.posterior.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.roads.stretches import STEP_M, Windows
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from deeptruck_model import driving_cycles, mismatch, trucks
+from deeptruck_model import mismatch, trucks
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 HEAVY = TRUCK.with_parameters({"mass": 1.2 * TRUCK.parameters()["mass"]})

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deeptruck_exam.plants.fastsim_equations import LineHaul, make
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.expression import Signal, Stream
@@ -22,6 +22,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator, free_run, load
+from deeptruck_model.trucks import driving_cycles
 
 
 class Swinging:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, prepare
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.residual.forced import _alike, forced
 from deeptruck_model.simulators import Simulator, forced_run
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("trucksim")
 LATE = CorrectedTruck(TRUCK, [Term("dragging_brake", (variant("constant"),), (0.1,))], {}, None, True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import prepare
@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 KNOWN = ("speed", "acceleration", "engine_command", "brake_command", "grade")
 TRUCK = trucks.load("trucksim")

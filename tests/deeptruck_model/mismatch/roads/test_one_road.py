@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.roads.one_road import (
     driven_by_positions,
@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.roads.one_road import (
     without_a_place,
 )
 from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import driving_cycles
 
 Array = NDArray[np.float64]
 

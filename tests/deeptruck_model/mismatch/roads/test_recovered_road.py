@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.roads.recovered_road import Roads, with_road
 from deeptruck_model.recordings import Recording, read, write_bag
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK = trucks.load("freightliner")  # has no grade sensor
 

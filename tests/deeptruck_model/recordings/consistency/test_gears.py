@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.consistency import gears
+from deeptruck_model.trucks import driving_cycles
 
 
 @pytest.fixture(scope="module")

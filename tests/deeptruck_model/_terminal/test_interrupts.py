@@ -7,13 +7,13 @@ import sys
 
 import pytest
 
-from deeptruck_model.interrupts import may_raise
+from deeptruck_model._terminal.interrupts import may_raise
 
 SCRIPT = """
 import random, signal
 import numpy as np
-from deeptruck_model.compiler import numba
-from deeptruck_model.interrupts import may_raise
+from deeptruck_model._imports.compiler import numba
+from deeptruck_model._terminal.interrupts import may_raise
 
 @numba.njit
 def run(x):

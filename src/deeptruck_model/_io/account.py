@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from deeptruck_model.json_data import stored
+from deeptruck_model._io.json_data import stored
 
 
 @dataclass

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from deeptruck_model import console, script_start
+from deeptruck_model._terminal import console, script_start
 from deeptruck_model.errors import InputError
 
 
@@ -56,7 +56,8 @@ def test_how_a_command_ends(
 PROGRAM = """
 import signal, sys, time, typer
 from pathlib import Path
-from deeptruck_model import console, files, sweeps
+from deeptruck_model._terminal import console
+from deeptruck_model import files, sweeps
 signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal, wherever this test runs
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 app = typer.Typer()

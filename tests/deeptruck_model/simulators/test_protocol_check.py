@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model import protocol_check, trucks
-from deeptruck_model.protocol_check import State
+from deeptruck_model import trucks
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.simulators import protocol_check
+from deeptruck_model.simulators.protocol_check import State
 
 SHUTTLE = TruckInterface("shuttle", fuel=False)
 

@@ -11,20 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model import (
-    driving_cycles,
-    evaluate,
-    find_mismatch,
-    load,
-    mismatch,
-    read,
-    recordings,
-    train,
-    trucks,
-)
+from deeptruck_model import evaluate, find_mismatch, load, mismatch, read, recordings, train, trucks
 from deeptruck_model.compare import compare
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import Span
+from deeptruck_model.trucks import driving_cycles
 
 TRUCK: Any = trucks.load("trucksim")
 Call = Callable[[Any], Any]  # of recordings

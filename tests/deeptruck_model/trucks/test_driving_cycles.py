@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.driving_cycles import (
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import CHANNELS
+from deeptruck_model.trucks.driving_cycles import (
     FREEWAY,
     YARD,
     CycleSettings,
@@ -19,8 +21,6 @@ from deeptruck_model.driving_cycles import (
     road_grade,
     speed_profile,
 )
-from deeptruck_model.errors import InputError
-from deeptruck_model.signals import CHANNELS
 
 PRINTED = SpeedSettings(soft_limit_speed=35.0)
 

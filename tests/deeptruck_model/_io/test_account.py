@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deeptruck_model.account import Account
-from deeptruck_model.json_data import to_json
+from deeptruck_model._io.account import Account
+from deeptruck_model._io.json_data import to_json
 
 
 @given(st.lists(st.sampled_from(["used", "remote frames", "11-bit frames"]), max_size=50))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import reading
+from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import ACCELERATION, CHANNELS, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator

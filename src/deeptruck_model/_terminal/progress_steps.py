@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from deeptruck_model.progress_bar import A_MINUTE_S
+from deeptruck_model._terminal.progress_bar import A_MINUTE_S
 
 QUIET_S = 2.0  # a log shows no step before: what refuses its input does so by one line
 

@@ -14,10 +14,10 @@ from typing import Any, Protocol, cast, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import calls, reading
-from deeptruck_model.checks import KINDS, MANIFEST, SCHEMES
+from deeptruck_model._imports.entry_points import registered
+from deeptruck_model._io import reading
+from deeptruck_model.checks import KINDS, MANIFEST, SCHEMES, calls
 from deeptruck_model.checks import manifest as read_manifest
-from deeptruck_model.entry_points import registered
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.json_data import from_json, stored, to_json
+from deeptruck_model._io.json_data import from_json, stored, to_json
 
 
 class Colour(StrEnum):

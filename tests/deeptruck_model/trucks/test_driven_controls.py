@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from deeptruck_model import simulators, trucks
-from deeptruck_model.driven_controls import learned
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks.driven_controls import learned
 from deeptruck_model.trucks.specification import from_file, specification_from_dict
 
 SHEET = trucks.load("volvo").specification  # its command is a percentage

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import calls
+from deeptruck_model.checks import calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PhysicsTruck
@@ -267,5 +267,5 @@ def _recording(truck: PhysicsTruck, log: Array, name: str, seed: int) -> Recordi
         dt=truck.dt,
         channels=channels,
         interface=truck.interface,
-        notes=(f"driven by deeptruck_model.driving_cycles, seed {seed}",),
+        notes=(f"driven by deeptruck_model.trucks.driving_cycles, seed {seed}",),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model.earth import metres_per_degree
+from deeptruck_model.recordings.earth import metres_per_degree
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from pathlib import Path
 from threading import Lock, Timer
 from types import FrameType
 
+from deeptruck_model._terminal.script_start import INTERRUPTED, end_at_once
 from deeptruck_model.files.single import remove_all
-from deeptruck_model.script_start import INTERRUPTED, end_at_once
 
 GRACE_S = (
     1.0  # for unwinding: a library's compiler may swallow the exception, and compiled code does not see it

@@ -13,9 +13,10 @@ import typer
 from typer.exceptions import TyperException
 from typer.main import get_command
 
-from deeptruck_model import files, interrupts
+from deeptruck_model import files
+from deeptruck_model._terminal import interrupts
+from deeptruck_model._terminal.script_start import INTERRUPTED
 from deeptruck_model.errors import InputError
-from deeptruck_model.script_start import INTERRUPTED
 
 MISSING = "{name} is not installed; pip install 'deeptruck[{extra}]'"
 EXTRA_OF = {  # of what a slim installation is without

@@ -1,0 +1,1 @@
+"""When libraries and entry points are imported."""

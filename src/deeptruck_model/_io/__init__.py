@@ -1,0 +1,1 @@
+"""What readers and writers share: accounts, checks before a file is trusted, JSON, result folders."""
