@@ -14,10 +14,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import foresight
 import harness
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_cacc import load_policy, training
 from deeptruck_cacc.controllers.pedals import PedalMap
@@ -70,7 +68,6 @@ def main() -> None:
     lines = harness.heading(f"Following with {args.truck}")
     lines += [f"{args.seeds} seeds, 100 scenes each; worst over seeds (median of the seeds).", ""]
     lines += [*table(results), "", *string(args.truck, work / "policy"), ""]
-    lines += [*beside_foresight(args.truck, work / "policy", args.seed), ""]
     lines += on_a_road(args.truck, work / "policy", args.seed)
     harness.store("following", lines + beside_baselines(chosen))
     (harness.RESULTS / "following").mkdir(exist_ok=True)
@@ -128,41 +125,6 @@ def string(truck: str, policy: Path) -> list[str]:
     return harness.table("eight trucks at 1.5 s, chosen seed | 0.2 m/s | 0.5 m/s | 1 m/s", lines)
 
 
-def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
-    """Time-gap errors above 0.1 s behind the moving leader, next to those of a controller that optimises its
-    next 3 s on the truck itself (foresight.py), which shows whether the truck, with its gear changes, could
-    do better."""
-    simulator = trucks.load(truck)
-    scene = scenes.moving(np.random.default_rng(seed), 100, 800, simulator.dt)
-    reach = metrics.within_reach(scene, PedalMap.calibrate(simulator), simulator.dt)
-    late = np.arange(scene.steps) * simulator.dt >= 10.0
-    reach &= late[:, None]
-
-    def sizes(path: Path) -> NDArray[np.float64]:
-        return np.where(reach, np.abs(roll_out(simulator, load_policy(path), scene)["time_gap_error"]), 0.0)
-
-    each = np.array([sizes(path) for path in sorted((policy / "seeds").iterdir())])
-    hard = np.flatnonzero((each > 0.1).any(axis=(0, 1)))
-    if not len(hard):
-        return [
-            "Behind a moving leader no seed leaves 0.1 s where power suffices, so foresight was not asked."
-        ]
-    best = np.where(reach[:, hard], np.abs(foresight.drive(simulator, foresight.rows(scene, hard))), 0.0)
-    able = np.ones_like(reach)
-    able[:, hard] = best <= 0.1
-    worst = np.where(able, each, 0.0).max(axis=1)  # (seeds, scenes)
-    rest = np.median(worst.max(axis=1))
-    rows = [
-        f"scenes of these in which foresight leaves it too | {int((best.max(axis=0) > 0.1).sum())}",
-        f"foresight's worst (s) | {best.max():.3f}",
-        f"worst while foresight stays within 0.1 s (s) | {worst.max():.3f} ({rest:.3f})",
-        f"scenes of 100 within 0.1 s while foresight is | {_every(worst)}",
-    ]
-    heads = f"behind a moving leader, {len(hard)} scenes of 100 in which any seed leaves 0.1 s | "
-    says = "Foresight tries its next 3 s on the truck itself, road and leader known (`foresight.py`)."
-    return [*harness.table(heads, rows), "", says]
-
-
 class Blind:
     """A policy without the grade."""
 
@@ -189,13 +151,6 @@ def on_a_road(name: str, policy: Path, seed: int) -> list[str]:
     rows = (f"{says} | {worst(values):.3g} ({np.median(values):.3g})" for says, worst, values in found)
     table = harness.table("worst of the seeds (median) | ", rows)
     return [*lines, "on hills that are felt and not seen:", "", *table, ""]
-
-
-def _every(worst: NDArray[np.float64]) -> str:
-    """Number of scenes within 0.1 s, the least over the seeds (median), from the largest errors (seeds,
-    scenes), s."""
-    each = (worst <= 0.1).sum(axis=1)
-    return f"{each.min()} ({np.median(each):.0f})"
 
 
 def beside_baselines(result: dict[str, Any]) -> list[str]:

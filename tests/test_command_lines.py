@@ -50,7 +50,7 @@ WRONG = [
     "python:none:none",
     "☃",
 ]
-PAPER = ("error-statistics", "field", "classics", "minutes", "modelling", "control")
+PAPER = ("error-statistics", "field", "classics", "minutes")
 # all that these need is where to write
 NO_INPUT = {
     "deeptruck-model prove",
@@ -150,7 +150,6 @@ def test_wrong_and_half_arguments_are_refused(
     ("program", "name", "to"),
     [
         ("deeptruck-model", "experiment", "benchmarks/paper/run.py"),
-        ("deeptruck-cacc", "experiment", "benchmarks/paper/run.py"),
         ("deeptruck-cacc", "pays", "benchmarks/benefit/run.py"),
     ],
 )

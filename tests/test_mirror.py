@@ -26,9 +26,6 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
     "deeptruck_exam.plants": {
         "deeptruck_exam/plants/test_plants.py": "simulators",
     },
-    "deeptruck_exam.scoring": {
-        "deeptruck_exam/test_prove.py": "rivals",
-    },
     "deeptruck_exam.worlds": {
         "deeptruck_exam/worlds/test_worlds.py": "drive drivers",
     },

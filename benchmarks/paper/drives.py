@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.paper.page import LOOKS
 from deeptruck_model import trucks
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.network import TruckNetwork
@@ -18,16 +17,12 @@ from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.gated_brake import COMMAND, SWITCH, substituted
-from deeptruck_model.recordings.resample import derive_acceleration
-from deeptruck_model.recordings.units import DIESEL_DENSITY
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import PhysicsTruck
 from deeptruck_model.trucks.driving_cycles import FREEWAY, YARD, CycleSettings, drive
 
 # Seeds of the drives: settings were chosen on the validation drives, the test drives are only ever read.
 TRAIN_SEED, VALIDATION_SEED, TEST_SEED, OTHER_SEED, LOOK_ALIKE_SEED, FLEET_SEED = 1, 2, 3, 4, 5, 7
-PAPER = Arguments(mode="paper", rounds=LOOKS)
-"""The paper's recipe, whose training passes PAPER_PASSES times over the data."""
 MADE_FROM = "volvo"  # whose engine, brakes and shift rules are varied; the truck to be learned is another
 FACTORS = {  # log-uniform from one over to times
     "drag_area": 1.3,
@@ -106,13 +101,6 @@ def field_drives(name: str, *, as_driven: bool = False) -> tuple[Recording, Reco
     return whole.piece(0, edge), whole.piece(edge, len(whole))
 
 
-def passes(truck: DeepTruck, updates: int) -> float:
-    """Number of passes over the training data in `updates` gradient steps."""
-    config, training = truck.details["config"], truck.details["training"]
-    seen = updates * training["steps"] * config["sequences"] * truck.dt
-    return float(seen / 3600 / training["hours"])
-
-
 def fleet(
     interface: TruckInterface, count: int, minutes: float, seed: int, cycle: CycleSettings | None = None
 ) -> list[Recording]:
@@ -123,21 +111,6 @@ def fleet(
         drive(truck, seconds=60 * minutes, seed=1000 * seed + i, settings=cycle, name=f"fleet-{i}")
         for i, truck in enumerate(made)
     ]
-
-
-def by_fuel(recording: Recording, dt: float) -> Recording:
-    """The drive as a log without commands records it, one row every `dt`, without a brake.
-
-    The fuel flow until the next row, in g/s, replaces the engine command; it is NaN in the last row.
-    """
-    every = round(dt / recording.dt)
-    rows = slice(every - 1, len(recording) // every * every, every)
-    channels = {name: recording.channels[name][rows] for name in ("speed", "grade", "engine_speed")}
-    fuel = recording.channels["fuel_rate"][: rows.stop].reshape(-1, every).mean(axis=1)
-    channels |= {"fuel_rate": fuel, "engine_command": DIESEL_DENSITY * np.append(fuel[1:], np.nan)}
-    channels["acceleration"] = derive_acceleration(channels["speed"], dt)
-    interface = TruckInterface(recording.interface.name, "g/s", brake_unit=None)
-    return replace(recording, dt=dt, channels=channels, interface=interface)
 
 
 def random_truck(interface: TruckInterface, rng: np.random.Generator) -> PhysicsTruck:

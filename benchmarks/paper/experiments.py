@@ -40,7 +40,6 @@ from benchmarks.paper.output import (
     table,
     write,
 )
-from benchmarks.paper.page import FIELD_RUNS, FIELD_S
 from deeptruck_model import trucks
 from deeptruck_model.deep import report
 from deeptruck_model.deep.arguments import Arguments
@@ -60,6 +59,7 @@ Curves = Mapping[str, Mapping[int, Mapping[str, Any]]]
 """statistics by SCRATCH or ADAPTED and minutes; 0 minutes are the fleet alone"""
 LOOK_ALIKE_H = 12
 INTERVAL_RUNS = 300
+FIELD_RUNS, FIELD_S = 10, 15.0  # simulations of a field truck and their length, as in the paper
 
 
 def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:

@@ -9,25 +9,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 from matplotlib.figure import Figure
 
-from deeptruck_model.deep.arguments import PAPER_FUEL, Arguments
-from deeptruck_model.deep.data import Scales, Sequences
+from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.evaluation import Trials
-from deeptruck_model.deep.kernels import loss
-from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.report import LABELS
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.pages.style import MODELLED, WIDTH_IN, styled
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, SPEED, printed
 from deeptruck_model.simulators import Simulator, free_run
 
 Row = tuple[str, dict[str, Any]]
-COLOURS = {"training": "tab:blue", "deployment": "tab:red"}
 STEPS = 100  # K
-FED = {"nothing": (), "speed": (1,), "acceleration": (0,), "fuel": (2,), "everything": (0, 1, 2)}
 
 
 def sample_trials(truck: Simulator, test: Recording) -> Trials:
@@ -147,86 +140,3 @@ def write(out: Path, metrics: dict[str, Any]) -> dict[str, Any]:
     content = {**metrics, "arguments": asdict(Arguments())}
     (out / "metrics.json").write_text(json.dumps(content, indent=1) + "\n")
     return metrics
-
-
-class Unseen:
-    """Two drives outside the training data, one for each form, as the paper has it.
-
-    `fuel` is the cost of a squared fuel error of 1 (cm^3/s)^2.
-    """
-
-    def __init__(self, forced: Recording, free: Recording, fuel: float = PAPER_FUEL) -> None:
-        self.drives, self.fuel = {"training": forced, "deployment": free}, fuel
-
-    def losses(self, network: TruckNetwork) -> dict[str, list[float]]:
-        """Mean squared error in each form, (members,) each, over windows of K steps from zero state."""
-        weight = np.zeros(network.shape.responses + network.shape.auxiliary, np.float32)
-        weight[: network.shape.responses] = [1.0, 1.0, self.fuel][: network.shape.responses]
-        return {
-            form: loss.loss(network, *_windows(network, drive), weight, form).tolist()
-            for form, drive in self.drives.items()
-        }
-
-    def by_feedback(self, network: TruckNetwork) -> dict[str, list[list[float]]]:
-        """Mean squared errors [acceleration, speed, fuel] of each member on the drive of the deployment form,
-        by which recorded responses replace the network's own as its input."""
-        x, target = _windows(network, self.drives["deployment"])
-        width = x.shape[-1]
-        inputs = torch.as_tensor(x[0]).transpose(0, 1) * network.scale[:width] + network.mean[:width]
-        u, w = inputs[..., : network.shape.controls], inputs[..., network.shape.controls :]
-        recorded = torch.as_tensor(target[0]).transpose(0, 1)
-        found = {}
-        for name, channels in FED.items():
-            fed = recorded.clone()
-            own = [j for j in range(network.shape.responses) if j not in channels]
-            fed[:, 1:, own] = torch.nan
-            with torch.no_grad():
-                made = network.unfold(u, w, fed, "training")[..., : network.shape.responses]
-            found[name] = torch.nanmean((made - recorded[:, 1:]) ** 2, dim=(1, 2)).tolist()
-        return found
-
-
-def _windows(network: TruckNetwork, drive: Recording) -> tuple[Any, Any]:
-    scales = Scales(network.mean.numpy(), network.scale.numpy(), network.top_speed)
-    starts = np.arange(0, len(drive) - STEPS, STEPS)
-    return Sequences.of([drive], scales).gather(np.repeat(starts[None], network.shape.members, axis=0), STEPS)
-
-
-def figure(curves: Mapping[str, Any]) -> Figure:
-    """Figure of both losses over the passes: mean, and the range of the seeds."""
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    axis, at = figure.subplots(), curves["passes"]
-    for form, colour in COLOURS.items():
-        losses = np.array(curves[form])
-        axis.fill_between(at, losses.min(1), losses.max(1), color=colour, alpha=0.25)
-        axis.plot(at, losses.mean(1), color=colour, label=f"{form} form")
-    axis.set(xlabel="passes over the training data", ylabel="squared error on an unseen drive", yscale="log")
-    seeds = losses.shape[1]
-    spread = "one seed" if seeds == 1 else f"mean, min and max of {seeds} seeds"
-    axis.set_title(spread, fontsize="small", loc="right")
-    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize="small", frameon=False)
-    return figure
-
-
-@styled()
-def error_bands(seeds: Sequence[Mapping[str, Any]]) -> Figure:
-    """Figure of the errors against time, one panel for each channel: the median over the seeds of the mean
-    error, and the ranges over the seeds of the mean and of the mean plus and minus a standard deviation."""
-    time, names = seeds[0]["time"], list(seeds[0]["channels"])
-    of = "one seed" if len(seeds) == 1 else f"{len(seeds)} seeds"
-    figure = Figure(figsize=(WIDTH_IN, 0.6 + 1.6 * len(names)))
-    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for axis, name in zip(axes, names, strict=True):
-        mean, sd = (np.array([seed["channels"][name][part] for seed in seeds]) for part in ("mean", "sd"))
-        wide = ((mean - sd).min(axis=0), (mean + sd).max(axis=0))
-        axis.fill_between(time, *wide, color=MODELLED, alpha=0.2, lw=0, label="means ± sd")
-        axis.fill_between(
-            time, mean.min(axis=0), mean.max(axis=0), color=MODELLED, alpha=0.45, lw=0, label="means"
-        )
-        axis.plot(time, np.median(mean, axis=0), color=MODELLED, label=f"median of {of}")
-        axis.axhline(0, color="0.6", lw=0.5)
-        axis.set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
-    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
-    axes[-1].set_xlabel("time since the start of the run [s]")
-    figure.align_ylabels(axes)
-    return figure

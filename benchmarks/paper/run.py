@@ -1,4 +1,4 @@
-"""Repeat the paper's experiments on the reference trucks, and compare its figures and numbers with ours."""
+"""Repeat the paper's modelling experiments on the reference trucks."""
 
 from __future__ import annotations
 
@@ -22,15 +22,6 @@ class Mode(StrEnum):
     paper = "paper"
 
 
-class Chain(StrEnum):
-    """Ways to train a policy, with the recipe of the deep truck it is trained on."""
-
-    paper = "paper"
-    trpo = "trpo"
-    default = "default"
-    unaided = "unaided"
-
-
 Out = Annotated[
     Path, typer.Option(metavar="DIR", help="Folder; a subfolder of the experiment's name is written.")
 ]
@@ -38,11 +29,6 @@ Seeds = Annotated[int, typer.Option(help="Trucks trained; 0 takes the experiment
 Budget = Annotated[int, typer.Option(help="Gradient updates of each; 0 chooses.", min=0)]
 ModeOption = Annotated[Mode, typer.Option(help="paper: the paper's recipe.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help=files.OVERWRITE_HELP)]
-Known = Annotated[
-    Path | None,
-    typer.Option(metavar="DIR", help="Count the seeds of an earlier page, such as docs/results/paper."),
-]
-PageOut = Annotated[Path, typer.Option(metavar="DIR", help="Folder; the page is in its subfolder 'paper'.")]
 
 
 BY_MODE = {
@@ -90,48 +76,6 @@ def _experiment(name: str, out: Path, seeds: int, budget: int, overwrite: bool, 
 
         EXPERIMENTS[name](draft, updates=budget, **settings)
     typer.echo(f"written: {out / name}")
-
-
-@app.command()
-def modelling(
-    out: PageOut,
-    seeds: Seeds = 0,
-    budget: Budget = 0,
-    workers: Annotated[int, typer.Option(help="Batches of ten trucks trained side by side.", min=1)] = 1,
-    known: Known = None,
-) -> None:
-    """The page paper.md, its modelling half: trucks of three recipes. A stopped run is continued."""
-    from benchmarks.paper import modelling as half
-    from benchmarks.paper.results import PAPER_PAGE
-
-    folder = out / "paper"
-    half.experiment(folder, seeds, budget, workers, known, say=lambda line: typer.echo(line, err=True))
-    typer.echo(f"written: {folder / PAPER_PAGE}")
-
-
-@app.command()
-def control(
-    out: PageOut,
-    seeds: Annotated[int, typer.Option(help="Policies of each trainer.", min=1, max=100)] = 10,
-    iterations: Annotated[int, typer.Option(help="Updates of each training; 0: the trainer's.", min=0)] = 0,
-    chain: Annotated[
-        list[Chain] | None, typer.Option(help="Repeat for several. Default: all of them.")
-    ] = None,
-    known: Known = None,
-) -> None:
-    """The page paper.md, its control half: TRPO as printed beside our trainer, on deep trucks and the truck.
-
-    A deep truck that the modelling half has not trained yet is trained first. A stopped run is continued.
-    """
-    from benchmarks.paper import control as half
-    from benchmarks.paper.results import PAPER_PAGE
-
-    folder = out / "paper"
-    chains = tuple(one.value for one in chain or Chain)
-    half.experiment(
-        folder, seeds, iterations, chains, known=known, say=lambda line: typer.echo(line, err=True)
-    )
-    typer.echo(f"written: {folder / PAPER_PAGE}")
 
 
 def start() -> None:

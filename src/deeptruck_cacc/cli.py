@@ -272,7 +272,6 @@ def _config(
 
 IN_A_CHECKOUT = "in a checkout of the repository"
 console.moved(app, "pays", f"python benchmarks/benefit/run.py {IN_A_CHECKOUT}")
-console.moved(app, "experiment", f"python benchmarks/paper/run.py {IN_A_CHECKOUT}")
 
 
 def main() -> None:

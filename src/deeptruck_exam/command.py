@@ -80,7 +80,9 @@ def one(
     seed: Annotated[int, typer.Option(help="Development: 0 to 9999.", min=0)] = 0,
     simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
     minutes: Annotated[float, typer.Option(help="Length of each recording.")] = MINUTES,
-    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = True,
+    rivals: Annotated[
+        bool, typer.Option(help="Compare held-out errors with a parameter refit and an oracle.")
+    ] = True,
     generate_only: Annotated[bool, typer.Option(help="Do not run the tool.")] = False,
 ) -> None:
     """Make one case, run the tool on it, open the truth and score."""

@@ -11,14 +11,17 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_exam.cases.absorption import retune
 from deeptruck_exam.cases.case import Case, make_case, open_truth
 from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_exam.folder import CASE
-from deeptruck_exam.scoring import rivals, score
+from deeptruck_exam.scoring import score
 from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_exam.tool import ToolRun, run_tool
+from deeptruck_exam.worlds.trucks import TUNABLE
 from deeptruck_model import files, simulators
 from deeptruck_model.recordings import Recording, read
+from deeptruck_model.trucks import PhysicsTruck
 
 SCORE = "score.json"
 
@@ -83,8 +86,8 @@ def judge(case: Case, run: ToolRun, *, with_rivals: bool = True) -> dict[str, An
 
 
 def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[str, float]]:
-    """Open-loop errors of the given simulator, the rivals, the oracle and the tool's corrected simulator
-    ('tool')."""
+    """Open-loop errors of the given simulator ('before'), one with refitted parameters, the oracle, which has
+    the true parameters and effects, and the tool's corrected simulator ('tool')."""
     simulator = simulators.load(case.simulator)
     fit, held = _recordings(case, case.fit), _recordings(case, case.held_out)
     with np.load(case.folder / "truth" / "drives.npz") as archive:
@@ -92,18 +95,18 @@ def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[s
     rows = slice(len(case.fit), None)
     blind = "grade" not in held[0].channels
     oracle = simulator if truth["simulator"] == "deep" else _true_truck(simulator, truth, blind)
-    errors = rivals.compare(
-        simulator,
-        fit,
-        held,
-        oracle=oracle,
-        extra=kept["extra"][rows],
-        grade=kept["grade"][rows] if blind and truth["simulator"] != "deep" else None,
-    )
+    u, w, y = arrays(held)
+    errors: dict[str, Mapping[str, float]] = {"before": open_loop(simulator, u, w, y).rmse()}
+    if isinstance(simulator, PhysicsTruck):
+        start = {name: simulator.parameters()[name] for name in TUNABLE}
+        refitted = simulator.with_parameters(retune(simulator, start, fit))
+        errors["parameters_only"] = open_loop(refitted, u, w, y).rmse()
+    road = kept["grade"][rows][:, :, None] if blind and truth["simulator"] != "deep" else w
+    errors["oracle"] = open_loop(oracle, u, road, y, kept["extra"][rows][:, : y.shape[1]]).rmse()
     corrected = case.folder / "found" / "simulator"
     errors["tool"] = errors["before"]  # a tool that hands over nothing improves nothing
     if (corrected / simulators.MANIFEST).exists():
-        errors["tool"] = open_loop(simulators.load(corrected), *arrays(held)).rmse()
+        errors["tool"] = open_loop(simulators.load(corrected), u, w, y).rmse()
     return errors
 
 

@@ -28,7 +28,7 @@ AT_ONCE = (
     results.PHYSICS_TRUCK, results.EVALUATION, results.COMPARISON,
     results.COVERAGE, results.BAG, results.WRITTEN_BAG,
     results.BAG_WITH_ROAD, results.CALIBRATED, paper_results.EXPERIMENT,
-    paper_results.BESIDE_PAPER, results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
+    results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG
 KINDS = (*RESUMABLE, *AT_ONCE, PROOF, PLANT, REAL, CASE, RECORDED)

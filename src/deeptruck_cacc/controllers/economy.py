@@ -26,7 +26,7 @@ compiled: Any = numba.njit(cache=True, fastmath={"reassoc", "contract", "arcp", 
 # Columns of a situation: m/s, m/s, s, s, s, s, cm^3/s, m/s^2, cm^3 for a m/s, 1 behind a leader and 0 without
 SPEED, LEADER, LAG, LOW, HIGH, WANTED, PRICE, LACK, MOMENTUM, LED, COLUMNS = range(11)
 
-# What has no source was chosen on validation roads (bench_economy.py --seed 50), none on those of the page.
+# What has no source was chosen on validation roads (seed 50), none on those of the page.
 BAND_S = (1.2, 3.0)  # time gaps between which the truck may coast and close in, s
 CRUISE = 2.0  # m/s to either side of the set speed, the band where there is no leader
 CRUISE_S = 3.0  # s, for which it may be early or late against the set speed; what is lost beyond stays lost

@@ -1,1 +1,1 @@
-"""Scoring: the truth against the verdict, held-out errors of tool and rivals, and the result pages."""
+"""Scoring: the truth against the verdict, held-out errors of tool and refit, and the result pages."""

@@ -1,4 +1,4 @@
-"""Open-loop error on held-out recordings, computed in the same way for the simulators of tool, rivals and
+"""Open-loop error on held-out recordings, computed in the same way for the simulators of tool, refit and
 oracle.
 """
 

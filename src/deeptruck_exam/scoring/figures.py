@@ -14,8 +14,8 @@ import numpy as np
 
 from deeptruck_exam.scoring.scoreboard import Score, by_level, confusion
 
-RIVALS = ("parameters_only", "pysindy", "boosting", "tool")
-COLOURS = {"parameters_only": "#9aa5b1", "pysindy": "#c98b3c", "boosting": "#5b8db8", "tool": "#2a7f4f"}
+COMPARED = ("parameters_only", "tool")
+COLOURS = {"parameters_only": "#9aa5b1", "tool": "#2a7f4f"}
 
 
 def draw_all(results: Sequence[Score], out: Path) -> list[str]:
@@ -92,12 +92,12 @@ def wilson(rate: float, n: int) -> tuple[float, float]:
 
 
 def draw_improvement(results: Sequence[Score]) -> Any:
-    """Cumulative distribution of the share of the oracle's held-out improvement, for tool and rivals."""
+    """Cumulative distribution of the share of the oracle's held-out improvement, for tool and refit."""
     rows = [r["share"] for r in results if r.get("share")]
     if not rows:
         return None
     figure, axes = plt.subplots(figsize=(7.0, 4.0))
-    for name in RIVALS:
+    for name in COMPARED:
         values = np.sort([r[name] for r in rows if name in r])
         if len(values):
             axes.step(

@@ -11,7 +11,7 @@ import numpy as np
 
 from deeptruck_exam.laws import EFFECTS
 from deeptruck_exam.scoring import scoreboard
-from deeptruck_exam.scoring.figures import RIVALS, draw_all
+from deeptruck_exam.scoring.figures import COMPARED, draw_all
 from deeptruck_exam.scoring.scoreboard import Score, mean
 from deeptruck_model import files
 
@@ -29,7 +29,7 @@ HEADINGS = (
     "overlap",
     "intervals hold",
     "share of oracle",
-    "beats boosting",
+    "beats refit",
     "failed",
 )
 
@@ -65,7 +65,7 @@ def figures_of_merit(scored: Sequence[Score]) -> dict[str, Any]:
         "rare": scoreboard.rare_by_information(scored),
         "share_of_oracle": {
             name: float(np.median([s[name] for s in shares if name in s]))
-            for name in RIVALS
+            for name in COMPARED
             if any(name in s for s in shares)
         },
         "intervals": {"n": len(intervals), "hold": mean(i["holds"] for i in intervals)},

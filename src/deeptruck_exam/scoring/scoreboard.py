@@ -47,8 +47,10 @@ def rates(rows: Sequence[Score]) -> dict[str, float | None]:
         "overlap": mean(r["overlap"] for r in with_truth),
         "intervals hold": mean(intervals),
         "share of oracle": float(np.median(shares)) if shares else None,
-        "beats boosting": mean(
-            r["share"]["tool"] >= r["share"]["boosting"] for r in rows if "tool" in r.get("share", {})
+        "beats refit": mean(
+            r["share"]["tool"] >= r["share"].get("parameters_only", 0.0)
+            for r in rows
+            if "tool" in r.get("share", {})
         ),
         "failed": mean(r["outcome"] == "failed" for r in rows),
     }

@@ -1,9 +1,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from benchmarks.paper.drives import by_fuel, fleet, random_truck
+from benchmarks.paper.drives import fleet, random_truck
 from deeptruck_model import trucks
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks.driving_cycles import YARD
@@ -28,21 +27,3 @@ def test_a_fleet_may_drive_a_cycle_of_its_own():
     interface = trucks.load("trucksim").interface
     (hilly,), (flat,) = (fleet(interface, 1, 2.0, 3, cycle) for cycle in (None, YARD))
     assert np.ptp(hilly.channels["grade"]) > 0 == np.ptp(flat.channels["grade"])
-
-
-def test_by_fuel_is_the_log_of_a_truck_without_commands():
-    (drive,) = fleet(TruckInterface("x"), 1, 2.0, seed=3)
-    log = by_fuel(drive, 1.0)
-    assert len(log) == 120 and log.dt == 1.0
-    assert (log.interface.engine_unit, log.interface.u, log.interface.w) == (
-        "g/s",
-        ("engine_command",),
-        ("grade",),
-    )
-    speed, fuel = drive.channels["speed"], drive.channels["fuel_rate"]
-    assert log.channels["speed"][4] == speed[49]
-    assert log.channels["fuel_rate"][4] == pytest.approx(fuel[40:50].mean())
-    assert log.channels["engine_command"][4] == pytest.approx(0.832 * fuel[50:60].mean())
-    assert np.isnan(log.channels["engine_command"][-1])
-    assert log.channels["acceleration"][4] == pytest.approx(speed[49] - speed[39])
-    assert np.isfinite(log.channels["engine_speed"]).all() and "brake_command" not in log.channels

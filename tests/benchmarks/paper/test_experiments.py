@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks import paper
-from benchmarks.paper import experiments, output
+from benchmarks.paper import experiments
 from benchmarks.paper.drives import drive_of
 from benchmarks.paper.output import SHORT_RUNS, of_seeds
 from benchmarks.paper.run import app
@@ -42,21 +42,9 @@ def test_a_file_in_the_way_of_an_experiment_is_one_line(tmp_path, capsys):
 
 def test_the_script_runs_as_a_file():
     run = Path(paper.__file__).with_name("run.py")
-    words = [sys.executable, run, "control", "--out", "none", "--chain", "moon"]
+    words = [sys.executable, run, "field", "--out", "none", "--mode", "moon"]
     done = subprocess.run(words, check=False, capture_output=True, text=True, cwd="/")
-    assert done.returncode == 2 and "run.py: Invalid value for '--chain'" in done.stderr
-
-
-def test_what_is_fed_back_is_all_that_parts_the_two_forms(drive, truck):
-    unseen = output.Unseen(drive(60, seed=3), drive(60, seed=4))
-    found = {fed: np.array(e[0]) for fed, e in unseen.by_feedback(truck.network.member(0)).items()}
-    plain = np.array([1.0, 1.0, 1e-6])  # fuel in l/s
-    free = unseen.losses(truck.network.member(0))["deployment"][0]
-    assert found["nothing"] @ plain == pytest.approx(free, rel=1e-3)
-    unseen.drives["training"] = unseen.drives["deployment"]
-    forced = unseen.losses(truck.network.member(0))["training"][0]
-    assert found["everything"] @ plain == pytest.approx(forced, rel=1e-3)
-    assert found["speed"][1] < found["nothing"][1]
+    assert done.returncode == 2 and "run.py: Invalid value for '--mode'" in done.stderr
 
 
 def test_rows_of_seeds_take_each_figure_on_its_own():

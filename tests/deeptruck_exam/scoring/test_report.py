@@ -45,8 +45,8 @@ def result(level, true, said, seed=0, **more):
 
 
 RESULTS = [
-    result("noise", ["brake_fade"], ["brake_fade"], share={"tool": 0.9, "boosting": 0.5}),
-    result("noise", ["headwind"], ["drag_area"], 1, share={"tool": 0.2, "boosting": 0.5}),
+    result("noise", ["brake_fade"], ["brake_fade"], share={"tool": 0.9, "parameters_only": 0.5}),
+    result("noise", ["headwind"], ["drag_area"], 1, share={"tool": 0.2, "parameters_only": 0.5}),
     result("nothing_missing", [], [], 2),
     result("nothing_missing", [], ["headwind"], 3),
     result("rare", ["headwind"], [], 4, information_nats=20.0),
@@ -56,7 +56,7 @@ RESULTS = [
 def test_rates_by_level():
     table = by_level(RESULTS)
     noise, null = table["physics", "noise"], table["physics", "nothing_missing"]
-    assert (noise["n"], noise["right first"], noise["beats boosting"]) == (2, 0.5, 0.5)
+    assert (noise["n"], noise["right first"], noise["beats refit"]) == (2, 0.5, 0.5)
     assert noise["share of oracle"] == pytest.approx(0.55)
     assert (null["false statement"], null["right first"]) == (0.5, None)
     assert rare_by_information(RESULTS)["too little, silent"] == 1.0
