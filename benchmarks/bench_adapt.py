@@ -24,10 +24,10 @@ from deeptruck_exam.real.fleets import FLEETS, Fleet
 from deeptruck_exam.real.withheld import LAYOUTS, trained, whole_log
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.adaptation import FIRST_S, adapt, begin, with_own
 from deeptruck_model.mismatch.correction.improvement import free_runs, horizon
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.own import Own, Quantity, State
+from deeptruck_model.mismatch.live.adaptation import FIRST_S, adapt, begin, with_own
+from deeptruck_model.mismatch.live.own import Own, Quantity, State
 from deeptruck_model.recordings import Recording, split
 from deeptruck_model.simulators import Simulator, load
 from deeptruck_model.trucks import driving_cycles

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from deeptruck_model._imports.lazy import names
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.adaptation import adapt
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
     from deeptruck_model.mismatch.find import find_mismatch
+    from deeptruck_model.mismatch.live.adaptation import adapt
     from deeptruck_model.mismatch.mechanisms import LIBRARY
     from deeptruck_model.mismatch.output import apply, read, summary, write
     from deeptruck_model.mismatch.prepare import Span
@@ -34,7 +34,7 @@ __all__ = [
 __getattr__ = names(
     __name__,
     {
-        "adaptation": ("adapt",),
+        "live.adaptation": ("adapt",),
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
         "find": ("find_mismatch",),
         "mechanisms": ("LIBRARY",),

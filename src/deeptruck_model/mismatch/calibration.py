@@ -23,8 +23,8 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.improvement import free_windows, horizon, improvement
 from deeptruck_model.mismatch.fit_result import Interval, Rmse
 from deeptruck_model.mismatch.posterior.regression import FREE, Model, Regression
+from deeptruck_model.mismatch.posterior.relinearise import refitted
 from deeptruck_model.mismatch.prepare import PreparedDrives, prepare_drives
-from deeptruck_model.mismatch.relinearise import refitted
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.residual.sensitivity import accepted

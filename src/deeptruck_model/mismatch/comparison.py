@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from deeptruck_model.mismatch.budget import Budget
-from deeptruck_model.mismatch.events import Event, rows_of
 from deeptruck_model.mismatch.names import Names
+from deeptruck_model.mismatch.posterior.events import Event, rows_of
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import PreparedDrives

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from threadpoolctl import threadpool_limits
 
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.discrepancy import with_own_error
 from deeptruck_model.mismatch.posterior.posterior import gains
 from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.posterior.relinearise import with_own_error
 from deeptruck_model.mismatch.prepare import prepare_drives
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Limits, Rules

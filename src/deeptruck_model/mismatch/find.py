@@ -11,18 +11,17 @@ from deeptruck_model._terminal.progress_steps import steps
 from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.comparison import Compared
-from deeptruck_model.mismatch.conclude import conclude, useless
-from deeptruck_model.mismatch.discrepancy import with_own_error
-from deeptruck_model.mismatch.events import without_events
+from deeptruck_model.mismatch.correction.model import correct
+from deeptruck_model.mismatch.correction.validate import validate
 from deeptruck_model.mismatch.folders import CORRECTION
-from deeptruck_model.mismatch.model import correct
 from deeptruck_model.mismatch.names import names
+from deeptruck_model.mismatch.posterior.events import without_events
+from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
 from deeptruck_model.mismatch.prepare import PreparedDrives, Span, left_to_compare, prepare_drives
-from deeptruck_model.mismatch.relinearise import at_fitted_parameters
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.mismatch.validate import validate
+from deeptruck_model.mismatch.verdict.conclude import conclude, useless
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.given import Drives
 from deeptruck_model.simulators import MinimalSimulator, Simulator

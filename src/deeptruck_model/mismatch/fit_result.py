@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model._io.json_data import SPARSE, stored
 from deeptruck_model.mismatch.folders import AS_GIVEN
-from deeptruck_model.mismatch.posterior.next_pass import NextPass
+from deeptruck_model.mismatch.roads.next_pass import NextPass
 from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]

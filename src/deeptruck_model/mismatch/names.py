@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import softmax
 
 from deeptruck_model._io.json_data import stored
-from deeptruck_model.mismatch.events import Event, together
+from deeptruck_model.mismatch.posterior.events import Event, together
 from deeptruck_model.mismatch.posterior.kernels import VARYING, kernels
 from deeptruck_model.mismatch.posterior.posterior import NO_NAME, Posterior, gains
 from deeptruck_model.mismatch.rules import Limits

@@ -15,15 +15,15 @@ from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, Interval
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.names import Explanation
+from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.strength import Strength
 from deeptruck_model.mismatch.tree import Node
 from deeptruck_model.mismatch.unrecorded import NotRecorded
-from deeptruck_model.mismatch.witnesses import Witness
+from deeptruck_model.mismatch.verdict.witnesses import Witness
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.rules import Limits, Rules
 
 ROOT = Path(__file__).parents[3]
 TOOL = ROOT / "src" / "deeptruck_model" / "mismatch"
-DECIDING = ("decide.py", "names.py", "findings.py", "tree.py", "witnesses.py")
+DECIDING = ("verdict/decide.py", "names.py", "verdict/findings.py", "tree.py", "verdict/witnesses.py")
 ALLOWED = {0, 1}
 
 
@@ -40,13 +40,13 @@ def compared_numbers(path: Path) -> Iterator[float]:
 # Constants that are compared with, or bound a value, and decide nothing: by what they steer.
 STEERING: dict[str, dict[str, str]] = {
     "grids, windows and counts of a computation": {
-        "events.py": "LENGTHS_S MOST STEP_S",
+        "posterior/events.py": "LENGTHS_S MOST STEP_S",
         "live/monitor.py": "PATIENCE",
         "mechanisms/courses.py": "BIN_M MOST_KNOTS SLOW_KNOT_S",
         "mechanisms/terms.py": "ACTING LEAST_ROWS NEAREST",
-        "model.py": "FOLDS LOWEST",
+        "correction/model.py": "FOLDS LOWEST",
         "posterior/kernels.py": "TINY",
-        "posterior/next_pass.py": "AHEAD",
+        "roads/next_pass.py": "AHEAD",
         "posterior/posterior.py": "MOST_KNOTS MOST_PLACES PLACE_M SLOW_S",
         "posterior/sampler.py": "BURN_IN LEAST_POWER MOST_KNOWN",
         "residual/components.py": "ALIKE ASK_EVERY_S KNOTS LOOK_BACK_S",
@@ -60,16 +60,16 @@ STEERING: dict[str, dict[str, str]] = {
         "unrecorded.py": "BLOCK_S",
     },
     "priors and the tails of noise": {
-        "events.py": "CLIP INFORMS",
+        "posterior/events.py": "CLIP INFORMS",
         "posterior/regression.py": "FREE LARGEST_SLOPE",
-        "posterior/slow_force.py": "DRAGS",
+        "roads/slow_force.py": "DRAGS",
         "residual/noise.py": "ORDER ORDINARY TAIL Z95",
     },
     "what a recorded signal means": {
         "data/speed_unit.py": "FEWEST GEARS_AT_MOST MOSTLY NEAR SAME",
         "data/units.py": "NEAR",
         "identifiable.py": "APART APART_M_S2",
-        "posterior/slow_force.py": "BRAKE_S BRAKING SLOWEST",
+        "roads/slow_force.py": "BRAKE_S BRAKING SLOWEST",
         "residual/effective_mass.py": "BRAKED RELEASED_S",
         "residual/evidence.py": "MOST_TURNS SELDOM WIDTH",
         "residual/shift_moment.py": "FEWEST LEAST_CHANGE",
@@ -85,7 +85,7 @@ STEERING: dict[str, dict[str, str]] = {
         "report/lines.py": "LARGE MOST_DRIVES WORTH_SAYING",
         "report/explorer_data.py": "AROUND_S",
         "report/page.py": "LEAST LEAST_SHARE",
-        "where.py": "SMALL",
+        "verdict/where.py": "SMALL",
     },
     "marks": {
         "correction/corrected_truck.py": "SCHEMA",
@@ -161,7 +161,10 @@ def test_a_constant_is_seen_in_products_bounds_and_dictionaries() -> None:
 
 
 def test_deciding_files_compare_with_rules_alone() -> None:
-    allowed = {"names.py": {0.02}, "witnesses.py": {0.5}}  # what is too rare to matter; what is recorded
+    allowed = {
+        "names.py": {0.02},
+        "verdict/witnesses.py": {0.5},
+    }  # what is too rare to matter; what is recorded
     found = {
         name: set(compared_numbers(TOOL / name)) - ALLOWED - allowed.get(name, set()) for name in DECIDING
     }

@@ -13,9 +13,9 @@ from sensor_msgs.msg import JointState, Range
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.live.companion import Companion
 from deeptruck_model.mismatch.live.monitor import Located, Monitor, Sample
+from deeptruck_model.mismatch.live.own import UNITS, Own
 from deeptruck_model.mismatch.live.questions import NamesReply, Question, Reply
 from deeptruck_model.mismatch.live.window import Window
-from deeptruck_model.mismatch.own import UNITS, Own
 from deeptruck_model.mismatch.report.wording import percent, spoken
 from deeptruck_model.mismatch.tree import ROOT
 from deeptruck_nodes import messages
@@ -61,7 +61,7 @@ class MismatchMonitor(DeeptruckNode):
         self._begin: Window | None = None
         if self.p["adapt_s"]:
             self._begin = Window(self.p["adapt_s"] + MARGIN_S, most_hz)
-            import deeptruck_model.mismatch.adaptation  # noqa: F401 - which takes long, and not while driving
+            import deeptruck_model.mismatch.live.adaptation  # noqa: F401 - which takes long, and not while driving
         self._due = FIRST_S
         self._asked_at = 0  # stamp of the last question
         self._own: Own | None = None
@@ -153,7 +153,7 @@ class MismatchMonitor(DeeptruckNode):
         self._refused.add(why)
 
     def _adapt(self, own: Own) -> None:
-        from deeptruck_model.mismatch.adaptation import with_own
+        from deeptruck_model.mismatch.live.adaptation import with_own
 
         self._own = own
         if own.known:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from deeptruck_model.mismatch.own import Own
+from deeptruck_model.mismatch.live.own import Own
 from deeptruck_model.mismatch.tree import ROOT, Node
 from deeptruck_model.recordings.resample import Received
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.fit_result import Errors
+from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report.wording import spoken
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.result import Mismatch, Segment, Verdict

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from deeptruck_model.mismatch.data.checks import Rejection
-from deeptruck_model.mismatch.events import Event
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
+from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
     ROOT,

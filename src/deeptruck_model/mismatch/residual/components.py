@@ -20,7 +20,7 @@ from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Signal, maximum
 from deeptruck_model.mismatch.residual.effective_mass import HELD_UNIT, with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence, gears, overall_ratio, turns
-from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.mismatch.residual.forced import Grid
 from deeptruck_model.signals import ACCELERATION, CHANNELS, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
-from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.mismatch.residual.evidence import Stretch
 from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Run, Simulator, forced_run, free_run
 
@@ -68,3 +69,43 @@ def accelerations(
 ) -> Array:
     """Simulated accelerations (n,) with the commands `us`, in blocks."""
     return grid.stack([run.y[0, :, ACCELERATION] for run in forced(simulator, prepared, us)])
+
+
+Mask = NDArray[np.bool_]
+
+
+class Grid:
+    """Block averages of native samples, stacked over the recordings."""
+
+    def __init__(self, prepared: Sequence[Prepared], held_out: Sequence[bool], block: int) -> None:
+        self.block, self.prepared = block, prepared
+        stretches, start = [], 0
+        for p, out in zip(prepared, held_out, strict=True):
+            rows = len(p.recording) // block
+            stretches.append(Stretch(p.recording.name, start, start + rows, p.recording.start_s, out))
+            start += rows
+        if start == 0:
+            raise InputError("the recordings are shorter than one block; record at least a few minutes")
+        self.stretches = tuple(stretches)
+
+    def __len__(self) -> int:
+        return self.stretches[-1].stop
+
+    def stack(self, parts: Sequence[Array]) -> Array:
+        """Block means; NaN in a block with a NaN."""
+        return np.concatenate([self._blocks(p).mean(axis=1) for p in parts])
+
+    def last(self, parts: Sequence[Array]) -> Array:
+        """Last native sample of each block, for gears and other labels."""
+        return np.concatenate([self._blocks(p)[:, -1] for p in parts])
+
+    def any(self, parts: Sequence[Mask]) -> Mask:
+        """Blocks that contain a marked sample."""
+        return np.concatenate([self._blocks(p).any(axis=1) for p in parts])
+
+    def valid(self) -> Mask:
+        return np.concatenate([self._blocks(p.valid).all(axis=1) for p in self.prepared])
+
+    def _blocks(self, x: NDArray[np.generic]) -> NDArray[np.generic]:
+        n = len(x) // self.block
+        return x[: n * self.block].reshape(n, self.block)

@@ -15,8 +15,7 @@ from deeptruck_model.mismatch.data.prepared import Prepared, fed, quantum
 from deeptruck_model.mismatch.residual import components, effective_mass
 from deeptruck_model.mismatch.residual.command_path import changed
 from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence
-from deeptruck_model.mismatch.residual.forced import accelerations, forced
-from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.mismatch.residual.forced import Grid, accelerations, forced
 from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
 from deeptruck_model.mismatch.residual.sensitivity import sensitivities
 from deeptruck_model.mismatch.residual.shift_moment import (

@@ -11,8 +11,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fill, widen
 from deeptruck_model.mismatch.residual import components
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.forced import forced
-from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.mismatch.residual.forced import Grid, forced
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Run, Simulator

@@ -10,7 +10,7 @@ import pytest
 from small_drives import TRUCK, LazyBrake, drives
 
 from deeptruck_model import recordings
-from deeptruck_model.mismatch.adaptation import adapt
+from deeptruck_model.mismatch.live.adaptation import adapt
 from deeptruck_model.mismatch.live.answer import NOT_DETECTED, answer
 from deeptruck_model.mismatch.live.companion import Companion
 from deeptruck_model.mismatch.live.questions import NamesReply, Question

@@ -9,13 +9,13 @@ import pytest
 
 from deeptruck_model.mismatch.budget import Budget, Part
 from deeptruck_model.mismatch.data.checks import SensorFault
-from deeptruck_model.mismatch.events import Event
-from deeptruck_model.mismatch.findings import of_fault
 from deeptruck_model.mismatch.fit_result import FitResult, FreeRunErrors, Improvement, Refitted, Rmse
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, NOT_SIGNIFICANT, REFIT
+from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report import lines, page
 from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Data, Finding, Kind, Size, Verdict
 from deeptruck_model.mismatch.strength import Strength
+from deeptruck_model.mismatch.verdict.findings import of_fault
 
 PAYLOAD = Finding(
     Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.posterior.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.roads.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.roads.stretches import LENGTH_M, STEP_M, Windows, similarity, turned
 from deeptruck_model.mismatch.rules import Limits
 

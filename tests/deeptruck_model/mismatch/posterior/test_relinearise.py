@@ -9,8 +9,8 @@ import pytest
 from small_drives import TRUCK, sensed
 
 from deeptruck_model.mismatch.posterior.regression import Regression
+from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, refitted
 from deeptruck_model.mismatch.prepare import PreparedDrives, prepare_drives
-from deeptruck_model.mismatch.relinearise import at_fitted_parameters, refitted
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules

@@ -22,12 +22,12 @@ from deeptruck_model.mismatch import unrecorded
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, same_signals
-from deeptruck_model.mismatch.discrepancy import with_own_error
+from deeptruck_model.mismatch.live.own import Own, Quantity, State
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, candidate_term, variant
-from deeptruck_model.mismatch.own import Own, Quantity, State
 from deeptruck_model.mismatch.posterior.kernels import Kernel
 from deeptruck_model.mismatch.posterior.posterior import DRIFT_ODDS, Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
+from deeptruck_model.mismatch.posterior.relinearise import with_own_error
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95

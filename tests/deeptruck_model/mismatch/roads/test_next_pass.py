@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model._io.json_data import from_json, to_json
-from deeptruck_model.mismatch.posterior.next_pass import NextPass, next_pass
+from deeptruck_model.mismatch.roads.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.roads.stretches import STEP_M, Windows
 
 STEPS = 400  # of 100 m

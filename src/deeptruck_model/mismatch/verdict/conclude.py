@@ -7,21 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from deeptruck_model.mismatch import decide, where
 from deeptruck_model.mismatch.comparison import Compared
-from deeptruck_model.mismatch.findings import findings, of_fault
+from deeptruck_model.mismatch.correction.model import Made
+from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN
-from deeptruck_model.mismatch.model import Made
 from deeptruck_model.mismatch.posterior.regression import FREE
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Advice, Answer, Data, Finding, Verdict
-from deeptruck_model.mismatch.road import Road, road
+from deeptruck_model.mismatch.roads.road import Road, road
 from deeptruck_model.mismatch.tree import ROOT, Node, Tree
 from deeptruck_model.mismatch.unrecorded import contradicted_mass
-from deeptruck_model.mismatch.validate import Validated
-from deeptruck_model.mismatch.witnesses import witnesses
+from deeptruck_model.mismatch.verdict import decide, where
+from deeptruck_model.mismatch.verdict.findings import findings, of_fault
+from deeptruck_model.mismatch.verdict.witnesses import witnesses
 
 
 def useless(drives: PreparedDrives) -> Verdict:

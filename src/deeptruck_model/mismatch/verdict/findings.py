@@ -10,25 +10,25 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.comparison import Compared
+from deeptruck_model.mismatch.correction.model import Made
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import Where
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.mechanisms.road import ROAD_GRADE
-from deeptruck_model.mismatch.model import Made
 from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Bound, Finding, Kind, Size
-from deeptruck_model.mismatch.road import Road
+from deeptruck_model.mismatch.roads.road import Road
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.sizes import sizes_of
 from deeptruck_model.mismatch.strength import Strength, acts, visible
 from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
 from deeptruck_model.mismatch.unrecorded import names_behind
-from deeptruck_model.mismatch.where import PRINTED
+from deeptruck_model.mismatch.verdict.where import PRINTED
 
 Array = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from scipy.special import gammainc
 
 from deeptruck_model.mismatch.names import Named
-from deeptruck_model.mismatch.posterior.next_pass import NextPass
-from deeptruck_model.mismatch.posterior.road_lock import RoadLock, road_lock
-from deeptruck_model.mismatch.posterior.slow_force import plain_truck, slow_force
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.roads.next_pass import NextPass
+from deeptruck_model.mismatch.roads.road_lock import RoadLock, road_lock
+from deeptruck_model.mismatch.roads.slow_force import plain_truck, slow_force
 from deeptruck_model.mismatch.roads.stretches import LENGTH_M
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import UNKNOWN, Tree

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_drives import evidence
 
-from deeptruck_model.mismatch import where
+from deeptruck_model.mismatch.verdict import where
 
 
 @pytest.mark.parametrize(("border", "printed"), [(2e-5, 0.0), (-2e-5, 0.0), (0.01, 0.01)])

@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.posterior.posterior import SLOW_S
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.mismatch.residual.forced import Grid
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 

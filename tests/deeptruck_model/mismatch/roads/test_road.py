@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from small_drives import evidence
 
-from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.road import SLOPE, SURFACE, _by_size, _tree, road
+from deeptruck_model.mismatch.roads.road import SLOPE, SURFACE, _by_size, _tree, road
+from deeptruck_model.mismatch.roads.road_lock import RoadLock
 from deeptruck_model.mismatch.tree import UNKNOWN
 
 

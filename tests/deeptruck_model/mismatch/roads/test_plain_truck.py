@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.posterior.slow_force import plain_truck
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.roads.slow_force import plain_truck
 
 N, MASS, DRAG = 3600, 28000.0, 1.2e-4
 PER_FUEL = 0.40 * 35.8e3 / MASS  # m/s^2 per cm^3/s, times m/s

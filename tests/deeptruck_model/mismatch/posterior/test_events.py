@@ -11,7 +11,8 @@ from scipy.signal import lfilter
 from small_drives import DT, N, evidence, regression
 
 from deeptruck_model._io.json_data import from_json, to_json
-from deeptruck_model.mismatch.events import (
+from deeptruck_model.mismatch.names import names
+from deeptruck_model.mismatch.posterior.events import (
     CLIP,
     LARGEST,
     POWER,
@@ -21,7 +22,6 @@ from deeptruck_model.mismatch.events import (
     find_events,
     rows_of,
 )
-from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels, without
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression

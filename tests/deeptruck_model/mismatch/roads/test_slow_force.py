@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.posterior.slow_force import SlowForce, slow_force
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.roads.slow_force import SlowForce, slow_force
 
 N, SIGMA = 3600, 0.1
 TIME = np.arange(N, dtype=float)

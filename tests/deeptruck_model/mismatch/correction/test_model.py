@@ -8,10 +8,19 @@ import numpy as np
 import pytest
 from small_drives import N, evidence, posterior_of, regression
 
+from deeptruck_model.mismatch.correction.model import (
+    Recipe,
+    _best,
+    _folds,
+    _forms,
+    _left_out,
+    _nested,
+    _rms,
+    _terms,
+)
 from deeptruck_model.mismatch.expression import rows_of
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.courses import Where
-from deeptruck_model.mismatch.model import Recipe, _best, _folds, _forms, _left_out, _nested, _rms, _terms
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL, UNKNOWN, kernels
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.posterior.road_lock import road_lock
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.roads.road_lock import road_lock
 
 SPEED, DT, KM = 20.0, 0.2, 30
 ROWS = int(KM * 1000 / SPEED / DT)

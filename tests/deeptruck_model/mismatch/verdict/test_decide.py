@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from deeptruck_model.mismatch import decide
-from deeptruck_model.mismatch.decide import Numbers
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.result import Answer, Conclusion, Kind
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.verdict import decide
+from deeptruck_model.mismatch.verdict.decide import Numbers
 
 RULES = Rules()
 NAN = float("nan")

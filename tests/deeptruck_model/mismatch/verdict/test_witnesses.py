@@ -10,7 +10,7 @@ from small_drives import TRUCK, drives
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.find import compared
 from deeptruck_model.mismatch.tree import SLOW
-from deeptruck_model.mismatch.witnesses import witnesses
+from deeptruck_model.mismatch.verdict.witnesses import witnesses
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import View
 

@@ -18,11 +18,11 @@ from deeptruck_model.mismatch.correction.improvement import (
     improvement,
     interval,
 )
+from deeptruck_model.mismatch.correction.model import Made
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.discrepancy import own_drives
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, WithoutExogenous
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
-from deeptruck_model.mismatch.model import Made
+from deeptruck_model.mismatch.posterior.relinearise import own_drives
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.simulators import Simulator

@@ -1,0 +1,1 @@
+"""From numbers to one verdict: findings, where they act, and what is concluded."""
