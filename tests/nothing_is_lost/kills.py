@@ -1,7 +1,6 @@
 """Kill -9 and Ctrl-C at random moments: what is left is whole, and a second start gives what one gives.
 
-    python tests/nothing_is_lost/kills.py [--runs 200] [--only train] [--seed 0] | tee LOG
-    python tests/nothing_is_lost/kills.py --page docs/results/kills.md LOG...
+    python tests/nothing_is_lost/kills.py [--runs 200] [--only train] [--seed 0]
 
 Each command runs twice undisturbed, for its result and its length; then it is ended at moments drawn over
 that length, a third of them in its last tenth, where results are written, and started again. Judged are the
@@ -26,14 +25,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from kills_page import LATE, Disturbed, page, read
-
 ROOT = Path(__file__).parents[2]
 PROGRAMS = Path(sys.executable).parent
 SAYS = "says.txt"
 MARK = "DEEPTRUCK_KILLS"  # in the environment of every process that a run starts
 FAREWELL_S = 60.0
-LATE_SHARE = 1 / 3  # of the runs is ended in the last part of the work
+LATE = 0.9  # part of the work behind which results are written
+LATE_SHARE = 1 / 3  # of the runs is ended in that last part
 TICKS = os.sysconf("SC_CLK_TCK")
 LIMIT_S = 600.0
 SHARED = Path("/dev/shm")
@@ -82,6 +80,23 @@ COMMANDS = tuple(
         ),
     )
 )
+
+
+@dataclass(frozen=True)
+class Disturbed:
+    """One run that was ended: by which signal, at which part of its work, and what was wrong, if anything."""
+
+    command: str
+    number: signal.Signals
+    part: float
+    ended_before: bool
+    wrong: tuple[str, ...]
+
+    def __str__(self) -> str:
+        end = ", after its end" if self.ended_before else ""
+        return (
+            f"{self.command}, {self.number.name} at {self.part:.3f}{end}: {'; '.join(self.wrong) or 'well'}"
+        )
 
 
 class Bench:
@@ -306,12 +321,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--only", action="append", choices=names)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--page", type=Path, help="run nothing, but write the counts of these logs there")
-    parser.add_argument("logs", type=Path, nargs="*", metavar="LOG")
     given = parser.parse_args()
-    if given.page is not None:
-        given.page.write_text(page([one for log in given.logs for one in read(log)]))
-        return
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # what it has started ends with it
     found = []
     for one in disturbed(given.only or names, given.runs, given.seed):
