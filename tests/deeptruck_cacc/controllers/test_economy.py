@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -115,21 +113,25 @@ def test_two_stages_are_as_good_as_the_best_of_all_pairs_of_pedals(thrifty):
     grades = np.array([[0.02, -0.03]])
     values = economy._values(thrifty.map.acceleration, thrifty.map.fuel, grades, now)
 
-    def stage(speed: float, lag: float, grade: float, pedal: int):
+    def stages(speed: float, lag: float, grade: float):
+        """By each pedal: speed and lag at the end, and what it costs."""
         acceleration, fuel = thrifty.map.rows(np.array([speed]), np.array([grade]))
-        return economy._stage(now[0], speed, lag, acceleration[0, pedal], fuel[0, pedal], STAGE_M)
+        return [
+            economy._stage(now[0], speed, lag, a, f, STAGE_M)
+            for a, f in zip(acceleration[0], fuel[0], strict=True)
+        ]
 
-    best = np.inf
-    for first, second in itertools.product(range(len(PEDALS)), repeat=2):
-        speed, lag, one = stage(20.0, 2.1, 0.02, first)
-        speed, _, two = stage(speed, lag, -0.03, second)
-        best = min(best, one + two + 25.0 * (20.0 - speed))
+    best = min(
+        first + second + 25.0 * (20.0 - end)
+        for speed, lag, first in stages(20.0, 2.1, 0.02)
+        for end, _, second in stages(speed, lag, -0.03)
+    )
     assert values[0, 0, economy.SPEED_STEPS // 2, economy.LAG_STEPS // 2] == pytest.approx(best, rel=0.01)
 
 
 def test_on_the_flat_it_holds_the_gap_and_spends_what_a_constant_speed_does(truck, thrifty):
     flat = Road(np.zeros((1, 2)))
-    trace = roll_out(truck, thrifty, behind_a_leader(flat, flat))
+    trace = roll_out(truck, thrifty, behind_a_leader(flat, flat, 100.0))
     acc = roll_out(truck, baseline("acc", truck.interface, PedalMap.calibrate(truck)), trace.scene)
     saved = 1 - fuel_at_equal_time(trace, thrifty) / fuel_at_equal_time(acc, thrifty)
     assert abs(saved[0]) < 0.002
@@ -138,7 +140,7 @@ def test_on_the_flat_it_holds_the_gap_and_spends_what_a_constant_speed_does(truc
 
 
 def test_over_hills_that_it_knows_it_saves_fuel_within_its_band(truck, thrifty):
-    road = hills(3)
+    road = hills(2)
     trace = roll_out(truck, thrifty, behind_a_leader(road, road))
     acc = roll_out(truck, baseline("acc", truck.interface, PedalMap.calibrate(truck)), trace.scene)
     saved = 1 - fuel_at_equal_time(trace, thrifty) / fuel_at_equal_time(acc, thrifty)
@@ -166,14 +168,14 @@ class Alone:
 
 
 def test_without_a_leader_it_saves_fuel_within_its_band_of_speeds(truck, thrifty):
-    road = hills(3)
+    road = hills(2)
     trace = roll_out(truck, Alone(thrifty), behind_a_leader(road, road))
     constant = Baseline(lambda seen: 0.5 * (LEADER - seen.speed), PedalMap.calibrate(truck), truck.interface)
     steady = roll_out(truck, constant, trace.scene)
     saved = 1 - fuel_at_equal_time(trace, thrifty) / fuel_at_equal_time(steady, thrifty)
     assert saved.min() > 0.01
     assert 0.5 < np.abs(trace["speed"] - LEADER).max() < CRUISE + 0.2
-    assert trace["speed"].mean(axis=0) == pytest.approx(np.full(3, LEADER), rel=0.005)
+    assert trace["speed"].mean(axis=0) == pytest.approx(np.full(2, LEADER), rel=0.005)
 
 
 def test_without_a_leader_it_holds_the_set_speed_on_the_flat(truck, thrifty):
@@ -201,7 +203,7 @@ def test_it_does_not_come_closer_than_the_least_gap(truck, thrifty):
         def act(self, seen):
             return thrifty.act({**seen, "least_gap": np.full(2, 36.0)})
 
-    assert roll_out(truck, Wary(), behind_a_leader(road, road))["gap"].min() > 35.0
+    assert roll_out(truck, Wary(), behind_a_leader(road, road, 120.0))["gap"].min() > 35.0
 
 
 def test_a_radars_noise_hardly_moves_the_pedals(truck, thrifty):
