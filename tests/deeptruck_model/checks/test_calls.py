@@ -31,6 +31,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+DID_YOU_MEAN = "there is no effect 'heawind' to leave out; did you mean headwind?"
 WRONG: dict[str, tuple[Call, str]] = {
     "load: None": (lambda r: load(None), "a simulator must be a path"),
     "load: number": (lambda r: load(3), "a simulator must be a path"),
@@ -52,7 +53,7 @@ WRONG: dict[str, tuple[Call, str]] = {
     "find: seed as text": (lambda r: find_mismatch(TRUCK, r, seed="a"), "seed must be"),
     "find: negative seed": (lambda r: find_mismatch(TRUCK, r, seed=-1), "seed must be"),
     "find: exclude": (lambda r: find_mismatch(TRUCK, r, exclude="brake_fade"), "exclude must be a list"),
-    "find: no effect": (lambda r: find_mismatch(TRUCK, r, exclude=["foo"]), "there is no effect 'foo'"),
+    "find: no effect": (lambda r: find_mismatch(TRUCK, r, exclude=["heawind"]), DID_YOU_MEAN),
     "find: tuple": (lambda r: find_mismatch(TRUCK, r, without=[("one", 1, 2)]), "without must be"),
     "find: no rows": (lambda r: find_mismatch(TRUCK, r, without=[Span("x", 1, 2)]), "no recording 'x'"),
     "find: mass": (lambda r: find_mismatch(TRUCK, r, mass_kg="28 t"), "mass_kg must be"),

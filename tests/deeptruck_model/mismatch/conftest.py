@@ -1,14 +1,16 @@
-"""Mismatch results of a small truck whose simulator is exact."""
+"""Mismatch results of a small truck whose simulator is exact: whole runs that tests share."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from deeptruck_model.mismatch import Mismatch, find_mismatch
+from deeptruck_model.mismatch import Mismatch, Span, find_mismatch
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.recordings import Recording
 
 sys.path.append(str(Path(__file__).parent))  # small_drives.py stands beside the tests
 sys.path.append(str(Path(__file__).parents[2] / "ros2_ws"))  # page_browser.py
@@ -24,13 +26,18 @@ def nothing_missing() -> Evidence:
 
 @pytest.fixture(scope="session")
 def lazy_brake() -> Mismatch:
-    """The result for a truck whose brakes are slower than the simulator's."""
-    recorded = drives(TRUCK.with_forces([], [LazyBrake()]))
+    """The result for a truck whose brakes are slower than the simulator's; its mass is stated."""
+    recorded = [stated(r, 20000.0) for r in drives(TRUCK.with_forces([], [LazyBrake()]))]
     return find_mismatch(TRUCK, recorded[:3], recorded[3:])
 
 
 @pytest.fixture(scope="session")
 def right_truck() -> Mismatch:
-    """The result for a truck that equals the simulator."""
-    recorded = drives(TRUCK)
-    return find_mismatch(TRUCK, recorded[:3], recorded[3:])
+    """The result for a truck that equals the simulator, whose recordings state a mass that is wrong. Half a
+    minute is left out."""
+    recorded = [stated(r, 26000.0) for r in drives(TRUCK)]
+    return find_mismatch(TRUCK, recorded[:3], recorded[3:], without=[Span(recorded[0].name, 20.0, 50.0)])
+
+
+def stated(r: Recording, mass_kg: float) -> Recording:
+    return replace(r, interface=replace(r.interface, mass_kg=mass_kg))

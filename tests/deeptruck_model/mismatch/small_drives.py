@@ -30,18 +30,23 @@ class LazyBrake:
         return np.stack([u[:, 0], self.arrived], axis=1)
 
 
-def sensed(r: Recording, seed: int) -> Recording:
-    """The drive as sensors record it: acceleration with noise, speed in the steps of J1939."""
+def sensed(r: Recording, seed: int, bias: float = 0.0) -> Recording:
+    """The drive as sensors record it: acceleration with noise and a bias, speed in the steps of J1939."""
     rng = np.random.default_rng(seed)
     channels = dict(r.channels)
     channels["speed"] = np.round(channels["speed"] * 3.6 * 256.0) / 256.0 / 3.6
-    channels["acceleration"] = channels["acceleration"] + rng.normal(0.0, 0.03, len(r))
+    channels["acceleration"] = channels["acceleration"] + bias + rng.normal(0.0, 0.03, len(r))
     return replace(r, channels=channels)
 
 
-def drives(truck: trucks.PhysicsTruck, count: int = 4, seconds: float = 180.0) -> list[Recording]:
+def drives(
+    truck: trucks.PhysicsTruck, count: int = 4, seconds: float = 180.0, *, seed: int = 0, bias: float = 0.0
+) -> list[Recording]:
     """Drives of a truck, as its sensors record them."""
-    return [sensed(driving_cycles.drive(truck, seconds=seconds, seed=k), k) for k in range(count)]
+    return [
+        sensed(driving_cycles.drive(truck, seconds=seconds, seed=k), k, bias)
+        for k in range(seed, seed + count)
+    ]
 
 
 BRAKE_COMMAND = "brake_command"

@@ -81,6 +81,11 @@ def test_rows_left_out_do_not_count_and_are_counted() -> None:
     assert rule.samples == int(all_of[at].valid[marked].sum())
 
 
+def test_of_many_drives_some_are_set_aside_whole() -> None:
+    held_out = prepare_drives(TRUCK, drives(TRUCK, 5, 60.0), [], Rules()).held_out
+    assert len(held_out) == 5 and sum(held_out) == 2
+
+
 def test_a_truck_that_follows_the_recorded_gear_is_compared_in_it() -> None:
     """Its own shift speeds are wrong; the recorded gears, stamped where a change begins, are taken."""
     p, recorded = TRUCK.parameters(), []

@@ -21,23 +21,8 @@ import pytest
 from small_drives import TRUCK, LazyBrake, drives
 
 from deeptruck_model import recordings
-from deeptruck_model.mismatch import find_mismatch
-from deeptruck_model.mismatch.prepare import LEFT_OUT, Span
 
 MAIN = "from deeptruck_model.cli import main; main()"
-
-
-def test_rows_that_are_left_out_do_not_count() -> None:
-    (drive,) = drives(TRUCK.with_forces([], [LazyBrake()]), 1, 240.0)
-    found = find_mismatch(TRUCK, [drive.piece(0, 1500)], [drive.piece(1500, 2400)],
-                          without=[Span(drive.name, 20.0, 50.0)])  # fmt: skip
-    assert found.evidence is not None
-    time_s, valid = found.evidence["elapsed"], found.evidence.valid
-    inside = (time_s > 21.0) & (time_s < 49.0) & ~found.evidence.held_out
-    assert inside.any() and not valid[inside].any() and valid[~inside].mean() > 0.8
-    assert [r.samples for r in found.result.data.rejected if r.rule == LEFT_OUT] == [
-        pytest.approx(300, abs=5)
-    ]
 
 
 def content(folder: Path) -> dict[str, str]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model import mismatch, trucks
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import each_once, same_signals
 from deeptruck_model.recordings import Recording
@@ -75,8 +75,3 @@ def test_a_recording_made_by_hand_without_an_acceleration_is_refused(drives: lis
 def test_another_rate_names_a_cure_that_there_is(drives: list[Recording], dt: float, cure: str) -> None:
     with pytest.raises(InputError, match=f"the simulator at 10 Hz; {cure}"):
         same_signals(TRUCK, [replace(drives[0], dt=dt)])
-
-
-def test_an_effect_that_is_none_cannot_be_left_out(drives: list[Recording]) -> None:
-    with pytest.raises(InputError, match="no effect 'heawind' to leave out; did you mean headwind"):
-        mismatch.find_mismatch(TRUCK, drives[:2], drives[2:], exclude=["brake_fade", "heawind"])
