@@ -12,7 +12,6 @@ import pytest
 from deeptruck_cacc import MlpPolicy, cli, load_policy
 from deeptruck_cacc.evaluation import report
 from deeptruck_cacc.training import settings
-from deeptruck_model import files
 
 SIM = "truck:trucksim"
 
@@ -190,9 +189,6 @@ def test_an_evaluation_of_every_seed_is_replaced_only_where_asked(capsys, finish
     before = content(finished / "e")
     assert run(*evaluate) == 2 and "add --overwrite" in last_line(capsys)
     assert content(finished / "e") == before
-    (finished / "e" / "0" / "notes.txt").write_text("mine")
-    assert run(*evaluate, "--overwrite") == 2 and "holds 0/notes.txt" in last_line(capsys)
-    (finished / "e" / "0" / "notes.txt").unlink()
     assert run(*evaluate, "--rollouts", "3", "--overwrite") == 0
     assert content(finished / "e")["metrics.json"] != before["metrics.json"]
 
@@ -264,42 +260,3 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_set_aside_and_name
     (kept,) = (p for p in tmp_path.iterdir() if p.name != "p")
     assert f"had begun is kept as {kept}; remove it" in capsys.readouterr().err
     assert (kept / "learning_curve.jsonl").read_text() == "mine"
-
-
-def test_the_old_policy_stands_until_the_new_one_is_whole(capsys, finished):
-    before = content(finished / "p")
-    kill(*training(finished), "--seed", "3", "--overwrite")
-    assert content(finished / "p") == before
-    assert run(*training(finished), "--seed", "3", "--resume") == 2  # to replace it must be said again
-    assert "add --overwrite" in last_line(capsys)
-    assert run(*training(finished), "--seed", "3", "--resume", "--overwrite") == 0
-    assert load_policy(finished / "p").card["seed"] == 3
-    assert [p.name for p in finished.iterdir()] == ["p"]
-
-
-@pytest.mark.parametrize("inside", ["notes.txt", "seeds/0/notes.txt", "checkpoint/old/state.safetensors"])
-def test_a_file_of_the_users_refuses_to_be_replaced(capsys, finished, inside):
-    foreign = finished / "p" / inside
-    foreign.parent.mkdir(parents=True, exist_ok=True)
-    foreign.write_text("mine")
-    before = content(finished)
-    assert run(*training(finished), "--overwrite") == 2
-    assert "which is no part of a policy; move it" in last_line(capsys)
-    assert content(finished) == before
-
-
-def test_a_copy_without_the_ledger_may_be_anybodys(capsys, finished):
-    (finished / "p" / files.LEDGER).unlink()
-    before = content(finished)
-    assert run(*training(finished), "--seed", "3", "--overwrite") == 2
-    assert f"but no {files.LEDGER} that can be read" in last_line(capsys)
-    assert content(finished) == before and load_policy(finished / "p").card["seed"] != 3
-
-
-def test_an_export_replaces_nothing(capsys, finished):
-    onnx = finished / "p.onnx"
-    assert run("export", finished / "p", "--out", onnx) == 0
-    before = onnx.read_bytes()
-    assert run("export", finished / "p", "--out", onnx) == 2
-    assert "p.onnx exists already; choose another name or remove it" in last_line(capsys)
-    assert onnx.read_bytes() == before

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -61,15 +60,6 @@ def test_logs_do_not_go_into_a_bag(tmp_path: Path) -> None:
     bag_place.check_logs(None, tmp_path / "runs")
 
 
-def test_where_nothing_was_recorded_the_older_bag_stands(tmp_path: Path) -> None:
-    bag = tmp_path / "bag"
-    recorded(bag)
-    old = content(tmp_path)
-    with pytest.raises(ZeroDivisionError), bag_place.made(bag, overwrite=True):
-        raise ZeroDivisionError
-    assert content(tmp_path) == old
-
-
 def test_beside_a_bag_whose_recorder_was_killed_the_older_one_stands(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -83,47 +73,6 @@ def test_beside_a_bag_whose_recorder_was_killed_the_older_one_stands(
     (kept,) = set(tmp_path.iterdir()) - {bag}
     assert content(bag) == old and f"it is kept as {kept}" in capsys.readouterr().err
     assert repair(kept) and (kept / "metadata.yaml").exists()
-
-
-def with_a_note(bag: Path) -> None:
-    recorded(bag)
-    (bag / "notes.txt").write_text("mine")
-
-
-def with_another_recording(bag: Path) -> None:
-    recorded(bag)
-    (bag / "other.mcap").write_text("mine")
-
-
-def of_another_program(bag: Path) -> None:
-    CrashSafeWriter(bag).close()
-
-
-def no_bag(bag: Path) -> None:
-    bag.mkdir()
-    (bag / "drive.mcap").write_text("mine")
-
-
-def a_file(bag: Path) -> None:
-    bag.write_text("mine")
-
-
-def a_link(bag: Path) -> None:
-    recorded(bag.with_name("elsewhere"))
-    bag.symlink_to(bag.with_name("elsewhere"))
-
-
-@pytest.mark.parametrize(
-    "foreign", [with_a_note, with_another_recording, of_another_program, no_bag, a_file, a_link]
-)
-def test_what_the_recorder_did_not_write_refuses_and_stays(
-    tmp_path: Path, foreign: Callable[[Path], None]
-) -> None:
-    foreign(tmp_path / "bag")
-    before = content(tmp_path)
-    with pytest.raises(InputError), bag_place.made(tmp_path / "bag", overwrite=True):
-        pass
-    assert content(tmp_path) == before
 
 
 def test_a_bag_that_is_being_recorded_is_not_moved_away(tmp_path: Path) -> None:

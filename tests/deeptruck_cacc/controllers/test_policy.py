@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import errno
 import json
 import os
 import subprocess
@@ -203,20 +202,6 @@ def test_a_damaged_directory_is_one_clear_line(tmp_path, damage, says):
         load_policy(tmp_path / "p")
     line = str(error.value)
     assert says in line and "\n" not in line and line.count("train") == 1
-
-
-def test_a_full_disk_is_one_line_and_leaves_the_policy_that_was_there(tmp_path, monkeypatch):
-    random_policy().save(tmp_path / "p")
-    before = (tmp_path / "p" / WEIGHTS).read_bytes()
-
-    def full(path: Path, content: bytes) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(InputError, match=f"cannot write {tmp_path}/p: No space left on device; make room"):
-        random_policy(power=True).save(tmp_path / "p", overwrite=True)
-    assert [path.name for path in tmp_path.iterdir()] == ["p"]
-    assert (tmp_path / "p" / WEIGHTS).read_bytes() == before
 
 
 def test_an_observation_without_a_signal_says_which(tmp_path):

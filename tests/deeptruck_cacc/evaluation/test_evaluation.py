@@ -1,9 +1,7 @@
 from __future__ import annotations
 
-import errno
 import json
 import re
-import shutil
 from dataclasses import replace
 from functools import partial
 
@@ -16,7 +14,6 @@ from deeptruck_cacc.environments import hard_scenes
 from deeptruck_cacc.environments.rollouts import Trace, roll_out
 from deeptruck_cacc.evaluation import best_table, evaluate, metrics, platoon, report, table
 from deeptruck_cacc.evaluation.against_best import against_best, interval
-from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import sensible
 
@@ -82,31 +79,6 @@ def test_the_interval_is_that_of_the_mean_and_widens_with_seeds_that_differ():
     assert high - low == pytest.approx(2 * 1.96 * values.std() / 20, rel=0.1)
     low_two, high_two = interval(np.vstack([values - 1.0, values + 1.0]))
     assert high_two - low_two > 5 * (high - low)
-
-
-def test_a_file_in_the_way_is_refused(toy, cacc, tmp_path):
-    (tmp_path / "e").write_text("x")
-    with pytest.raises(InputError, match="is a file"):
-        evaluate(cacc, toy, tmp_path / "e")
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_disk_that_fills_leaves_the_evaluation_that_was_there(evaluated, toy, cacc, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "LAWS", {"acc": LAWS["acc"]})
-    shutil.copytree(evaluated[0], tmp_path / "e")
-    before = {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()}
-    assert {"metrics.json", "evaluation.html", files.LEDGER} < set(before)
-    drawn = report.figures.field_run
-
-    def full(*arguments: object, **options: object) -> None:
-        drawn(*arguments, **options)
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(report.figures, "field_run", full)
-    monkeypatch.setattr(report.figures, "error_bands", lambda trace, path: path.write_bytes(b"x"))
-    with pytest.raises(InputError, match=f"cannot write {tmp_path}/e: No space left on device; make room"):
-        evaluate(cacc, toy, tmp_path / "e", rollouts=3, overwrite=True)
-    assert {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()} == before
 
 
 def test_error_statistics_of_known_numbers():

@@ -90,9 +90,3 @@ def test_bad_settings_are_one_line(monkeypatch, capsys, tmp_path, options, says)
         cli.main()
     assert ended.value.code == 2 and says in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
-
-
-def test_a_file_in_the_way_is_refused(tmp_path):
-    (tmp_path / "s").write_text("x")
-    with pytest.raises(InputError, match="s is a file; choose another --out"):
-        sweep.sweep(TRUCK, tmp_path / "s", TINY)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from deeptruck_model import cli
-from deeptruck_model.recordings import CrashSafeWriter, read, write_bag
+from deeptruck_model.recordings import CrashSafeWriter, read
 
 COLUMNS = (
     "time: {rate_hz: 1.0}\nchannels:\n  speed: {column: v, unit: m/s}\n  elevation: {column: h, unit: m}\n"
@@ -170,21 +170,6 @@ def test_a_bag_is_replaced_when_asked_only(
     assert run(monkeypatch, *words) == 2
     assert "holds an imported bag already" in capsys.readouterr().err
     assert run(monkeypatch, *words, "--overwrite") == 0
-    assert run(monkeypatch, "coverage", "bag", "--out", "bag/coverage") == 2
-    assert "or inside it, which is read here" in capsys.readouterr().err
-
-
-def test_a_bag_of_another_program_is_not_imported_over(
-    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ("import", "drive.csv", "--columns", "columns.yaml", "--out", "bag")
-    assert run(monkeypatch, *words) == 0
-    drives = read(workplace / "bag")
-    write_bag(workplace / "written", drives, interface=drives[0].interface)
-    before = (workplace / "written" / "metadata.yaml").read_bytes()
-    assert run(monkeypatch, *words[:-1], "written", "--overwrite") == 2
-    assert "written holds a written bag, which is no part of an imported bag" in capsys.readouterr().err
-    assert (workplace / "written" / "metadata.yaml").read_bytes() == before
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -72,39 +72,6 @@ def test_a_finished_simulator_is_replaced_when_asked_only(
     code, _, errors = script(*words)
     assert code == 2 and "holds a deep truck already; choose another --out, or add --overwrite" in errors
     assert script(*words, "--overwrite")[0] == 0
-    (tmp_path / "sim" / "notes.txt").write_text("mine")
-    code, _, errors = script(*words, "--overwrite")
-    assert code == 2 and "holds notes.txt, which is no part of a deep truck" in errors
-    assert (tmp_path / "sim" / "notes.txt").read_text() == "mine"
-    (tmp_path / "sim" / "notes.txt").unlink()
-    (tmp_path / "sim" / "metrics.json").write_text("mine")
-    code, _, errors = script(*words, "--overwrite")
-    assert code == 2 and "holds metrics.json, which has changed since this command wrote it" in errors
-    (tmp_path / "sim" / ".deeptruck.json").unlink()  # as in a copy by 'cp sim/* copy'
-    code, _, errors = script(*words, "--overwrite")
-    assert code == 2 and "sim holds MODEL_CARD.md but no .deeptruck.json" in errors
-    assert (tmp_path / "sim" / "metrics.json").read_text() == "mine"
-
-
-def test_the_old_simulator_stands_until_the_new_one_is_whole(
-    script: Script, monday: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    words = ("train", monday, "--out", tmp_path / "sim", "--budget")
-    assert script(*words, 4)[0] == 0
-    before = (tmp_path / "sim" / "simulator.json").read_bytes()
-
-    def killed(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(training.card, "complete", killed)
-        assert script(*words, 6, "--overwrite")[0] == 130
-    assert (tmp_path / "sim" / "simulator.json").read_bytes() == before
-    code, _, errors = script(*words, 6, "--resume")
-    assert code == 2 and "holds a deep truck already" in errors and "--overwrite" in errors
-    assert script(*words, 6, "--resume", "--overwrite")[0] == 0
-    assert (tmp_path / "sim" / "simulator.json").read_bytes() != before
-    assert [p.name for p in tmp_path.iterdir()] == ["sim"]
 
 
 def test_all_that_does_not_fit_is_said_at_once(script: Script, monday: Path, tmp_path: Path) -> None:

@@ -124,11 +124,3 @@ def test_calibrating_says_what_is_little_and_what_got_lost(
     code, _, errors = script("calibrate", simulator, bag("few", 72.0, seed=5), "--out", tmp_path / "cal")
     assert code == 0 and "note: 1.2 min of driving are about 2 independent runs" in errors
     assert "sim has lost its metrics.json" in errors
-
-
-def test_a_bag_is_never_the_place_of_an_evaluation(script: Script, monday: Path) -> None:
-    before = sorted(p.name for p in monday.iterdir())
-    for out in (monday, monday / "pictures"):
-        code, _, errors = script("evaluate", "truck:trucksim", monday, "--out", out, "--overwrite")
-        assert code == 2 and errors.count("\n") == 1 and "or inside it, which is read here" in errors
-    assert sorted(p.name for p in monday.iterdir()) == before

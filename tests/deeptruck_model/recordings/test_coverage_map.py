@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import errno
 import json
 import re
 from dataclasses import replace
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, Series, coverage, coverage_map, uniform
+from deeptruck_model.recordings import Recording, Series, coverage, uniform
 from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES, judgement
 from deeptruck_model.signals import TruckInterface, sensible, speeds_in
 
@@ -115,18 +114,6 @@ def test_a_command_without_a_valid_sample_is_said(drive: Recording) -> None:
         "engine_command of 'drive' holds no valid sample",
         "no recording has a valid engine_command, without which none can be trained on",
     ]
-
-
-def test_a_full_disk_leaves_neither_picture_nor_numbers(
-    tmp_path: Path, drive: Recording, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(found: object, units: str) -> bytes:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(coverage_map, "draw", full)
-    with pytest.raises(InputError, match="No space left on device; make room"):
-        coverage([drive]).save(tmp_path / "out")
-    assert not list(tmp_path.iterdir())
 
 
 def test_nothing_to_look_at(tmp_path: Path, drive: Recording) -> None:
