@@ -10,8 +10,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,10 +21,14 @@ from deeptruck_nodes import environment
 
 sys.path.append(str(Path(__file__).parent))  # page_browser.py stands beside the tests
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
+LOCKSTEP = (
+    "--simulator", "truck:trucksim", "--policy", "baseline:acc", "--leader", "sine", "--road", "sine",
+    "--seed", 1, "--lockstep", "--duration", 10,
+)  # fmt: skip
 
 
-@pytest.fixture
-def domain() -> Iterator[int]:
+@contextlib.contextmanager
+def reserved_domain() -> Iterator[int]:
     """A ROS domain that no other test on this machine uses."""
     with contextlib.ExitStack() as stack:
         for number in range(101, 0, -1):
@@ -37,6 +42,13 @@ def domain() -> Iterator[int]:
             assert free(number), f"processes of this test still use ROS domain {number}"
             return
         raise RuntimeError("all ROS domains are taken")
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    """A ROS domain that no other test on this machine uses."""
+    with reserved_domain() as number:
+        yield number
 
 
 def free(domain: int, within: float = 60.0) -> bool:
@@ -111,6 +123,38 @@ def until(holds: Callable[[], object], within: float = 120.0) -> None:
         time.sleep(0.02)
 
 
+def begun(domain: int, folder: Path, runs: str, words: Sequence[object], **options: Any) -> Started:
+    """A script that runs in a folder, and writes its logs to `runs` in it."""
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "OMP_NUM_THREADS": "1"}
+    script, *arguments = map(str, words)
+    process = subprocess.Popen(
+        [sys.executable, str(SCRIPTS / script), *arguments, "--runs", str(folder / runs)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=folder, **options,
+    )  # fmt: skip
+    return Started(process, folder / runs)
+
+
+@pytest.fixture(scope="session")
+def lockstep() -> tuple[object, ...]:
+    """The arguments of the run of `lockstep_bag`."""
+    return LOCKSTEP
+
+
+@pytest.fixture(scope="session")
+def lockstep_bag(once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    """The bag of a run that is made once for all workers; tests that change it copy it."""
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        with reserved_domain() as number:
+            words = ("start_simulation.py", *LOCKSTEP, "--record", folder / "bag")
+            code, out, errors = begun(number, folder, "runs", words).finish()
+        assert (code, errors) == (0, ""), errors
+        assert out.splitlines()[-1] == f"ended: truck_sim has finished; recorded in {folder / 'bag'}"
+
+    return once("lockstep", make) / "bag"
+
+
 @pytest.fixture
 def eventually() -> Callable[..., None]:
     return until
@@ -130,13 +174,7 @@ def start(domain: int, tmp_path: Path) -> Iterator[Callable[..., Started]]:
     def _start(
         script: str, *arguments: object, runs: str = "runs", limit: Callable[[], None] | None = None
     ) -> Started:
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "OMP_NUM_THREADS": "1"}
-        process = subprocess.Popen(
-            [sys.executable, str(SCRIPTS / script), *map(str, arguments), "--runs", str(tmp_path / runs)],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=tmp_path,
-            preexec_fn=limit,  # noqa: PLW1509 (there is one thread)
-        )  # fmt: skip
-        started.append(Started(process, tmp_path / runs))
+        started.append(begun(domain, tmp_path, runs, (script, *arguments), preexec_fn=limit))
         return started[-1]
 
     yield _start

@@ -32,7 +32,7 @@ def heard(bag: Path, topic: str) -> list[Any]:
         return [message for *_, message in reader.iter_decoded_messages(topics=[topic])]
 
 
-@pytest.mark.parametrize("mass", [20000.0, 14000.0])
+@pytest.mark.parametrize("mass", [pytest.param(20000.0, marks=pytest.mark.long), 14000.0])
 def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mass: float) -> None:
     (tmp_path / "other.yaml").write_text(f"mass: {mass}\n")
     monitor = f"truck:trucksim:{tmp_path / 'other.yaml'}"

@@ -35,31 +35,21 @@ def content(bag: Path) -> list[tuple[str, int, bytes]]:
         return sorted(source.messages(set(source.topics)))
 
 
-def test_lockstep_repeats_itself_to_the_byte(start: Callable[..., Any], tmp_path: Path) -> None:
-    bags = {}
-    for name in ("one", "two"):
-        arguments = ("--record", tmp_path / name, "--seed", 1, "--lockstep", "--duration", 10)
-        run = start(
-            "start_simulation.py",
-            *TRUCK,
-            *arguments,
-            "--leader",
-            "sine",
-            "--road",
-            "sine",
-            runs=f"runs-{name}",
-        )
-        code, out, errors = run.finish()
-        assert (code, errors) == (0, "")
-        assert out.splitlines()[-1] == f"ended: truck_sim has finished; recorded in {tmp_path / name}"
-        bags[name] = content(tmp_path / name)
-    assert bags["one"] == bags["two"]
-    with (tmp_path / "one" / "one_0.mcap").open("rb") as file:  # Foxglove's reader
+def test_lockstep_repeats_itself_to_the_byte(
+    start: Callable[..., Any], lockstep: tuple[object, ...], lockstep_bag: Path, tmp_path: Path
+) -> None:
+    run = start("start_simulation.py", *lockstep, "--record", tmp_path / "bag")
+    code, out, errors = run.finish()
+    assert (code, errors) == (0, "")
+    assert out.splitlines()[-1] == f"ended: truck_sim has finished; recorded in {tmp_path / 'bag'}"
+    messages = content(tmp_path / "bag")
+    assert messages == content(lockstep_bag)
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:  # Foxglove's reader
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        assert sum(1 for _ in reader.iter_decoded_messages()) == len(bags["one"])
+        assert sum(1 for _ in reader.iter_decoded_messages()) == len(messages)
         summary = reader.get_summary()
-        assert summary is not None and len(summary.chunk_indexes) < len(bags["one"]) / 10
-    (recording,) = recordings.read(tmp_path / "one")
+        assert summary is not None and len(summary.chunk_indexes) < len(messages) / 10
+    (recording,) = recordings.read(tmp_path / "bag")
     assert len(recording) == 101 and recording.interface.name == "trucksim"
     expected = {
         "speed",
@@ -210,11 +200,14 @@ def hangs_up() -> Iterator[None]:
     "number", [signal.SIGINT, pytest.param(signal.SIGHUP, marks=pytest.mark.long), signal.SIGKILL]
 )
 def test_an_older_bag_stands_until_the_new_one_is_whole(
-    start: Callable[..., Any], eventually: Callable[..., None], tmp_path: Path, number: signal.Signals
+    start: Callable[..., Any],
+    eventually: Callable[..., None],
+    lockstep_bag: Path,
+    tmp_path: Path,
+    number: signal.Signals,
 ) -> None:
-    bag = tmp_path / "bag"
+    bag = shutil.copytree(lockstep_bag, tmp_path / "bag")
     record = ("--record", bag, "--lockstep", "--duration")
-    assert start("start_simulation.py", *TRUCK, *record, 2).finish()[0] == 0
     for _ in range(5):  # where the machine stalls, all are ready before the signal: a whole new bag
         before = files_of(bag)
         run = start("start_simulation.py", *TRUCK, *record, 600, "--overwrite", runs="again")

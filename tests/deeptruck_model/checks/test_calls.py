@@ -15,6 +15,8 @@ from deeptruck_model import evaluate, find_mismatch, load, mismatch, read, recor
 from deeptruck_model.compare import compare
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import Span
+from deeptruck_model.mismatch.called import called
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.trucks import driving_cycles
 
 TRUCK: Any = trucks.load("trucksim")
@@ -116,7 +118,11 @@ def test_a_drive_that_judges_itself_is_found_under_another_name(drives: Path) ->
 
 
 def test_bags_and_simulators_may_be_named(drives: Path) -> None:
-    by_name = find_mismatch("truck:trucksim", drives / "one", [drives / "two"], say=print)
-    given = find_mismatch(TRUCK, read(drives / "one"), read(drives / "two"), say=print)
-    assert by_name.verdict == given.verdict
+    """What find_mismatch makes of them, before it computes anything."""
+    rest = {"seed": 0, "exclude": (), "without": (), "say": print, "rules": Rules(), "mass_kg": None}
+    by_name = called("truck:trucksim", drives / "one", [drives / "two"], **rest)
+    given = called(TRUCK, read(drives / "one"), read(drives / "two"), **rest)
+    assert by_name[0].parameters() == given[0].parameters()
+    for named, known in zip(by_name[1:], given[1:], strict=True):
+        assert len(named) == 1 and recordings.data_hash(named) == recordings.data_hash(known)
     assert {r.name for r in recordings.read_all([drives / "one"])} == {"one"}
