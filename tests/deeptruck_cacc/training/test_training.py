@@ -118,6 +118,7 @@ def test_where_commands_come_late_errors_are_wanted_gone_more_slowly(toy, tmp_pa
     assert late.features.closing_s > at_once.features.closing_s
 
 
+@pytest.mark.usefixtures("quick_exam")
 def test_random_weights_learn_at_their_own_rate_unless_told(toy, tmp_path):
     def rate(out: str, **settings) -> float:
         config = replace(QUICK, iterations=1, **settings)
@@ -176,26 +177,6 @@ def test_a_trained_policy_does_not_ask_for_both_pedals(trained):
     roll_out(toy, policy, scenes.moving(np.random.default_rng(3), 20, 300, toy.dt))
     engine, brake = (np.array(asked)[..., 0] + 1) / 2, np.array(asked)[..., 1]
     assert ((engine > 0.03) & (brake > 0.03)).mean() < 0.001
-
-
-def test_a_folder_that_another_run_trains_into_is_refused(toy, tmp_path):
-    (tmp_path / "p").mkdir()
-    for config in (QUICK, QUICK_TRPO):
-        trainer = "analytic" if config is QUICK else "trpo"
-        with (
-            files.writing(tmp_path / "p"),
-            pytest.raises(InputError, match=f"another run is at work in {tmp_path}"),
-        ):
-            train(toy, tmp_path / "p", trainer=trainer, config=config)
-    assert not any((tmp_path / "p").iterdir())
-
-
-@pytest.mark.usefixtures("quick_exam")
-def test_same_seed_same_policy(toy, tmp_path):
-    a = analytic.train(toy, tmp_path / "a", QUICK)
-    b = analytic.train(toy, tmp_path / "b", QUICK)
-    for (w, _), (x, _) in zip(a.layers, b.layers, strict=True):
-        np.testing.assert_array_equal(w, x)
 
 
 @pytest.mark.usefixtures("quick_exam")

@@ -13,7 +13,6 @@ import pytest
 
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import lock
 from deeptruck_model.fleet import page, pool
 from deeptruck_model.fleet.compare import DONE, PREVIOUS, VERDICT, VERDICTS, Comparison, chosen, folder
 from deeptruck_model.fleet.extract import INDEX, RECEIPTS
@@ -108,12 +107,6 @@ def test_a_family_of_one_truck_of_two_is_not_of_most(tmp_path):
         target.write_json(f"{folder(name)}/{DONE}", receipt(name, SOUND_NATS))
         target.write_json(f"{folder(name)}/{VERDICT}", verdict(effect))
     assert pool.pool(target, {}, 0.05)["classes"]["all"]["common"] == {}
-
-
-def test_two_runs_do_not_write_one_result(result, script):
-    with lock.reserved(result):
-        code, _, error = script("fleet", "pool", result)
-    assert code == 2 and "another run is to write" in error
 
 
 def test_the_page_lists_them_first_and_every_link_leads_to_a_report(result):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, read, write_bag
+from deeptruck_model.recordings import read
 from deeptruck_model.signals import TruckInterface
 
 
@@ -87,60 +85,3 @@ def test_a_bag_of_all_but_the_speed(tmp_path: Path) -> None:
         other = writer.add_connection("/brake", "std_msgs/msg/Float64", typestore=TYPES)
         writer.write(other, 1, TYPES.serialize_cdr(brake, "std_msgs/msg/Float64"))
     refused(tmp_path / "bag", "no speed on /truck/twist, only other messages; .*'ros2 topic hz'")
-
-
-def _cut(bag: Path) -> Path:
-    (file,) = bag.glob("*.mcap")
-    file.write_bytes(file.read_bytes()[:-500])
-    return bag
-
-
-def _flip(bag: Path) -> Path:
-    (file,) = bag.glob("*.mcap")
-    data = bytearray(file.read_bytes())
-    data[3000] ^= 0xFF
-    file.write_bytes(data)
-    return bag
-
-
-def _no_metadata(bag: Path) -> Path:
-    (bag / "metadata.yaml").unlink()
-    return bag
-
-
-def _no_file(bag: Path) -> Path:
-    shutil.move(next(bag.glob("*.mcap")), bag.parent / "elsewhere")
-    return bag
-
-
-def _bad_yaml(bag: Path) -> Path:
-    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: [1, 2")
-    return bag
-
-
-def _deep_yaml(bag: Path) -> Path:
-    """More levels than a recursive parser in C survives."""
-    (bag / "metadata.yaml").write_text("- " * 100_000)
-    return bag
-
-
-def _empty_file(bag: Path) -> Path:
-    file = bag.parent / "empty.mcap"
-    file.touch()
-    return file
-
-
-def _text_file(bag: Path) -> Path:
-    file = bag.parent / "notes.txt"
-    file.write_text("no bag")
-    return file
-
-
-@pytest.mark.parametrize(
-    "damage", [_cut, _flip, _no_metadata, _no_file, _bad_yaml, _deep_yaml, _empty_file, _text_file]
-)
-def test_damaged_bags_are_one_line(
-    tmp_path: Path, drive: Recording, interface: TruckInterface, damage: Callable[[Path], Path]
-) -> None:
-    bag = damage(write_bag(tmp_path / "bag", [drive], interface=interface))
-    refused(bag, "cannot be read as a bag|is damaged|not a finished bag")

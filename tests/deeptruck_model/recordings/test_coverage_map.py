@@ -107,15 +107,6 @@ def test_the_account_of_each_source_is_written_once_and_shown(
     )
 
 
-def test_a_command_without_a_valid_sample_is_said(drive: Recording) -> None:
-    nothing = np.full(600, np.nan)
-    found = coverage([replace(drive, channels=drive.channels | {"engine_command": nothing})])
-    assert found.to_dict()["warnings"] == [
-        "engine_command of 'drive' holds no valid sample",
-        "no recording has a valid engine_command, without which none can be trained on",
-    ]
-
-
 def test_nothing_to_look_at(tmp_path: Path, drive: Recording) -> None:
     with pytest.raises(InputError, match="no recording"):
         coverage([])
