@@ -7,7 +7,7 @@ import functools
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -51,21 +51,24 @@ def modules() -> dict[str, Path]:
 MODULES = modules()
 
 
-def imported(path: Path) -> Iterator[str]:
+@functools.cache
+def imported(path: Path) -> frozenset[str]:
     """Dotted names imported anywhere in a file; `from a import b` gives a.b if that is a module, else a."""
+    found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
             names = (f"{node.module}.{alias.name}" for alias in node.names)
-            yield from (name if name in MODULES else str(node.module) for name in names)
+            found |= {name if name in MODULES else str(node.module) for name in names}
+    return frozenset(found)
 
 
 @functools.cache
-def imports() -> dict[str, set[str]]:
+def imports() -> dict[str, frozenset[str]]:
     """What every module of ours imports; read at first need, as every worker loads this file."""
-    return {name: set(imported(path)) for name, path in MODULES.items()}
+    return {name: imported(path) for name, path in MODULES.items()}
 
 
 def within(name: str, *packages: str) -> bool:
@@ -221,36 +224,10 @@ def test_rooms_import_forward(rows: tuple[tuple[str, ...], ...]) -> None:
     assert not {(name, o) for name in placed for o in imports()[name] if placed.get(o, -1) > placed[name]}
 
 
-def circles() -> list[set[str]]:
-    """Groups of modules that import each other in a loop (Tarjan), imports inside functions counted."""
-    order: dict[str, int] = {}
-    low: dict[str, int] = {}
-    open_: list[str] = []
-    found: list[set[str]] = []
-
-    def visit(name: str) -> None:
-        order[name] = low[name] = len(order)
-        open_.append(name)
-        for other in imports()[name] & MODULES.keys() - {name}:
-            if other not in order:
-                visit(other)
-            if other in open_:
-                low[name] = min(low[name], low[other])
-        if low[name] == order[name]:
-            at = open_.index(name)
-            group = set(open_[at:])
-            del open_[at:]
-            found.extend([group] if len(group) > 1 else [])
-
-    for name in MODULES:
-        if name not in order:
-            visit(name)
-    return found
-
-
 def test_no_modules_import_each_other_in_a_circle() -> None:
     """Also not inside a function or for types alone: each module can be read with those below it only."""
-    assert not circles()
+    graph = {name: imports()[name] & MODULES.keys() - {name} for name in MODULES}
+    TopologicalSorter(graph).prepare()  # raises CycleError, which names the modules of a circle
 
 
 def third_party(*roots: Path) -> set[str]:
