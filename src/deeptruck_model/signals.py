@@ -30,7 +30,14 @@ CHANNELS: dict[str, Channel] = {
     c.name: c
     for c in (
         Channel("speed", "m/s", -1.0, 60.0, "longitudinal speed, forward positive"),
-        Channel("acceleration", "m/s^2", -15.0, 10.0, "longitudinal acceleration, forward positive"),
+        Channel("acceleration", "m/s^2", -15.0, 10.0, "derivative of speed, forward positive"),
+        Channel(
+            "specific_force",
+            "m/s^2",
+            -15.0,
+            12.0,
+            "what an accelerometer along the vehicle reads: dv/dt + g sin(slope)",
+        ),
         Channel("engine_command", "interface", -6000.0, 6000.0, "engine command; negative retards"),
         Channel("brake_command", "interface", 0.0, 200.0, "service brake command; positive brakes"),
         Channel("grade", "ratio", -0.4, 0.4, "road slope rise/run, uphill positive"),
@@ -118,6 +125,17 @@ def check_driver(driven_by: object) -> None:
     """Raises InputError for anything but PERSON, or None."""
     if driven_by not in (None, PERSON):
         raise InputError(f"driven_by is '{PERSON}' or left out, not {driven_by!r}")
+
+
+ACCELEROMETER, ELEVATION = SLOPE_SOURCES = ("accelerometer", "elevation")
+SLOPE_FROM = "slope_from"  # the key of COLUMNS and topic maps that says what a derived grade is from
+
+
+def check_slope_source(source: object) -> str | None:
+    """The source of a derived grade, or None. Raises InputError for one that is not in SLOPE_SOURCES."""
+    if source is not None and source not in SLOPE_SOURCES:
+        raise InputError(f"{SLOPE_FROM} is one of {', '.join(SLOPE_SOURCES)}, not {source!r}")
+    return None if source is None else str(source)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ def _grade(pitch_deg: float) -> float:
 CARRIERS: tuple[Carrier, ...] = (
     Carrier("speed", "CCVS1", "WheelBasedVehicleSpeed"),
     Carrier("speed", "EBC2", "FrontAxleSpeed"),
-    Carrier("acceleration", "VDC2", "LongitudinalAcceleration"),
+    Carrier("specific_force", "VDC2", "LongitudinalAcceleration"),
     Carrier("engine_speed", "EEC1", "EngineSpeed"),
     Carrier(
         "engine_torque",

@@ -26,7 +26,6 @@ class ReceivedSignals:
         torque = vehicle.reference_torque["engine"]
         self._carriers: dict[str, list[tuple[Carrier, Callable[[float], float]]]] = {}
         taken: set[str] = set() if vehicle.interface["grade"] else {"grade"}
-        taken.add("acceleration")  # VDC2 counts in 0.1 m/s^2; the wheel speed's difference is finer
         for carrier in sorted((*CARRIERS, *DEMANDS), key=self._preference):
             if carrier.channel in taken:
                 continue  # a second wheel speed is for the safety core

@@ -160,6 +160,13 @@ def import_log(
     ],
     clock: ClockOption = None,
     msg: MessageFiles = None,
+    slope_from: Annotated[
+        str | None,
+        typer.Option(
+            help="what a derived grade is from: accelerometer (fused with elevation) or elevation; by "
+            "default the first that the log has, where it has no grade"
+        ),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Import tables, CAN logs or bags; several ones into bags of their names below `out`."""
@@ -177,15 +184,23 @@ def import_log(
     if len(tables) > 1:
         out.mkdir(parents=True, exist_ok=True)
     for table, place in zip(tables, outs, strict=True):
-        _import_one(table, columns, place, clock, msg, overwrite)
+        _import_one(table, columns, place, clock, msg, slope_from, overwrite)
 
 
 def _import_one(
-    table: Path, columns: Path, out: Path, clock: Clock | None, msg: list[Path] | None, overwrite: bool
+    table: Path,
+    columns: Path,
+    out: Path,
+    clock: Clock | None,
+    msg: list[Path] | None,
+    slope_from: str | None,
+    overwrite: bool,
 ) -> None:
     from deeptruck_model.recordings import import_table
 
-    done = import_table(table, columns, out, overwrite=overwrite, clock=clock, msg=msg or ())
+    done = import_table(
+        table, columns, out, overwrite=overwrite, clock=clock, msg=msg or (), slope_from=slope_from
+    )
     seconds = sum(len(r) * r.dt for r in done.recordings)
     pieces = len(done.recordings)
     print(f"{done.bag}: {seconds:.1f} s in {pieces} piece{'s' if pieces != 1 else ''}")

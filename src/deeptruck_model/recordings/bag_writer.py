@@ -31,6 +31,7 @@ EPOCH_NS = (
 _TYPES = {
     "/truck/twist": "geometry_msgs/msg/TwistStamped",
     "/truck/accel": "geometry_msgs/msg/AccelStamped",
+    "/truck/imu": "sensor_msgs/msg/Imu",
     "/truck/status": "sensor_msgs/msg/JointState",
     "/truck/command": "sensor_msgs/msg/JointState",
     "/road": "sensor_msgs/msg/JointState",
@@ -141,6 +142,7 @@ def _rows(recording: Recording, ticks: NDArray[np.int64]) -> Iterator[_Rows]:
         fields = {
             "geometry_msgs/msg/TwistStamped": _vector_fields,
             "geometry_msgs/msg/AccelStamped": _vector_fields,
+            "sensor_msgs/msg/Imu": _imu_fields,
             "sensor_msgs/msg/Range": _range_fields,
             "sensor_msgs/msg/JointState": _joint_fields,
         }[_TYPES[topic]](channels, columns)
@@ -186,6 +188,16 @@ def _encoded(ticks: NDArray[np.int64], fields: list[_Field]) -> NDArray[np.uint8
 def _vector_fields(_: list[str], columns: list[Array]) -> list[_Field]:
     """Fields of a vector message: linear.x is the channel, the other five are zero."""
     return [("<f8", columns[0]), *[("<f8", 0.0)] * 5]
+
+
+def _imu_fields(_: list[str], columns: list[Array]) -> list[_Field]:
+    """Fields of an inertial sensor: linear_acceleration.x is the channel; a first covariance of -1 says that
+    orientation and angular velocity are not measured."""
+    absent: list[_Field] = [("<f8", -1.0), *[("<f8", 0.0)] * 8]
+    orientation: list[_Field] = [*[("<f8", 0.0)] * 3, ("<f8", 1.0)]
+    still: list[_Field] = [("<f8", 0.0)] * 3
+    force: list[_Field] = [("<f8", columns[0]), *[("<f8", 0.0)] * 11]
+    return [*orientation, *absent, *still, *absent, *force]
 
 
 def _range_fields(_: list[str], columns: list[Array]) -> list[_Field]:

@@ -12,7 +12,7 @@ from typing import Any
 from deeptruck_model.recordings import gated_brake, topic_map
 from deeptruck_model.recordings.tables import columns
 from deeptruck_model.recordings.units import canonical_units, known_units
-from deeptruck_model.signals import CHANNELS, PERSON
+from deeptruck_model.signals import CHANNELS, PERSON, SLOPE_FROM, SLOPE_SOURCES
 from deeptruck_model.vehicle_kinds import UNSTATED, VEHICLE_KINDS
 
 Schema = dict[str, Any]
@@ -56,6 +56,7 @@ def of_columns() -> Schema:
         "vehicle": {"enum": list(VEHICLE_KINDS)},
         "mass_kg": {"type": "number", "minimum": least_mass, "maximum": UNSTATED.most_mass_kg},
         "driven_by": {"enum": [PERSON]},
+        SLOPE_FROM: {"enum": list(SLOPE_SOURCES)},
     }
     described = {key: {**kinds[key], "description": meaning} for key, meaning in columns.KEYS.items()}
     return {"$schema": DRAFT, "title": "columns of a table", **_mapping(described, ["time", "channels"])}
@@ -66,10 +67,8 @@ def of_topics() -> Schema:
     channels = _channels(topic_map.ENTRY_KEYS, ["topic", "field"], unit=False)
     keys = {k: v for k, v in topic_map.ENTRY_KEYS.items() if k not in _WITH_UNITS}
     channels["properties"][topic_map.EXTRA] = _extra(keys, ["topic", "field"])
-    channels["properties"][topic_map.DRIVEN_BY] = {
-        "enum": [PERSON],
-        "description": columns.KEYS[topic_map.DRIVEN_BY],
-    }
+    for key, values in ((topic_map.DRIVEN_BY, [PERSON]), (SLOPE_FROM, list(SLOPE_SOURCES))):
+        channels["properties"][key] = {"enum": values, "description": columns.KEYS[key]}
     return {"$schema": DRAFT, "title": "topic map of a bag", **channels}
 
 

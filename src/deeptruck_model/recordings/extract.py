@@ -21,7 +21,7 @@ from deeptruck_model.recordings.clocks import Clocks
 from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
 from deeptruck_model.recordings.ordering import REORDER_NS, Part, Queue
-from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler, Series
 from deeptruck_model.recordings.topic_map import (
     DEFAULT_TOPICS,
@@ -127,8 +127,11 @@ def _read(
         )
     if interface is None:
         interface = _interface(name, stored, sources, resampler.measured)
+    # bags of ours that a table was imported into before 'specific_force' may call it acceleration
+    ours = not asked and not any(note.startswith(TABLE_NOTE) for note in notes)
     recordings = [
-        replace(recording, obeyed=obedience.known) for recording in resampler.finish(interface, notes)
+        replace(recording, obeyed=obedience.known)
+        for recording in resampler.finish(interface, notes, ours=ours)
     ]
     gated = any(source.gates for source in sources.values())
     return [gated_brake.substituted(recording) for recording in recordings] if gated else recordings
@@ -162,7 +165,7 @@ def of_messages(
             columns = [received[topic].columns[sources[c].field] for c in channels]
             queues[topic].put(received[topic].stamps, columns)
     _Drain(queues, by_topic, sources, resampler, obedience, account).until(None)
-    return [replace(r, obeyed=obedience.known) for r in resampler.finish(interface)]
+    return [replace(r, obeyed=obedience.known) for r in resampler.finish(interface, ours=True)]
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:

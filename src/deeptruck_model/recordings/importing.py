@@ -25,7 +25,7 @@ from deeptruck_model.recordings import gated_brake, import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.extract import read
-from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
+from deeptruck_model.recordings.grade import with_slope
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, period
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import Series, count_derived, uniform
@@ -36,8 +36,9 @@ from deeptruck_model.recordings.tables.header_words import fits, header, spelled
 from deeptruck_model.recordings.tables.row_keys import key_of, only, widened
 from deeptruck_model.recordings.tables.row_times import timed
 from deeptruck_model.recordings.tables.table_file import TextTable, read_table
+from deeptruck_model.recordings.topic_map import slope_source
 from deeptruck_model.recordings.units import conversion
-from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
+from deeptruck_model.signals import CHANNELS, SLOPE_FROM, TruckInterface, channel_of, check_slope_source
 
 Array = NDArray[np.float64]
 
@@ -66,14 +67,16 @@ def import_table(
     overwrite: bool = False,
     clock: Clock | None = None,
     msg: Sequence[str | Path] = (),
+    slope_from: str | None = None,
 ) -> Imported:
     """Convert a CSV or Parquet table, a CAN log or a bag to the rosbag2 folder `out`, as COLUMNS.yaml
     describes.
 
     For a bag with other topics `columns` is the topic map, and `out` holds the recordings that `read` returns
-    with it and `clock`. Recordings of a table keep its rate. Where the table lacks them, acceleration is
-    derived from speed and grade from an elevation that is not withheld; the bag notes it. Withheld channels
-    go only to `<out>.sealed.csv`.
+    with it and `clock`. Recordings of a table keep its rate. Where the log lacks them, acceleration is
+    derived from speed, and grade from an accelerometer and an elevation that are not withheld, or from the
+    one named by `slope_from` (see `grade.with_slope`); the bag notes it. Withheld channels go only to
+    `<out>.sealed.csv`.
 
     A CAN log (by its suffix) is passed to the first entry point of 'deeptruck.importers', a function `(log:
     Path, columns: dict) -> (channels, interface)`: `channels` maps our channel names to (times (n,) in s,
@@ -87,15 +90,18 @@ def import_table(
     table, out = calls.path(table, "a table"), calls.path(out, "out")
     if not isinstance(columns, Mapping | str | Path):
         raise InputError(f"columns must be a mapping or a YAML file, not {calls.shown(columns)}")
+    check_slope_source(slope_from)
     import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     if import_checks.is_bag(table, columns):
-        recordings = _of_what_is_there(read(table, topic_map=columns, clock=clock, msg=msg))
+        recordings = read(table, topic_map=columns, clock=clock, msg=msg)
+        source = slope_from or slope_source(columns)
+        recordings = _of_what_is_there(_with_slope(recordings, source, recordings[0].account))
         write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
     if import_checks.is_can_log(table):
-        return _import_can_log(table, columns, out, overwrite)
+        return _import_can_log(table, columns, out, overwrite, slope_from)
     meaning = load_columns(columns)
-    recordings = _of_what_is_there(_recordings(table, meaning))
+    recordings = _of_what_is_there(_recordings(table, meaning, slope_from))
     if not meaning.conceal:
         write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
@@ -107,7 +113,7 @@ def import_table(
     return Imported(out, recordings, sealed, hashlib.sha256(content).hexdigest())
 
 
-def _recordings(path: Path, meaning: Columns) -> list[Recording]:
+def _recordings(path: Path, meaning: Columns, slope_from: str | None) -> list[Recording]:
     table = read_table(
         path,
         delimiter=meaning.delimiter,
@@ -163,9 +169,9 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
     )
     if any(column.gates for column in meaning.channels.values()):
         recordings = [gated_brake.substituted(recording) for recording in recordings]
-    derive = "grade" not in values and "elevation" in values and "elevation" not in meaning.conceal
-    window = meaning.grade_window_m or GRADE_WINDOW_M
-    recordings = [_with_grade(r, window, account) for r in recordings] if derive else recordings
+    recordings = _with_slope(
+        recordings, slope_from or meaning.slope_from, account, meaning.grade_window_m, meaning.conceal
+    )
     inside = np.zeros(len(time), dtype=bool)
     for start, end in account.spans:
         inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)
@@ -267,12 +273,11 @@ def _on_time(channel: str, series: Series, late_s: float, segments: Array) -> Se
 def _interface(name: str, meaning: Columns) -> TruckInterface:
     channels = meaning.channels
     shown = set(channels) - set(meaning.conceal)
-    elevation_shown = "elevation" in shown
     return TruckInterface(
         name,
         engine_unit=channels["engine_command"].convert.unit if "engine_command" in shown else "N m",
         brake_unit=channels["brake_command"].convert.unit if "brake_command" in shown else None,
-        grade="grade" in shown or ("grade" not in channels and elevation_shown),
+        grade="grade" in shown,
         fuel="fuel_rate" in shown,
         vehicle=meaning.vehicle,
         mass_kg=meaning.mass_kg,
@@ -280,15 +285,29 @@ def _interface(name: str, meaning: Columns) -> TruckInterface:
     )
 
 
-def _with_grade(recording: Recording, window_m: float, account: Account) -> Recording:
-    elevation = recording.channels.get("elevation")
-    if elevation is None:
-        return recording
-    grade = grade_from_elevation(recording.channels["speed"], elevation, recording.dt, window_m)
-    count_derived(account, "grade", grade, recording.start_s, recording.dt)
-    note = f"grade derived from elevation over distance, smoothed over {window_m:g} m"
-    channels = {**recording.channels, "grade": grade}
-    return replace(recording, channels=channels, notes=(*recording.notes, note))
+def _with_slope(
+    recordings: list[Recording],
+    source: str | None,
+    account: Account | None,
+    window_m: float | None = None,
+    conceal: Sequence[str] = (),
+) -> list[Recording]:
+    """The recordings with a grade derived from what is not withheld, counted in the account."""
+    if "grade" in conceal:
+        return recordings
+    shown = [
+        replace(r, channels={c: v for c, v in r.channels.items() if c not in conceal}) for r in recordings
+    ]
+    sloped = with_slope(shown, source, window_m)
+    out = []
+    for r, one in zip(recordings, sloped, strict=True):
+        if one.channels.get("grade") is r.channels.get("grade"):
+            out.append(r)
+            continue
+        if account is not None:
+            count_derived(account, "grade", one.channels["grade"], r.start_s, r.dt)
+        out.append(replace(one, channels={**r.channels, "grade": one.channels["grade"]}))
+    return out
 
 
 def _seal(recordings: list[Recording], concealed: tuple[str, ...]) -> tuple[list[Recording], bytes]:
@@ -308,9 +327,11 @@ def _seal(recordings: list[Recording], concealed: tuple[str, ...]) -> tuple[list
 
 
 def _import_can_log(
-    log: Path, columns: Mapping[str, Any] | str | Path, out: Path, overwrite: bool
+    log: Path, columns: Mapping[str, Any] | str | Path, out: Path, overwrite: bool, slope_from: str | None
 ) -> Imported:
     meaning = import_checks.columns_of_log(log, columns)
+    source = check_slope_source(meaning.get(SLOPE_FROM)) or slope_from
+    meaning = {key: entry for key, entry in meaning.items() if key != SLOPE_FROM}
     gated = gated_brake.is_asked(meaning.get("channels"), implied=(gated_brake.SWITCH,))
     if gated:
         others = {c: entry for c, entry in meaning["channels"].items() if c != gated_brake.COMMAND}
@@ -336,6 +357,7 @@ def _import_can_log(
     series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
     name = str(meaning.get("name", log.stem))
     recordings = uniform(series, name=name, interface=interface, notes=notes, account=account)
+    recordings = _with_slope(recordings, source, recordings[0].account)
     recordings = recordings if account is None else _noted(recordings, account)
     recordings = [gated_brake.substituted(r) for r in recordings] if gated else recordings
     recordings = _of_what_is_there(recordings)

@@ -20,7 +20,7 @@ SNAP = 1e-3  # a sample this close to a tick, in steps, is that tick's value
 
 HELD = ("engine_command", "brake_command")
 LATCHED = ("gear", "brake_switch", *FAULTS)
-_STEP_MEANS = ("acceleration", "fuel_rate")
+_STEP_MEANS = ("acceleration", "specific_force", "fuel_rate")
 
 
 def period(time: Array) -> float:

@@ -7,7 +7,7 @@ bag of any length needs the memory of a few minutes.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
 NO_SPEED = "recorded while there was no speed"
 DERIVED = "derived where there is no speed"
+FROM_SPEED = "acceleration derived from speed"
 _SLOW_S = 1.0  # channels with longer periods reach further than that; they are few and stay in memory
 
 
@@ -182,9 +183,12 @@ class Resampler:
             if r.measured > (0 if channel in NEEDED else r.outside + r.none)
         }
 
-    def finish(self, interface: TruckInterface, notes: Sequence[str] = ()) -> list[Recording]:
-        """The recordings. Raises InputError if there are none, or if the unit of a required channel must be
-        wrong."""
+    def finish(
+        self, interface: TruckInterface, notes: Sequence[str] = (), *, ours: bool = False
+    ) -> list[Recording]:
+        """The recordings; an accelerometer that a log calls acceleration becomes the specific force, unless
+        the topics are `ours`, which say what it is. Raises InputError if there are none, or if the unit of a
+        required channel must be wrong."""
         for one in self._ranges.values():
             one.check(self.name, interface)
         if not self._pieces:
@@ -203,6 +207,7 @@ class Resampler:
             piece.recording(name, self.dt, interface, needed, notes, account)
             for name, piece in zip(names, self._pieces, strict=True)
         ]
+        found = found if ours else _gravity_apart(found, account)
         account.remarks += [doubt.says for doubt in sensors.doubts(found)]
         return found
 
@@ -298,9 +303,48 @@ class _Piece:
         channels = {c: v for c, v in joined.items() if c in needed or not np.isnan(v).all()}
         if "acceleration" not in channels or np.isnan(channels["acceleration"]).all():
             channels["acceleration"] = derive_acceleration(channels["speed"], dt)
-            notes = [*notes, "acceleration derived from speed"]
+            notes = [*notes, FROM_SPEED]
             count_derived(account, "acceleration", channels["acceleration"], self.start, dt)
         return Recording(name, dt, channels, interface, self.start, tuple(dict.fromkeys(notes)), account)
+
+
+def _gravity_apart(recordings: list[Recording], account: Account) -> list[Recording]:
+    """The recordings with a measured acceleration, or specific force, as what the data show that it is; the
+    account says so, and asks where they do not."""
+    meant = {"acceleration": "dv/dt", "specific_force": "what an accelerometer reads, gravity in it"}
+    for name, other in (("acceleration", "specific_force"), ("specific_force", "acceleration")):
+        if any(name not in r.channels for r in recordings) or name not in account.channels:
+            continue
+        felt = sensors.felt(recordings, name)
+        if felt is None or felt.channel == name:
+            continue
+        if felt.channel is None:
+            if name == "acceleration":
+                account.remarks.append(
+                    f"acceleration is taken for {meant[name]}; if a sensor measured it, call it {other}: "
+                    f"the drive does not show which it is ({felt.by})"
+                )
+            continue
+        if any(other in r.channels and FROM_SPEED not in r.notes for r in recordings):  # both were recorded
+            account.remarks.append(f"{name} looks like {meant[other]}: {felt.by}; is it {other}?")
+            continue
+        account.remarks.append(f"{name} is taken as {other}, {meant[other]}: {felt.by}; call it {other}")
+        account.channels[other] = account.channels.pop(name)
+        recordings = [_renamed(r, name, other) for r in recordings]
+        if name == "acceleration":
+            for r in recordings:
+                count_derived(account, name, r.channels[name], r.start_s, r.dt)
+        return recordings
+    return recordings
+
+
+def _renamed(r: Recording, name: str, other: str) -> Recording:
+    """The recording with a channel under another name, and acceleration derived from speed without one."""
+    channels = {c: values for c, values in r.channels.items() if c != name} | {other: r.channels[name]}
+    if other == "acceleration":
+        return replace(r, channels=channels, notes=tuple(n for n in r.notes if n != FROM_SPEED))
+    channels["acceleration"] = derive_acceleration(r.channels["speed"], r.dt)
+    return replace(r, channels=channels, notes=(*r.notes, FROM_SPEED))
 
 
 def _usual_order(channel: str) -> tuple[int, str]:

@@ -74,9 +74,12 @@ def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
             if one is not None:
                 set_point = one.role is Role.COMMANDED and one.channel not in DEMANDS and one.sure != OURS
                 (commanded if set_point else candidates).setdefault(one.channel, []).append(one)
-    sensors = [one for one in candidates.get("acceleration", []) if one.sure != OURS]
-    axes = [other for one in sensors for axis in "yz" if (other := _along(one, axis)) is not None]
-    candidates.get("acceleration", []).extend(axes)
+    axes: list[Candidate] = []
+    for kind in ("acceleration", "specific_force"):
+        measured = [one for one in candidates.get(kind, []) if one.sure != OURS]
+        others_of = [other for one in measured for axis in "yz" if (other := _along(one, axis)) is not None]
+        candidates.get(kind, []).extend(others_of)
+        axes += others_of
     for several in (*candidates.values(), *commanded.values()):
         several.sort(key=lambda one: one.order)
     proposal = Suggestion(candidates, commanded, found)
@@ -97,8 +100,9 @@ def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
 
     others = {id(one.field) for one in axes}
     proposal.doubts.extend(settled(proposal, values, lambda one: _along(one, "y")))
-    measured = candidates.get("acceleration", [])
-    measured[:] = [one for one in measured if one.follows or id(one.field) not in others]
+    for kind in ("acceleration", "specific_force"):
+        measured = candidates.get(kind, [])
+        measured[:] = [one for one in measured if one.follows or id(one.field) not in others]
     return proposal
 
 

@@ -15,7 +15,7 @@ from deeptruck_model.checks import Mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.units import Conversion, conversion
-from deeptruck_model.signals import CHANNELS, FAULTS, check_driver
+from deeptruck_model.signals import CHANNELS, FAULTS, SLOPE_FROM, check_driver, check_slope_source
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ def _named(topic: str, *channels: str) -> dict[str, Source]:
 DEFAULT_TOPICS: dict[str, Source] = {
     "speed": Source("/truck/twist", "twist.linear.x"),
     "acceleration": Source("/truck/accel", "accel.linear.x"),
+    "specific_force": Source("/truck/imu", "linear_acceleration.x"),
     **_named("/truck/status", "fuel_rate", "gear", "engine_speed", "engine_torque", "brake_switch", *FAULTS),
     **_named("/truck/command", "engine_command", "brake_command"),
     **_named("/road", "grade", "elevation", "ambient_temperature", "latitude", "longitude"),
@@ -75,6 +76,7 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
             return load(data)
     entries, gated = dict(topic_map), gated_brake.is_asked(topic_map)
     check_driver(entries.pop(DRIVEN_BY, None))
+    check_slope_source(entries.pop(SLOPE_FROM, None))
     extra = extra_of(entries.pop(EXTRA, {}), "the topic map")
     if gated:
         entries[gated_brake.COMMAND] = entries[gated_brake.SWITCH]
@@ -97,6 +99,12 @@ def driver(topic_map: TopicMap | str | Path) -> str | None:
     found = data.get(DRIVEN_BY)
     check_driver(found)
     return None if found is None else str(found)
+
+
+def slope_source(topic_map: TopicMap | str | Path) -> str | None:
+    """What a derived grade is from, according to the topic map; None if it does not say."""
+    data = load_yaml(Path(topic_map)) if isinstance(topic_map, str | Path) else topic_map
+    return check_slope_source(data.get(SLOPE_FROM))
 
 
 def facts(topic_map: TopicMap | str | Path) -> Mapped:

@@ -95,8 +95,6 @@ def _meaning(columns: Mapping[str, Any]) -> tuple[Codec, float]:
 def _defaults(found: Decoding, torque: float) -> dict[str, Series]:
     channels: dict[str, Series] = {}
     for carrier in CARRIERS:
-        if carrier.channel == "acceleration":
-            continue  # VDC2 counts in 0.1 m/s^2 and feels the slope; the reader derives it from speed
         if carrier.of_reference and math.isnan(torque):
             continue
         series = _best(found, carrier.message, carrier.signal)

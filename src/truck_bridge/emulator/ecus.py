@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
+from deeptruck_model.trucks.accelerometer import Accelerometer
 from truck_bridge.emulator.messages import Driver
 from truck_bridge.emulator.receiver import Receiver
 from truck_bridge.emulator.sender import voices
@@ -51,6 +52,7 @@ class EcuEmulator:
         # what the truck does not report is on the bus as 'not available'
         self.parameters: Mapping[str, float] = defaultdict(lambda: math.nan, self._truck.parameters())
         self._grade = grade
+        self._accelerometer = Accelerometer(seed=0)
         y0 = np.zeros((1, len(self._truck.interface.y)))
         y0[0, 1] = speed
         self._state = self._truck.reset(y0)
@@ -75,6 +77,11 @@ class EcuEmulator:
     def acceleration(self) -> float:
         """Mean acceleration of the last step, m/s^2."""
         return float(self._y[0, 0])
+
+    @property
+    def specific_force(self) -> float:
+        """What its accelerometer reads now, m/s^2."""
+        return self._accelerometer.reads(self.acceleration, self.slope)
 
     @property
     def slope(self) -> float:

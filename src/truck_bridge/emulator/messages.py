@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from deeptruck_model.constants import GRAVITY
 from truck_bridge.emulator.receiver import Receiver
 from truck_bridge.vehicles import Vehicle
 
@@ -34,7 +33,7 @@ class Truck(Protocol):
     @property
     def speed(self) -> float: ...
     @property
-    def acceleration(self) -> float: ...
+    def specific_force(self) -> float: ...
     @property
     def slope(self) -> float: ...
     @property
@@ -142,9 +141,8 @@ def _ebc5(truck: Truck) -> Values:
 
 
 def _vdc2(truck: Truck) -> Values:
-    along = GRAVITY * truck.slope / math.hypot(1.0, truck.slope)  # an accelerometer feels the slope
     return {
-        "LongitudinalAcceleration": truck.acceleration + along,
+        "LongitudinalAcceleration": truck.specific_force,
         "LateralAcceleration": 0.0,
         "YawRate": 0.0,
     }

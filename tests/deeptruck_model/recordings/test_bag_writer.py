@@ -72,7 +72,7 @@ def test_other_readers_open_it(tmp_path: Path, drive: Recording, interface: Truc
     with AnyReader([bag]) as reader:
         twist = [c for c in reader.connections if c.topic == "/truck/twist"]
         found = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages(twist)]
-        assert reader.message_count == 7 * 600
+        assert reader.message_count == 8 * 600
     np.testing.assert_array_equal([m.twist.linear.x for m in found], speed)
     assert [m.header.stamp.nanosec for m in found[:3]] == [0, 100_000_000, 200_000_000]
     (file,) = bag.glob("*.mcap")
@@ -97,7 +97,7 @@ def test_the_description_is_rosbag2s(tmp_path: Path, drive: Recording, interface
     assert described["storage_identifier"] == "mcap"
     assert described["version"] == 9
     assert described["relative_file_paths"] == ["bag_0.mcap"] == [p.name for p in bag.glob("*.mcap")]
-    assert described["message_count"] == 7 * 600
+    assert described["message_count"] == 8 * 600
     assert described["duration"]["nanoseconds"] == 59_900_000_000
     assert "deeptruck.interface" in described["custom_data"]
 

@@ -212,6 +212,6 @@ def test_jumps_cut(tmp_path: Path) -> None:
 
 
 def test_every_channel_can_be_imported() -> None:
-    """The contract names them all but position, brake switch and faults, which are ours."""
-    ours = {"latitude", "longitude", "brake_switch", *FAULTS}
+    """The contract names them all but position, brake switch, specific force and faults, which are ours."""
+    ours = {"latitude", "longitude", "brake_switch", "specific_force", *FAULTS}
     assert set(EVERYTHING["channels"]) | ours == set(CHANNELS)

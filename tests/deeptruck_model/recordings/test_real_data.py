@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.recordings import Recording, import_table, read
+from deeptruck_model.recordings.grade import with_slope
 
 ROOT = Path(__file__).parents[3]
 DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", ROOT.parent / "shared" / "data"))
@@ -62,7 +63,9 @@ def test_the_electric_car_in_the_hills(tmp_path: Path) -> None:
     (recording,) = imported("bmw_i3/TripA11.csv", "bmw_i3.yaml", tmp_path)
     assert recording.dt == 0.1 and len(recording) == 14_245
     assert recording.channels["elevation"].max() == 642
-    drift = np.cumsum(recording.channels["grade"] * recording.channels["speed"] * 0.1)
+    assert "specific_force" in recording.channels
+    (by_height,) = with_slope([recording], "elevation")
+    drift = np.cumsum(by_height.channels["grade"] * recording.channels["speed"] * 0.1)
     climbed = recording.channels["elevation"] - recording.channels["elevation"][0]
     assert np.abs(drift - climbed).max() < 5.0  # the grade integrates back to the elevation
 

@@ -169,7 +169,7 @@ def test_positions_and_accelerations_of_sensors(tmp_path: Path) -> None:
         ),
     )
     _, found = proposed(tmp_path, imu, fix)
-    assert fields(found, "acceleration") == [("/imu", "linear_acceleration.x", "m/s^2")]
+    assert fields(found, "specific_force") == [("/imu", "linear_acceleration.x", "m/s^2")]
     assert fields(found, "elevation") == [("/gps", "altitude", "m")]
     assert fields(found, "latitude") == [("/gps", "latitude", "deg")]
     assert "speed" not in found.candidates and "without it there is no recording" in found.lacking[0]

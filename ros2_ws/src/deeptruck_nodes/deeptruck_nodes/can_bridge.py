@@ -16,7 +16,7 @@ from deeptruck_model.signals import FAULTS
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run
-from deeptruck_nodes.topics import ACCEL, COMMAND, ENGAGED, RADAR_RANGE, ROAD, STATUS, TWIST
+from deeptruck_nodes.topics import ACCEL, COMMAND, ENGAGED, IMU, RADAR_RANGE, ROAD, STATUS, TWIST
 from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
 from truck_bridge.bus import open_bus
@@ -53,6 +53,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._wanted: bool = self.p["engage"]
         self._why_not: tuple[str, ...] = ()
         self._twist, self._accel = self.publish_on(TWIST), self.publish_on(ACCEL)
+        self._imu = self.publish_on(IMU)
         self._status, self._road = self.publish_on(STATUS), self.publish_on(ROAD)
         self._engaged = self.publish_on(ENGAGED)
         self.listen_to(COMMAND, self._on_command)
@@ -134,6 +135,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
 
     def _publish(self, stamp: int, signals: dict[str, float]) -> None:
         self._accel.publish(messages.accel(stamp, signals.get("acceleration", math.nan)))
+        self._imu.publish(messages.imu(stamp, signals.get("specific_force", math.nan)))
         inside = [*STATUS.fields, *(name for name in ("brake_switch", *FAULTS) if name in signals)]
         demands = self._vehicle.driver_demands(signals)
         self._status.publish(messages.scalars(stamp, [*inside, *demands], {**signals, **demands}))

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import AccelStamped, TwistStamped
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, Range
+from sensor_msgs.msg import Imu, JointState, Range
 
 SECOND = 1_000_000_000  # ns
 
@@ -48,6 +48,17 @@ def accel(stamp: int, acceleration: float) -> AccelStamped:
     return message
 
 
+def imu(stamp: int, specific_force: float) -> Imu:
+    """What an accelerometer along x of the truck reads, m/s^2, gravity in it (REP 145); it measures nothing
+    else."""
+    message = Imu()
+    message.header.stamp = time_message(stamp)
+    message.header.frame_id = "truck"
+    message.linear_acceleration.x = float(specific_force)
+    message.orientation_covariance[0] = message.angular_velocity_covariance[0] = -1.0
+    return message
+
+
 def accelerations(stamp: int, x: float, y: float, z: float) -> AccelStamped:
     """Three accelerations in one message, m/s^2; docs/topics.md defines each."""
     message = accel(stamp, x)
@@ -74,7 +85,7 @@ def road_ahead(stamp: int, grades: Sequence[float], spacing_m: float) -> JointSt
     return scalars(stamp, names, dict(zip(names, grades, strict=True)))
 
 
-def numbers(message: TwistStamped | AccelStamped | JointState | Range) -> dict[str, float]:
+def numbers(message: TwistStamped | AccelStamped | Imu | JointState | Range) -> dict[str, float]:
     """The numbers along x in a message, by their field paths in a topic map."""
     if isinstance(message, JointState):
         return {f"position[name={name}]": value for name, value in read_scalars(message).items()}
@@ -82,6 +93,8 @@ def numbers(message: TwistStamped | AccelStamped | JointState | Range) -> dict[s
         return {"range": message.range}
     if isinstance(message, AccelStamped):
         return {"accel.linear.x": message.accel.linear.x}
+    if isinstance(message, Imu):
+        return {"linear_acceleration.x": message.linear_acceleration.x}
     return {"twist.linear.x": message.twist.linear.x}
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from functools import partial
 
 from geometry_msgs.msg import AccelStamped, TwistStamped
-from sensor_msgs.msg import JointState, Range
+from sensor_msgs.msg import Imu, JointState, Range
 
 from deeptruck_model import simulators
 from deeptruck_model.mismatch.live.companion import Companion
@@ -25,6 +25,7 @@ from deeptruck_nodes.topics import (
     ACCEL,
     COMMAND,
     ENGAGED,
+    IMU,
     MISMATCH_BUDGET,
     MISMATCH_NAMES,
     MISMATCH_RESIDUAL,
@@ -73,7 +74,7 @@ class MismatchMonitor(DeeptruckNode):
         self.listen_to(TWIST, self._on_twist)
         self.listen_to(COMMAND, self._on_command)
         self.listen_to(ROAD, self._on_road)
-        for topic in (ACCEL, STATUS, ENGAGED, RADAR_RANGE):
+        for topic in (ACCEL, IMU, STATUS, ENGAGED, RADAR_RANGE):
             self.listen_to(topic, partial(self._keep, topic.name))
 
     def _on_twist(self, message: TwistStamped) -> None:
@@ -96,7 +97,7 @@ class MismatchMonitor(DeeptruckNode):
         self._keep(ROAD.name, message)
         self._monitor.hear_road(self._seconds(message), messages.read_scalars(message))
 
-    def _keep(self, topic: str, message: TwistStamped | AccelStamped | JointState | Range) -> None:
+    def _keep(self, topic: str, message: TwistStamped | AccelStamped | Imu | JointState | Range) -> None:
         """Keep the first and the last minutes of samples, from which questions are answered."""
         for window in (self._newest, self._begin):
             if window is not None:

@@ -9,6 +9,7 @@ import numpy as np
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.trucks.accelerometer import Accelerometer
 from deeptruck_nodes.roads import Road
 
 FADE_S = 1.0  # in which a command that is lost runs out, as the bridge fades the engine by 100 % a second
@@ -28,6 +29,12 @@ class Plant:
         self._held, self._left = (0.0, 0.0), 1.0  # the last command, and the share of it that still counts
         self.distance = 0.0
         self.grade, self.elevation = road.at(0.0)
+        self._accelerometer = Accelerometer(seed=0)
+        self.specific_force = self._read_accelerometer()
+
+    def _read_accelerometer(self) -> float:
+        """What its accelerometer reads, m/s^2; a simulator that takes no slope drives on a level road."""
+        return self._accelerometer.reads(self.acceleration, self.grade if self.interface.grade else 0.0)
 
     @property
     def speed(self) -> float:
@@ -50,6 +57,7 @@ class Plant:
         self._state, self._y = self._simulator.step(self._state, u, w)
         self.distance += (before + self.speed) / 2 * self.dt
         self.grade, self.elevation = self._road.at(self.distance)
+        self.specific_force = self._read_accelerometer()
 
     def speed_at(self, share: float) -> float:
         """Speed after `share` (0..1] of the last step, linear in time because the acceleration is its

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped, TwistStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, Range
+from sensor_msgs.msg import Imu, JointState, Range
 
 
 def _reliable(depth: int) -> QoSProfile:
@@ -85,6 +85,10 @@ TWIST = Topic(
 ACCEL = Topic(
     "/truck/accel", AccelStamped, SOURCES, ("mismatch_monitor", "recorder"),
     "rate_hz", "accel.linear.x = acceleration, m/s^2",
+)  # fmt: skip
+IMU = Topic(
+    "/truck/imu", Imu, SOURCES, ("mismatch_monitor", "recorder"),
+    "rate_hz", "linear_acceleration.x = what an accelerometer reads, m/s^2: dv/dt + g sin(slope)",
 )  # fmt: skip
 STATUS = Topic(
     "/truck/status", JointState, SOURCES, ("mismatch_monitor", "recorder"),
@@ -166,7 +170,7 @@ CLOCK = Topic("/clock", Clock, ("truck_sim", "replay"), (), "every step", "lock-
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
-        TWIST, ACCEL, STATUS, COMMAND, ENGAGED, ROAD, ROAD_AHEAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE,
+        TWIST, ACCEL, IMU, STATUS, COMMAND, ENGAGED, ROAD, ROAD_AHEAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE,
         MISMATCH_RESIDUAL, MISMATCH_NAMES, MISMATCH_BUDGET, DIAGNOSTICS, CLOCK, REPLAY_STATE, REPLAY_CONTROL,
     )
 }  # fmt: skip

@@ -16,7 +16,7 @@ from deeptruck_nodes import messages, roads
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.plant import Plant, ticks_a_step
-from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ENGAGED, MISMATCH_RESIDUAL, ROAD, STATUS, TWIST
+from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ENGAGED, IMU, MISMATCH_RESIDUAL, ROAD, STATUS, TWIST
 
 AHEAD = 5 * SECOND  # of stamps, that a lock-step run may be ahead of its monitor
 MONITOR_PATIENCE_S = 300.0  # it may compare minutes of driving meanwhile
@@ -40,6 +40,7 @@ class TruckSim(DeeptruckNode):
         self._coasting = False
         self._latest_by = 0.0
         self._twist, self._accel = self.publish_on(TWIST), self.publish_on(ACCEL)
+        self._imu = self.publish_on(IMU)
         self._status, self._road = self.publish_on(STATUS), self.publish_on(ROAD)
         self._engaged = self.publish_on(ENGAGED)
         self._clock = self.publish_on(CLOCK) if self.lockstep else None
@@ -120,6 +121,7 @@ class TruckSim(DeeptruckNode):
             self._road.publish(messages.scalars(stamp, ROAD.fields, road))
             self._status.publish(messages.scalars(stamp, STATUS.fields, self._plant.status()))
         self._accel.publish(messages.accel(stamp, self._plant.acceleration))
+        self._imu.publish(messages.imu(stamp, self._plant.specific_force))
         self._report(stamp)
 
     def _report(self, stamp: int) -> None:

@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 Values = Callable[[Candidate], tuple[Array, Array] | None]
 
 COMPARED = (
-    "speed", "acceleration", "engine_command", "brake_command", "grade", "elevation", "engine_speed",
-    "latitude", "longitude",
+    "speed", "acceleration", "specific_force", "engine_command", "brake_command", "grade", "elevation",
+    "engine_speed", "latitude", "longitude",
 )  # fmt: skip
 
 
@@ -48,20 +48,35 @@ def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candi
                 why=f"{one.why.partition(':')[0]}: {' and '.join(both)} move, as east and north: their norm",
             )
     speed = found.taken("speed")
-    measured = found.candidates.get("acceleration", [])
     if speed is None:
         return []
-    for k, one in enumerate(measured):
-        if (
-            one.unit
-            and one.sure != OURS
-            and (pieces := _recordings({"speed": speed, "acceleration": one}, values))
-        ):
-            measured[k] = _followed(one, sensors.accelerometer(pieces))
-    measured.sort(key=lambda one: (one.role, not one.follows, not one.unit))
+    _accelerometers(found, speed, values)
     taken = ((channel, found.taken(channel)) for channel in COMPARED)
     proposed = {channel: one for channel, one in taken if one is not None}
     return [doubt.says for doubt in sensors.doubts(_recordings(proposed, values))]
+
+
+def _accelerometers(found: Proposal, speed: Candidate, values: Values) -> None:
+    """Sort the candidates of acceleration and specific force: which follow the speed, and which of the two
+    they are by the data."""
+    kinds = ("acceleration", "specific_force")
+    every = [one for kind in kinds for one in found.candidates.get(kind, [])]
+    grade = found.taken("grade")
+    by_kind: dict[str, list[Candidate]] = {kind: [] for kind in kinds}
+    for one in every:
+        drive = {"speed": speed, one.channel: one} | ({} if grade is None else {"grade": grade})
+        if one.unit and one.sure != OURS and (pieces := _recordings(drive, values)):
+            one = _followed(one, sensors.accelerometer(pieces, one.channel))
+            felt = sensors.felt(pieces, one.channel) if one.follows else None
+            if felt is not None and felt.channel not in (None, one.channel):
+                one = replace(one, channel=str(felt.channel), why=f"{one.why}; {felt.by}")
+            elif felt is not None and felt.channel is None and one.channel == "acceleration":
+                one = replace(one, why=f"{one.why}; if a sensor measured it, call it specific_force")
+        by_kind[one.channel].append(one)
+    for kind, several in by_kind.items():
+        several.sort(key=lambda one: (one.role, not one.follows, not one.unit))
+        if several or kind in found.candidates:
+            found.candidates[kind] = several
 
 
 def _followed(one: Candidate, found: sensors.Accelerometer | None) -> Candidate:

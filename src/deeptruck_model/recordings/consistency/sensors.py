@@ -27,7 +27,11 @@ WINDOW_S, SLOW_S = 2.0, 10.0  # over which rates of change are taken, those of h
 LEAST = 10  # windows that do not overlap
 VARIED, STILL = 0.1, 0.1  # m/s^2, standard deviation of dv/dt that shows an accelerometer; share of it
 CORRELATED, SCALE = 0.7, (0.67, 1.5)
+CLIPPED = 0.005  # share of samples at one end of the range
 HAS_GRAVITY = 0.5  # of g times the slope of the road
+# m/s^2, sd of what a sensor and dv/dt differ by in means over SLOW_S: a slope of 0.3 % on a road and pitch;
+# beyond an accelerometer's drift; and what no drive on a road is below if gravity is in the sensor
+FELT, FLAT = 0.03, 0.005
 OFFSET = 0.15  # m/s^2; 1 degree of tilt is 0.17
 MOVING_M_S, DRIVING_M_S = 1.0, 3.0
 STEADY_S, STEADY = 1.0, 0.01  # in which engine speed over speed changes by less: gear engaged, clutch closed
@@ -80,7 +84,7 @@ def refuse(recordings: Sequence[Recording]) -> None:
 def doubts(recordings: Sequence[Recording]) -> list[Doubt]:
     """The doubts about one source's pieces; each channel is compared with the others."""
     checks = (
-        _acceleration,
+        _accelerometers,
         _speed_by_places,
         _speed_by_distance,
         _grade_by_height,
@@ -107,9 +111,9 @@ class Accelerometer:
     still: float
 
 
-def accelerometer(recordings: Sequence[Recording]) -> Accelerometer | None:
-    """Fit the accelerometer; None if acceleration is not measured, or speed hardly changes."""
-    rise, mean, slope = _windows(recordings, WINDOW_S, "speed", "acceleration", "grade")
+def accelerometer(recordings: Sequence[Recording], channel: str = "acceleration") -> Accelerometer | None:
+    """Fit the accelerometer in a channel; None if it is not measured, or speed hardly changes."""
+    rise, mean, slope = _windows(recordings, WINDOW_S, "speed", channel, "grade")
     known = np.isfinite(rise) & np.isfinite(mean)
     if known.sum() < LEAST or rise[known].std() < VARIED:
         return None
@@ -124,32 +128,72 @@ def accelerometer(recordings: Sequence[Recording]) -> Accelerometer | None:
     correlation = float(np.corrcoef(d, left)[0, 1]) if left.std() > 0.0 else 0.0
     return Accelerometer(
         float(fit[0]), float(fit[1]), float(fit[2]) if hilly else np.nan, correlation,
-        float(np.nanstd(np.concatenate([r.channels["acceleration"] for r in recordings])) / d.std()),
+        float(np.nanstd(np.concatenate([r.channels[channel] for r in recordings if channel in r.channels]))
+              / d.std()),
     )  # fmt: skip
 
 
-def _acceleration(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    found = accelerometer(recordings)
+@dataclass(frozen=True)
+class Felt:
+    """Whether a sensor's reading has gravity in it: `channel` is specific_force if so, acceleration if not,
+    None if the drive does not show it. `by` is the evidence, as text."""
+
+    channel: str | None
+    by: str
+
+
+def felt(recordings: Sequence[Recording], channel: str) -> Felt | None:
+    """Whether an accelerometer's reading has gravity in it, by what it and dv/dt differ by over SLOW_S, and
+    by a recorded slope. None if the channel is not measured, or does not follow the speed."""
+    found = accelerometer(recordings, channel)
+    if found is None or found.correlation < CORRELATED or not SCALE[0] < found.slope < SCALE[1]:
+        return None
+    rise, mean, speed, slope = _windows(recordings, SLOW_S, "speed", channel, "speed", "grade")
+    use = np.isfinite(rise) & np.isfinite(mean) & (speed > DRIVING_M_S)
+    if use.sum() < LEAST:
+        return None
+    apart = float(np.std((mean - found.slope * rise)[use]))
+    if apart < 1e-6:
+        return None  # it was derived from the speed
+    by = f"it and the derivative of speed differ by {apart:.3f} m/s² over {SLOW_S:g} s"
+    road = GRAVITY * float(np.nan_to_num(slope)[use].std())
+    if abs(found.gravity) > HAS_GRAVITY:
+        return Felt("specific_force", f"it has {found.gravity:.2f} g times the recorded slope in it")
+    if np.isfinite(found.gravity) and apart < HAS_GRAVITY * road:
+        return Felt("acceleration", f"it has {found.gravity:.2f} g times the recorded slope in it")
+    if apart > FELT:
+        return Felt("specific_force", f"{by}, as a road's slope does")
+    return Felt("acceleration" if apart < FLAT else None, by)
+
+
+def _accelerometers(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    for name in ("acceleration", "specific_force"):
+        if any(name in r.channels for r in recordings):
+            yield from _accelerometer(recordings, name)
+
+
+def _accelerometer(recordings: Sequence[Recording], name: str) -> Iterator[Doubt]:
+    found = accelerometer(recordings, name)
     if found is None:
         return
-    name = "acceleration"
+    without = WITHOUT if name == "acceleration" else "or leave it out"
     if found.still < STILL:
         yield Doubt(
             name,
-            f"acceleration stands still at {found.offset:.2g} m/s² while the speed changes: it is another "
-            f"axis or a sensor that failed; take another, {WITHOUT}",
+            f"{name} stands still at {found.offset:.2g} m/s² while the speed changes: it is another "
+            f"axis or a sensor that failed; take another, {without}",
             wrong=True,
         )
         return
     by = f"{found.slope:.2f} times the derivative of speed (correlation {found.correlation:.2f})"
     if found.correlation < -CORRELATED:
         yield Doubt(
-            name, f"acceleration has the wrong sign, it is {by}: give it 'scale: -1', {WITHOUT}", True, -1.0
+            name, f"{name} has the wrong sign, it is {by}: give it 'scale: -1', {without}", True, -1.0
         )
     elif found.correlation < CORRELATED:
         yield Doubt(
             name,
-            f"acceleration does not follow the speed, it is {by}: take another axis, {WITHOUT}",
+            f"{name} does not follow the speed, it is {by}: take another axis, {without}",
         )
         return
     elif not SCALE[0] < found.slope < SCALE[1]:
@@ -157,15 +201,9 @@ def _acceleration(recordings: Sequence[Recording]) -> Iterator[Doubt]:
              else " (g read as m/s^2)" if abs(found.slope * GRAVITY - 1) < 0.1 else "")  # fmt: skip
         yield Doubt(
             name,
-            f"acceleration is {by}{g}: give it its unit or 'scale: {1 / found.slope:.4g}', {WITHOUT}",
+            f"{name} is {by}{g}: give it its unit or 'scale: {1 / found.slope:.4g}', {without}",
             True,
             found.slope,
-        )
-    if abs(found.gravity) > HAS_GRAVITY:
-        yield Doubt(
-            name,
-            f"acceleration has gravity in it: {GRAVITY * found.gravity:.2f} m/s² times the road's slope: "
-            f"subtract it, {WITHOUT}",
         )
     if abs(found.offset) > OFFSET:
         tilt = degrees_of_tilt(found.offset)
@@ -174,9 +212,19 @@ def _acceleration(recordings: Sequence[Recording]) -> Iterator[Doubt]:
             also = f", or of one that feels gravity on a slope of {100 * np.tan(np.radians(tilt)):.0f} %"
         yield Doubt(
             name,
-            f"acceleration is {found.offset:+.2f} m/s² off the derivative of speed, as of a sensor tilted by "
-            f"{tilt:.1f} degrees{also}: correct it by 'offset', {WITHOUT}",
+            f"{name} is {found.offset:+.2f} m/s² off the derivative of speed, as of a sensor tilted by "
+            f"{tilt:.1f} degrees{also}: correct it by 'offset', {without}",
         )
+
+    reading = np.concatenate([r.channels[name] for r in recordings if name in r.channels])
+    reading = reading[np.isfinite(reading)]
+    for end in (reading.min(), reading.max()):
+        if (share := float(np.mean(reading == end))) > CLIPPED and abs(end) > abs(found.offset) + 2 * VARIED:
+            yield Doubt(
+                name,
+                f"{name} is at {end:.3g} m/s² in {share:.1%} of its samples: its range is too small, and "
+                f"what lies beyond is not known; record it with a larger one, {without}",
+            )
 
 
 def degrees_of_tilt(offset: float) -> float:

@@ -18,7 +18,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.topic_map import EXTRA, extra_of, load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
-from deeptruck_model.signals import CHANNELS, check_driver
+from deeptruck_model.signals import CHANNELS, SLOPE_FROM, check_driver, check_slope_source
 from deeptruck_model.vehicle_kinds import check_vehicle
 
 TIME_UNITS = {
@@ -41,6 +41,7 @@ KEYS = {
     "extra": "further columns of numbers, carried under names of their own",
     "conceal": "channels that go into BAG.sealed.csv only, never into the bag",
     "grade_window_m": "smoothing of a grade derived from elevation, m",
+    SLOPE_FROM: "what a derived grade is from: accelerometer (fused with elevation) or elevation",
     "vehicle": "what drove: truck, bus, van or car",
     "mass_kg": "what it weighed on these drives, kg; forces are then given in newtons",
     "driven_by": "person where a driver's pedals were recorded: then they were obeyed",
@@ -101,6 +102,7 @@ class Columns:
     driven_by: str | None = None
     only: Mapping[str, str] = field(default_factory=dict)
     pivot: tuple[str, str] | None = None
+    slope_from: str | None = None
 
 
 def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
@@ -152,6 +154,7 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         driven_by=data.get("driven_by"),
         only=_only(data.get("only") or {}),
         pivot=_pivot(data.get("pivot")),
+        slope_from=check_slope_source(data.get(SLOPE_FROM)),
     )
 
 

@@ -63,8 +63,16 @@ def test_tilt_and_gravity_are_found_by_the_grade() -> None:
     assert found.gravity == pytest.approx(1.0, abs=0.02)
     assert np.degrees(np.arcsin(found.offset / 9.80665)) == pytest.approx(2.0, abs=0.05)
     assert found.slope == pytest.approx(1.0, abs=0.02)
-    lines = said(acceleration=felt, grade=grade)
-    assert "has gravity in it" in lines[0] and "tilted by 2.0 degrees" in lines[1]
+    (line,) = said(specific_force=felt, grade=grade)
+    assert "specific_force is +0.34 m/s² off" in line and "tilted by 2.0 degrees" in line
+    kind = sensors.felt([recording(acceleration=felt, grade=grade)], "acceleration")
+    assert kind is not None and kind.channel == "specific_force" and "1.00 g times the recorded" in kind.by
+
+
+def test_a_clipped_accelerometer_is_reported() -> None:
+    t = 0.1 * np.arange(3000)
+    felt = np.clip(np.gradient(speed(t), t), -0.7, 0.7)
+    assert any("its range is too small" in line for line in said(specific_force=felt))
 
 
 def test_speed_is_held_against_places() -> None:
