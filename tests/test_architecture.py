@@ -139,7 +139,10 @@ def test_the_emulator_is_the_only_window_between_bridge_and_model() -> None:
         if within(name, "truck_bridge")
     }
     assert all(within(name, "truck_bridge.emulator") for name, others in through.items() if others)
-    assert set().union(*through.values()) == {"deeptruck_model.simulators"}
+    assert set().union(*through.values()) == {
+        "deeptruck_model.simulators",
+        "deeptruck_model.trucks.accelerometer",
+    }
 
 
 def test_the_floor_imports_no_room() -> None:
