@@ -123,7 +123,7 @@ class _About:
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
         anew = gather(
             tuned, self.drives.prepared, self.drives.held_out, seed=self.seed, moved=moved,
-            rules=self.e.rules, mass_kg=self.e.mass if self.e.mass_known else None,
+            rules=self.e.rules, mass_kg=self.e.mass if self.e.mass_known else None, as_given=self.e,
         )  # fmt: skip
         return replace(
             anew.without(self.e.hidden),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,9 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, quantum
 from deeptruck_model.mismatch.residual import components, effective_mass
-from deeptruck_model.mismatch.residual.command_path import changed
+from deeptruck_model.mismatch.residual.command_response import command_response
 from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence
-from deeptruck_model.mismatch.residual.forced import Grid, accelerations, forced
+from deeptruck_model.mismatch.residual.forced import Grid, forced
 from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
 from deeptruck_model.mismatch.residual.sensitivity import sensitivities
 from deeptruck_model.mismatch.residual.shift_moment import (
@@ -47,17 +47,18 @@ def gather(
     moved: Mapping[str, float] | None = None,
     rules: Rules = Rules(),
     mass_kg: float | None = None,
+    as_given: Evidence | None = None,
 ) -> Evidence:
     """Run the simulator forced along every drive: as given, with perturbed inputs, and with changed
     parameters.
 
-    `moved` are relative changes already made to the parameters as given. `mass_kg` is stated for a simulator
-    that does not report its mass; otherwise the recordings or its training data may. Other command paths are
-    run along the fitted drives only, and their change is zero along others. Raises InputError for
-    accelerations that no vehicle has.
+    `moved` are relative changes already made to the parameters, `as_given` the evidence before them, whose
+    spread under perturbed inputs is kept. `mass_kg` is stated for a simulator that does not report its mass;
+    otherwise the recordings or its training data may. Other command paths are run along the fitted drives
+    only, and their change is zero along others. Raises InputError for accelerations that no vehicle has.
     """
     driven = _driven(simulator, prepared, held_out)
-    evidence = _compared(driven, held_out, seed, rules, mass_kg)
+    evidence = _compared(driven, held_out, seed, rules, mass_kg, as_given)
     return _with_parameters(driven, replace(evidence, moved=dict(moved or {})))
 
 
@@ -102,6 +103,7 @@ def _compared(
     seed: int,
     rules: Rules,
     mass_kg: float | None,
+    as_given: Evidence | None,
 ) -> Evidence:
     """Simulated acceleration and residual along the drives, with the simulator's uncertainty."""
     simulator, prepared, grid = d.simulator, d.prepared, d.grid
@@ -111,14 +113,18 @@ def _compared(
     for_long, apart = d.other_gear(held_out)
     valid = grid.valid() & ~grid.any(for_long)
     _check_possible(simulated[valid])
-    sooner = of_a_sample_sooner(simulator, prepared, grid) if d.known_physics else None
-    apart_by = 0.0 if sooner is None else samples_apart(residual, sooner, valid)
+    if as_given is not None:
+        sooner, disagreement = as_given.sooner, as_given.disagreement
+    else:
+        sooner = of_a_sample_sooner(simulator, prepared, grid) if d.known_physics else None
+        apart_by = 0.0 if sooner is None else samples_apart(residual, sooner, valid)
+        disagreement = _disagreement(simulator, prepared, grid, seed, apart_by)
     return Evidence(
         dt=prepared[0].dt * grid.block,
         stretches=grid.stretches,
         residual=residual,
         simulated=simulated,
-        disagreement=_disagreement(simulator, prepared, grid, seed, apart_by),
+        disagreement=disagreement,
         valid=valid,
         other_gear=int(sum(samples.sum() for samples in for_long)),
         signals=signals | {"simulated": simulated, "gear apart": grid.any(apart).astype(float)},
@@ -127,7 +133,7 @@ def _compared(
         mass_known=mass_known,
         known_physics=d.known_physics,
         vehicle=prepared[0].recording.interface.kind,
-        rerun=_rerunner(simulator, prepared, grid, simulated, [not out for out in held_out]),
+        rerun=_rerunner(d, [not out for out in held_out]),
         sooner=sooner,
         slow_noise=rules.slow_noise,
         rules=rules,
@@ -190,25 +196,14 @@ def _disagreement(
     return grid.stack(parts)
 
 
-def _rerunner(
-    simulator: Simulator,
-    prepared: Sequence[Prepared],
-    grid: Grid,
-    simulated: Array,
-    along: Sequence[bool],
-) -> Callable[[str, float], Array]:
-    driven = [p for p, on in zip(prepared, along, strict=True) if on]
-    rows = np.concatenate(
-        [np.full(s.stop - s.start, on) for s, on in zip(grid.stretches, along, strict=True)]
-    )
-    part = Grid(driven, [False] * len(driven), grid.block) if driven else grid
+def _rerunner(d: _Driven, along: Sequence[bool]) -> Callable[[str, float], Array]:
+    driven, runs = list(compress(d.prepared, along)), list(compress(d.runs, along))
+    response = command_response(d.simulator, driven, runs)
 
-    @lru_cache(maxsize=256)
     def rerun(name: str, amount: float) -> Array:
-        out = np.zeros(len(simulated))
-        if driven:
-            us = [changed(p, name, amount) for p in driven]
-            out[rows] = accelerations(simulator, driven, part, us) - simulated[rows]
-        return out
+        changes = iter(response(name, amount))
+        return d.grid.stack(
+            [next(changes) if on else np.zeros(len(p.u)) for p, on in zip(d.prepared, along, strict=True)]
+        )
 
     return rerun
