@@ -30,8 +30,8 @@ from deeptruck_exam.plants.simulators import command
 from deeptruck_exam.real.withheld import LAYOUTS, trained, whole_log, withhold
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find_mismatch, unrecorded
+from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.report import wording
-from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.recordings import Recording, split, write_bag
 from deeptruck_model.simulators import Simulator, load
 

@@ -7,9 +7,9 @@ torque cannot be converted to N m.
 from __future__ import annotations
 
 import math
-import re
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.vehicle_kinds import VehicleKind, check_vehicle, vehicle_kind
@@ -100,17 +100,46 @@ def speed_unit(unit: str) -> float:
     return SPEED_UNITS[unit]
 
 
-def speeds_in(unit: str, text: str) -> str:
-    """A text whose speeds, written as '0.8 m/s' or '4 to 16 m/s', are converted to another unit."""
-    per = speed_unit(unit)
-    if unit == "m/s":
-        return text
+class Speed(NamedTuple):
+    """A speed within a `Said`: its value in m/s, significant digits, whether its unit follows, and whether a
+    plus precedes positive ones."""
 
-    def shown(found: re.Match[str]) -> str:
-        low, high = (x and f"{per * float(x):.3g}" for x in found.groups())
-        return f"{f'{low} to ' if low else ''}{high} {unit}"
+    m_s: float
+    digits: int = 2
+    with_unit: bool = True
+    sign: bool = False
 
-    return re.sub(r"(?:(\d+(?:\.\d+)?) to )?(\d+(?:\.\d+)?) m/s(?![²^/\w])", shown, text)
+    def shown_in(self, unit: str) -> str:
+        x = speed_unit(unit) * self.m_s
+        plus = "+" if self.sign and x > 0.0 else ""
+        number = f"{x:{plus}.0f}" if abs(x) >= 10.0**self.digits else f"{x:{plus}.{self.digits}g}"
+        return f"{number} {unit}" if self.with_unit else number
+
+
+class Said(str):
+    """A text that keeps its speeds as numbers: as a string in m/s, `shown_in` any unit of SPEED_UNITS."""
+
+    parts: tuple[str | Speed, ...]
+
+    def __new__(cls, *parts: str | Speed) -> Said:
+        flat = [inner for part in parts for inner in (part.parts if isinstance(part, Said) else (part,))]
+        self = super().__new__(cls, "".join(p if isinstance(p, str) else p.shown_in("m/s") for p in flat))
+        self.parts = tuple(part for part in flat if part)
+        return self
+
+    def shown_in(self, unit: str) -> str:
+        return "".join(p if isinstance(p, str) else p.shown_in(unit) for p in self.parts)
+
+    @staticmethod
+    def joined(between: str, texts: Iterable[str]) -> Said:
+        """The texts with `between` in between."""
+        parts = [part for text in texts for part in (between, text)]
+        return Said(*parts[1:])
+
+
+def shown(text: str, unit: str) -> str:
+    """A text with its speeds in `unit`; one that keeps none is unchanged."""
+    return text.shown_in(unit) if isinstance(text, Said) else text
 
 
 ENGINE_UNITS = ("N m", "percent", "g/s", "cm^3/s")

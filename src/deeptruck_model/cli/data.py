@@ -26,7 +26,7 @@ from deeptruck_model.cli.inputs import (
     show_accounts,
 )
 from deeptruck_model.errors import InputError
-from deeptruck_model.signals import speed_unit, speeds_in
+from deeptruck_model.signals import shown, speed_unit
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Suggestion, TableSuggestion
@@ -283,7 +283,7 @@ def show_coverage(
         lengths = [len(piece) * dt for piece in pieces]
         several = f" in {len(lengths)} pieces" if len(lengths) > 1 else ""
         print(f"{bag}: {sum(lengths):.1f} s at {1 / dt:g} Hz{several}")
-    print(speeds_in(units, found.judgement))
+    print(shown(found.judgement, units))
     print(f"see {out / 'coverage.html'}")
     for line in found.warnings:
         print(f"warning: {line}", file=sys.stderr)

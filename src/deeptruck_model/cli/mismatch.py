@@ -25,7 +25,7 @@ from deeptruck_model.cli.inputs import (
 )
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
-from deeptruck_model.signals import speed_unit, speeds_in
+from deeptruck_model.signals import speed_unit
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
@@ -124,7 +124,7 @@ def _show(found: Mismatch, out: Path, units: str) -> None:
     """Print the verdict's first sentences, speeds in `units`."""
     from deeptruck_model.mismatch import summary
 
-    print(*(speeds_in(units, line) for line in summary(found)), sep="\n")
+    print(*summary(found, units), sep="\n")
     print(f"report: {out / 'report.html'}")
     if found.result.validated:
         print(f"    {folders.apply_command(out)}")

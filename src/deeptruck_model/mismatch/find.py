@@ -14,12 +14,12 @@ from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.model import correct
 from deeptruck_model.mismatch.correction.validate import validate
 from deeptruck_model.mismatch.folders import CORRECTION
+from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.events import without_events
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
 from deeptruck_model.mismatch.prepare import PreparedDrives, Span, left_to_compare, prepare_drives
 from deeptruck_model.mismatch.residual.gather import gather
-from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.verdict.conclude import conclude, useless
 from deeptruck_model.recordings import Recording

@@ -22,14 +22,19 @@ from deeptruck_model.mismatch.folders import (
     apply_command,
     read_verdict,
 )
+from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.report import lines, page
-from deeptruck_model.mismatch.result import Mismatch, Verdict
+from deeptruck_model.mismatch.result import Verdict
+from deeptruck_model.signals import shown
 
 
-def summary(mismatch: Mismatch) -> list[str]:
-    """The first sentences of terminal output and page."""
-    found = calls.instance(mismatch, Mismatch, "what is to be summed up", "find_mismatch returns one")
-    return lines.lines(found.result)
+def summary(mismatch: Mismatch | Verdict, units: str = "m/s") -> list[str]:
+    """The sentences of a result, or of a verdict that was read, with speeds in `units`."""
+    if not isinstance(mismatch, Mismatch | Verdict):
+        asked = "what find_mismatch or mismatch.read returns"
+        raise InputError(f"summary takes {asked}, not {calls.shown(mismatch)}")
+    verdict = mismatch if isinstance(mismatch, Verdict) else mismatch.result
+    return [shown(line, units) for line in lines.lines(verdict)]
 
 
 def read(folder: str | Path) -> Verdict:
@@ -57,8 +62,8 @@ def write(mismatch: Mismatch, out: str | Path, *, overwrite: bool = False) -> No
 
 def fill(draft: Path, mismatch: Mismatch, command: str, units: str = "m/s") -> None:
     """Write the files of a result into the folder `draft`; `command` is the one that applies the correction,
-    `units` are those of speeds on the page. Raises OSError."""
-    (draft / "verdict.json").write_text(json.dumps(mismatch.verdict, indent=1))
+    `units` are those of speeds in sentences and on the page. Raises OSError."""
+    (draft / "verdict.json").write_text(json.dumps(mismatch.verdict_in(units), indent=1))
     _write_profiles(mismatch, draft / "profiles.csv")
     for name, truck in ((CORRECTED, mismatch.corrected), (REFITTED, mismatch.refitted)):
         if truck is not None:

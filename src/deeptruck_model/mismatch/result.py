@@ -12,18 +12,16 @@ from numpy.typing import NDArray
 
 from deeptruck_model._io.json_data import HIDDEN, SPARSE, from_json, stored, to_json
 from deeptruck_model.mismatch.budget import Budget
-from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection
-from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.fit_result import Errors, FitResult, Interval
+from deeptruck_model.mismatch.fit_result import FitResult, Interval
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
 from deeptruck_model.mismatch.names import Explanation
 from deeptruck_model.mismatch.posterior.events import Event
-from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.strength import Strength
 from deeptruck_model.mismatch.tree import Node
 from deeptruck_model.mismatch.unrecorded import NotRecorded
 from deeptruck_model.mismatch.verdict.witnesses import Witness
+from deeptruck_model.signals import Said, Speed
 
 Array = NDArray[np.float64]
 
@@ -66,12 +64,17 @@ class Bound:
     unit: str
 
     def __str__(self) -> str:
-        after = f" {self.unit}" if self.unit else ""
+        low, high = self._end(self.low, with_unit=np.isinf(self.high)), self._end(self.high)
         if np.isinf(self.low):
-            return f"{self.signal} < {self.high:.3g}{after}"
+            return Said(self.signal, " < ", high)
         if np.isinf(self.high):
-            return f"{self.signal} > {self.low:.3g}{after}"
-        return f"{self.signal} {self.low:.3g} .. {self.high:.3g}{after}"
+            return Said(self.signal, " > ", low)
+        return Said(self.signal, " ", low, " .. ", high)
+
+    def _end(self, value: float, *, with_unit: bool | np.bool_ = True) -> str | Speed:
+        if self.unit == "m/s":
+            return Speed(value, 3, bool(with_unit))
+        return f"{value:.3g}" + (f" {self.unit}" if self.unit and with_unit else "")
 
 
 @dataclass(frozen=True)
@@ -198,34 +201,3 @@ class Verdict:
         if fit is not None:
             fit = {"offered": CORRECTION if fit["validated"] else AS_GIVEN, **fit}
         return from_json(Verdict, {**verdict, "fit": fit, "budget": budget})
-
-
-@dataclass(frozen=True, repr=False)
-class Mismatch:
-    """The verdict and the data that the report plots; None if nothing could be compared.
-
-    `errors` are those of free runs along the held-out drives: `before`, `parameters_only` and `after` the
-    correction; and of the simulator as given along the drives that were `fitted`.
-    """
-
-    result: Verdict
-    evidence: Evidence | None
-    errors: Mapping[str, Errors]
-    corrected: CorrectedTruck | None
-    prepared: tuple[Prepared, ...]
-    refitted: CorrectedTruck | None = None
-
-    def __repr__(self) -> str:
-        """The findings in one line, because the fields hold all samples."""
-        names = ", ".join(f.effect for f in self.findings) or "no finding"
-        return f"<Mismatch: {self.result.kind}; {names}; {'' if self.result.validated else 'not '}validated>"
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """The findings, in the order of verdict.json."""
-        return self.result.findings
-
-    @property
-    def verdict(self) -> dict[str, Any]:
-        """The content of verdict.json."""
-        return self.result.to_json()

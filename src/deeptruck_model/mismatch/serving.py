@@ -19,10 +19,10 @@ from typing import Any
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import apply_command
+from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.output import fill
 from deeptruck_model.mismatch.prepare import Span
 from deeptruck_model.mismatch.report import page
-from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.pages import local
 
 Say = Callable[[str], None]
@@ -41,8 +41,9 @@ class Comparisons:
     """Runs comparisons one after another in a thread; results go to `folder`, and those the user keeps to
     `to`."""
 
-    def __init__(self, found: Mismatch, again: Again, folder: Path, to: Path) -> None:
+    def __init__(self, found: Mismatch, again: Again, folder: Path, to: Path, units: str) -> None:
         self._found, self._again, self._folder, self._to = found, again, folder, to
+        self._units = units
         self._state: dict[str, Any] = {"state": "idle"}
         self._count = 0
         self._lock = threading.Lock()
@@ -68,9 +69,9 @@ class Comparisons:
             folder = self._folder / str(number)
             folder.mkdir()
             command = apply_command(folder, self._to)
-            fill(folder, found, command)
+            fill(folder, found, command, self._units)
             result = {"number": number, "command": command if found.result.validated else ""}
-            self._state = {"state": "done", "result": result | page.brief(found, self._found)}
+            self._state = {"state": "done", "result": result | page.brief(found, self._found, self._units)}
         except (InputError, OSError) as error:
             self._state = {"state": "refused", "step": str(error)}
         except Exception:
@@ -134,7 +135,9 @@ def served(found: Mismatch, out: Path, again: Again, units: str = "m/s") -> Iter
     folder = Path(tempfile.mkdtemp(prefix="deeptruck-again-"))
     with files.removing(lambda: shutil.rmtree(folder, ignore_errors=True)):
         text = page.html(found, apply_command(out), served=True, units=units).encode()
-        server = _Server(local.made(), text, Comparisons(found, again, folder, Path(f"{out}_without_rows")))
+        server = _Server(
+            local.made(), text, Comparisons(found, again, folder, Path(f"{out}_without_rows"), units)
+        )
         server.start()
         try:
             yield server.place.address

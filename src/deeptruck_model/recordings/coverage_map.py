@@ -25,10 +25,11 @@ from deeptruck_model.pages.style import MODELLED, WIDTH_IN, plain_log, png, styl
 from deeptruck_model.recordings.given import Drives, drives
 from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.signals import printed, sensible, speed_unit, speeds_in
+from deeptruck_model.signals import Said, Speed, printed, sensible, shown, speed_unit
 
 Array = NDArray[np.float64]
 
+SLOW, FAST = Speed(4.0, 3), Speed(16.0, 3)
 SPEED_EDGES: Array = np.linspace(0.0, 40.0, 21)  # m/s
 ACCELERATION_EDGES: Array = np.linspace(-10.0, 3.0, 53)  # m/s^2; no tyre of a truck brakes harder
 GRADE_EDGES: Array = np.linspace(-0.10, 0.10, 21)  # ratio
@@ -65,9 +66,12 @@ def conditions(seconds: NDArray[np.float64]) -> tuple[Condition, ...]:
     by_speed, by_acceleration = seconds.sum(axis=(1, 2)), seconds.sum(axis=(0, 2))
     by_grade, grade = seconds[:, :, :-1].sum(axis=(0, 1)), GRADE_EDGES[:-1].round(6)
     parts = (
-        ("below 4 m/s", by_speed[speed < 4.0]),
-        ("4 to 16 m/s", by_speed[(speed >= 4.0) & (speed < 16.0)]),
-        ("above 16 m/s", by_speed[speed >= 16.0]),
+        (Said("below ", SLOW), by_speed[speed < SLOW.m_s]),
+        (
+            Said(SLOW._replace(with_unit=False), " to ", FAST),
+            by_speed[(speed >= SLOW.m_s) & (speed < FAST.m_s)],
+        ),
+        (Said("above ", FAST), by_speed[speed >= FAST.m_s]),
         ("accelerating above 0.5 m/s²", by_acceleration[acceleration >= 0.5]),
         ("slowing by 0.5 to 2 m/s²", by_acceleration[(acceleration >= -2.0) & (acceleration < -0.5)]),
         ("slowing by more than 2 m/s²", by_acceleration[acceleration < -2.0]),
@@ -86,8 +90,8 @@ def judgement(seconds: NDArray[np.float64], duration_s: float, commanded: bool) 
         return (
             f"Enough to train: no, {_long(duration_s)} were driven, and {ENOUGH_S / 60:.0f} min are needed."
         )
-    lacking = [f"{c.name}: no ({_long(c.driven_s)})" for c in conditions(seconds) if not c.enough]
-    return "; ".join([f"Enough to train: yes ({_long(duration_s)})", *lacking]) + "."
+    lacking = [Said(c.name, f": no ({_long(c.driven_s)})") for c in conditions(seconds) if not c.enough]
+    return Said(Said.joined("; ", [f"Enough to train: yes ({_long(duration_s)})", *lacking]), ".")
 
 
 def _long(seconds: float) -> str:
@@ -99,8 +103,7 @@ def _long(seconds: float) -> str:
 def rows(seconds: NDArray[np.float64], units: str = "m/s") -> tuple[tuple[str, ...], ...]:
     """Condition (speeds in `units`), time driven, and whether it suffices, as text."""
     return tuple(
-        (speeds_in(units, c.name), _long(c.driven_s), "yes" if c.enough else "no")
-        for c in conditions(seconds)
+        (shown(c.name, units), _long(c.driven_s), "yes" if c.enough else "no") for c in conditions(seconds)
     )
 
 
@@ -201,7 +204,7 @@ def page(found: Mapping[str, Any], maps: bytes, channels: bytes, units: str = "m
     seconds = np.array(found["occupancy"]["seconds"])
     conditions = Table(CONDITIONS, ("condition", "driven", "enough to learn it"), rows(seconds, units))
     return document(
-        speeds_in(units, found["judgement"]),
+        shown(found["judgement"], units),
         [*(f"Not recorded: {sentence(missing)}" for missing in found["not_recorded"]), *found["warnings"]],
         [
             Picture(channels, SHOWS_CHANNELS),

@@ -11,7 +11,7 @@ import pytest
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, Series, coverage, uniform
 from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES, judgement
-from deeptruck_model.signals import TruckInterface, sensible, speeds_in
+from deeptruck_model.signals import TruckInterface, sensible
 
 
 def steady(speed: float, acceleration: float, grade: float | None, count: int = 100) -> Recording:
@@ -142,11 +142,3 @@ def test_speeds_are_shown_in_other_units_and_stored_in_m_s(tmp_path: Path) -> No
     assert "14.4 to 57.6 km/h" in shown and "46.8" in shown and "slowing by 0.5 to 2 m/s²" in shown
     assert json.loads((tmp_path / "out" / "coverage.json").read_text())["judgement"] == found.judgement
     assert "above 16 m/s: no" in found.judgement
-
-
-def test_a_text_keeps_accelerations_and_its_own_unit() -> None:
-    text = "off by 0.5 m/s, 4 to 16 m/s, 2 m/s², 3 m/s^2; 1 m/s"
-    assert speeds_in("m/s", text) == text
-    assert speeds_in("mph", text) == "off by 1.12 mph, 8.95 to 35.8 mph, 2 m/s², 3 m/s^2; 2.24 mph"
-    with pytest.raises(InputError, match="speeds are shown in"):
-        speeds_in("knots", text)

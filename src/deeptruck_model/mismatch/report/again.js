@@ -39,14 +39,14 @@ function table(heads, rows) {
   return wide;
 }
 
-function show({number, headline, lines, budget, errors, left_out: rows, command}) {
+function show({number, headline, lines, budget, errors, units, left_out: rows, command}) {
   const again = part("again"), heads = ["all rows", "without the marked"];
   again.hidden = false;
   again.replaceChildren(
     made("h3", `Without the marked rows: ${headline}`), made("p", `${rows} samples were left out.`, {className: "quiet"}),
     ...lines.filter(text => text).map(text => made("p", text)));
   if (budget.length) again.append(table(["squared speed error", ...heads], budget));
-  if (errors.length) again.append(table(["speed error, m/s", ...heads], errors));
+  if (errors.length) again.append(table([`speed error, ${units}`, ...heads], errors));
   if (command) again.append(made("pre", command));
   const link = made("p");
   link.append(made("a", "The whole page of this comparison", {href: `again/${number}/`, target: "_blank", rel: "noopener"}));

@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.report.wording import (
 from deeptruck_model.mismatch.result import Answer, Conclusion, Finding, Kind, Size, Verdict
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN, Node
+from deeptruck_model.signals import Said, Speed
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 HEADLINES = {
@@ -29,6 +30,7 @@ HEADLINES = {
 GOOD_ENOUGH = "the simulator is good enough"
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
+SPEED_UNIT = "m/s"
 MOST_DRIVES = 6  # whose sizes are in the headline
 MOST_EVENTS = 3  # that are listed
 MOST_SETS = 3  # of names that are in together, which are listed
@@ -53,9 +55,9 @@ def headline(v: Verdict) -> str:
     f = v.findings[0]
     if _good_enough(v):
         own = next((one for one in v.findings if one.effect == UNKNOWN and one.in_drives), None)
-        what = f"{_in_drives(own)}; otherwise {GOOD_ENOUGH}" if own is not None else GOOD_ENOUGH
-        return opened(what) + (f"; better still: {_next_step(v)}" if v.validated else "")
-    return f"{opened(_larger(v) + _in_drives(f))}: {_next_step(v)}"
+        what = Said(_in_drives(own), f"; otherwise {GOOD_ENOUGH}") if own is not None else GOOD_ENOUGH
+        return Said(opened(what), f"; better still: {_next_step(v)}" if v.validated else "")
+    return Said(opened(Said(_larger(v), _in_drives(f))), f": {_next_step(v)}")
 
 
 def _good_enough(v: Verdict) -> bool:
@@ -70,8 +72,8 @@ def _in_drives(f: Finding) -> str:
     drives = ", ".join(_drive(f, name) for name in f.in_drives)
     what = f"in {drives} alone of the fitted drives, {_what(f)}" if drives else _what(f) + _by_drive(f)
     share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
-    where = f", mostly where {f.in_condition}" if f.in_condition else ""
-    return what + where + share
+    where = Said(", mostly where ", f.in_condition) if f.in_condition else ""
+    return Said(what, where, share)
 
 
 def _larger(v: Verdict) -> str:
@@ -104,8 +106,8 @@ def sizes(v: Verdict) -> str:
     for f in v.findings:
         if found := list(_size(f)):
             given = "" if f.stated == f.effect or f.effect == UNKNOWN else "if "
-            each.append(f"{given}{spoken(f.effect)}: {', '.join(found)}")
-    return f"Sizes with 95 % intervals: {'; '.join(each)}." if each else ""
+            each.append(Said(f"{given}{spoken(f.effect)}: ", Said.joined(", ", found)))
+    return Said("Sizes with 95 % intervals: ", Said.joined("; ", each), ".") if each else ""
 
 
 def _size(f: Finding) -> Iterator[str]:
@@ -114,27 +116,34 @@ def _size(f: Finding) -> Iterator[str]:
     if (error := f.parameters.get("relative_error")) is not None:
         own = f.parameters.get(f.effect)
         if own is not None and own.unit != "1":
-            yield _interval(error, own.value / (1.0 + error.value), own.unit, sign=True)
-        yield _interval(error, 100.0, "%", sign=True)
+            yield interval(error, own.value / (1.0 + error.value), own.unit, sign=True)
+        yield interval(error, 100.0, "%", sign=True)
         return
     by_drive = {name.partition("[")[2][:-1]: x for name, x in f.parameters.items() if name.endswith("]")}
     if by_drive and len(by_drive) <= MOST_DRIVES:
-        yield from (f"{drive} {_interval(x, 1.0, x.unit, sign=True)}" for drive, x in by_drive.items())
+        yield from (Said(drive, " ", interval(x, 1.0, x.unit, sign=True)) for drive, x in by_drive.items())
         return
     if not by_drive and not any(map(str.isdigit, "".join(f.parameters))):
         for name, x in f.parameters.items():
             if x.ci95 is not None:
                 what = "" if name == "value" else f"{name.replace('_', ' ')} "
-                yield what + _interval(x, 1.0, x.unit)
+                yield Said(what, interval(x, 1.0, x.unit))
     if f.strength is not None:
         mean, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
         yield f"{digits(f.strength.value)} {f.strength.unit} ({mean}) where it is largest, {time} of the time"
 
 
-def _interval(x: Size, scale: float, unit: str, *, sign: bool = False) -> str:
+def interval(x: Size, scale: float, unit: str, *, sign: bool = False) -> str:
     """A size times `scale` with its unit and interval."""
-    value, *ends = (digits(scale * number, sign=sign) for number in (x.value, *(x.ci95 or ())))
-    return f"{value}{'' if unit == '1' else ' ' + unit}" + (f" ({' to '.join(ends)})" if ends else "")
+    value, *ends = (_number(scale * number, unit, sign) for number in (x.value, *(x.ci95 or ())))
+    after = "" if unit in ("1", SPEED_UNIT) else f" {unit}"
+    in_unit = value._replace(with_unit=True) if isinstance(value, Speed) else value
+    return Said(in_unit, after, *((" (", ends[0], " to ", ends[1], ")") if ends else ()))
+
+
+def _number(x: float, unit: str, sign: bool) -> str | Speed:
+    """Three digits of a size, with a plus before positive ones if `sign`; one in m/s stays a speed."""
+    return Speed(x, 3, with_unit=False, sign=sign) if unit == SPEED_UNIT else digits(x, sign=sign)
 
 
 def _count(count: int, noun: str) -> str:
@@ -172,21 +181,21 @@ def what(v: Verdict) -> Iterator[str]:
     if v.data.compared:
         left_out = [f"{r.rule}, {percent(x)}" for r, x in shares_rejected(v) if x >= WORTH_SAYING]
         because = f" Left out: {'; '.join(left_out)}." if left_out else ""
-        yield (
+        yield Said(
             f"{percent(v.data.compared)} of the recorded time is compared: not the first "
-            f"{Limits.settle_s:g} s of a drive, nor below {LEAST_SPEED:g} m/s.{because}"
-        )
+            f"{Limits.settle_s:g} s of a drive, nor below ", Speed(LEAST_SPEED), f".{because}"
+        )  # fmt: skip
     b = v.budget
     if b is not None and b.parts:
         large = [f"{spoken(p.part)} {percent(p.share)}" for p in b.parts if p.share >= LARGE]
-        yield (
-            f"Along the fitted drives the simulator is off by {b.speed_rmse:.2g} m/s after up to "
-            f"{b.horizon_s:.0f} s. Shares of the squared error: {', '.join(large)}."
-        )
+        yield Said(
+            "Along the fitted drives the simulator is off by ", Speed(b.speed_rmse),
+            f" after up to {b.horizon_s:.0f} s. Shares of the squared error: {', '.join(large)}."
+        )  # fmt: skip
     if v.events:
         more = len(v.events) - MOST_EVENTS
-        listed = "; ".join(event(x) for x in v.events[:MOST_EVENTS])
-        yield f"Events, which act for seconds: {listed}{f'; {more} more' if more > 0 else ''}."
+        listed = Said.joined("; ", map(event, v.events[:MOST_EVENTS]))
+        yield Said("Events, which act for seconds: ", listed, f"; {more} more." if more > 0 else ".")
     for w in v.witnesses[:3]:
         share, part = percent(w.share), spoken(w.part)
         yield f"The channel {w.channel} predicts {share} of the part '{part}' on drives left out."
@@ -194,9 +203,10 @@ def what(v: Verdict) -> Iterator[str]:
 
 def event(x: Event) -> str:
     """An event: its place, its change of speed, and its name."""
-    change = f"{abs(x.speed_change):.2g} m/s {'gained' if x.speed_change > 0.0 else 'lost'}"
+    change = " gained" if x.speed_change > 0.0 else " lost"
     name = f", {spoken(x.name)}" if x.name else ""
-    return f"{x.recording}, {x.start_s:.0f} to {x.end_s:.0f} s: {change}{name}"
+    when = f"{x.recording}, {x.start_s:.0f} to {x.end_s:.0f} s: "
+    return Said(when, Speed(abs(x.speed_change)), change, name)
 
 
 def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
@@ -210,11 +220,11 @@ def refitted(v: Verdict) -> Iterator[str]:
     if v.fit is None or v.fit.errors is None:
         return
     e = v.fit.errors
-    corrected = f", corrected {e.after.speed:.2g} m/s" if v.fit.corrected else ""
-    yield (
-        f"Held-out drives, free runs of {v.fit.horizon_s:.0f} s: as given off by {e.before.speed:.2g} m/s, "
-        f"with parameters refitted alone {e.parameters_only.speed:.2g} m/s{corrected}."
-    )
+    corrected = (", corrected ", Speed(e.after.speed)) if v.fit.corrected else ()
+    yield Said(
+        f"Held-out drives, free runs of {v.fit.horizon_s:.0f} s: as given off by ", Speed(e.before.speed),
+        ", with parameters refitted alone ", Speed(e.parameters_only.speed), *corrected, "."
+    )  # fmt: skip
     nothing = v.kind is Conclusion.NOTHING and not v.validated
     if v.fit.offered == CORRECTION or nothing:
         return  # its own changes of parameters are said where it is offered
@@ -281,7 +291,7 @@ def not_recorded(v: Verdict) -> Iterator[str]:
 def what_to_do(v: Verdict) -> Iterator[str]:
     """The next steps: the simulator, the sensors, then what to drive and to record."""
     if v.budget is None and "data" in v.advice:
-        yield f"{opened(v.advice['data'].reason)}."
+        yield Said(opened(v.advice["data"].reason), ".")
     for f in v.findings:
         if f.kind is Kind.SENSOR:
             yield f"Repair it at its sensor or clock before you record more: {f.says}."
@@ -326,7 +336,7 @@ def lights(v: Verdict) -> list[Light]:
 
 def lines(v: Verdict) -> list[str]:
     """All sentences, for the terminal."""
-    answers = [f"{one.question} {one.answer} ({one.reason})." for one in lights(v)]
+    answers = [Said(one.question, f" {one.answer} (", one.reason, ").") for one in lights(v)]
     middle = (*what(v), *how_probable(v), *refitted(v), *what_to_do(v))
     sized = [said] if (said := sizes(v)) else []
-    return [headline(v) + ".", *sized, *not_recorded(v), *middle, *answers]
+    return [Said(headline(v), "."), *sized, *not_recorded(v), *middle, *answers]

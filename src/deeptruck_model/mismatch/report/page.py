@@ -12,13 +12,15 @@ from jinja2 import Environment, StrictUndefined
 from deeptruck_model import pages
 from deeptruck_model.mismatch import folders
 from deeptruck_model.mismatch.budget import Part
+from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import explorer_data, lines
 from deeptruck_model.mismatch.report.wording import ROOT, digits, opened, percent, spoken
-from deeptruck_model.mismatch.result import Finding, Mismatch, Verdict
+from deeptruck_model.mismatch.residual.evidence import unit
+from deeptruck_model.mismatch.result import Finding, Verdict
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN
-from deeptruck_model.signals import speed_unit, speeds_in
+from deeptruck_model.signals import Said, Speed, shown, speed_unit
 
 LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
 LEAST = 0.02  # of the budget before or after: the same beside another
@@ -53,19 +55,26 @@ def _in_units(content: dict[str, Any], units: str) -> dict[str, Any]:
         "what_to_do",
         "caveats",
         "not_recorded",
+        "where",
     )
     said = {name: _said(content[name], units) for name in sentences}
-    answers = [one._replace(reason=speeds_in(units, one.reason)) for one in content["lights"]]
+    answers = [one._replace(reason=shown(one.reason, units)) for one in content["lights"]]
+    findings = [
+        {**f, "rows": [[shown(cell, units) for cell in row] for row in f["rows"]]}
+        for f in content["findings"]
+    ]
     errors = [(name, *(f"{per * float(x):.3f}" for x in cells)) for name, *cells in content["errors"]]
-    return {**content, **said, "lights": answers, "errors": errors, "units": units, "per": per}
+    changed = {"lights": answers, "errors": errors, "findings": findings}
+    return {**content, **said, **changed, "units": units, "per": per}
 
 
 def _said(text: Any, units: str) -> Any:
-    return speeds_in(units, text) if isinstance(text, str) else [speeds_in(units, line) for line in text]
+    return shown(text, units) if isinstance(text, str) else [shown(line, units) for line in text]
 
 
-def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
-    """A result compared with the one `before`, as JSON values: sentences, budget shares and speed errors."""
+def brief(found: Mismatch, before: Mismatch, units: str = "m/s") -> dict[str, Any]:
+    """A result compared with the one `before`, as JSON values: sentences, budget shares and speed errors, in
+    `units`."""
     v = found.result
     says = (*lines.what(v), *lines.how_probable(v), *lines.refitted(v), *lines.what_to_do(v), errors_say(v))
     budgets = [m.result.budget for m in (before, found)]
@@ -73,22 +82,24 @@ def brief(found: Mismatch, before: Mismatch) -> dict[str, Any]:
     named = dict.fromkeys([*shares[1], *shares[0]])
     parts = [p for p in named if max(s.get(p, 0.0) for s in shares) >= LEAST]
     return {
-        "headline": lines.headline(v),
-        "lines": list(says),
+        "headline": shown(lines.headline(v), units),
+        "lines": [shown(line, units) for line in says],
         "budget": [[spoken(p), *(percent(s.get(p, 0.0)) for s in shares)] for p in parts],
         "errors": [
-            [name, *(_error(m, key) for m in (before, found))]
+            [name, *(_error(m, key, units) for m in (before, found))]
             for key, name in ROWS.items()
-            if _error(found, key)
+            if _error(found, key, units)
         ],
+        "units": units,
         "left_out": next((r.samples for r in v.data.rejected if r.rule == LEFT_OUT), 0),
     }
 
 
-def _error(found: Mismatch, key: str) -> str:
-    """Speed error of one of the simulators along the held-out drives, m/s; empty without free runs."""
+def _error(found: Mismatch, key: str, units: str) -> str:
+    """Speed error of one of the simulators along the held-out drives, in `units`; empty without free
+    runs."""
     e = found.errors.get(key)
-    return f"{e.rmse().speed:.3f}" if e is not None and len(e.speed) else ""
+    return f"{speed_unit(units) * e.rmse().speed:.3f}" if e is not None and len(e.speed) else ""
 
 
 def _file(name: str) -> str:
@@ -116,7 +127,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "drives": len(v.budget.parts[0].drives) if v.budget is not None and v.budget.parts else 0,
         "findings": [_finding(f) for f in v.findings],
         "errors": [
-            (name, f"{found.errors[key].rmse().speed:.3f}", f"{np.abs(found.errors[key].speed).mean():.3f}")
+            (name, found.errors[key].rmse().speed, np.abs(found.errors[key].speed).mean())
             for key, name in ROWS.items()
             if key in found.errors and len(found.errors[key].speed)
         ],
@@ -157,9 +168,7 @@ def _finding(f: Finding) -> dict[str, Any]:
     for name, size in f.parameters.items():
         if size.value == 0.0 and size.ci95 is None:
             continue  # a form without this point or part
-        interval = f" ({digits(size.ci95[0])} to {digits(size.ci95[1])})" if size.ci95 else ""
-        unit = "" if size.unit == "1" else f" {size.unit}"
-        rows.append((name.replace("_", " "), f"{digits(size.value)}{interval}{unit}"))
+        rows.append((_point(name) or name.replace("_", " "), lines.interval(size, 1.0, size.unit)))
     if f.strength is not None:
         kind, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
         rows.append(
@@ -178,7 +187,18 @@ def _finding(f: Finding) -> dict[str, Any]:
         "title": opened(spoken(f.effect if f.stated == ROOT or f.effect == UNKNOWN else f.stated)),
         "says": opened(f.says) + ".",
         "rows": rows,
+        "curve": any(map(_point, f.parameters)),
     }
+
+
+def _point(name: str) -> Said | None:
+    """The name of a point of a curve with its unit, 'at speed 12.8 m/s' for 'at speed 12.8'; None for another
+    parameter."""
+    at, _, where = name.rpartition(" ")
+    if not at.startswith("at ") or not where.lstrip("+-").replace(".", "", 1).isdecimal():
+        return None
+    by = unit(at.removeprefix("at "), {})
+    return Said(at, " ", Speed(float(where), 3)) if by == "m/s" else Said(name, f" {by}" if by else "")
 
 
 def errors_say(v: Verdict) -> str:
@@ -212,7 +232,11 @@ def _where(v: Verdict) -> str:
     regime = next((r for r in v.regimes if r.bounds), None)
     if regime is not None:
         out.append(
-            f"{percent(regime.share_of_error)} of the squared error is in {percent(regime.share_of_time)} "
-            f"of the time, where {regime.where}."
+            Said(
+                f"{percent(regime.share_of_error)} of the squared error is in "
+                f"{percent(regime.share_of_time)} of the time, where ",
+                regime.where,
+                ".",
+            )
         )
-    return " ".join(out)
+    return Said.joined(" ", out)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from deeptruck_model.mismatch import folders
+from deeptruck_model.signals import Said, Speed
 
 SENSOR_MANOEUVRE = "drive a known distance and compare each sensor with it"
 UNKNOWN_FORCE = "a force that follows no mechanism of the library"
@@ -63,40 +64,42 @@ def not_recorded(inputs: Sequence[str]) -> str:
 
 def good(error: float, horizon_s: float) -> str:
     """The simulator agrees with the truck."""
-    return f"{off(error, horizon_s)}, and nothing that matters is left"
+    return Said(off(error, horizon_s), ", and nothing that matters is left")
 
 
 def good_enough(error: float, horizon_s: float) -> str:
     """The effects found have little influence on the motion."""
-    return f"{off(error, horizon_s)}: what is missing hardly matters"
+    return Said(off(error, horizon_s), ": what is missing hardly matters")
 
 
 def off_fitted(error: float) -> str:
     """The speed error, m/s, to which the residual along the fitted drives adds up."""
-    return f"along the fitted drives it is off by {error:.2g} m/s"
+    return Said("along the fitted drives it is off by ", Speed(error))
 
 
 def without_faults(error: float, horizon_s: float) -> str:
     """The error with corrected sensors."""
-    return f"with the sensor corrected {off(error, horizon_s)}"
+    return Said("with the sensor corrected ", off(error, horizon_s))
 
 
 def off(error: float, horizon_s: float, own: float | None = None) -> str:
     """The speed error of free runs of `horizon_s` on held-out drives, and of a learned simulator on its `own`
     held-out recordings, both in m/s, as a clause."""
-    there = "" if own is None else f", on the simulator's own recordings by {own:.2g} m/s"
-    return f"free runs of {horizon_s:.0f} s on held-out drives are off by {error:.2g} m/s{there}"
+    there = "" if own is None else Said(", on the simulator's own recordings by ", Speed(own))
+    return Said(f"free runs of {horizon_s:.0f} s on held-out drives are off by ", Speed(error), there)
 
 
 def better(before: float, after: float, *, refit: bool) -> str:
     """The offered simulator reduces the error."""
     by = " with parameters refitted alone" if refit else ""
-    return f"the held-out speed error falls from {before:.2g} to {after:.2g} m/s{by}"
+    return Said(
+        "the held-out speed error falls from ", Speed(before, with_unit=False), " to ", Speed(after), by
+    )
 
 
 def after_repair(better: str) -> str:
     """The benefit of a correction that was fitted with a corrected sensor."""
-    return f"{better}, with the sensor corrected: repair it first"
+    return Said(better, ", with the sensor corrected: repair it first")
 
 
 PARTS = {
@@ -136,4 +139,7 @@ def digits(x: float, *, sign: bool = False) -> str:
 
 def opened(sentence: str) -> str:
     """The text beginning with a capital letter."""
+    if isinstance(sentence, Said):
+        first, *rest = sentence.parts
+        return Said(opened(first), *rest) if isinstance(first, str) else sentence
     return sentence[:1].upper() + sentence[1:]

@@ -12,6 +12,7 @@ from sklearn.tree import DecisionTreeRegressor
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch, unit
 from deeptruck_model.mismatch.result import Bound, Regime, Segment
 from deeptruck_model.mismatch.strength import acts, visible
+from deeptruck_model.signals import Said
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -95,7 +96,7 @@ def regimes(e: Evidence, error: Array) -> list[Regime]:
         if share > 1.3 * time:
             ranges = dict(zip(named, np.ptp(X, axis=0), strict=True))
             bounds = _bounds(tree, node, ranges, e.command_units)
-            where = " and ".join(map(str, bounds)) or "everywhere"
+            where = Said.joined(" and ", map(str, bounds)) or "everywhere"
             out.append(Regime(where, share, time, bounds))
     return sorted(out, key=lambda r: -r.share_of_error)
 

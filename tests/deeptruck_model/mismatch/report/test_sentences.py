@@ -11,11 +11,21 @@ from deeptruck_model.mismatch.budget import Budget, Part
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.fit_result import FitResult, FreeRunErrors, Improvement, Refitted, Rmse
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, NOT_SIGNIFICANT, REFIT
-from deeptruck_model.mismatch.posterior.events import Event
-from deeptruck_model.mismatch.report import lines, page
-from deeptruck_model.mismatch.result import Advice, Answer, Conclusion, Data, Finding, Kind, Size, Verdict
+from deeptruck_model.mismatch.report import lines, page, wording
+from deeptruck_model.mismatch.report.wording import opened
+from deeptruck_model.mismatch.result import (
+    Advice,
+    Answer,
+    Bound,
+    Conclusion,
+    Data,
+    Finding,
+    Kind,
+    Size,
+    Verdict,
+)
 from deeptruck_model.mismatch.strength import Strength
-from deeptruck_model.mismatch.verdict.findings import of_fault
+from deeptruck_model.signals import shown
 
 PAYLOAD = Finding(
     Kind.PHYSICS, "payload_change", "load", "payload_change", "the mass changed", "m -> m + dm", {},
@@ -156,3 +166,14 @@ def test_events_are_said_with_what_they_do_to_the_speed() -> None:
     assert not any(
         line.startswith("Events") for line in lines.what(Verdict(Conclusion.NOTHING, data=Data(compared=0.9)))
     )
+
+
+def test_speeds_are_converted_as_numbers_before_they_are_rounded() -> None:
+    size = Size(8.647, "m/s", (7.155, 10.132))
+    assert lines.interval(size, 1.0, "m/s", sign=True) == "+8.65 m/s (+7.16 to +10.1)"
+    assert shown(lines.interval(size, 1.0, "m/s", sign=True), "km/h") == "+31.1 km/h (+25.8 to +36.5)"
+    off = opened(wording.good(0.3961, 40.0))
+    assert off.startswith("Free runs of 40 s on held-out drives are off by 0.4 m/s, and")
+    assert "off by 1.4 km/h, and nothing" in shown(off, "km/h")
+    assert shown(str(Bound("speed", 12.84, np.inf, "m/s")), "mph") == "speed > 28.7 mph"
+    assert shown(wording.better(31.0, 3.0, refit=False), "km/h").endswith("falls from 112 to 11 km/h")

@@ -1,0 +1,58 @@
+"""The result of a comparison: the verdict, and the data and simulators behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
+from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.fit_result import Errors
+from deeptruck_model.mismatch.report import lines
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Finding, Verdict
+from deeptruck_model.signals import shown
+
+
+@dataclass(frozen=True, repr=False)
+class Mismatch:
+    """The verdict and the data that the report plots; None if nothing could be compared.
+
+    `errors` are those of free runs along the held-out drives: `before`, `parameters_only` and `after` the
+    correction; and of the simulator as given along the drives that were `fitted`.
+    """
+
+    result: Verdict
+    evidence: Evidence | None
+    errors: Mapping[str, Errors]
+    corrected: CorrectedTruck | None
+    prepared: tuple[Prepared, ...]
+    refitted: CorrectedTruck | None = None
+
+    def __repr__(self) -> str:
+        """The findings in one line, because the fields hold all samples."""
+        names = ", ".join(f.effect for f in self.findings) or "no finding"
+        return f"<Mismatch: {self.result.kind}; {names}; {'' if self.result.validated else 'not '}validated>"
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The findings, in the order of verdict.json."""
+        return self.result.findings
+
+    @property
+    def verdict(self) -> dict[str, Any]:
+        """The content of verdict.json."""
+        return self.verdict_in("m/s")
+
+    def verdict_in(self, units: str) -> dict[str, Any]:
+        """The content of verdict.json, the speeds of its sentences in `units`."""
+        said = [shown(line, units) for line in lines.lines(self.result)]
+        headline = shown(lines.headline(self.result), units)
+        return {**self.result.to_json(), "headline": headline, "sentences": said}
+
+    def _repr_html_(self) -> str:
+        """The sentences, for a notebook."""
+        first, *rest = (escape(line) for line in lines.lines(self.result))
+        return f"<strong>{first}</strong><ul>{''.join(f'<li>{line}</li>' for line in rest)}</ul>"
