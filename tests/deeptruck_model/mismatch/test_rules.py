@@ -52,6 +52,7 @@ STEERING: dict[str, dict[str, str]] = {
         "residual/components.py": "ALIKE ASK_EVERY_S KNOTS LOOK_BACK_S",
         "residual/evidence.py": "BLOCK_LEARNED_S BLOCK_S SLOW_NOISE_S",
         "residual/forced.py": "ALIKE",
+        "residual/command_response.py": "SMOOTH_S",
         "residual/sensor_filter.py": "SMOOTH_S",
         "roads/one_road.py": "LAP_M STEP_M",
         "roads/shared_roads.py": "GAP_M",

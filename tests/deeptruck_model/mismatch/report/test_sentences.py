@@ -11,6 +11,8 @@ from deeptruck_model.mismatch.budget import Budget, Part
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.fit_result import FitResult, FreeRunErrors, Improvement, Refitted, Rmse
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, NOT_SIGNIFICANT, REFIT
+from deeptruck_model.mismatch.found import Mismatch
+from deeptruck_model.mismatch.output import summary
 from deeptruck_model.mismatch.report import lines, page, wording
 from deeptruck_model.mismatch.report.wording import opened
 from deeptruck_model.mismatch.result import (
@@ -172,6 +174,10 @@ def test_speeds_are_converted_as_numbers_before_they_are_rounded() -> None:
     size = Size(8.647, "m/s", (7.155, 10.132))
     assert lines.interval(size, 1.0, "m/s", sign=True) == "+8.65 m/s (+7.16 to +10.1)"
     assert shown(lines.interval(size, 1.0, "m/s", sign=True), "km/h") == "+31.1 km/h (+25.8 to +36.5)"
+    v = Verdict(Conclusion.NOTHING, advice={"data": Advice(Answer.NO, wording.off_fitted(2.0))})
+    found = Mismatch(v, None, {}, None, ())
+    assert "off by 7.2 km/h" in str(found.verdict_in("km/h")["sentences"])
+    assert found.verdict["headline"] in found._repr_html_() and summary(v) == found.verdict["sentences"]
     off = opened(wording.good(0.3961, 40.0))
     assert off.startswith("Free runs of 40 s on held-out drives are off by 0.4 m/s, and")
     assert "off by 1.4 km/h, and nothing" in shown(off, "km/h")
