@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.fit_result import FitResult, FreeRunErrors, Improv
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, NOT_SIGNIFICANT, REFIT
 from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.output import summary
+from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report import lines, page, wording
 from deeptruck_model.mismatch.report.wording import opened
 from deeptruck_model.mismatch.result import (
@@ -27,6 +28,7 @@ from deeptruck_model.mismatch.result import (
     Verdict,
 )
 from deeptruck_model.mismatch.strength import Strength
+from deeptruck_model.mismatch.verdict.findings import of_fault
 from deeptruck_model.signals import shown
 
 PAYLOAD = Finding(
