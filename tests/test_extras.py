@@ -52,7 +52,7 @@ def slim(
     target = PROJECT["scripts"][words[0]]
     lines = ["\t".join(map(str, line)) for line in (words, *then)]
     command = [sys.executable, "-c", SLIM, ",".join(without), target, *lines]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=240)
 
 
 @pytest.fixture(scope="module")

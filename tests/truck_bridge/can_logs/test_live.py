@@ -119,7 +119,9 @@ def test_what_cannot_be_written_is_said_before_the_bus_is_opened(log, tmp_path, 
     assert log.read_bytes() == before
 
 
-@pytest.mark.parametrize("suffix", HERE)
+@pytest.mark.parametrize(
+    "suffix", [pytest.param(s, marks=() if s in (".log", ".mcap") else pytest.mark.long) for s in HERE]
+)
 def test_a_full_disk_ends_a_recording_in_one_line(loud, tmp_path, suffix):
     """A limit on the size of files stands for the disk: the write fails in the same place."""
     argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", f"drive{suffix}"]
@@ -181,8 +183,10 @@ def test_a_silent_log_in_which_the_user_wrote_stays(tmp_path, suffix):
     assert not path.exists()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("name", ["drive.log", "drive.mcap"])
+@pytest.mark.parametrize(
+    ("number", "name"),
+    [(signal.SIGINT, "drive.log"), (signal.SIGTERM, "drive.mcap"), (signal.SIGHUP, "drive.mcap")],
+)
 def test_an_end_by_signal_keeps_the_recording(loud, tmp_path, name, number):
     argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", name]
     # a shell's background job ignores SIGINT, and so would what it starts
