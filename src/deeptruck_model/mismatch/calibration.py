@@ -24,7 +24,7 @@ from deeptruck_model.mismatch.correction.improvement import free_windows, horizo
 from deeptruck_model.mismatch.fit_result import Interval, Rmse
 from deeptruck_model.mismatch.posterior.regression import FREE, Model, Regression
 from deeptruck_model.mismatch.posterior.relinearise import refitted
-from deeptruck_model.mismatch.prepare import PreparedDrives, prepare_drives
+from deeptruck_model.mismatch.prepare import PreparedDrives, left_to_compare, prepare_drives
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.residual.sensitivity import accepted
@@ -93,6 +93,9 @@ def calibrate(
             raise InputError(f"the truck cannot be fitted to these recordings: {drives.useless}")
         say("driving the truck along the recordings")
         e = gather(truck, drives.prepared, drives.held_out, seed=seed, rules=rules)
+        drives, e = left_to_compare(drives, e)
+        if drives.useless:
+            raise InputError(f"the truck cannot be fitted to these recordings: {drives.useless}")
         say("fitting all parameters")
         search, model = refitted(truck, drives, e, seed, frozenset(e.sensitivity), say)
         identified = frozenset(p for p in search.parameters if model.moved_sd(p) < 0.5 * FREE[p])

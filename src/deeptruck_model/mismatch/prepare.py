@@ -33,7 +33,10 @@ OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitu
 NO_PLACE = "positions of {} are missing or do not fit the speed: their place on the road is not known"
 LEFT_OUT = "rows that were marked"
 OUTSIDE_TRAINING = "the simulator has learned from no driving at such speeds, commands and slopes"
-OTHER_GEAR = "the simulator drives in another gear than was recorded or follows from the engine speed"
+OTHER_GEAR = (
+    "the simulator drives in another gear than was recorded or follows from the engine speed, or is in gear "
+    "where the truck rolls in neutral"
+)
 FORGETS = (
     "the simulator has no force() and starts anew at each recorded response, which changes its own "
     "acceleration by {share:.0%}: what it forgets would be named as what it lacks. Add force(state, y), "
@@ -41,7 +44,7 @@ FORGETS = (
 )
 CHECK_GEAR = (
     "in the gear that was recorded: look whether gear and engine_speed are recorded in the right units, or "
-    "record more"
+    "record more in gear; neutral, which is gear 0, cannot be compared with a simulator that is in gear"
 )
 RECORD_BRAKE = "without braking that was not recorded: record the brake, or more driving without it"
 RECORD_MORE = "that can be compared: record at least several minutes above walking pace"

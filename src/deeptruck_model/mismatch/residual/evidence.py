@@ -199,11 +199,13 @@ class Evidence:
         return self.signals[name]
 
     def has(self, *names: str) -> bool:
-        """Whether every named signal is known for at least half of the valid samples."""
-        for name in names:
-            if name not in self.signals or np.isfinite(self.signals[name][self.valid]).mean() < 0.5:
-                return False
-        return True
+        """Whether every named signal is known for at least half of the valid samples, of which there are
+        some."""
+        if names and not self.valid.any():
+            return False
+        return all(
+            n in self.signals and np.isfinite(self.signals[n][self.valid]).mean() >= 0.5 for n in names
+        )
 
     @property
     def unit(self) -> ForceUnit:

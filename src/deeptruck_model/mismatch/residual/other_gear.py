@@ -28,14 +28,17 @@ def other_gear(
 ) -> tuple[list[Mask], list[Mask]]:
     """Native samples (n,) of each recording in which the simulator's gear differs: for long, and at all.
 
-    Compared by the recorded gear, else by the recorded engine speed; all False if neither is recorded.
+    Compared by the recorded gear, else by the recorded engine speed; all False if neither is recorded. A
+    truck that rolls in neutral (recorded gear 0) differs from a simulator that is in gear.
     """
     apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
     if apart is None and "engine_speed" in runs[0].inside:
         apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
-    if apart is None or _never_alike(apart, held_out):
-        nowhere = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
-        return nowhere, nowhere
+    neutral = [_rolls_in_neutral(p, run) for p, run in zip(prepared, runs, strict=True)]
+    if apart is None or _never_alike([a[~n] for a, n in zip(apart, neutral, strict=True)], held_out):
+        apart = neutral
+    else:
+        apart = [a | n for a, n in zip(apart, neutral, strict=True)]
     dt = prepared[0].dt
     lasting = np.ones(round(OTHER_GEAR_S / dt) + 1, dtype=bool)
     for_long = [binary_opening(a, lasting) if a.any() else a for a in apart]
@@ -49,7 +52,23 @@ def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
     Checked for all recordings and for the fitted ones, because the two may be from different loggers.
     """
     fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
-    return any(np.concatenate(part).mean() > 0.5 for part in (apart, fitted))
+    parts = (np.concatenate(part) for part in (apart, fitted))
+    return any(part.size and part.mean() > 0.5 for part in parts)
+
+
+def _rolls_in_neutral(p: Prepared, run: Run) -> Mask:
+    """Where the recorded gear is 0 (neutral) at speed, and the simulator is in gear.
+
+    False if it states no gear, or if the engine speed shows that 0 is the number of a gear.
+    """
+    nowhere = np.zeros(len(p.recording), dtype=bool)
+    if "gear" not in p.recording.channels or "gear" not in run.inside:
+        return nowhere
+    recorded, simulated = p.recording.channels["gear"], np.round(run.inside["gear"][0])
+    neutral = (np.round(recorded) == 0.0) & (simulated != 0.0) & (p.y[:, SPEED] > CLUTCH_CLOSED)
+    if "engine_speed" in p.recording.channels and "engine_speed" in run.inside and neutral.any():
+        return neutral if _by_engine_speed(p, run)[neutral].mean() > 0.5 else nowhere
+    return neutral if np.ptp(simulated) > 0.0 else nowhere
 
 
 def with_predicted_gears(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:

@@ -59,6 +59,28 @@ def test_gears_numbered_alike_are_compared_as_they_are() -> None:
     assert marked[300:].all() and not marked[:294].any()
 
 
+IDLE = np.full(N, 63.0)
+NEUTRAL = np.where(np.arange(N) < 100, 0.0, GEAR)  # for the first 10 s
+
+
+@pytest.mark.parametrize("engine", [{}, {"engine_speed": np.where(NEUTRAL == 0.0, IDLE, ENGINE_SPEED)}])
+def test_rolling_in_neutral_is_marked_beside_a_simulator_in_gear(
+    engine: dict[str, np.ndarray[Any, Any]],
+) -> None:
+    """Also where the truck rolls in neutral all of the time, as in a coast-down."""
+    ((marked,), _) = other_gear([drive(gear=NEUTRAL, **engine)], [run(GEAR, ENGINE_SPEED)])
+    assert marked[:100].all() and not marked[106:].any()
+    coasting = {"engine_speed": IDLE} if engine else {}
+    ((marked,), _) = other_gear([drive(gear=0.0 * GEAR, **coasting)], [run(GEAR, ENGINE_SPEED)])
+    assert marked.all()
+
+
+def test_gears_numbered_from_zero_are_no_neutral() -> None:
+    numbered = drive(gear=GEAR - 7.0, engine_speed=ENGINE_SPEED)
+    ((marked,), _) = other_gear([numbered], [run(GEAR, ENGINE_SPEED)])
+    assert not marked.any()
+
+
 class Predictor:
     """Gives the last command of each row as its gear; `rows` is how many it was asked about."""
 
