@@ -39,7 +39,7 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --num-workers 2
 
-test: lint
+test: setup
 	$(BIN)/python -m pytest --durations=10
 
 # What `make test` leaves out: kills, mutants, trainings to the end, every truck where one stands for all.

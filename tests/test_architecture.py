@@ -33,7 +33,7 @@ USED_BY_OTHERS = {  # dependencies that a dependency imports for us
 OPTIONAL = {"asammdf", "libsumo", "fastsim"}  # said to be missing where a user wants it
 TOOLS = {
     "mypy", "ruff", "pytest-timeout", "pytest-xdist", "pytest-cov", "types-pyyaml",
-    "colcon-common-extensions", "build", "twine",
+    "colcon-common-extensions", "build", "setuptools-scm", "twine",
 }  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Sequence
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -129,4 +130,4 @@ def test_every_extra_is_in_all() -> None:
 
 
 def test_the_version_is_the_metadatas() -> None:
-    assert deeptruck_model.__version__ == PROJECT["version"]
+    assert deeptruck_model.__version__ == metadata.version("deeptruck")
