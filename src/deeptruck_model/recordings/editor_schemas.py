@@ -25,7 +25,8 @@ _NUMBER: Schema = {"type": "number", "minimum": -topic_map.LARGEST, "maximum": t
 _POSITIVE: Schema = {"type": "number", "exclusiveMinimum": 0, "maximum": topic_map.LARGEST}
 _WITH_UNITS = ("unit", "density")
 _KINDS: dict[str, Schema] = {
-    "column": _NAME,
+    "column": {"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1, "maxItems": 2}]},
+    "part": {"enum": [*topic_map.PARTS]},
     "topic": _TEXT,
     "field": {"anyOf": [_TEXT, {"type": "array", "items": _TEXT, "minItems": 1, "maxItems": 2}]},
     "scale": {**_NUMBER, "not": {"const": 0}},

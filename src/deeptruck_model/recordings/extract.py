@@ -264,9 +264,10 @@ class _Vectors:
         self._squares, self._count = 0.0, 0
 
     def resolved(self, columns: list[Array]) -> list[Array]:
-        """One column per channel."""
+        """One column per channel; infinity is no number, as sensor_msgs/Range has it for 'no target'."""
+        columns = [np.where(np.isinf(column), np.nan, column) for column in columns]
         if self._speed:
-            sideways = _converted(columns[-1], self._speed)
+            sideways = self._speed(columns[-1])
             known = np.isfinite(sideways)
             self._squares += float((sideways[known] ** 2).sum())
             self._count += int(known.sum())
@@ -316,7 +317,7 @@ class _Drain:
             time = (part.stamps - self.start) / 1e9
             blank = np.ones(len(time), dtype=bool)
             for channel, column in zip(self.by_topic[topic], part.columns, strict=True):
-                values = _converted(column, self.sources[channel])
+                values = self.sources[channel](column)
                 blank = blank & np.isnan(values) if blank.any() else blank
                 series[channel] = Series(time, values)
             self._count(topic, part, time, blank)
@@ -343,14 +344,6 @@ def _repairs(account: Account) -> list[str]:
     in them."""
     _, *reasons = account.total.lines(account.items)
     return [*(line.strip() for line in reasons if _NO_NUMBER not in line), *account.remarks]
-
-
-def _converted(column: Array, source: Source) -> Array:
-    column = np.where(np.isinf(column), np.nan, column)  # sensor_msgs/Range: infinity is 'no target'
-    if source.scale != 1.0 or source.offset != 0.0:
-        column = source.scale * column + source.offset
-    column = gated_brake.on(column) if source.gates else column
-    return column if source.convert is None else source.convert(column)
 
 
 def _extra(stored: dict[str, object]) -> dict[str, Source]:

@@ -24,7 +24,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.consistency import sensors
-from deeptruck_model.recordings.extract import read
+from deeptruck_model.recordings.extract import SIDEWAYS, read
 from deeptruck_model.recordings.grade import with_slope
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, period
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
@@ -32,7 +32,7 @@ from deeptruck_model.recordings.resample import Series, count_derived, uniform
 from deeptruck_model.recordings.tables import row_keys
 from deeptruck_model.recordings.tables.columns import Column, Columns, load_columns
 from deeptruck_model.recordings.tables.csv_text import RAGGED
-from deeptruck_model.recordings.tables.header_words import fits, header, spelled
+from deeptruck_model.recordings.tables.header_words import fits, header, sibling, spelled
 from deeptruck_model.recordings.tables.row_keys import key_of, only, widened
 from deeptruck_model.recordings.tables.row_times import timed
 from deeptruck_model.recordings.tables.table_file import TextTable, read_table
@@ -44,6 +44,7 @@ Array = NDArray[np.float64]
 
 IMPORTERS = "deeptruck.importers"
 LEAST_RENEWALS = 20  # by which a value is seen to be held between them
+COARSE, SOONEST = 2.5, 0.6  # resolutions by which a coarse sensor changes; of the usual rows between renewals
 
 CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
 
@@ -144,6 +145,7 @@ def _recordings(path: Path, meaning: Columns, slope_from: str | None) -> list[Re
     table, time, begins = timed(table, meaning.time)
     notes = [f"{TABLE_NOTE}{path.name}", *meaning.notes]
     values = {channel: _values(table, channel, column) for channel, column in meaning.channels.items()}
+    _check_pedals(table, meaning, values)
     cuts = begins + [
         time_of
         for channel, step in meaning.split_at.items()
@@ -185,18 +187,39 @@ def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
     return [replace(r, notes=tuple(dict.fromkeys((*r.notes, *said)))) for r in recordings]
 
 
+def _check_pedals(table: TextTable, meaning: Columns, values: Mapping[str, Array]) -> None:
+    """Raises InputError if one column is given for both commands, drives above zero and brakes below."""
+    engine, brake = (meaning.channels.get(name) for name in HELD)
+    if engine is None or brake is None or engine.name != brake.name or engine.part or brake.part:
+        return
+    raw = table.values(engine.name)[0]
+    if np.nanmin(raw) < 0.0 < np.nanmax(raw):
+        raise InputError(
+            f"{table.path}: '{engine.name}' drives above zero and brakes below: give engine_command "
+            "'part: positive' and brake_command 'part: negative', without 'scale: -1'"
+        )
+
+
 def _values(table: TextTable, channel: str, column: Column) -> Array:
+    """The channel (n,) in its canonical unit. Raises InputError for cells of another unit, and for one
+    component of a velocity in place of the whole."""
     values = table.numbers(column.name, channel)
+    if column.across:
+        values = np.hypot(values, table.numbers(column.across, channel))
+    elif channel == "speed" and (other := sibling(column.name, table.columns)):
+        sideways = column(table.values(other)[0])
+        if np.isfinite(sideways).any() and (rms := float(np.sqrt(np.nanmean(sideways**2)))) > SIDEWAYS:
+            raise InputError(
+                f"{table.path}: '{column.name}' is given for speed, but '{other}' moves too ({rms:.1f} m/s): "
+                f"it is one component; take the norm of both by 'column: [{column.name}, {other}]'"
+            )
     written = spelled(table.unit_in_cells(column.name), column.name)
-    if written and fits(channel, written) and conversion(channel, written).factor != column.convert.factor:
+    if written and fits(channel, written) and conversion(channel, written) != column.convert:
         raise InputError(
             f"{table.path}: cells of '{column.name}' are in {written}, and COLUMNS has another unit for "
             f"{channel}: give it unit: {written}"
         )
-    if column.scale != 1.0 or column.offset != 0.0:
-        values = column.scale * values + column.offset
-    values = gated_brake.on(values) if column.gates else values
-    return column.convert(values)
+    return column(values)
 
 
 def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
@@ -205,12 +228,10 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
     A column that alternates and then stops belongs to a sensor that failed and is not treated as slow.
     """
     valid = ~np.isnan(values)
-    every = 1 if channel in (*HELD, *LATCHED) else renewed_every(values[valid])
-    if every > 1:
-        rows = np.flatnonzero(valid)
-        changes = np.flatnonzero(np.diff(values[valid], prepend=np.nan) != 0.0)
-        kept = [np.arange(i, j, every) for i, j in pairwise([*changes, len(rows)])]
-        rows = rows[np.concatenate(kept)]
+    renewed = np.zeros(0) if channel in (*HELD, *LATCHED) else renewals(values[valid])
+    if len(renewed):
+        rows = np.flatnonzero(valid)[renewed]
+        every = round(float(np.median(np.diff(rows))))
         notes.append(
             f"{channel} is renewed every {every} rows and held between them: taken where it is renewed"
         )
@@ -224,16 +245,24 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
     return Series(time[valid], values[valid])
 
 
-def renewed_every(values: Array) -> int:
-    """Number of rows between updates of a value that is held; 1 if it is not held.
+def renewals(values: Array) -> NDArray[np.int64]:
+    """Rows (k,) at which a value that is held between them was renewed; none if it is not held.
 
-    A sensor of coarse resolution also repeats its value, but for a varying number of rows.
+    A sensor of coarse resolution also repeats its value, but for a varying number of rows, and then changes
+    by its resolution. A value that stays for longer than usual was renewed in between with the same number.
     """
-    apart = np.diff(np.flatnonzero(np.diff(values) != 0.0))
+    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    apart = np.diff(changes[1:])
     if len(apart) < LEAST_RENEWALS or (every := int(np.median(apart))) < 2:
-        return 1
+        return np.zeros(0, dtype=np.int64)
     off = np.abs(apart - every * np.rint(apart / every))
-    return every if (off <= every // 10).mean() > 0.95 else 1
+    regular = (off <= every // 10).mean() > 0.95
+    resolution = float(np.diff(np.unique(np.round(values, 9))).min())
+    coarse = float(np.median(np.abs(np.diff(values[changes])))) < COARSE * resolution
+    if not regular and (coarse or (apart < SOONEST * every).mean() > 0.05):
+        return np.zeros(0, dtype=np.int64)
+    runs = [(i, j, max(1, round((j - i) / every))) for i, j in pairwise([*changes, len(values)])]
+    return np.concatenate([i + (j - i) * np.arange(count) // count for i, j, count in runs])
 
 
 def _jumps(time: Array, values: Array, step: float) -> Array:

@@ -23,6 +23,7 @@ _OF_UNITS = (*NEEDED, "grade")  # channels whose unit is questioned
 REVERSE_LOW = -15.0 / 3.6  # m/s: faster backward is no reversing but a wrong sign or a fault
 REVERSING = "reversing"
 _DEAD_BAND = 2.0  # m/s: slower than this many sensors show zero, so that reversing begins with a jump
+RAW_TORQUE = (125.0, 250.0)  # zero and largest of J1939's percent torque where its offset is not applied
 _SUSPECT_SHARE = 0.01  # of the samples that are not zero
 _KEPT = 10_000  # out-of-range values that are looked at for a factor
 
@@ -190,6 +191,10 @@ class Range:
         if not most and self._gradual <= 0.5 * self._crossings:
             return
         unit = interface.unit(self.channel)
+        if (self.channel, unit) == ("engine_command", "percent") and values.max() <= RAW_TORQUE[1]:
+            raise InputError(
+                f"{what}: percent torque of J1939 without its offset? Give it 'offset: {-RAW_TORQUE[0]:g}'"
+            )
         least, largest, units = _OTHER_UNITS.get((self.channel, unit), (0.0, 0.0, {}))
         for unit, factor in units.items():
             if least <= float(np.quantile(values, 0.9)) / factor <= largest:

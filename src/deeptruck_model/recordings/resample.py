@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from deeptruck_model._io.account import Account, Tally
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.consistency import sensors
-from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, SNAP, at_ticks, period
+from deeptruck_model.recordings.earth import metres_per_degree
+from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, SNAP, at_ticks, period
 from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, reversing
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
@@ -27,6 +28,10 @@ MARGIN_S = 60.0  # samples this far around a tick are at hand when it is compute
 NO_SPEED = "recorded while there was no speed"
 DERIVED = "derived where there is no speed"
 FROM_SPEED = "acceleration derived from speed"
+UNMOVED = "zero while positions move on"
+PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
+BURSTS, LARGEST_BURST = 5, 20  # that are seen at least; samples in one
+BURST_PAUSE = 5.0  # times that a pause between bursts is longer than the step within
 _SLOW_S = 1.0  # channels with longer periods reach further than that; they are few and stay in memory
 
 
@@ -41,6 +46,12 @@ class Series:
         """The samples strictly between two times."""
         inside = slice(np.searchsorted(self.time, after, side="right"), np.searchsorted(self.time, before))
         return Series(self.time[inside], self.values[inside])
+
+    @property
+    def valid(self) -> Series:
+        """The samples that are numbers."""
+        known = ~np.isnan(self.values)
+        return Series(self.time[known], self.values[known])
 
 
 @dataclass(frozen=True)
@@ -113,7 +124,7 @@ class Resampler:
         if late:
             first, count = f"at {part.time[0]:.6g} s", int((~np.isnan(part.values[:late])).sum())
             tally.set_aside("stamped over a minute before the speed beside them", first, count)
-        time, values = part.time[late:], part.values[late:]
+        time, values = one_per_burst(channel, part.time[late:], part.values[late:])
         values = self._range(channel, tally).masked(time, values)
         self._parts.setdefault(channel, []).append(Series(time, values))
 
@@ -133,7 +144,9 @@ class Resampler:
             self.dt, self._gap = _step(speed.time, native, self.rate_hz), max(GAP_S, GAP_PERIODS * native)
         backward = reversing(speed.time, speed.values, self._gear_at(speed.time, series))
         below = ~backward & (speed.values < CHANNELS["speed"].low)
-        forward = Series(speed.time, np.where(backward | below, np.nan, speed.values))
+        places = [_joined(self._parts[c]) for c in ("latitude", "longitude") if c in self._parts]
+        unmoved = moving_at_zero(speed, *places) if len(places) == 2 else np.zeros(len(below), dtype=bool)
+        forward = Series(speed.time, np.where(backward | below | unmoved, np.nan, speed.values))
         clock = (kept := _without_long_nan(forward, self._gap)).time
         for channel, one in series.items():
             if channel not in self._periods and (len(one.time) >= 10 or until == np.inf):
@@ -143,7 +156,8 @@ class Resampler:
         for i, j in self._segments(clock):
             self._segment({**series, "speed": kept}, clock, i, j, until)
         now = slice(*np.searchsorted(speed.time, [self._settled, until - MARGIN_S], side="right"))
-        for reason, these in ((REVERSING, backward), (self._ranges["speed"].reason, below)):
+        out = ((REVERSING, backward), (self._ranges["speed"].reason, below), (UNMOVED, unmoved))
+        for reason, these in out:
             self._ranges["speed"].set_aside(reason, speed.time[now], speed.values[now], these[now])
         for channel, one in {**series, "speed": forward}.items():
             self._settle(channel, one, until - MARGIN_S)
@@ -345,6 +359,48 @@ def _renamed(r: Recording, name: str, other: str) -> Recording:
         return replace(r, channels=channels, notes=tuple(n for n in r.notes if n != FROM_SPEED))
     channels["acceleration"] = derive_acceleration(r.channels["speed"], r.dt)
     return replace(r, channels=channels, notes=(*r.notes, FROM_SPEED))
+
+
+def one_per_burst(channel: str, time: Array, values: Array) -> tuple[Array, Array]:
+    """The mean of each burst, at its mean time, (k,), or the first value of a command or state; all samples
+    if they do not come in bursts.
+
+    Loggers that save memory record a few samples close together every second or so. Their rate is that of
+    the bursts.
+    """
+    steps = np.diff(time)
+    if len(steps) < BURSTS:
+        return time, values
+    apart = BURST_PAUSE * float(np.median(steps))
+    starts = np.r_[0, np.flatnonzero(steps > apart) + 1]
+    sizes = np.diff(np.r_[starts, len(time)])
+    pauses = np.diff(time[starts])
+    usual = float(np.median(pauses)) if len(pauses) else 0.0
+    if len(starts) < BURSTS or sizes.max() > LARGEST_BURST or (pauses > 2.0 * usual).mean() > 0.1:
+        return time, values
+    if channel in (*HELD, *LATCHED):
+        return time[starts], values[starts]
+    known = np.isfinite(values)
+    sums = np.add.reduceat(np.where(known, values, 0.0), starts)
+    with np.errstate(invalid="ignore"):
+        means = sums / np.add.reduceat(known.astype(float), starts)
+    return np.add.reduceat(time, starts) / sizes, means
+
+
+def moving_at_zero(speed: Series, latitude: Series, longitude: Series) -> NDArray[np.bool_]:
+    """Samples (n,) of zero speed while positions move on, before and behind: zero written for no value."""
+    found = np.zeros(len(speed.time), dtype=bool)
+    inside = (speed.time >= speed.time[0] + PLACE_S) & (speed.time <= speed.time[-1] - PLACE_S)
+    at = np.flatnonzero((speed.values == 0.0) & inside)
+    places = [one.valid for one in (latitude, longitude)]
+    if not len(at) or not all(len(one.time) for one in places):
+        return found
+    ticks = speed.time[at, None] + np.array([-PLACE_S, 0.0, PLACE_S])
+    lat, lon = (np.interp(ticks, one.time, one.values) for one in places)
+    east_m, north_m = metres_per_degree(lat[:, :1])
+    pace = np.hypot(np.diff(lat) * north_m, np.diff(lon) * east_m) / PLACE_S
+    found[at] = pace.min(axis=1) > MOVED_M_S
+    return found
 
 
 def _usual_order(channel: str) -> tuple[int, str]:

@@ -9,6 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from deeptruck_model._io import reading
 from deeptruck_model._io.reading import near
 from deeptruck_model.checks import Mapped
@@ -17,18 +20,36 @@ from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.units import Conversion, conversion
 from deeptruck_model.signals import CHANNELS, FAULTS, SLOPE_FROM, check_driver, check_slope_source
 
+Array = NDArray[np.float64]
 
-@dataclass(frozen=True)
-class Source:
-    """The origin of a channel: `field` of the messages on `topic`, then unit, scale and offset."""
 
-    topic: str
-    field: str
+@dataclass(frozen=True, kw_only=True)
+class Taken:
+    """How the numbers of a field or column become a channel."""
+
     convert: Conversion | None = None  # None: already canonical, commands in the interface's unit
     scale: float = 1.0
     offset: float = 0.0
-    across: str = ""  # another field: the channel is the norm of both
+    across: str = ""  # another field or column: the channel is the norm of both
+    part: str = ""  # one of PARTS: what lies above or below zero, of a pedal that drives and brakes
     gates: bool = False  # a brake switch in the place of the brake command, see gated_brake
+
+    def __call__(self, values: Array) -> Array:
+        """Numbers as written, (n,), in the canonical unit."""
+        if self.scale != 1.0 or self.offset != 0.0:
+            values = self.scale * values + self.offset
+        if self.part:
+            values = np.where(np.isnan(values), np.nan, np.maximum(PARTS[self.part] * values, 0.0))
+        values = gated_brake.on(values) if self.gates else values
+        return values if self.convert is None else self.convert(values)
+
+
+@dataclass(frozen=True)
+class Source(Taken):
+    """The origin of a channel: `field` of the messages on `topic`."""
+
+    topic: str
+    field: str
 
 
 def _named(topic: str, *channels: str) -> dict[str, Source]:
@@ -46,6 +67,7 @@ DEFAULT_TOPICS: dict[str, Source] = {
     "leader_speed": Source("/radar/twist", "twist.linear.x"),
 }
 
+PARTS = {"positive": 1.0, "negative": -1.0}
 TopicMap = Mapping[str, Any]
 NO_SPEED = "the topic map has no 'speed'; a recording needs at least that channel"
 ENTRY_KEYS = {
@@ -55,6 +77,7 @@ ENTRY_KEYS = {
     "unit": "what it is written in; ours where absent",
     "scale": "factor before the unit is converted",
     "offset": "added after the factor, before the unit is converted",
+    "part": "positive or negative: what lies above or below zero, of one pedal that drives and brakes",
     "density": "of the fuel, in g/cm3 or kg/m3, where its rate is by mass",
 }
 DRIVEN_BY = "driven_by"  # the key by which topic maps and COLUMNS say that a person drove
@@ -161,14 +184,26 @@ def _source(channel: str, entry: Any) -> Source:
         raise InputError(f"topic map: '{channel}' has unknown keys: {', '.join(sorted(map(str, unknown)))}")
     unit = entry.get("unit")
     convert = conversion(channel, unit, entry.get("density")) if unit is not None else None
+    path, steps = taken(channel, entry, "field")
+    return Source(str(entry["topic"]), path, convert=convert, **steps)
+
+
+def taken(channel: str, entry: Mapping[str, Any], source: str) -> tuple[str, dict[str, Any]]:
+    """The path or column under the key `source` of an entry, and the steps of `Taken` but for the unit.
+
+    Raises InputError for values that leave nothing of the channel.
+    """
     scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
     if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
-        raise InputError(f"topic map: scale {scale:g} and offset {offset:g} of '{channel}' leave no values")
-    named = entry["field"] if isinstance(entry["field"], list) else [entry["field"]]
+        raise InputError(f"channel '{channel}': scale {scale:g} and offset {offset:g} leave no values")
+    part = str(entry.get("part", ""))
+    if part not in ("", *PARTS):
+        raise InputError(f"part of '{channel}' must be positive or negative, not {part!r}")
+    named = entry[source] if isinstance(entry[source], list) else [entry[source]]
     if not 1 <= len(named) <= 2:
-        raise InputError(f"topic map: field of '{channel}' is one path, or two for the norm of a vector")
-    path, across = str(named[0]), str(named[1]) if len(named) > 1 else ""
-    return Source(str(entry["topic"]), path, convert, scale, offset, across)
+        raise InputError(f"{source} of '{channel}' is one name, or two for the norm of a vector")
+    across = str(named[1]) if len(named) > 1 else ""
+    return str(named[0]), {"scale": scale, "offset": offset, "part": part, "across": across}
 
 
 def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -15,8 +14,8 @@ from typing import Any
 from deeptruck_model._io import reading
 from deeptruck_model._io.reading import near
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import gated_brake
-from deeptruck_model.recordings.topic_map import EXTRA, extra_of, load_yaml, number
+from deeptruck_model.recordings import gated_brake, topic_map
+from deeptruck_model.recordings.topic_map import EXTRA, Taken, extra_of, load_yaml, number, taken
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
 from deeptruck_model.signals import CHANNELS, SLOPE_FROM, check_driver, check_slope_source
 from deeptruck_model.vehicle_kinds import check_vehicle
@@ -47,11 +46,9 @@ KEYS = {
     "driven_by": "person where a driver's pedals were recorded: then they were obeyed",
 }
 ENTRY_KEYS = {
-    "column": "its name in the header",
+    "column": "its name in the header, or a list of two for the norm of a vector",
+    **{key: says for key, says in topic_map.ENTRY_KEYS.items() if key not in ("topic", "field")},
     "unit": "what it is written in",
-    "density": "of the fuel, in g/cm3 or kg/m3, where its rate is by mass",
-    "scale": "factor before the unit is converted",
-    "offset": "added after the factor, before the unit is converted",
     "late_s": "how late it is stamped, s; negative: how early",
 }
 FASTEST_HZ = 5000.0  # of a table without a clock
@@ -60,15 +57,11 @@ SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
 
 
 @dataclass(frozen=True)
-class Column:
-    """One channel: its source column, the conversion to the canonical unit, and the delay of its stamps."""
+class Column(Taken):
+    """One channel: its source column, and the delay of its stamps."""
 
     name: str
-    convert: Conversion
-    scale: float = 1.0
-    offset: float = 0.0
     late_s: float = 0.0
-    gates: bool = False  # a brake switch in the place of the brake command, see gated_brake
 
 
 @dataclass(frozen=True)
@@ -201,15 +194,11 @@ def _checked(channel: str, entry: Mapping[str, Any], convert: Conversion) -> Col
     _known(entry, set(ENTRY_KEYS), f"channel '{channel}'")
     if "column" not in entry:
         raise InputError(f"channel '{channel}' needs a column, as in {{column: v}}")
-    scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
-    if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
-        raise InputError(
-            f"channel '{channel}': scale {scale:g} and offset {offset:g} leave no values; mend them"
-        )
+    name, steps = taken(channel, entry, "column")
     late_s = number(entry, "late_s", 0.0, channel)
     if not abs(late_s) <= LATEST_S:
         raise InputError(f"late_s of '{channel}' must be at most {LATEST_S:g} s either way, not {late_s:g}")
-    return Column(str(entry["column"]), convert, scale, offset, late_s)
+    return Column(name, late_s, convert=convert, **steps)
 
 
 def _extra(name: str, entry: Any) -> Column:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from deeptruck_model._io.reading import package_yaml
@@ -34,6 +35,9 @@ _ENDS = re.compile(r"[\s_,;:/-]+(?=[^\s_,;:]+$)")
 _LONG_ENDS = re.compile(
     r"[\s_]+(km_per_h|km_h|m_per_s2|m_s2|m_per_s|m_s|l_per_h|l_h|l_100km|g_s|1_min|deg_c|deg_f|grad_c)$", re.I
 )
+
+
+COMPONENTS = tuple(pair for a, b in (("north", "east"), ("n", "e"), ("x", "y")) for pair in ((a, b), (b, a)))
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,18 @@ def header(name: str, below: str = "") -> Header:
         named |= {"speed"} if found in ("km/h", "mph", "m/s") else frozenset()
     german = any(stem in _without_umlauts(name).lower() for stem in GERMAN)
     return Header(named, unit, stated if unit else "", german)
+
+
+def sibling(name: str, others: Iterable[str]) -> str:
+    """The column with the other horizontal component of a velocity: vel_e of vel_n, vy of vx; '' if there is
+    none."""
+    written = {other.lower(): other for other in others}
+    for one, other in COMPONENTS:
+        part = rf"(?<![a-z])((?:v|vel|velocity|)_?){one}(?![a-z])"
+        found = re.sub(part, rf"\1{other}", name.lower(), count=1)
+        if found != name.lower() and found in written:
+            return written[found]
+    return ""
 
 
 def _at_end(text: str, name: str) -> str:

@@ -7,7 +7,7 @@ Whole numbers and dates stay integers until the first is subtracted: a float res
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -22,6 +22,7 @@ from deeptruck_model.recordings.tables.columns import DATE_UNITS, TIME_UNITS, Cl
 from deeptruck_model.recordings.tables.table_file import TextTable, floats, shown
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
 TICKS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of Arrow's types
@@ -29,6 +30,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 BACK_S, RETURN_S, APART_S = 1.0, 5.0, 60.0  # as the clocks of CAN logs: see truck_bridge.can_logs.pieces
 TRUSTED = 20  # rows behind a jump that make it a new piece
 MOST_BACK = 0.05  # of the rows; where more go back, they are in no order
+COPIED = 20  # rows in a row that make a copy
 SAID = 5  # remarks on one table's clock
 DAY_S, HOUR_S = 86400.0, 3600.0
 INTEGER = r"^[+-]?\d{1,18}$|^[+-]?[1-8]\d{18}$"
@@ -62,6 +64,7 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
         raise InputError(f"{table.path} has one row; a recording needs at least two")
     if not clock.columns:
         return table, np.arange(len(table)) / clock.rate_hz, []
+    table = table.without(copies(table, clock), "that repeat earlier rows")
     seconds = _seconds(table, clock)
     known = ~np.isnan(seconds)
     lost = int(np.argmax(~known))
@@ -81,6 +84,11 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
             f'set time: {{column: {clock.columns[0]}, format: "{form}"}}'
         )
     usual = float(np.median(np.abs(np.diff(time))))
+    if usual > LONGEST_S and (clock.format or clock.unit not in TIME_UNITS):
+        raise InputError(
+            f"{table.path}: rows are {usual:g} s apart, which is too coarse: a truck speeds up and brakes in "
+            f"seconds; export it at 1 Hz or faster (at most {LONGEST_S:g} s apart)"
+        )
     if not SHORTEST_S <= usual <= LONGEST_S:
         raise InputError(
             f"{table.path}: rows are {usual:g} s apart; a unit of time other than "
@@ -88,6 +96,34 @@ def timed(table: TextTable, clock: Clock) -> tuple[TextTable, Array, list[float]
         )
     table, time = _without_outliers(table, time)
     return _in_pieces(table, time, usual)
+
+
+def copies(table: TextTable, clock: Clock) -> Mask:
+    """Rows (n,) that are written again: COPIED rows and more in the order of earlier ones, or every row.
+
+    Equal rows of a truck that stands, under a clock in whole seconds, are no copies.
+    """
+    row, codes = np.arange(len(table)), _codes(table, [*table.columns])
+    first = np.unique(codes, return_index=True)[1][codes]
+    others = _codes(table, [name for name in table.columns if name not in clock.columns])
+    varied = np.diff(others[np.unique(first)]) != 0
+    if (np.bincount(codes) > 1).all() and 2 * varied.sum() > len(varied) > 0:
+        return first < row
+    edges = np.flatnonzero(np.diff(row - first, prepend=-1, append=-1))
+    found = np.zeros(len(row), dtype=bool)
+    for i, j in pairwise(edges):
+        found[i:j] = min(j - i, i - first[i]) >= COPIED
+    return found
+
+
+def _codes(table: TextTable, names: Sequence[str]) -> NDArray[np.int64]:
+    """A number for the cells of each row, (n,), from 0 on; equal rows have equal ones."""
+    codes = np.zeros(len(table), dtype=np.int64)
+    for name in names:
+        cells = pc.dictionary_encode(table.column(name), null_encoding="encode").combine_chunks()
+        codes = codes * len(cells.dictionary) + cells.indices.to_numpy()
+        codes = np.unique(codes, return_inverse=True)[1]
+    return codes
 
 
 def _without_outliers(table: TextTable, time: Array) -> tuple[TextTable, Array]:
