@@ -51,6 +51,8 @@ class Candidate:
     place: int = 0
     needs: str = ""
     across: str = ""  # another field of which the norm is taken with this one
+    guess: str = ""  # a unit that is asked for, not proposed
+    part: str = ""  # of a pedal that drives and brakes: see topic_map.PARTS
     follows: bool = False  # whether it was seen to change as the speed does
 
     @property
@@ -72,9 +74,10 @@ class Candidate:
         name = yaml_text(self.field.path)
         name = f"[{name}, {yaml_text(self.across)}]" if self.across else name
         source = f"topic: {yaml_text(self.topic.name)}, field: {name}" if self.topic else f"column: {name}"
-        unit = f", unit: {yaml_text(self.unit or '?')}"
+        unit = f", unit: {yaml_text(self.unit or self.guess or '?')}"
         unit += f", scale: {self.scale:g}" if self.scale != 1.0 else ""
         unit += f", offset: {self.offset:g}" if self.offset else ""
+        unit += f", part: {self.part}" if self.part else ""
         return f"{self.channel}: {{{source}{unit}}}"
 
     @property
@@ -87,7 +90,7 @@ class Candidate:
     def _beyond(self) -> str:
         """A warning if the values in this unit are impossible for a truck; none for a vector, because the
         range is that of one component."""
-        if not self.unit or self.across:
+        if not self.unit or self.across or self.part:
             return ""
         ends = self.scale * np.array([self.field.low, self.field.high]) + self.offset
         ends = conversion(self.channel, self.unit)(ends)
@@ -148,6 +151,7 @@ class Proposal:
             if channel in NEEDED:
                 yield f"{title} NOT FOUND, {NEEDED[channel]}. Fill in:"
                 unit = known_units(channel)[0]
+                yield from (f"# {line}" for line in self.by_unit(channel))
                 yield f"# {channel}: {{{self.BLANK}, unit: {unit}}}"
                 if channel == "brake_command" and self.taken("brake_switch"):
                     yield "# The deceleration while the brake switch is on may stand in:"
@@ -170,6 +174,10 @@ class Proposal:
             yield f"# {one.remark}."
             yield f"{'' if one is taken else '# '}{one.line}"
         yield from asked
+
+    def by_unit(self, channel: str) -> list[str]:
+        """What may be a channel by its unit alone, one line each."""
+        return []
 
     def absent(self, channel: str) -> str:
         """A remark on why an optional channel has no candidate, if there is anything to say."""

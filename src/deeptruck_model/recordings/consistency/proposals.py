@@ -17,12 +17,14 @@ from deeptruck_model.recordings.extract import SIDEWAYS
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import Series, uniform
+from deeptruck_model.recordings.topic_map import Taken
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 Values = Callable[[Candidate], tuple[Array, Array] | None]
 
+APART_M_S = 0.5  # rms: speeds of two sources that differ by more are both named
 COMPARED = (
     "speed", "acceleration", "specific_force", "engine_command", "brake_command", "grade", "elevation",
     "engine_speed", "latitude", "longitude",
@@ -53,7 +55,25 @@ def settled(found: Proposal, values: Values, across: Callable[[Candidate], Candi
     _accelerometers(found, speed, values)
     taken = ((channel, found.taken(channel)) for channel in COMPARED)
     proposed = {channel: one for channel, one in taken if one is not None}
-    return [doubt.says for doubt in sensors.doubts(_recordings(proposed, values))]
+    others = [other for other in speeds if other.unit and other is not speed and not across(other)]
+    apart = [says for other in others if (says := _apart(speed, other, values))]
+    return [*apart, *(doubt.says for doubt in sensors.doubts(_recordings(proposed, values)))]
+
+
+def _apart(speed: Candidate, other: Candidate, values: Values) -> str:
+    """How the speed of another source differs from the one that is taken; '' if the two agree."""
+    drives = [_recordings({"speed": one}, values) for one in (speed, other)]
+    if not all(drives) or drives[0][0].dt != drives[1][0].dt:
+        return ""
+    late_s, at_once, shifted = sensors.late(
+        *(parts[0].channels["speed"] for parts in drives), drives[0][0].dt
+    )
+    if at_once < APART_M_S:
+        return ""
+    says = f"{other.label} differs from {speed.label} by {at_once:.1f} m/s rms"
+    if late_s and shifted < 0.5 * at_once:
+        says += f", as it is {abs(late_s):g} s {'late' if late_s > 0 else 'early'} (late_s: {late_s:g})"
+    return f"{says}: {speed.label} is taken for speed"
 
 
 def _accelerometers(found: Proposal, speed: Candidate, values: Values) -> None:
@@ -104,7 +124,8 @@ def _recordings(chosen: Mapping[str, Candidate], values: Values) -> list[Recordi
         convert = conversion(channel, one.unit)
         units[channel] = convert.unit
         with np.errstate(invalid="ignore"):
-            series[channel] = Series(found[0], convert(one.scale * found[1] + one.offset))
+            taken = Taken(convert=convert, scale=one.scale, offset=one.offset, part=one.part)
+            series[channel] = Series(found[0], taken(found[1]))
     interface = TruckInterface("proposed", units["engine_command"], units["brake_command"])
     try:
         return uniform(series, name="proposed", interface=interface)

@@ -60,6 +60,7 @@ SPEEDS = {  # what speed is multiplied by where it is read so
     1.9438: "knots read as m/s",
     1 / 1.9438: "m/s read as knots",
 }
+LATEST_S = 5.0  # by which one speed may be later than another
 WITHOUT = "or leave acceleration out, and it is derived from speed"
 
 
@@ -225,6 +226,21 @@ def _accelerometer(recordings: Sequence[Recording], name: str) -> Iterator[Doubt
                 f"{name} is at {end:.3g} m/s² in {share:.1%} of its samples: its range is too small, and "
                 f"what lies beyond is not known; record it with a larger one, {without}",
             )
+
+
+def late(speed: Array, other: Array, dt: float) -> tuple[float, float, float]:
+    """By how much `other` is later than `speed`, s, both (n,) on one clock, and the rms difference before and
+    after it is shifted back."""
+    count = min(len(speed), len(other))
+    most = min(round(LATEST_S / dt), count // 4)
+
+    def rms(shift: int) -> float:
+        a, b = speed[max(0, -shift) : count - max(0, shift)], other[max(0, shift) : count - max(0, -shift)]
+        both = np.isfinite(a) & np.isfinite(b)
+        return float(np.sqrt(np.mean((b - a)[both] ** 2))) if both.any() else np.inf
+
+    best = min(range(-most, most + 1), key=lambda shift: (rms(shift), abs(shift)))
+    return best * dt, rms(0), rms(best)
 
 
 def degrees_of_tilt(offset: float) -> float:

@@ -22,7 +22,9 @@ from deeptruck_model.recordings.tables.table_form import NUMBER
 
 Array = NDArray[np.float64]
 
-UNITS = ("s", "ms", "us", "ns", "min", "h", "days")  # tried where none is stated
+UNITS = {  # tried where none is stated, and by how much of a log ratio each is less usual
+    "s": 0.0, "ms": 1.0, "us": 1.0, "ns": 1.0, "min": 3.0, "h": 3.0, "days": 3.0,
+}  # fmt: skip
 EPOCHS = (  # what counts from 1970, or the days of Excel and Matlab
     (9e8, 5e9, "s"), (9e11, 5e12, "ms"), (9e14, 5e15, "us"), (9e17, 5e18, "ns"),
     (2e4, 8e4, "days"), (6e5, 8e5, "days"),
@@ -71,7 +73,7 @@ def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence
         seconds[np.searchsorted(table.rows, np.sort(kept.rows))] = time[np.argsort(kept.rows)]
         columns = trial.clock.columns
         extra = len(frozenset().union(*(headers[name].words for name in columns)) - TIME)
-        off = time[-1] if trial.sure else _unlikely(seconds, speeds)  # days for months make it long
+        off = time[-1] if trial.sure else UNITS[trial.clock.unit] + _unlikely(seconds, speeds)
         whole = not trial.sure or bool(np.allclose(time, np.rint(time)))
         order = (whole, -len(columns), _falls(table, columns), extra, trial.place, off)
         found.append((order, RowClock(_line(trial.clock), trial.why, columns, seconds)))
@@ -109,10 +111,17 @@ def _trials(table: TextTable, headers: Mapping[str, Header]) -> Iterator[_Trial]
         if pa.types.is_temporal(column.type):
             yield _Trial(Clock((name,), unit=""), f"'{name}' has the type {column.type}", places[name])
         elif NUMBER.fullmatch(first[name]):
-            if words & TIME and not words & NO_TIME:
+            if (words & TIME or (unit in TIME_UNITS and _even(table, name))) and not words & NO_TIME:
                 yield from _numbers(table, name, unit, headers[name].stated, places[name])
         elif name not in dates and (words & TIME or places[name] == 0):
             yield from _dated((name,), first[name], places[name])
+
+
+def _even(table: TextTable, name: str) -> bool:
+    """Whether the numbers of a column rise from row to row by about the same step."""
+    steps = np.diff(table.values(name)[0])
+    steps = steps[np.isfinite(steps)]
+    return len(steps) > 1 and bool((steps > 0.0).all() and steps.std() < 0.5 * steps.mean())
 
 
 def _dated(names: tuple[str, ...], cell: str, place: int) -> Iterator[_Trial]:

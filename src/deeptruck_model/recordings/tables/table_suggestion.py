@@ -17,11 +17,18 @@ from numpy.typing import NDArray
 from deeptruck_model._io.reading import plain
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.candidates import DEMANDS, FIELD, TOPIC, Candidate, Proposal, span, yaml_text
-from deeptruck_model.recordings.channel_words import COMMANDED, named_channels, units_by_range
+from deeptruck_model.recordings.channel_words import (
+    BY_WORDS,
+    COMMANDED,
+    LEADER,
+    named_channels,
+    units_by_range,
+)
 from deeptruck_model.recordings.consistency.proposals import settled
 from deeptruck_model.recordings.consistency.sensors import metres_of
 from deeptruck_model.recordings.consistency.units import TRAVELLED, fitting
 from deeptruck_model.recordings.message_types import Role
+from deeptruck_model.recordings.ranges import RAW_TORQUE
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.header_words import (
     IMPERIAL,
@@ -30,13 +37,14 @@ from deeptruck_model.recordings.tables.header_words import (
     Header,
     fits,
     header,
+    sibling,
     spelled,
 )
 from deeptruck_model.recordings.tables.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.tables.row_keys import Key, key_of, only, widened
 from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, TextTable, decimal_mark, read_table
 from deeptruck_model.recordings.tables.table_form import Form, find_form
-from deeptruck_model.recordings.topic_map import EXTRA
+from deeptruck_model.recordings.topic_map import EXTRA, PARTS
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import CHANNELS
 
@@ -45,6 +53,22 @@ Array = NDArray[np.float64]
 LOOKED_AT = 100_000  # rows by which the clock is found and units are compared
 RARE = 0.002  # of the values: codes of faults, which say nothing of the unit
 MOSTLY = 0.5  # of the filled cells of a column of numbers
+SIGNED = 0.02  # of the largest value: below minus this a pedal does brake
+_LAST = 10  # place behind all others: receivers report a speed a second or two late
+_SATELLITES = frozenset(("gps", "gnss"))
+_TORQUE = frozenset(("torque", "engine"))
+_DRIVES = frozenset(("acceleration", "accelerator", "accel", "throttle", "gas", "pedal"))
+_AVERAGE = frozenset(("avg", "average", "mean"))
+_TELLING = {  # units by which a column is known without a word
+    "speed": ("km/h", "mph"), "engine_speed": ("rpm",), "engine_torque": ("N m", "Nm"),
+    "fuel_rate": ("l/h", "g/h", "kg/h", "g/s", "ml/min"),
+}  # fmt: skip
+_COUNTS = {  # counts of J1939 and of loggers without floats
+    "speed": (("km/h", 0.1), ("km/h", 1 / 256), ("km/h", 0.01)),
+    "engine_command": (("percent", 0.4), ("percent", 0.1)),
+    "brake_command": (("percent", 0.4), ("percent", 0.1)),
+    "engine_speed": (("rpm", 0.125),),
+}
 SWITCH = "a measured value: this one is on or off only"
 _OF_OTHERS = {"metric": ("mph", "ft", "degF", "psi"), "imperial": ("km/h",)}  # units that the others rule out
 _NO_VALUE = r"^(?i:-+|\?+|n/?a|#n/a|null|none|inv|err)$"
@@ -158,6 +182,16 @@ class TableSuggestion(Proposal):
             taken.add(name)
             yield f"#   {name}: {yaml_text(column)}"
 
+    def by_unit(self, channel: str) -> list[str]:
+        """The columns that nobody has named and that have one of the channel's units."""
+        named = {one.field.path for several in self.candidates.values() for one in several}
+        few = [
+            plain(c.name)
+            for c in self.columns
+            if c.header.unit and c.name not in (*named, *self.clock.columns) and fits(channel, c.header.unit)
+        ]
+        return [f"Is it one of these, by its unit: {', '.join(few)}?"] if few else []
+
     def listing(self) -> list[str]:
         """Every column with its range and the channels it may be, one line each."""
         likely = {id(one.field): one for several in self.candidates.values() for one in several}
@@ -213,7 +247,8 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         rows=table.rows[:LOOKED_AT],
     )
     system = _system(headers)
-    meanings = [meaning for column in columns if (meaning := _meaning(column, system)) is not None]
+    meanings = [meaning for column in columns for meaning in _meanings(column, system)]
+    meanings += _by_unit(columns, meanings)
     speeds = [one.column.values[:LOOKED_AT] for one in meanings if one.channel == "speed"]
     clock = find_clock(head, headers, speeds)
     meanings = _compared([one for one in meanings if one.column.name not in clock.columns], clock, columns)
@@ -227,12 +262,18 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     found = TableSuggestion(candidates, commanded, table, form, columns, clock, key, pivot)
     seconds, at = np.unique(clock.seconds if clock.seconds is not None else np.zeros(0), return_index=True)
     at = at[np.isfinite(seconds)]
-    raw = {column.name: column.values for column in columns}
+    named = {column.name: column for column in columns}
 
     def values(one: Candidate) -> tuple[Array, Array] | None:
-        return (seconds[: len(at)], raw[one.field.path][at]) if len(at) > 1 else None
+        raw = named[one.field.path].values[at]
+        raw = np.hypot(raw, named[one.across].values[at]) if one.across else raw
+        return (seconds[: len(at)], raw) if len(at) > 1 else None
 
-    found.doubts.extend(settled(found, values, lambda one: None))
+    def across(one: Candidate) -> Candidate | None:
+        other = sibling(one.field.path, named)
+        return replace(one, field=named[other].field) if other else None
+
+    found.doubts.extend(settled(found, values, across))
     return found
 
 
@@ -252,7 +293,9 @@ def _one_value(table: TextTable) -> tuple[str, str] | None:
     value = next((c for c, found in named.items() if found & _VALUES), None)
     if name is None or value is None or not pa.types.is_string(table.column(name).type):
         return None
-    return name, value
+    labels = (header(str(label)).words for label in table.column(name).unique().to_pylist())
+    known = any(next(named_channels(words, frozenset()), None) for words in labels)
+    return (name, value) if known else None
 
 
 @dataclass(frozen=True)
@@ -266,6 +309,11 @@ class _Meaning:
     role: Role
     units: list[str]
     said: str
+    scale: float = 1.0
+    offset: float = 0.0
+    part: str = ""
+    guess: str = ""
+    needs: str = ""
 
     @property
     def unit(self) -> str:
@@ -282,8 +330,12 @@ class _Meaning:
             f"'{' '.join(sorted(self.asked))}' in its name; {self.said}",
             FIELD if self.column.header.unit else TOPIC,  # a unit that is stated is the surest
             self.role,
-            place=self.place,
-            needs=SWITCH if switch else "",
+            self.scale,
+            self.offset,
+            self.place,
+            SWITCH if switch else self.needs,
+            guess=self.guess,
+            part=self.part,
         )
 
 
@@ -321,30 +373,73 @@ def _system(headers: dict[str, Header]) -> str:
     return "" if metric == imperial else "metric" if metric else "imperial"
 
 
-def _meaning(column: TableColumn, system: str) -> _Meaning | None:
-    """The first channel that matches the words of the header and can have its unit."""
-    words, unit = column.header.words, column.header.unit
+def _meanings(column: TableColumn, system: str) -> list[_Meaning]:
+    """The first channel that matches the words of the header and can have its unit; both commands for one
+    pedal that drives above zero and brakes below."""
+    words, unit, values = column.header.words, column.header.unit, column.values
     for named in named_channels(words, frozenset()):
         channel = named.channel
         percent = channel == "engine_torque" and bool(unit) and not fits(channel, unit)
         if channel == "engine_torque" and (percent or words & COMMANDED):
             channel = "engine_command"  # a torque in percent is what a demand is in
-        driven = channel == "gap" and (unit in ("km", "mi") or _grows(column.values))
+        driven = channel == "gap" and (unit in ("km", "mi") or _grows(values))
         if driven or (unit and not fits(channel, unit)):
             continue
-        if unit:
-            units, said = [unit], f"its unit by {column.header.stated}"
-        else:
+        units, said = [unit], f"its unit by {column.header.stated}"
+        if not unit:
             units = units_by_range(channel, words, column.largest)
             units = [one for one in units if one not in _OF_OTHERS.get(system, ())]
+            if channel == "engine_command" and not words & _TORQUE:
+                units = [one for one in units if one != "N m"]
             known = len(units) == 1 and units[0]
             said = (
                 f"no unit is stated, {units[0]} alone fits its range: check" if known else "no unit is stated"
             )
         role = Role.COMMANDED if words & COMMANDED else Role.MEASURED
         place = named.place + (1 if percent else 0)  # an output, behind the pedal that demands it
-        return _Meaning(column, channel, named.asked, place, role, units, said)
-    return None
+        place += _LAST if channel == "speed" and words & _SATELLITES else 0
+        one = _Meaning(column, channel, named.asked, place, role, units, said)
+        if channel in DEMANDS and words & _DRIVES and (values < -SIGNED * column.largest).mean() > RARE:
+            says = f"{said}; one column that drives above zero and brakes below"
+            parts = zip(DEMANDS, PARTS, strict=True)
+            return [replace(one, channel=command, said=says, part=part) for command, part in parts]
+        return [_of_counts(one)]
+    return []
+
+
+def _of_counts(one: _Meaning) -> _Meaning:
+    """The meaning with the scale and offset of J1939, or of another logger, where the numbers are as on the
+    bus: proposed for a torque in percent, else asked for."""
+    low, most = float(np.nanmin(one.column.values)), one.column.largest
+    if one.channel == "engine_command" and one.unit in ("%", "percent"):
+        zero, largest = RAW_TORQUE
+        if one.column.header.words & _TORQUE and zero < most <= largest and low > 0.5 * zero:
+            said = f"{one.said}; percent torque of J1939 without its offset, as more than {zero:g} % is none"
+            return replace(one, offset=-zero, said=said)
+    if one.units:
+        return one
+    for unit, scale in _COUNTS.get(one.channel, ()):
+        if unit in units_by_range(one.channel, one.column.header.words, scale * most):
+            needs = f"a check: are its numbers counts of {scale:.4g} {unit}? Else its unit"
+            return replace(one, scale=scale, guess=unit, needs=needs)
+    return one
+
+
+def _by_unit(columns: list[TableColumn], meanings: list[_Meaning]) -> list[_Meaning]:
+    """Channels that no header names, by the only column in a unit that nothing else on a truck has."""
+    found = []
+    for channel, units in _TELLING.items():
+        if any(one.channel == channel and one.role is Role.MEASURED for one in meanings):
+            continue
+        none_of = (BY_WORDS[channel].none_of | COMMANDED | LEADER) - _AVERAGE
+        few = [c for c in columns if c.header.unit in units and not c.header.words & none_of]
+        few = [c for c in few if "engine" in c.header.words] or few if channel == "engine_torque" else few
+        if len(few) == 1:
+            unit = few[0].header.unit
+            said = f"the only column in {unit}: check; its unit by {few[0].header.stated}"
+            asked = frozenset((unit,))
+            found.append(_Meaning(few[0], channel, asked, 0, Role.MEASURED, [unit], said))
+    return found
 
 
 def _grows(values: Array) -> bool:
