@@ -327,7 +327,7 @@ class _Meaning:
             None,
             self.column.field,
             "" if switch else self.unit,
-            f"'{' '.join(sorted(self.asked))}' in its name; {self.said}",
+            f"'{' '.join(sorted(self.asked))}' in its name; {self.said}" if self.asked else self.said,
             FIELD if self.column.header.unit else TOPIC,  # a unit that is stated is the surest
             self.role,
             self.scale,
@@ -401,7 +401,8 @@ def _meanings(column: TableColumn, system: str) -> list[_Meaning]:
         one = _Meaning(column, channel, named.asked, place, role, units, said)
         if channel in DEMANDS and words & _DRIVES and (values < -SIGNED * column.largest).mean() > RARE:
             says = f"{said}; one column that drives above zero and brakes below"
-            parts = zip(DEMANDS, PARTS, strict=True)
+            units = [unit] if unit else units_by_range("engine_command", frozenset(), column.largest)
+            one, parts = replace(one, units=units), zip(DEMANDS, PARTS, strict=True)
             return [replace(one, channel=command, said=says, part=part) for command, part in parts]
         return [_of_counts(one)]
     return []
@@ -437,8 +438,7 @@ def _by_unit(columns: list[TableColumn], meanings: list[_Meaning]) -> list[_Mean
         if len(few) == 1:
             unit = few[0].header.unit
             said = f"the only column in {unit}: check; its unit by {few[0].header.stated}"
-            asked = frozenset((unit,))
-            found.append(_Meaning(few[0], channel, asked, 0, Role.MEASURED, [unit], said))
+            found.append(_Meaning(few[0], channel, frozenset(), 0, Role.MEASURED, [unit], said))
     return found
 
 
