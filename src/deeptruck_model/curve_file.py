@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from deeptruck_model._io import reading
 from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import ranges
 from deeptruck_model.recordings.tables.csv_text import CsvText
 from deeptruck_model.recordings.tables.row_keys import key_of
 from deeptruck_model.recordings.tables.table_file import PARQUET, decimal_mark, read_table
@@ -44,6 +45,11 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
     if without.any():
         at = table.at(int(np.argmax(without)))
         raise InputError(f"{path}: {at} needs a number under {over} and {of}")
+    if of == "speed":
+        for reason, none in ranges.no_values("speed", "m/s", x, y):
+            first = f"at {x[int(np.argmax(none))]:g} s ({y[int(np.argmax(none))]:g})"
+            table = table.without(none, f"{reason}, bridged", f", {first}")
+            x, y = x[~none], y[~none]
     if len(x) < 2:
         raise InputError(f"{path} has one row; it needs at least two")
     if (np.diff(x) <= 0).any():

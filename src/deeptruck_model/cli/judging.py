@@ -114,9 +114,10 @@ def calibrate(
         lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
     )
     from deeptruck_model.deep import card, evaluation, remarks
+    from deeptruck_model.recordings import splits
 
     truck, recordings = deep_truck(simulator), read(bags, topic_map, clock, msg)
-    remarks.refuse_twice(recordings)
+    splits.refuse_shared(recordings)
     calibrated = evaluation.calibrated(truck, recordings)
     card.publish_calibrated(calibrated, recordings, Path(simulator), out, overwrite)
     typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")

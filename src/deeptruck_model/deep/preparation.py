@@ -30,7 +30,7 @@ from deeptruck_model.deep.data import (
 from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, data_hash
+from deeptruck_model.recordings import Recording, data_hash, splits
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.signals import CHANNELS, TruckInterface
 from deeptruck_model.simulators import read_manifest
@@ -77,7 +77,7 @@ class Prepared:
 
 def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     """Cut, correct and split the recordings. Raises InputError if there is nothing to train on."""
-    remarks.refuse_twice(recordings)
+    splits.refuse_shared(recordings)
     for _, pieces_of in groupby(recordings, lambda r: r.name.partition("#")[0]):
         sensors.refuse(list(pieces_of))
     interface = common_interface(recordings)

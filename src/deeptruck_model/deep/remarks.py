@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -102,29 +101,6 @@ def speed_hash(recording: Recording) -> str:
     topic map."""
     speed = np.ascontiguousarray(recording.channels["speed"], dtype="<f8")
     return hashlib.sha256(np.where(np.isnan(speed), np.nan, speed).tobytes()).hexdigest()
-
-
-def refuse_twice(recordings: Sequence[Recording]) -> None:
-    """Raises InputError if a drive occurs twice, under any name: the copy would leak held-out data into
-    training, and the drive would count twice."""
-    seen: dict[str, str] = {}
-    for r in recordings:
-        if len(r) * r.dt < BY_CHANCE_S or not np.any(r.channels["speed"] > 0.0):
-            continue
-        content = _content(r)
-        if content in seen:
-            again = f"as '{seen[content]}' and as '{r.name}'" if seen[content] != r.name else "twice"
-            raise InputError(f"the drive '{r.name}' is given {again}; give each drive once")
-        seen[content] = r.name
-
-
-def _content(recording: Recording) -> str:
-    """SHA-256 of all channels; unlike `data_hash` it does not depend on the recording's name."""
-    digest = hashlib.sha256()
-    for name, values in sorted(recording.channels.items()):
-        known = np.where(np.isnan(values), np.nan, values)  # one NaN, whatever its bits
-        digest.update(name.encode() + np.ascontiguousarray(known, dtype="<f8").tobytes())
-    return digest.hexdigest()
 
 
 def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:

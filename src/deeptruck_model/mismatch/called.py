@@ -11,7 +11,8 @@ from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.prepare import Span
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.given import check_apart, check_paths_apart, drives
+from deeptruck_model.recordings.given import check_paths_apart, drives
+from deeptruck_model.recordings.splits import refuse_shared
 from deeptruck_model.simulators import Simulator, completed
 
 
@@ -46,7 +47,7 @@ def called(
     rate = 1.0 / truck.dt
     fit = drives(recordings, "recordings", rate_hz=rate, among=held_out)
     held = drives(held_out, "held_out", rate_hz=rate, among=recordings)
-    check_apart(fit, held)
+    refuse_shared(fit, held)
     _check_spans(without, [*fit, *held])
     return truck, fit, held
 

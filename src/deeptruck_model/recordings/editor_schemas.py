@@ -23,9 +23,9 @@ _TEXT: Schema = {"type": "string"}
 _NAME: Schema = {"type": ["string", "number"]}
 _NUMBER: Schema = {"type": "number", "minimum": -topic_map.LARGEST, "maximum": topic_map.LARGEST}
 _POSITIVE: Schema = {"type": "number", "exclusiveMinimum": 0, "maximum": topic_map.LARGEST}
-_WITH_UNITS = ("unit", "density")
+_WITH_UNITS = ("unit", "density", "part")
 _KINDS: dict[str, Schema] = {
-    "column": {"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1, "maxItems": 2}]},
+    "column": {"type": ["string", "number", "array"]},
     "part": {"enum": [*topic_map.PARTS]},
     "topic": _TEXT,
     "field": {"anyOf": [_TEXT, {"type": "array", "items": _TEXT, "minItems": 1, "maxItems": 2}]},
@@ -116,9 +116,10 @@ def _mapping(properties: Schema, required: list[str] | None = None) -> Schema:
 
 
 def _entry(channel: str, keys: dict[str, str]) -> Schema:
-    """The schema of one channel's entry; only fuel has a density."""
+    """The schema of one channel's entry; only fuel has a density, and only pedals have parts."""
     kinds = {**_KINDS, "unit": _unit(channel)}
-    mine = [key for key in keys if key != "density" or channel == "fuel_rate"]
+    of = {"density": ("fuel_rate",), "part": ("engine_command", "brake_command")}
+    mine = [key for key in keys if channel in of.get(key, (channel,))]
     return {key: {**kinds[key], "description": keys[key]} for key in mine}
 
 

@@ -6,8 +6,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
-
 from deeptruck_model import checks
 from deeptruck_model.checks import calls
 from deeptruck_model.errors import InputError
@@ -49,21 +47,3 @@ def check_paths_apart(recordings: Any, held_out: Any) -> None:
         for given in (recordings, held_out)
     )
     checks.held_out(fitted, held)
-
-
-def check_apart(recordings: Sequence[Recording], held_out: Sequence[Recording]) -> None:
-    """Raises InputError for a drive that is both fitted and held out, even under different names, since it
-    would be validated on training data."""
-    fitted = {_content(r): r.name for r in recordings}
-    for r in held_out:
-        if (name := fitted.get(_content(r))) is not None:
-            same = f"'{r.name}'" if name == r.name else f"'{r.name}' is the drive '{name}', which"
-            raise InputError(
-                f"{same} is to be fitted and held out; hold out drives that are not fitted, or none: "
-                "then a part of them is set aside"
-            )
-
-
-def _content(r: Recording) -> tuple[float, float, bytes]:
-    speed = np.ascontiguousarray(r.channels["speed"], dtype="<f8")
-    return r.dt, r.start_s, np.where(np.isnan(speed), np.nan, speed).tobytes()

@@ -12,6 +12,7 @@ from deeptruck_model._io.results import BAG, apart
 from deeptruck_model.checks import Clock
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.tables.columns import load_columns
+from deeptruck_model.recordings.tables.table_file import in_parts
 from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
 
 CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc", ".mcap")
@@ -44,7 +45,7 @@ def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Calla
         raise InputError(f"'--clock {clock}' is for bags, whose messages have two times; {table} is none")
     return [
         lambda: check_table(table),
-        lambda: check_measurement(table),
+        lambda: None if in_parts(table) else check_measurement(table),
         lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),
     ]
 
@@ -97,6 +98,8 @@ def is_table(path: Path) -> bool:
 
     Raises InputError for a CAN log: its meaning is in a vehicle file.
     """
+    if in_parts(path):
+        return True
     if not path.is_file() or path.suffix.lower() in (*BAG_SUFFIXES, ".mcap"):
         return False
     check_measurement(path)
@@ -112,5 +115,5 @@ def check_table(table: Path) -> None:
     """Raises InputError if there is no such file."""
     if not table.exists():
         raise InputError(f"{table} does not exist")
-    if not table.is_file():
+    if not table.is_file() and not in_parts(table):
         raise InputError(f"{table} is a folder; give the file of a table or CAN log")

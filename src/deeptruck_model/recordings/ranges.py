@@ -193,7 +193,7 @@ class Range:
         unit = interface.unit(self.channel)
         if (self.channel, unit) == ("engine_command", "percent") and values.max() <= RAW_TORQUE[1]:
             raise InputError(
-                f"{what}: percent torque of J1939 without its offset? Give it 'offset: {-RAW_TORQUE[0]:g}'"
+                f"{what}: percent torque of J1939 without its offset. Give it 'offset: {-RAW_TORQUE[0]:g}'"
             )
         least, largest, units = _OTHER_UNITS.get((self.channel, unit), (0.0, 0.0, {}))
         for unit, factor in units.items():

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.recording import Recording
+
+SHARED_S = 10.0  # of driving that are alike to the last digit are one drive
+VARIED_M_S = 0.5  # by which the speed varies in a span that is compared
+COMMANDS = ("engine_command", "brake_command")
 
 
 def split(
@@ -39,6 +43,50 @@ def split(
                 part.append(recording.piece(start, stop))
         begin += duration
     return parts
+
+
+def refuse_shared(recordings: Sequence[Recording], held_out: Sequence[Recording] | None = None) -> None:
+    """Raises InputError if two recordings share SHARED_S of driving, sample for sample and under any name, as
+    bags do that were uploaded twice or overlap.
+
+    Validation would see what training saw, and the drive would count twice. With `held_out`, only those are
+    compared with `recordings`. Spans in which the speed hardly varies are alike by chance.
+    """
+    known: dict[tuple[float, int], Recording] = {}
+    for k, r in enumerate((*recordings, *(held_out or ()))):
+        length = round(SHARED_S / r.dt / 2.0)
+        shared, first = np.zeros(len(r), dtype=bool), r
+        for span, start in _spans(r, length, 1) if held_out is None or k >= len(recordings) else ():
+            if other := known.get((r.dt, span)):
+                shared[start : start + length], first = True, other
+        if shared.any():
+            raise InputError(_says(first, r, float(shared.sum()) * r.dt, held_out is not None))
+        if held_out is None or k < len(recordings):
+            known |= {(r.dt, span): r for span, _ in _spans(r, length, length)}
+
+
+def _says(first: Recording, second: Recording, seconds: float, held_out: bool) -> str:
+    whole = seconds > 0.9 * min(len(first), len(second)) * first.dt
+    what = f"'{second.name}'" if whole else f"{seconds:.0f} s of '{second.name}'"
+    if held_out:
+        of = "" if first.name == second.name else f" is the drive '{first.name}', which"
+        return (
+            f"{what}{of} is to be fitted and held out; hold out drives that are not fitted, or none: "
+            "then a part of them is set aside"
+        )
+    again = "given twice" if first.name == second.name else f"in '{first.name}' too"
+    return f"the drive {what} is {again}, as where bags were uploaded twice or overlap; give each drive once"
+
+
+def _spans(r: Recording, length: int, apart: int) -> Iterator[tuple[int, int]]:
+    """Hashes of spans of speed and commands, and the sample at which each begins."""
+    names = ("speed", *(name for name in COMMANDS if name in r.channels))
+    rows = np.round(np.column_stack([r.channels[name] for name in names]), 4)
+    if len(rows) < 2 * length:
+        return
+    speed = np.lib.stride_tricks.sliding_window_view(rows[:, 0], length)[::apart]
+    for k in np.flatnonzero(np.ptp(speed, axis=1) > VARIED_M_S):
+        yield hash(rows[k * apart : k * apart + length].tobytes()), int(k) * apart
 
 
 def data_hash(recordings: Sequence[Recording]) -> str:

@@ -34,6 +34,11 @@ class Taken:
     part: str = ""  # one of PARTS: what lies above or below zero, of a pedal that drives and brakes
     gates: bool = False  # a brake switch in the place of the brake command, see gated_brake
 
+    @property
+    def unit(self) -> str:
+        """The canonical unit that it leads to; '' if that is the interface's."""
+        return self.convert.unit if self.convert else ""
+
     def __call__(self, values: Array) -> Array:
         """Numbers as written, (n,), in the canonical unit."""
         if self.scale != 1.0 or self.offset != 0.0:
@@ -197,8 +202,8 @@ def taken(channel: str, entry: Mapping[str, Any], source: str) -> tuple[str, dic
     if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
         raise InputError(f"channel '{channel}': scale {scale:g} and offset {offset:g} leave no values")
     part = str(entry.get("part", ""))
-    if part not in ("", *PARTS):
-        raise InputError(f"part of '{channel}' must be positive or negative, not {part!r}")
+    if part and (part not in PARTS or channel not in ("engine_command", "brake_command")):
+        raise InputError(f"part of '{channel}' must be positive or negative, of a command, not {part!r}")
     named = entry[source] if isinstance(entry[source], list) else [entry[source]]
     if not 1 <= len(named) <= 2:
         raise InputError(f"{source} of '{channel}' is one name, or two for the norm of a vector")

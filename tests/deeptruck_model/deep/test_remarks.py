@@ -10,13 +10,11 @@ from deeptruck_model.deep import DeepTruck, train
 from deeptruck_model.deep.remarks import (
     KEY,
     few_runs,
-    refuse_twice,
     remarks,
     speed_hash,
     trained_on,
     warning,
 )
-from deeptruck_model.errors import InputError
 
 ENOUGH = {"trials": 3, "horizon_s": 40.0, "speed": {"inside_90": 0.88}}
 
@@ -98,16 +96,3 @@ def test_one_standstill_is_like_another_and_known_by_none(truck, drive):
     known = truck.with_details({KEY: [speed_hash(r) for r in (standing, recording)]})
     assert trained_on(known, [standing]) == []
     assert trained_on(known, [recording]) == [recording.name]
-
-
-def test_one_drive_under_two_names_is_refused(drive):
-    monday = drive(60)
-    refuse_twice([monday, drive(60, seed=1)])
-    with pytest.raises(InputError, match="given as 'toy0' and as 'copy'; give each drive once"):
-        refuse_twice([monday, replace(monday, name="copy")])
-    with pytest.raises(InputError, match="given twice"):
-        refuse_twice([monday, monday])
-
-
-def test_moments_that_are_alike_by_chance_are_not_one_drive(drive):
-    refuse_twice([drive(8), drive(8)])

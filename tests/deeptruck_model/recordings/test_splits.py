@@ -7,6 +7,7 @@ import pytest
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, data_hash, split
+from deeptruck_model.recordings.splits import refuse_shared
 from deeptruck_model.signals import TruckInterface
 
 
@@ -46,3 +47,24 @@ def test_the_hash_names_the_data() -> None:
     assert data_hash([replace(one, channels=changed)]) != data_hash([one])
     assert data_hash([replace(one, interface=TruckInterface("other"))]) != data_hash([one])
     assert data_hash([one, counting(5)]) != data_hash([one])
+
+
+def test_driving_that_two_recordings_share_is_refused() -> None:
+    """Whole copies under any name, parts, and uploads that overlap; not what is alike for a moment."""
+    monday = replace(counting(1200), name="monday")
+    copy, part = replace(monday, name="copy"), monday.piece(500, 900)
+    late = replace(counting(1000, 800), name="late")
+    refuse_shared([monday, counting(1000, 1200)])
+    refuse_shared([monday, counting(60)])
+    refuse_shared([replace(counting(1), channels={"speed": np.full(600, 20.0)})] * 2)  # alike by chance
+    for pair, says in (
+        ([monday, copy], "'copy' is in 'monday' too"),
+        ([monday, monday], "'monday' is given twice"),
+        ([monday, part], "'monday' is given twice"),
+        ([monday, late], "40 s of 'late' is in 'monday' too"),
+    ):
+        with pytest.raises(InputError, match=says):
+            refuse_shared(pair)
+    with pytest.raises(InputError, match="'copy' is the drive 'monday', which is to be fitted and held out"):
+        refuse_shared([monday], [copy])
+    refuse_shared([monday, copy], [counting(1000, 1200)])

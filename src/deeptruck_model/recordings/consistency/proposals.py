@@ -65,9 +65,8 @@ def _apart(speed: Candidate, other: Candidate, values: Values) -> str:
     drives = [_recordings({"speed": one}, values) for one in (speed, other)]
     if not all(drives) or drives[0][0].dt != drives[1][0].dt:
         return ""
-    late_s, at_once, shifted = sensors.late(
-        *(parts[0].channels["speed"] for parts in drives), drives[0][0].dt
-    )
+    one, two = (parts[0].channels["speed"] for parts in drives)
+    late_s, at_once, shifted = sensors.late(one, two, drives[0][0].dt)
     if at_once < APART_M_S:
         return ""
     says = f"{other.label} differs from {speed.label} by {at_once:.1f} m/s rms"

@@ -94,7 +94,7 @@ class CsvText:
                 taken.append(line)
                 yield line
 
-        header = next(filter(None, text_csv.reader(lines(), delimiter=delimiter)), [])
+        header = without_mark(next(filter(None, text_csv.reader(lines(), delimiter=delimiter)), []))
         return header, self.skip_rows + len(taken), start + sum(len(line.encode()) for line in taken)
 
     def read(self, cure: str) -> tuple[pa.Table, list[str], NDArray[np.int64], Callable[[int], str]]:
@@ -244,6 +244,14 @@ def single_blanks(data: bytes) -> bytes:
     unit."""
     data = re.sub(rb" (?=[\[(][^\])\n]*[\])])", b"_", re.sub(rb"[ \t]+", b" ", data))
     return re.sub(rb"(?m)^ +| +(?=\r?$)", b"", data)
+
+
+def without_mark(header: list[str]) -> list[str]:
+    """A header without the '# ' that numpy's savetxt writes before it."""
+    if not header or not re.match(r"\s*[#%]+(\s|$)", header[0]):
+        return header
+    first = header[0].strip().lstrip("#%").strip()
+    return [first, *header[1:]] if first else header[1:]
 
 
 def _filled(cells: list[str]) -> int:

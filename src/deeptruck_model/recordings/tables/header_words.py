@@ -119,7 +119,9 @@ def fits(channel: str, unit: str) -> bool:
 
 
 def _without_umlauts(text: str) -> str:
-    for umlaut, pair in zip("äöüÄÖÜß", ("ae", "oe", "ue", "Ae", "Oe", "Ue", "ss"), strict=True):
+    for umlaut, pair in zip(
+        "äöüÄÖÜßıłøđ", ["ae", "oe", "ue", "Ae", "Oe", "Ue", "ss", "i", "l", "o", "d"], strict=True
+    ):
         text = text.replace(umlaut, pair)
     return "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
 

@@ -17,11 +17,14 @@ SUFFIX = ".mat"
 MOST_COLUMNS = 64  # of a matrix
 
 
-def read(path: Path) -> pa.Table:
-    """The vectors of a file of version 4 to 7 as columns, those of structures as STRUCTURE.FIELD.
+def read(path: Path) -> tuple[pa.Table, list[str]]:
+    """The vectors of a file of version 4 to 7 as columns, those of structures as STRUCTURE.FIELD, and the
+    names of vectors that are left out.
 
-    If vectors differ in length, those of the most frequent length are used. Raises InputError for a file of
-    version 7.3 (which is HDF5), a damaged one, and one without numeric vectors.
+    Structures with a `time` of their own (Structure With Time of Simulink, exported timeseries) share one
+    column `time`, the union of theirs; a signal is blank in rows that are not its own. Without such, vectors
+    of the most frequent length are used. Raises InputError for a file of version 7.3 (which is HDF5), a
+    damaged one, and one without numeric vectors.
     """
     from scipy.io import loadmat
 
@@ -31,17 +34,32 @@ def read(path: Path) -> pa.Table:
         raise InputError(
             f"{path} cannot be read as a MAT file ({plain(str(error), 120)}); save it with '-v7', or as CSV"
         ) from None
-    columns = {
-        name: values
-        for key, value in held.items()
-        if not key.startswith("__")
-        for name, values in _vectors(key, value)
-    }
-    lengths = [len(values) for values in columns.values()]
-    if not lengths:
+    of_time: list[tuple[NDArray[Any], dict[str, NDArray[Any]]]] = []
+    others: dict[str, NDArray[Any]] = {}
+    for key, value in held.items():
+        vectors = {} if key.startswith("__") else dict(_vectors(key, value))
+        clock = next((name for name in vectors if name.lower() == f"{key}.time".lower()), "")
+        if clock:
+            of_time.append((vectors.pop(clock).astype(float), vectors))
+        else:
+            others |= vectors
+    if not of_time and not others:
         raise InputError(f"{path} holds no vector of numbers; save time and signals as vectors")
-    most = max(set(lengths), key=lambda length: (lengths.count(length), length))
-    return pa.table({name: values for name, values in columns.items() if len(values) == most})
+    columns: dict[str, NDArray[Any]] = {}
+    lengths = [len(values) for values in others.values()]
+    rows = max(set(lengths), key=lambda length: (lengths.count(length), length)) if lengths else 0
+    if of_time:
+        columns["time"] = np.unique(np.concatenate([time for time, _ in of_time]))
+        rows = len(columns["time"])
+    for time, vectors in of_time:
+        for name, values in vectors.items():
+            if len(values) == len(time):
+                columns[name] = np.full(rows, np.nan)
+                columns[name][np.searchsorted(columns["time"], time)] = values
+    columns |= {name: values for name, values in others.items() if len(values) == rows}
+    names = [*others, *(name for _, vectors in of_time for name in vectors)]
+    table = pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
+    return table, [name for name in names if name not in columns]
 
 
 def _vectors(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:

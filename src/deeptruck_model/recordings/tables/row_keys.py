@@ -68,6 +68,8 @@ def key_of(table: TextTable, speeds: Sequence[Array], words: Mapping[str, frozen
         column = table.column(name)
         named = words.get(name, frozenset())
         number = not pa.types.is_string(column.type) or np.isfinite(table.values(name)[0]).any()
+        if number and not pa.types.is_temporal(column.type) and _measures(table.values(name)[0]):
+            continue
         if pa.types.is_temporal(column.type) or (number and not named & (NAMES | NUMBERS)):
             continue
         codes = pc.dictionary_encode(pc.fill_null(pc.cast(column, pa.string()), "")).combine_chunks()
@@ -81,6 +83,12 @@ def key_of(table: TextTable, speeds: Sequence[Array], words: Mapping[str, frozen
         if named & NAMES and (key.interleaved or changes == len(values) - 1):
             return key
     return None
+
+
+def _measures(values: Array) -> bool:
+    """Whether numbers have fractions, as no number of a vehicle has."""
+    known = values[np.isfinite(values)]
+    return bool((known != np.rint(known)).any())
 
 
 def _smoother(of: NDArray[np.int64], speed: Array) -> bool:

@@ -260,12 +260,15 @@ def read_table(
     detected. Parquet's page checksums are verified if present. Raises InputError for a file that is missing,
     empty, or not in that encoding, and, ending with `cure`, if most rows do not fit the header.
     """
-    reading.check_file(path, "give a CSV or Parquet table")
+    check_table(path)
     account = Account(str(path), "rows")
     place: Callable[[int], str] = _parquet_row
     try:
-        if path.suffix.lower() in (*PARQUET, mat_file.SUFFIX):
-            table = mat_file.read(path) if path.suffix.lower() == mat_file.SUFFIX else _parquet(path)
+        if is_typed(path):
+            of_mat = path.suffix.lower() == mat_file.SUFFIX
+            table, left_out = mat_file.read(path) if of_mat else (_parquet(path), [])
+            if left_out:
+                account.remarks.append(f"of another length than the others, left out: {', '.join(left_out)}")
             names = list(table.column_names)
             account.total.read = table.num_rows
             rows = np.arange(table.num_rows)
@@ -286,6 +289,22 @@ def read_table(
     if not len(found):
         raise InputError(f"{path} is empty: it has no rows below its header")
     return found
+
+
+def is_typed(path: Path) -> bool:
+    """Whether a table has types and no text: Parquet, also in parts below a folder, or MAT."""
+    return path.suffix.lower() in (*PARQUET, mat_file.SUFFIX) or path.is_dir()
+
+
+def in_parts(path: Path) -> bool:
+    """Whether a path is a folder with the Parquet files of one table."""
+    return path.is_dir() and any(path.rglob("*.parquet"))
+
+
+def check_table(path: Path) -> None:
+    """Raises InputError if there is no file that can be a table, nor a folder of its parts."""
+    if not in_parts(path):
+        reading.check_file(path, "give a CSV or Parquet table")
 
 
 def _parquet(path: Path) -> pa.Table:

@@ -13,12 +13,16 @@ from pathlib import Path
 from deeptruck_model._io import reading
 from deeptruck_model._io.log_kinds import check_measurement
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.tables import mat_file
-from deeptruck_model.recordings.tables.csv_text import BYTE_ORDER_MARKS, DELIMITERS, single_blanks
-from deeptruck_model.recordings.tables.table_file import PARQUET, STATES
+from deeptruck_model.recordings.tables.csv_text import (
+    BYTE_ORDER_MARKS,
+    DELIMITERS,
+    single_blanks,
+    without_mark,
+)
+from deeptruck_model.recordings.tables.table_file import STATES, check_table, is_typed
 from deeptruck_model.recordings.tables.table_file import WITH_UNIT as OF_UNIT
 
-LOOKED_AT = 200  # lines in which header and delimiter are looked for
+LOOKED_AT = 1000  # lines in which header and delimiter are looked for
 MOST_HEAD = 2**20  # characters of those lines
 NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?%?")
 DATE = re.compile(r".*\d{1,4}[-./]\d{1,2}[-./]\d{1,4}.*|.*\d{1,2}:\d{2}.*|\d{4}-\d{2}-\d{2}T.*")
@@ -33,15 +37,16 @@ class Form:
     delimiter: str | None = None
     encoding: str = "utf-8"
     skip_rows: int = 0
+    described: tuple[str, ...] = ()  # a line for each column above the header, as loggers list their channels
 
 
 def find_form(path: Path) -> Form:
     """The format of a text table. Raises InputError for a file that is missing, is no text, or has no header
     above rows of numbers."""
-    reading.check_file(path, "give a CSV or Parquet table")
-    check_measurement(path)
-    if path.suffix.lower() in (*PARQUET, mat_file.SUFFIX):
+    check_table(path)
+    if is_typed(path):
         return Form()
+    check_measurement(path)
     try:
         data = path.read_bytes()
         data = gzip.decompress(data) if path.suffix.lower() == ".gz" else data
@@ -67,8 +72,37 @@ def find_form(path: Path) -> Form:
             f"{BY_HAND}"
         )
     if rows == 0:
-        raise InputError(f"{path} has no header: add a line with the columns' names above its numbers")
-    return Form(best, encoding, header)
+        first = next(k for k, line in enumerate(lines) if len(line.split(best)) == columns)
+        raise InputError(
+            f"{path} has no header: add a line with the columns' names above its numbers"
+            f"{_listed(lines[:first], columns, best)}"
+        )
+    return Form(best, encoding, header, _described(lines[:header], columns))
+
+
+def _described(above: Sequence[str], columns: int) -> tuple[str, ...]:
+    """As many lines above the header as it has columns, between blank lines or [sections]; () for none."""
+    block: list[str] = []
+    for line in [*map(str.strip, above), ""]:
+        if line and not line.startswith("["):
+            block.append(line)
+        elif len(block) == columns:
+            return tuple(block)
+        else:
+            block = []
+    return ()
+
+
+def _listed(above: Sequence[str], columns: int, delimiter: str) -> str:
+    """The header to add, if lines above the numbers list the names of the columns as 'Channel : Speed'."""
+    pairs = [[part.strip() for part in line.split(":", 1)] for line in above if ":" in line]
+    keys = [key for key, _ in pairs]
+    for key in dict.fromkeys(keys):
+        if keys.count(key) in (columns - 1, columns):
+            names = [name for other, name in pairs if other == key]
+            names = ["Time"] * (columns - len(names)) + names
+            return f" in line {len(above) + 1}: {reading.plain(delimiter.join(names), 400)}"
+    return ""
 
 
 def _encoding(data: bytes) -> str:
@@ -90,11 +124,10 @@ def _header(lines: Sequence[str], delimiter: str) -> tuple[int, int, int]:
     rows = []
     for line in lines:
         try:
-            rows.append(
-                [cell.strip() for cell in next(csv.reader([line.rstrip("\r")], delimiter=delimiter), [])]
-            )
+            written = next(csv.reader([line.rstrip("\r")], delimiter=delimiter), [])
         except csv.Error:
-            rows.append([])
+            written = []
+        rows.append(without_mark([cell.strip() for cell in written]))
     first = next((k for k in range(len(rows)) if _begins(rows, k)), None)
     if first is None:
         return 0, 0, 0

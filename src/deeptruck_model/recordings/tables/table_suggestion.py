@@ -230,6 +230,7 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
         units = _units_of(table, pivot[0])
         time = [name for name in table.columns if header(name).words & TIME][:1]
         table = widened(table, *pivot, time)
+    units |= {name: header(text).unit for name, text in zip(table.columns, form.described, strict=False)}
     headers = {name: header(name, units.get(name) or _below(table, name)) for name in table.columns}
     speeds = [
         table.values(name)[0]

@@ -351,7 +351,7 @@ def test_days_are_not_taken_for_months(tmp_path: Path) -> None:
     ("content", "says"),
     [
         ("", "drive.csv is empty"),
-        ("It was a dark night.\n", "is no table: none of its first 200 lines has two cells of numbers"),
+        ("It was a dark night.\n", "is no table: none of its first 1000 lines has two cells of numbers"),
         ("0.0,1.0\n0.1,1.1\n0.2,1.2\n", "has no header: add a line with the columns' names"),
         ("a\0b", "is no text table but binary"),
     ],

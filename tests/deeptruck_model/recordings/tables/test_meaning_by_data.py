@@ -1,0 +1,253 @@
+"""What a column means, by its numbers, its unit and the other columns: one drive, written in many ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import yaml
+from driven_tables import COLUMNS, drive, speed, table, with_channels
+from pyarrow import parquet
+from scipy.io import savemat
+
+from deeptruck_model.curve_file import read_curve
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import import_table, suggest_columns
+from deeptruck_model.recordings.resample import Series, uniform
+from deeptruck_model.signals import TruckInterface
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+D = drive()
+T, V, A = D["t"], D["v"], D["a"]
+PEDAL = np.round(np.where(D["gas"] > 0, D["gas"], -D["brake"]) / 100, 4)
+NORTH, EAST = np.round(V / 3.6 * np.cos(0.6 + T / 100), 4), np.round(V / 3.6 * np.sin(0.6 + T / 100), 4)
+TIME = {"time_s": T}
+PEDALS = {"throttle (%)": D["gas"], "brake (%)": D["brake"]}
+VECTO = {
+    "time [s]": T, "v_act [km/h]": V, "v_targ [km/h]": 0 * V + 80, "grad [%]": 0 * V + 2,
+    "n_eng_avg [1/min]": 15 * V, "T_eng_fcmap [Nm]": 20 * V, "Tq_full [Nm]": 0 * V + 2100,
+    "FC-Map [g/h]": 300 * V,
+}  # fmt: skip
+FRENCH = {
+    "Temps (s)": T, "Vitesse (km/h)": V, "Régime moteur (tr/min)": 20 * V,
+    "Pédale accélérateur (%)": D["gas"],    "Pédale de frein (%)": D["brake"], "Pente (%)": 0 * V + 2,
+}  # fmt: skip
+TURKISH = {"Zaman (s)": T, "Hız (km/h)": V, "Gaz (%)": D["gas"]}
+
+
+def read(yaml_text: str) -> dict[str, Any]:
+    found: dict[str, Any] = yaml.safe_load(yaml_text)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("columns", "proposed"),
+    [
+        (FRENCH, {"speed": "Vitesse (km/h)", "engine_command": "Pédale accélérateur (%)",
+                  "grade": "Pente (%)", "brake_command": "Pédale de frein (%)", "engine_speed": "Régime moteur (tr/min)"}),
+        (TURKISH, {"speed": "Hız (km/h)"}),
+        (VECTO, {"speed": "v_act [km/h]", "grade": "grad [%]", "engine_speed": "n_eng_avg [1/min]",
+                 "engine_torque": "T_eng_fcmap [Nm]", "fuel_rate": "FC-Map [g/h]"}),
+        ({**TIME, "vel_n_m_s": NORTH, "vel_e_m_s": EAST, **PEDALS}, {"speed": ["vel_n_m_s", "vel_e_m_s"]}),
+        ({**TIME, "kmph_meas": V, "acceleration_break": PEDAL},
+         {"speed": "kmph_meas", "engine_command": ("acceleration_break", {"part": "positive"}),
+          "brake_command": ("acceleration_break", {"part": "negative"})}),
+        ({**TIME, "Speed (km/h)": V, "ActualEngPercentTorque (%)": np.round(D["gas"] + 125)},
+         {"engine_command": ("ActualEngPercentTorque (%)", {"offset": -125})}),
+    ],
+    ids=["French", "Turkish", "VECTO", "components", "one pedal", "torque without offset"],
+)  # fmt: skip
+def test_what_is_proposed(columns: dict[str, Any], proposed: dict[str, Any], tmp_path: Path) -> None:
+    found = suggest_columns(table(tmp_path / "drive.csv", columns))
+    meaning = read(found.text())
+    assert meaning["time"] == {"column": next(iter(columns)), "unit": "s"}
+    for channel, column in proposed.items():
+        name, keys = column if isinstance(column, tuple) else (column, {})
+        entry = meaning["channels"][channel]
+        assert entry["column"] == name and keys.items() <= entry.items()
+    r = import_table(found.table.path, meaning, tmp_path / "bag").recordings[0]
+    assert len(r) == 600 and r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("columns", "asked"),
+    [
+        ({"time": T, "speed": np.round(10 * V), **PEDALS}, "speed: {column: speed, unit: km/h, scale: 0.1}"),
+        ({**TIME, "Speed (km/h)": V, "accel pedal": np.round(D["gas"] * 2.5)},
+         'engine_command: {column: "accel pedal", unit: percent, scale: 0.4}'),
+        ({**TIME, "trip (km/h)": V, "wheel (km/h)": V},
+         "Is it one of these, by its unit: trip (km/h), wheel (km/h)"),
+    ],
+    ids=["tenths", "raw bytes", "two of one unit"],
+)  # fmt: skip
+def test_what_nothing_supports_is_asked(columns: dict[str, Any], asked: str, tmp_path: Path) -> None:
+    text = suggest_columns(table(tmp_path / "drive.csv", columns)).text()
+    assert any(line.strip().startswith("#") and asked in line for line in text.splitlines())
+    assert read(text)["time"]["unit"] == "s"
+
+
+def test_two_speeds_that_disagree_are_both_named(tmp_path: Path) -> None:
+    late = np.interp(T - 2.0, T, V)
+    columns = {**TIME, "GPS Speed (km/h)": np.round(late, 2), "Speed (OBD)(km/h)": V}
+    found = suggest_columns(table(tmp_path / "drive.csv", columns))
+    assert read(found.text())["channels"]["speed"]["column"] == "Speed (OBD)(km/h)"
+    assert any("GPS Speed (km/h) differs" in line and "2 s late" in line for line in found.doubts)
+    columns["GPS Speed (km/h)"] = np.round(V + 0.1, 2)
+    assert not suggest_columns(table(tmp_path / "same.csv", columns)).doubts
+
+
+def test_the_names_of_vehicles_are_no_channels(tmp_path: Path) -> None:
+    """A column called 'name' has signals only if some of its cells are those of a channel."""
+    columns = {**TIME, "name": ["lorry"] * 600, "value": np.arange(600), "Speed (km/h)": V}
+    assert suggest_columns(table(tmp_path / "drive.csv", columns)).pivot is None
+
+
+Rows = dict[str, Any]
+
+
+def twice(columns: Rows) -> Rows:
+    return {name: np.tile(values, 2) for name, values in columns.items()}
+
+
+def each_twice(columns: Rows) -> Rows:
+    return {name: np.repeat(values, 2) for name, values in columns.items()}
+
+
+def overlapping(columns: Rows) -> Rows:
+    return {name: np.concatenate([values[:400], values[200:]]) for name, values in columns.items()}
+
+
+@pytest.mark.parametrize(("again", "count"), [(twice, 600), (each_twice, 600), (overlapping, 200)])
+def test_rows_that_are_written_again_are_set_aside(
+    again: Callable[[Rows], Rows], count: int, tmp_path: Path
+) -> None:
+    rows = {name: D[name] for name in ("t", "v", "gas", "brake")}
+    (r,) = import_table(table(tmp_path / "drive.csv", again(rows)), COLUMNS, tmp_path / "bag").recordings
+    assert r.account is not None and r.account.total.aside["that repeat earlier rows"].count == count
+    assert len(r) == 600 and r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
+
+
+def test_a_value_held_for_a_varying_number_of_rows_is_read_where_it_is_renewed(tmp_path: Path) -> None:
+    t = np.round(0.1 * np.arange(1200), 1)
+    renewed = np.cumsum(np.random.default_rng(0).integers(9, 13, 200))
+    at = np.maximum(np.searchsorted(renewed, np.arange(1200), side="right") - 1, 0)
+    v = np.round(3.6 * speed(0.1 * np.r_[0, renewed][at + (renewed[0] <= np.arange(1200))]), 2)
+    rows = {"t": t, "v": v, "gas": 0 * t, "brake": 0 * t}
+    (r,) = import_table(table(tmp_path / "drive.csv", rows), COLUMNS, tmp_path / "bag").recordings
+    assert 0.9 < r.dt < 1.2 and np.nanmax(np.abs(r.channels["acceleration"])) < 1.5
+    coarse = {"t": T, "v": np.round(V), "gas": D["gas"], "brake": D["brake"]}
+    (r,) = import_table(table(tmp_path / "coarse.csv", coarse), COLUMNS, tmp_path / "coarse").recordings
+    assert r.dt == 0.1  # a sensor that reads whole km/h is not held
+
+
+def test_zero_while_positions_move_on_is_no_speed(tmp_path: Path) -> None:
+    t = np.arange(600.0)
+    v = speed(t)
+    lat = 48.0 + np.cumsum(v) / 111_200
+    stopped = np.where((t > 400) & (t < 450), 0.0, v)  # and one stop at which they stand
+    rows = {"t": t, "v": np.where((t >= 100) & (t < 220), 0.0, stopped), "gas": 0 * t, "brake": 0 * t}
+    rows |= {"lat": np.round(48.0 + np.cumsum(stopped) / 111_200, 7), "lon": 0 * t + 11.5}
+    rows["v"] *= 3.6
+    assert lat[-1] > rows["lat"][-1]
+    places = {n: {"column": n[:3], "unit": "deg"} for n in ("latitude", "longitude")}
+    found = import_table(table(tmp_path / "drive.csv", rows), with_channels(**places), tmp_path / "bag")
+    account = found.recordings[0].account
+    assert account is not None
+    assert account.channels["speed"].aside["zero while positions move on"].count == 120
+    assert [round(r.start_s) for r in found.recordings] == [0, 220]
+
+
+@pytest.mark.parametrize("spacing", [1.013, 0.25])
+def test_samples_in_bursts_have_the_rate_of_the_bursts(spacing: float) -> None:
+    time = np.concatenate([k * spacing + 0.011 * np.arange(3) for k in range(60)])
+    one = Series(time, speed(time))
+    state = Series(time, np.round(time) % 2)
+    (r,) = uniform({"speed": one, "brake_switch": state}, name="card", interface=TruckInterface("t"))
+    assert len(r) * r.dt == pytest.approx(60 * spacing, rel=0.02) and not np.isnan(r.channels["speed"]).any()
+    assert r.channels["speed"] == pytest.approx(speed(r.dt * np.arange(len(r)) + 0.011), abs=0.05)
+    assert {*np.unique(r.channels["brake_switch"])} <= {0.0, 1.0}
+
+
+def test_structures_with_a_time_of_their_own(tmp_path: Path) -> None:
+    def signal(step: int, values: Array) -> dict[str, Any]:
+        return {"time": T[::step], "signals": {"values": values[::step]}, "blockName": "m"}
+
+    savemat(tmp_path / "d.mat", {"tout": T, "speed_kmh": signal(5, V), "brake_pedal": signal(1, D["brake"])})
+    found = suggest_columns(tmp_path / "d.mat")
+    meaning = read(found.text())
+    assert meaning["time"] == {"column": "time", "unit": "s"}
+    assert meaning["channels"]["speed"]["column"] == "speed_kmh.signals.values"
+    (r,) = import_table(tmp_path / "d.mat", meaning, tmp_path / "bag").recordings
+    assert r.dt == 0.5 and r.channels["speed"] == pytest.approx(speed(T[::5]), abs=0.01)
+
+
+def test_a_table_in_parts(tmp_path: Path) -> None:
+    (tmp_path / "drive").mkdir()
+    for k in range(3):
+        part = {name: D[name][200 * k : 200 * k + 200] for name in ("t", "v", "gas", "brake")}
+        parquet.write_table(pa.table(part), tmp_path / "drive" / f"part-{k}.parquet")
+    (r,) = import_table(tmp_path / "drive", COLUMNS, tmp_path / "bag").recordings
+    assert r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
+
+
+@pytest.mark.parametrize("delimiter", [",", " "])
+def test_the_header_of_savetxt(delimiter: str, tmp_path: Path) -> None:
+    rows = np.column_stack([T, V])
+    header = delimiter.join(("time_s", "speed_kmh"))
+    np.savetxt(tmp_path / "d.txt", rows, delimiter=delimiter, header=header, fmt="%.2f")
+    assert suggest_columns(tmp_path / "d.txt").table.columns.keys() == {"time_s", "speed_kmh"}
+
+
+def test_channels_described_above_the_table_of_a_vbo_file(tmp_path: Path) -> None:
+    above = "[header]\ntime\nvelocity kmh\nlong accel g\n\n[column names]\ntime velocity LongAcc\n\n[data]\n"
+    rows = (f"0959{s:05.2f} {v:.2f} {a / 9.80665:.5f}" for s, v, a in zip(T, V, A, strict=True))
+    (tmp_path / "d.vbo").write_text(above + "\n".join(rows) + "\n")
+    channels = read(suggest_columns(tmp_path / "d.vbo").text())["channels"]
+    assert channels["speed"]["unit"] == "km/h" and channels["acceleration"]["unit"] == "g"
+
+
+def test_a_leader_of_which_the_speed_drops_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    v = np.where((T >= 20) & (T < 21), 0.0, V / 3.6)
+    path = table(tmp_path / "leader.csv", {"time": T, "speed": np.round(v, 3)})
+    t, bridged = read_curve(path, "time", "speed")
+    assert len(t) == 590 and bridged.min() > 7.0
+    assert "10 that jump to a number for no value and back, bridged" in capsys.readouterr().err
+
+
+RAW = {"t": T, "v": V, "gas": np.round(D["gas"] + 125), "brake": D["brake"]}
+LISTED = "".join(f"Channel : {name}\nID : 1\n" for name in ("Speed", "Throttle", "Brake"))
+
+
+@pytest.mark.parametrize(
+    ("rows", "channels", "says"),
+    [
+        (RAW, {}, "percent torque of J1939 without its offset. Give it 'offset: -125'"),
+        ({**D, "gas": PEDAL, "north": NORTH},
+         {"brake_command": {"column": "gas", "unit": "ratio", "scale": -1},
+          "engine_command": {"column": "gas", "unit": "ratio"}},
+         "'gas' drives above zero and brakes below: give engine_command 'part: positive'"),
+        ({**D, "vx": NORTH, "vy": EAST}, {"speed": {"column": "vx", "unit": "m/s"}},
+         r"'vx' is given for speed, but 'vy' moves too .* by 'column: \[vx, vy\]'"),
+        ({**D, "t": [f"2026-08-05 {8 + k // 60:02d}:{k % 60:02d}:00" for k in range(600)]}, {},
+         "rows are 60 s apart, which is too coarse"),
+    ],
+    ids=["torque without offset", "one pedal", "a component", "minutes"],
+)  # fmt: skip
+def test_what_is_refused_says_the_key(
+    rows: dict[str, Any], channels: dict[str, Any], says: str, tmp_path: Path
+) -> None:
+    meaning = with_channels(**channels)
+    meaning["time"] = {"column": "t", "unit": "iso"} if isinstance(rows["t"], list) else meaning["time"]
+    with pytest.raises(InputError, match=says):
+        import_table(table(tmp_path / "drive.csv", rows), meaning, tmp_path / "bag")
+
+
+def test_names_listed_above_rows_without_a_header(tmp_path: Path) -> None:
+    rows = "".join(f"14:15:{s:06.3f},{v},30,0\n" for s, v in zip(T[:50], V, strict=False))
+    (tmp_path / "log.csv").write_text(f"Log : 1.1\n{LISTED}{rows}")
+    with pytest.raises(InputError, match="in line 8: Time,Speed,Throttle,Brake"):
+        suggest_columns(tmp_path / "log.csv")
