@@ -51,7 +51,7 @@ class Candidate:
     place: int = 0
     needs: str = ""
     across: str = ""  # another field of which the norm is taken with this one
-    guess: str = ""  # a unit that is asked for, not proposed
+    guess: str = ""  # a unit to confirm, not proposed
     part: str = ""  # of a pedal that drives and brakes: see topic_map.PARTS
     follows: bool = False  # whether it was seen to change as the speed does
 

@@ -304,12 +304,9 @@ def _interface(name: str, meaning: Columns) -> TruckInterface:
     shown = set(channels) - set(meaning.conceal)
     return TruckInterface(
         name,
-        engine_unit=channels["engine_command"].convert.unit if "engine_command" in shown else "N m",
-        brake_unit=channels["brake_command"].convert.unit if "brake_command" in shown else None,
-        grade="grade" in shown,
         engine_unit=channels["engine_command"].unit if "engine_command" in shown else "N m",
         brake_unit=channels["brake_command"].unit if "brake_command" in shown else None,
-        grade="grade" in shown or ("grade" not in channels and elevation_shown),
+        grade="grade" in shown,
         fuel="fuel_rate" in shown,
         vehicle=meaning.vehicle,
         mass_kg=meaning.mass_kg,

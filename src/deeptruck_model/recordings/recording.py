@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 TABLE_NOTE = "imported from the table "  # begins the note of a recording that was imported from one
+FROM_SPEED = "acceleration derived from speed"
 
 
 @dataclass(frozen=True, repr=False)

@@ -19,7 +19,7 @@ from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.earth import metres_per_degree
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, SNAP, at_ticks, period
 from deeptruck_model.recordings.ranges import NEEDED, REVERSING, Range, reversing
-from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]
@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 MARGIN_S = 60.0  # samples this far around a tick are at hand when it is computed
 NO_SPEED = "recorded while there was no speed"
 DERIVED = "derived where there is no speed"
-FROM_SPEED = "acceleration derived from speed"
 UNMOVED = "zero while positions move on"
 PLACE_S, MOVED_M_S = 10.0, 3.0  # over which positions move by so much; receivers that stand drift by less
 BURSTS, LARGEST_BURST = 5, 20  # that are seen at least; samples in one

@@ -16,7 +16,7 @@ from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.channel_words import LEADER
 from deeptruck_model.recordings.earth import metres_per_degree
-from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.recording import FROM_SPEED, Recording
 from deeptruck_model.recordings.tables.header_words import header
 from deeptruck_model.signals import CHANNELS
 
@@ -217,9 +217,10 @@ def _accelerometer(recordings: Sequence[Recording], name: str) -> Iterator[Doubt
             f"{tilt:.1f} degrees{also}: correct it by 'offset', {without}",
         )
 
-    reading = np.concatenate([r.channels[name] for r in recordings if name in r.channels])
+    measured = [r.channels[name] for r in recordings if name in r.channels and FROM_SPEED not in r.notes]
+    reading = np.concatenate([np.zeros(0), *measured])
     reading = reading[np.isfinite(reading)]
-    for end in (reading.min(), reading.max()):
+    for end in (reading.min(), reading.max()) if len(reading) else ():
         if (share := float(np.mean(reading == end))) > CLIPPED and abs(end) > abs(found.offset) + 2 * VARIED:
             yield Doubt(
                 name,

@@ -119,9 +119,8 @@ def fits(channel: str, unit: str) -> bool:
 
 
 def _without_umlauts(text: str) -> str:
-    for umlaut, pair in zip(
-        "äöüÄÖÜßıłøđ", ["ae", "oe", "ue", "Ae", "Oe", "Ue", "ss", "i", "l", "o", "d"], strict=True
-    ):
+    pairs = ("ae", "oe", "ue", "Ae", "Oe", "Ue", "ss", "i", "l", "o", "d")
+    for umlaut, pair in zip("äöüÄÖÜßıłøđ", pairs, strict=True):
         text = text.replace(umlaut, pair)
     return "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
 

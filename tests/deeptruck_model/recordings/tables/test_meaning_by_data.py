@@ -48,7 +48,8 @@ def read(yaml_text: str) -> dict[str, Any]:
     ("columns", "proposed"),
     [
         (FRENCH, {"speed": "Vitesse (km/h)", "engine_command": "Pédale accélérateur (%)",
-                  "grade": "Pente (%)", "brake_command": "Pédale de frein (%)", "engine_speed": "Régime moteur (tr/min)"}),
+                  "grade": "Pente (%)", "brake_command": "Pédale de frein (%)",
+                  "engine_speed": "Régime moteur (tr/min)"}),
         (TURKISH, {"speed": "Hız (km/h)"}),
         (VECTO, {"speed": "v_act [km/h]", "grade": "grad [%]", "engine_speed": "n_eng_avg [1/min]",
                  "engine_torque": "T_eng_fcmap [Nm]", "fuel_rate": "FC-Map [g/h]"}),
@@ -97,7 +98,8 @@ def test_two_speeds_that_disagree_are_both_named(tmp_path: Path) -> None:
     assert read(found.text())["channels"]["speed"]["column"] == "Speed (OBD)(km/h)"
     assert any("GPS Speed (km/h) differs" in line and "2 s late" in line for line in found.doubts)
     columns["GPS Speed (km/h)"] = np.round(V + 0.1, 2)
-    assert not suggest_columns(table(tmp_path / "same.csv", columns)).doubts
+    doubts = suggest_columns(table(tmp_path / "same.csv", columns)).doubts
+    assert not [line for line in doubts if "differs" in line]
 
 
 def test_the_names_of_vehicles_are_no_channels(tmp_path: Path) -> None:
