@@ -16,8 +16,11 @@ QUIET_S = 2.0  # a log shows no step before: what refuses its input does so by o
 
 
 @contextmanager
-def progress(first: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[str], None]]:
-    """A function that reports on stderr which step begins; a terminal shows the `first` one at once."""
+def progress(
+    first: str, every_s: float = A_MINUTE_S, quiet_s: float = QUIET_S
+) -> Iterator[Callable[[str], None]]:
+    """A function that reports on stderr which step begins; a terminal shows the `first` one at once, a log
+    those after `quiet_s`."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -38,7 +41,7 @@ def progress(first: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[str]
     def say(step: str) -> None:
         nonlocal now
         now = step
-        if time.monotonic() - begun > QUIET_S:
+        if time.monotonic() - begun > quiet_s:
             line(step)
 
     ended = threading.Event()
@@ -58,12 +61,10 @@ def progress(first: str, every_s: float = A_MINUTE_S) -> Iterator[Callable[[str]
 
 @contextmanager
 def steps(say: Callable[[str], None] | None, first: str) -> Iterator[Callable[[str], None]]:
-    """The function to which a Python call reports its steps: `say`; without it a terminal, and nothing
-    elsewhere."""
+    """The function to which a Python call reports its steps: `say`; without it a terminal, and
+    elsewhere lines on stderr once it takes longer than a minute."""
     if say is not None:
         yield say
-    elif sys.stderr.isatty():
-        with progress(first) as shown:
-            yield shown
     else:
-        yield lambda step: None
+        with progress(first, quiet_s=A_MINUTE_S) as shown:
+            yield shown

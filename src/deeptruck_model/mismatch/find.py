@@ -101,7 +101,7 @@ def compared(
         return drives
 
     say("driving the simulator along the recordings")
-    e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=rules, mass_kg=mass_kg)
+    e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=rules, mass_kg=mass_kg, say=say)
     drives, e = left_to_compare(drives, e)
     if drives.useless:
         return drives

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
+from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, accepted
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION, SPEED
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators import Simulator, forced_run
 from deeptruck_model.simulators.protocol_check import (
     BRAKE,
     DRIVE_S,
@@ -33,6 +36,7 @@ FORCES = (  # all of them, where there is a traction_force: each is read whereve
 AGAINST = ("brake_force", "drag_force", "rolling_force")
 APART, APART_M_S2 = 0.5, 0.05  # that forces may be off: rotating masses in low gears, and a step's delay
 STEP = 0.2  # relative change of a parameter
+TIMED_S, TEN_MINUTES_S, SLOW_S = 20.0, 600.0, 20.0  # of the drive that is timed; what a user waits for
 
 
 def rows(simulator: Simulator) -> list[Row]:
@@ -44,6 +48,7 @@ def rows(simulator: Simulator) -> list[Row]:
         _components(simulator, set(seen)),
         _newtons(set(seen), own, simulator.interface.mass_kg),
         _gears(set(seen)),
+        _time(simulator),
     ]
     return out if own or FORCES[0] in seen else [*out, _learned(simulator)]
 
@@ -116,6 +121,26 @@ def _gears(seen: set[str]) -> Row:
         return Row("gears", State.YES, f"{', '.join(reported)} beside what is recorded, where it is")
     says = "driving in another gear than was recorded is not seen"
     return Row("gears", State.NOTE, says, "report gear and engine_speed (rad/s) in inside()")
+
+
+def _time(s: Simulator) -> Row:
+    """What `mismatch` takes of the simulator for a drive of TEN_MINUTES_S, by the time of a short one."""
+    n = round(TIMED_S / s.dt)
+    u, w = np.zeros((1, n, len(s.interface.u))), np.zeros((1, n, len(s.interface.w)))
+    y = np.zeros((1, n, len(s.interface.y)))
+    y[:, :, SPEED] = 15.0
+    each = []
+    for _ in range(2):  # the first may compile
+        begun = time.perf_counter()
+        forced_run(s, u, w, y)
+        each.append((time.perf_counter() - begun) / n)
+    passes = 3 * gather.passes(s)  # once more at refitted parameters, and about as many free runs
+    whole = passes * min(each) * TEN_MINUTES_S / s.dt
+    says = f"{whole:.0f} s of this simulator for a drive of ten minutes, {1e3 * min(each):.2g} ms a step"
+    if whole < SLOW_S:
+        return Row("time", State.YES, says if whole >= 1.0 else "under 1 s of it for a drive of ten minutes")
+    mend = "compile step() with numba, give it a rollout() of whole drives, or export it as an FMU"
+    return Row("time", State.NOTE, says, mend)
 
 
 def _learned(s: Simulator) -> Row:

@@ -126,7 +126,7 @@ def test_what_persists_is_more_than_white_noise_adds_up_to() -> None:
     """Noise of a learned simulator: white it adds up to no more than itself, as an autoregression of 0.9 to
     nearly ten times as much."""
     noise = np.random.default_rng(3).normal(0.0, 0.03, N)
-    white = replace(evidence(), residual=noise, slow_noise=0.3)
+    white = replace(evidence(), residual=noise, learned_slow_noise=0.3)
     coloured = replace(white, residual=lfilter([1.0], [1.0, -0.9], noise))
     assert split(white, white).persistent < 0.3
     found = split(coloured, coloured)

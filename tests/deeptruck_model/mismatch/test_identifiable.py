@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from deeptruck_model.simulators.protocol_check import State
 
 
 def rows(simulator: Any) -> dict[str, Any]:
-    return {row.about: row for row in identifiable.rows(simulator)}
+    return {row.about: row for row in identifiable.rows(simulator) if row.about != "time"}
 
 
 def test_of_a_physics_truck_everything_is_identifiable() -> None:
@@ -136,3 +137,16 @@ def test_a_force_goes_into_a_simulator_that_reports_none_of_its_own(shuttle: Pat
     assert "torque_limit" in (first.effect, *first.credible_set)
     assert found.result.fit.validated
     assert found.result.fit.errors.after.speed < 0.2 * found.result.fit.errors.before.speed
+
+
+def test_the_time_of_a_comparison_follows_that_of_a_step(shuttle: Path) -> None:
+    truck = simulators.load(f"python:{shuttle.stem}:make")
+    quick = truck.step
+
+    def slow(*args: Any) -> Any:
+        time.sleep(0.002)
+        return quick(*args)
+
+    truck.step = slow  # type: ignore[method-assign]
+    (row,) = (row for row in identifiable.rows(truck) if row.about == "time")
+    assert row.state is State.NOTE and "ms a step" in row.says and "numba" in row.mend

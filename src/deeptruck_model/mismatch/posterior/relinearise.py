@@ -124,11 +124,12 @@ class _About:
         anew = gather(
             tuned, self.drives.prepared, self.drives.held_out, seed=self.seed, moved=moved,
             rules=self.e.rules, mass_kg=self.e.mass if self.e.mass_known else None, as_given=self.e,
+            say=self.say,
         )  # fmt: skip
         return replace(
             anew.without(self.e.hidden),
             model_discrepancy=self.e.model_discrepancy,
-            slow_noise=self.e.slow_noise,
+            learned_slow_noise=self.e.learned_slow_noise,
             itself=self.e.itself,
         )
 
@@ -175,10 +176,12 @@ def with_own_error(simulator: Simulator, e: Evidence, measured_acceleration: boo
     if own is None:
         smooth = _second_means(e)
         off = min(Limits.usual_discrepancy, 1.4826 * float(np.median(np.abs(smooth))))
-        return replace(e, model_discrepancy=off, slow_noise=max(off, e.rules.slow_noise))
+        return replace(e, model_discrepancy=off, learned_slow_noise=max(off, e.rules.slow_noise))
     quiet = np.sort(np.abs(_second_means(own)))[: int((1.0 - JOLTS) * own.valid.sum())]
-    own = replace(own, model_discrepancy=float(np.sqrt(np.mean(quiet**2))), slow_noise=_slow_noise(own))
-    return replace(e, model_discrepancy=own.model_discrepancy, slow_noise=own.slow_noise, itself=own)
+    own = replace(
+        own, model_discrepancy=float(np.sqrt(np.mean(quiet**2))), learned_slow_noise=_slow_noise(own)
+    )
+    return replace(e, model_discrepancy=own.model_discrepancy, learned_slow_noise=own.slow_noise, itself=own)
 
 
 def _second_means(e: Evidence) -> Array:

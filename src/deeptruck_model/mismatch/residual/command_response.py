@@ -31,11 +31,16 @@ SMOOTH_S = 0.5  # over which the slope beyond the runs is averaged
 LEAST = 0.03  # of a command's range: below such a change the slope is that of the whole drive
 
 
-def command_response(simulator: Simulator, prepared: Sequence[Prepared], runs: Sequence[Run]) -> Response:
+def command_response(
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    runs: Sequence[Run],
+    ran: Callable[[], None] = lambda: None,
+) -> Response:
     """A function of a path name and an amount, as of `changed`: the change of the simulated acceleration (T,)
     along every drive, m/s^2. `runs` are those with the recorded commands.
 
-    The simulator is run when a command is first changed.
+    The simulator is run when a command is first changed; `ran` is called after each run.
     """
     own = [run.y[0, :, ACCELERATION] for run in runs]
     channels = prepared[0].recording.interface.u if prepared else ()
@@ -47,7 +52,7 @@ def command_response(simulator: Simulator, prepared: Sequence[Prepared], runs: S
         for i, channel in enumerate(channels):
             if which == "all" or channel.startswith(which):
                 if i not in made:
-                    made[i] = _of_one_command(simulator, prepared, own, i, channel.split("_")[0])
+                    made[i] = _of_one_command(simulator, prepared, own, i, channel.split("_")[0], ran)
                 asked = [changed(p, name, amount)[:, i] for p in prepared]
                 total = [x + y for x, y in zip(total, made[i].to(asked), strict=True)]
         return total
@@ -102,7 +107,12 @@ class _OfOneCommand:
 
 
 def _of_one_command(
-    simulator: Simulator, prepared: Sequence[Prepared], own: Sequence[Array], i: int, which: str
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    own: Sequence[Array],
+    i: int,
+    which: str,
+    ran: Callable[[], None],
 ) -> _OfOneCommand:
     commands = [[p.u[:, i]] for p in prepared]
     accelerations = [[np.zeros(len(a))] for a in own]
@@ -111,6 +121,7 @@ def _of_one_command(
         for k, run in enumerate(forced(simulator, prepared, us)):
             commands[k].append(us[k][:, i])
             accelerations[k].append(run.y[0, :, ACCELERATION] - own[k])
+        ran()
     x, a = [np.stack(u) for u in commands], [np.stack(each) for each in accelerations]
     candidates = [_OfOneCommand(x, a, prepared[0].dt, lag_s) for lag_s in LAGS_S]
     valid = [p.valid for p in prepared]

@@ -158,7 +158,7 @@ class Evidence:
     mass: float  # kg; a typical one where it is not known
     rerun: Callable[[str, float], Array]
     model_discrepancy: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
-    slow_noise: float = Rules.slow_noise  # m/s^2 sd of the mean over so long that may still be noise
+    learned_slow_noise: float | None = None  # as the rule `slow_noise`, of a simulator that learned
     itself: Evidence | None = None  # a learned simulator along the recordings it keeps
     other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one
     moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
@@ -173,6 +173,11 @@ class Evidence:
 
     def __len__(self) -> int:
         return len(self.residual)
+
+    @property
+    def slow_noise(self) -> float:
+        """Standard deviation of a mean over SLOW_NOISE_S that may still be noise, m/s^2."""
+        return self.rules.slow_noise if self.learned_slow_noise is None else self.learned_slow_noise
 
     def to_fit(self) -> Evidence:
         """The same evidence without the held-out recordings."""

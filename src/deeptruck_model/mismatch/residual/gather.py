@@ -13,11 +13,11 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, quantum
 from deeptruck_model.mismatch.residual import components, effective_mass
-from deeptruck_model.mismatch.residual.command_response import command_response
+from deeptruck_model.mismatch.residual.command_response import RUNS, command_response
 from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence
 from deeptruck_model.mismatch.residual.forced import Grid, forced
 from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
-from deeptruck_model.mismatch.residual.sensitivity import sensitivities
+from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, sensitivities
 from deeptruck_model.mismatch.residual.shift_moment import (
     at_another_moment,
     of_a_sample_sooner,
@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 JITTER_RUNS = 6
+DRIVING = "driving the simulator along the recordings, {share:.0%}"
 IMPOSSIBLE = (
     "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
     "see 'deeptruck-model check-simulator'"
@@ -48,6 +49,7 @@ def gather(
     rules: Rules = Rules(),
     mass_kg: float | None = None,
     as_given: Evidence | None = None,
+    say: Callable[[str], None] = lambda step: None,
 ) -> Evidence:
     """Run the simulator forced along every drive: as given, with perturbed inputs, and with changed
     parameters.
@@ -55,11 +57,34 @@ def gather(
     `moved` are relative changes already made to the parameters, `as_given` the evidence before them, whose
     spread under perturbed inputs is kept. `mass_kg` is stated for a simulator that does not report its mass;
     otherwise the recordings or its training data may. Other command paths are run along the fitted drives
-    only, and their change is zero along others. Raises InputError for accelerations that no vehicle has.
+    only, and their change is zero along others; they are run when they are first asked for. `say` is called
+    with the share that is done. Raises InputError for accelerations that no vehicle has.
     """
+    told = _Told(say, passes(simulator) - (3 if as_given else 0))
     driven = _driven(simulator, prepared, held_out)
-    evidence = _compared(driven, held_out, seed, rules, mass_kg, as_given)
-    return _with_parameters(driven, replace(evidence, moved=dict(moved or {})))
+    told.more(1)
+    evidence = _compared(driven, held_out, seed, rules, mass_kg, as_given, told)
+    return _with_parameters(driven, replace(evidence, moved=dict(moved or {})), told)
+
+
+def passes(simulator: Simulator) -> int:
+    """How often `gather` drives a simulator along a recording: as given, a sample sooner and later, with
+    perturbed inputs (several rows in one batch), with each parameter lower and higher, and with every command
+    changed."""
+    own = simulator.parameters()
+    return 4 + 2 * sum(bool(own.get(name)) for name in PARAMETERS) + len(RUNS) * len(simulator.interface.u)
+
+
+class _Told:
+    """Says how much of the driving is done."""
+
+    def __init__(self, say: Callable[[str], None], total: int) -> None:
+        self._say, self._total, self._done = say, total, 0
+
+    def more(self, count: int) -> None:
+        """So many passes more are done."""
+        self._done = min(self._done + count, self._total)
+        self._say(DRIVING.format(share=self._done / self._total))
 
 
 @dataclass(frozen=True)
@@ -104,6 +129,7 @@ def _compared(
     rules: Rules,
     mass_kg: float | None,
     as_given: Evidence | None,
+    told: _Told,
 ) -> Evidence:
     """Simulated acceleration and residual along the drives, with the simulator's uncertainty."""
     simulator, prepared, grid = d.simulator, d.prepared, d.grid
@@ -118,7 +144,9 @@ def _compared(
     else:
         sooner = of_a_sample_sooner(simulator, prepared, grid) if d.known_physics else None
         apart_by = 0.0 if sooner is None else samples_apart(residual, sooner, valid)
+        told.more(2)
         disagreement = _disagreement(simulator, prepared, grid, seed, apart_by)
+        told.more(1)
     return Evidence(
         dt=prepared[0].dt * grid.block,
         stretches=grid.stretches,
@@ -133,9 +161,8 @@ def _compared(
         mass_known=mass_known,
         known_physics=d.known_physics,
         vehicle=prepared[0].recording.interface.kind,
-        rerun=_rerunner(d, [not out for out in held_out]),
+        rerun=_rerunner(d, [not out for out in held_out], told),
         sooner=sooner,
-        slow_noise=rules.slow_noise,
         rules=rules,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
     )
@@ -148,7 +175,7 @@ def _check_possible(simulated: Array) -> None:
         raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))
 
 
-def _with_parameters(d: _Driven, e: Evidence) -> Evidence:
+def _with_parameters(d: _Driven, e: Evidence, told: _Told) -> Evidence:
     """The evidence with the sensitivities to parameters and the effective-mass gain.
 
     Brakes that hold a deceleration respond to more rolling resistance as to any force, so that their gain is
@@ -158,7 +185,7 @@ def _with_parameters(d: _Driven, e: Evidence) -> Evidence:
     e.signals["effective_mass_gain"] = effective_mass.rows(d.simulator, e, turning, holds)
     left = effective_mass.held(holds).rows(e)
     e.signals.update(effective_mass.holding(holds, e.signals, left))
-    columns = sensitivities(d.simulator, d.prepared, d.grid, e)
+    columns = sensitivities(d.simulator, d.prepared, d.grid, e, lambda: told.more(2))
     e = replace(e, sensitivity=columns)
     named = {f"sensitivity:{name}": column for name, column in columns.items()}
     gain = {"effective_mass_gain": effective_mass.rows(d.simulator, e, turning, holds)}
@@ -196,9 +223,9 @@ def _disagreement(
     return grid.stack(parts)
 
 
-def _rerunner(d: _Driven, along: Sequence[bool]) -> Callable[[str, float], Array]:
+def _rerunner(d: _Driven, along: Sequence[bool], told: _Told) -> Callable[[str, float], Array]:
     driven, runs = list(compress(d.prepared, along)), list(compress(d.runs, along))
-    response = command_response(d.simulator, driven, runs)
+    response = command_response(d.simulator, driven, runs, lambda: told.more(1))
 
     def rerun(name: str, amount: float) -> Array:
         changes = iter(response(name, amount))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,14 +47,20 @@ def _accepted(simulator: Simulator, name: str, change: float, near: float) -> fl
 
 
 def sensitivities(
-    simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, evidence: Evidence
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    grid: Grid,
+    evidence: Evidence,
+    ran: Callable[[], None] = lambda: None,
 ) -> dict[str, Array]:
-    """Change of the simulated acceleration for a 100 % change of each parameter, linearised."""
+    """Change of the simulated acceleration for a 100 % change of each parameter, linearised. `ran` is called
+    after the two runs of a parameter."""
     out: dict[str, Array] = {}
     for name in PARAMETERS:
         below, above = _steps(simulator, name)
         if below < above:
             out[name] = _rerun_slope(simulator, prepared, grid, evidence, name, below, above)
+            ran()
         else:
             out[name] = components.sensitivity(evidence, name)
     return {

@@ -13,7 +13,6 @@ from scipy.ndimage import uniform_filter1d
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
-from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 
@@ -29,7 +28,8 @@ SAMPLES = 1.0  # prior sd: by so many a truck decides sooner or later than its s
 
 def known(e: Evidence) -> tuple[Array, Prior]:
     """Columns (n, k), m/s^2, and the prior of their shares."""
-    late = [-e.difference(e.simulated), e.rerun("delay_all", Rules.least_delay_s) / Rules.least_delay_s]
+    least = e.rules.least_delay_s
+    late = [-e.difference(e.simulated), e.rerun("delay_all", least) / least]
     slope = _late_slope(e)
     filtered = _shifted(e, rows(e))
     sooner = [] if e.sooner is None else [e.sooner]

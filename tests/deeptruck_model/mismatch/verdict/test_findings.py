@@ -115,7 +115,7 @@ def test_the_headline_says_the_drives_that_differ_and_by_how_much() -> None:
 def of_noise(persists: float, sd: float) -> Compared:
     """Nothing but noise, an autoregression, as a learned simulator may be off by."""
     noise = lfilter([1.0], [1.0, -persists], np.random.default_rng(3).normal(0.0, sd, N))
-    e = replace(evidence(), residual=noise, slow_noise=0.3)
+    e = replace(evidence(), residual=noise, learned_slow_noise=0.3)
     return _compared(posterior(regression(e), sweeps=60))
 
 
