@@ -86,7 +86,7 @@ def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool
     leader = _Leader(first, first, nothing, nothing, nothing, first)
     shield = Shield(p, 0.0, 1.0)
     # the promise includes knowing how hot the brakes are
-    shield._seen = Bounds(gap, first, speed, heat.copy(), first, nothing, nothing, nothing)
+    shield._seen = Bounds(gap, first, speed, heat.copy(), first, nothing, nothing, nothing, nothing)
     pull, wish, blind, noise = np.split(genes[:, 5:], 4, axis=1)
     least, acted, earliest = np.full(batch, np.inf), np.zeros(batch), np.full(batch, -np.inf)
     for k in range(steps):
@@ -140,9 +140,10 @@ def _worst_truck(
     late = since >= p.response_s - 1e-9
     rate = np.where(full, np.where(late, -braking, push), free)
     after = np.maximum(speed + rate * p.dt, 0.0)
-    stopping = np.where(late, p.stop_heat * braking, 0.0)
-    heating = np.where(full, stopping, brake * p.strongest_braking) * speed - heat / p.cooling_s
-    return after, np.where(full, since + p.dt, 0.0), heat + p.dt * heating
+    stopped = p.heat_after(heat, np.zeros(len(heat)), speed)
+    stopped = stopped + np.where(late, p.dt * p.stop_heat * braking * speed, 0.0)
+    heat = np.where(full, stopped, p.heat_after(heat, brake, speed))
+    return after, np.where(full, since + p.dt, 0.0), heat
 
 
 def random_search(promise: Promise, count: int, *, shielded: bool = True) -> Outcome:

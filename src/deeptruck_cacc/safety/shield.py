@@ -37,12 +37,18 @@ class Promise:
     fade_per_heat: float = 2.5e-4  # share of braking lost for each J/kg beyond
     least_braking_share: float = 0.4  # of `braking`, however hot
     stop_heat: float = 1.2  # heat of a stop as a share of v^2/2: above 1 by the slope it may stand on
-    strongest_braking: float = 7.5  # m/s^2 at the full brake command: the fastest the brakes can heat
-    cooling_s: float = 900.0  # s, the slowest time constant with which they cool
+    strongest_braking: float = 7.5  # m/s^2: the fastest the brakes can heat, which the tyres limit
+    bite: float = 0.0  # share of the brake command up to which the brakes give nothing
+    brake_gain: float = 7.5  # m/s^2 for each share beyond, the most they give
+    release_s: float = 0.3  # s, time constant of their release: FMVSS 121 S5.3.4, 5 psi within 0.55 s
+    # They cool by 1.23 + 0.0256 V an hour, V in mile/h: Myers, Ashkenas and Johnson (1980), FHWA-RD-79-116
+    cooling_at_rest: float = 3.4e-4  # 1/s
+    cooling_by_speed: float = 1.6e-5  # 1/m, for each m/s
     gap_error: float = 0.3  # m, radar
     speed_error: float = 0.1  # m/s, radar and wheels
     dt: float = 0.1  # s between calls
     soft_m: float = 1.5  # m before the limit where the engine is cut and the brake comes in gently
+    closing: float = 0.5  # m/s, by which the truck may be faster than its leader in ordinary following
     ease_m: float = (
         10.0  # m before the limit where, behind a leader that is not seen, `mild_braking` comes in
     )
@@ -57,6 +63,12 @@ class Promise:
         lost = self.fade_per_heat * np.maximum(heat - self.fade_from, 0.0)
         share = np.maximum(1.0 - lost, self.least_braking_share)
         return np.asarray(np.minimum(self.braking * share, self.leader_braking))
+
+    def heat_after(self, heat: Array, pressed: Array, speed: Array) -> Array:
+        """Most heat (J/kg) one step later, with a share `pressed` of the brake command in the brakes."""
+        gained = np.minimum(self.brake_gain * np.maximum(pressed - self.bite, 0.0), self.strongest_braking)
+        lost = self.cooling_at_rest + self.cooling_by_speed * speed
+        return np.asarray(heat + self.dt * (gained * speed - lost * heat))
 
     def acceleration_at(self, speed: Array) -> Array:
         """Largest acceleration of the truck at a speed, m/s^2."""
@@ -85,13 +97,14 @@ class Bounds(NamedTuple):
     leader_braking: Array  # m/s^2, the hardest that the leader brakes while it is not seen
     unseen_s: Array  # s, since it was
     eased: Array  # share of the engine command that was taken back
+    pressed: Array  # share of the brake command that may still be in the brakes
 
     @classmethod
     def unknown(cls, batch: int) -> Bounds:
         """Bounds before the first measurement."""
         nothing = np.zeros(batch)
         never = np.full(batch, np.inf)
-        return cls(nothing, nothing, np.full(batch, 40.0), nothing, nothing, nothing, never, nothing)
+        return cls(nothing, nothing, np.full(batch, 40.0), nothing, nothing, nothing, never, nothing, nothing)
 
 
 @dataclass
@@ -104,7 +117,8 @@ class Shield:
     acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
     braking: Flags = field(default_factory=lambda: np.zeros(0, bool))
     _seen: Bounds | None = field(default=None, repr=False)
-    _cooled: Array = field(default_factory=lambda: np.zeros(0), repr=False)  # J/kg, without the last command
+    # heat, J/kg, and the share in the brakes as they are without the last command
+    _spared: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)), repr=False)
 
     def reset(self) -> None:
         """Reset the state, with cold brakes."""
@@ -113,12 +127,14 @@ class Shield:
     def forget(self) -> None:
         """Reset leader and speed but keep the brake temperature; the last command was not obeyed."""
         if self._seen is not None:
-            self._seen = Bounds.unknown(len(self._cooled))._replace(heat=self._cooled)
+            heat, pressed = self._spared
+            self._seen = Bounds.unknown(len(heat))._replace(heat=heat, pressed=pressed)
 
     def spare(self) -> None:
         """Note that the last command was not obeyed, and so heated no brakes."""
         if self._seen is not None:
-            self._seen = self._seen._replace(heat=self._cooled)
+            heat, pressed = self._spared
+            self._seen = self._seen._replace(heat=heat, pressed=pressed)
 
     def filter(
         self, gap: Array, leader_speed: Array, speed: Array, engine: Array, brake: Array
@@ -147,17 +163,19 @@ class Shield:
         sent_engine = np.where(missing, self.engine_low, sent_engine)
         self.braking = slack < 0
         self.acted = missing | (sent_brake > asked) | (sent_engine != engine)
-        heating = np.minimum(sent_brake / self.brake_high, 1.0) * p.strongest_braking * seen.speed
-        self._cooled = seen.heat * (1.0 - p.dt / p.cooling_s)
-        self._seen = seen._replace(heat=self._cooled + p.dt * heating, eased=eased)
+        left_over = seen.pressed * np.exp(-p.dt / p.release_s)
+        pressed = np.maximum(sent_brake / self.brake_high, left_over)
+        self._spared = p.heat_after(seen.heat, left_over, seen.speed), left_over
+        heat = p.heat_after(seen.heat, pressed, seen.speed)
+        self._seen = seen._replace(heat=heat, eased=eased, pressed=pressed)
         return sent_engine, sent_brake
 
     def steady_gap(self, speed: Array) -> Array:
-        """Least gap (m, (batch,)) for following a leader of equal speed without intervention of the
-        shield."""
+        """Least gap (m, (batch,)) for following a leader without intervention of the shield, while the truck
+        is at most `closing` faster."""
         p = self.promise
         heat = np.zeros(len(speed)) if self._seen is None else self._seen.heat
-        slow, fast = np.maximum(speed - p.speed_error, 0.0), speed + p.speed_error
+        slow, fast = np.maximum(speed - p.speed_error, 0.0), speed + p.speed_error + p.closing
         return p.needed_gap(fast, slow, heat, p.dt) + p.gap_error + 2 * p.soft_m
 
     def _bounds(self, gap: Array, leader_speed: Array, speed: Array) -> Bounds:
@@ -189,4 +207,5 @@ class Shield:
             braking,
             np.where(received, 0.0, old.unseen_s + p.dt),
             old.eased,
+            old.pressed,
         )

@@ -5,6 +5,7 @@ states.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -20,13 +21,18 @@ from deeptruck_model.simulators import Simulator, load
 
 Array = NDArray[np.float64]
 PREPARE_S, STOP_S = 4.0, 14.0
+NO_BRAKING = 0.02  # m/s^2
+ROTATING = (
+    1.1  # wheels and driveline take part in a stop and heat the brakes too: 3 to 8 % of the pool's trucks
+)
 
 
 def measure(
     simulator: Simulator, *, worst_grade: float = -0.03, reserve: float = 0.05, base: Promise | None = None
 ) -> Promise:
     """`base` with braking, response_s and accelerations measured on this truck, each made worse by the share
-    `reserve`, and with the brake command that decelerates it by `mild_braking`.
+    `reserve`, and with what its brakes give at small commands: `bite`, `brake_gain` and `mild_brake`. Where
+    the simulator has parameters of its brakes' heat, these take the place of the stated ones.
 
     Full braking from 4..30 m/s on the steepest descent covered, after 0..4 s of idle, half and full engine,
     so that boost, gear and shifts differ. Raises InputError for a truck that has no brake or does not brake.
@@ -42,7 +48,8 @@ def measure(
         max_acceleration=float(rate.max()) * (1 + reserve),
         power_per_mass=float((rate * speed[1:]).max()) * (1 + reserve),
     )
-    bounds = replace(bounds, mild_brake=_mild_brake(simulator, bounds.mild_braking))
+    bounds = _with_small_commands(bounds, simulator, worst_grade, reserve)
+    bounds = replace(bounds, **_heat_constants(simulator.parameters(), reserve))
     most = bounds.acceleration_at(start)
     time = (np.arange(len(speed))[:, None] - begin) * dt
     moving = (speed > 0.2) & (time > 0)
@@ -75,23 +82,56 @@ def bridged_time_gap(promise: Promise) -> float:
     raise InputError("behind a leader that vanishes the truck brakes hard at every time gap")
 
 
-def _mild_brake(simulator: Simulator, deceleration: float) -> float:
-    """Share of the brake command that decelerates the truck by at most `deceleration` (m/s^2) on a level
-    road, with a low engine command, at 8..28 m/s; the mean of 2 s, starting after one second."""
+def _with_small_commands(promise: Promise, simulator: Simulator, grade: float, reserve: float) -> Promise:
+    """The promise with what the brake commands of half the range and less do, on the level and on `grade`."""
+    shares: Array = np.linspace(0.0, 0.5, 26)
+    level, steep = (_slowing(simulator, shares, slope) for slope in (0.0, grade))
+    mild = np.interp(promise.mild_braking, np.maximum.accumulate(level.max(axis=1)), shares)
+    added = np.maximum((level - level[0]).max(axis=1), (steep - steep[0]).max(axis=1))
+    bite = float(shares[max(np.argmax(added > NO_BRAKING) - 1, 0)])
+    beyond = shares - bite
+    usable = beyond > 0.1 - 1e-9  # below it, what else brakes would count most
+    gain = float((added[usable] / beyond[usable]).max()) * ROTATING * (1 + reserve)
+    return replace(promise, mild_brake=float(mild), bite=bite, brake_gain=gain)
+
+
+def _heat_constants(truck: Mapping[str, float], reserve: float) -> dict[str, float]:
+    """Fade and cooling of a promise from the parameters of a truck that names its brakes' heat; else {}."""
+    names = ("brake_heat_capacity", "brake_fade", "fade_temperature", "brake_cooling", "brake_cooling_speed")
+    if not {*names, "ambient_temperature", "mass"} <= truck.keys():
+        return {}
+    capacity, fade, hot, at_rest, by_speed = (truck[name] for name in names)
+    per_kelvin = capacity / truck["mass"]
+    return {
+        "fade_from": (hot - truck["ambient_temperature"]) * per_kelvin * (1 - reserve),
+        "fade_per_heat": fade / per_kelvin * (1 + reserve),
+        "cooling_at_rest": at_rest / capacity * (1 - reserve),
+        "cooling_by_speed": by_speed / capacity * (1 - reserve),
+    }
+
+
+def _slowing(simulator: Simulator, shares: Array, grade: float) -> Array:
+    """Deceleration (m/s^2, (shares, speeds)) at shares of the brake command and a low engine command from
+    8..28 m/s; the mean of 2 s, starting after one second."""
+    simulator = _on_roads(simulator)
     scale, dt = ActionScale.of(simulator), simulator.dt
-    speeds, shares = np.arange(8.0, 29.0, 4.0), np.linspace(0.0, 0.5, 26)
+    speeds = np.arange(8.0, 29.0, 4.0)
     v, share = (x.ravel() for x in np.meshgrid(speeds, shares))
     y0 = np.zeros((len(v), len(simulator.interface.y)))
     y0[:, SPEED] = v
-    state, w = simulator.reset(y0), np.zeros((len(v), len(simulator.interface.w)))
+    state, w = simulator.reset(y0), np.full((len(v), len(simulator.interface.w)), grade)
     u = np.column_stack([np.full(len(v), scale.engine_low), share * scale.brake_high])
     trace = []
     for _ in range(round(3.0 / dt)):
         state, y = simulator.step(state, u, w)
         trace.append(y[:, SPEED])
     slowing = (trace[round(1.0 / dt) - 1] - trace[-1]) / 2.0
-    hardest = np.maximum.accumulate(slowing.reshape(len(shares), len(speeds)).max(axis=1))
-    return float(np.interp(deceleration, hardest, shares))
+    return np.asarray(slowing.reshape(len(shares), len(speeds)))
+
+
+def _on_roads(simulator: Simulator) -> Simulator:
+    """The simulator with a grade as input: the road is there, whether the truck senses it or not."""
+    return simulator.with_grade_input() if hasattr(simulator, "with_grade_input") else simulator
 
 
 def _gap(promise: Promise) -> float:
@@ -102,8 +142,7 @@ def _gap(promise: Promise) -> float:
 
 def _emergency_stops(simulator: Simulator, grade: float) -> tuple[Array, NDArray[np.int64]]:
     """Speeds (T, batch) and the sample at which the full brake was commanded, (batch,)."""
-    if hasattr(simulator, "with_grade_input"):  # the road is there, whether the truck senses it or not
-        simulator = simulator.with_grade_input()
+    simulator = _on_roads(simulator)
     scale, dt = ActionScale.of(simulator), simulator.dt
     speeds, engines, delays = np.arange(4.0, 31.0, 2.0), (0.0, 0.5, 1.0), np.arange(0.0, PREPARE_S, 0.3)
     v, e, d = (x.ravel() for x in np.meshgrid(speeds, engines, delays))
@@ -140,7 +179,7 @@ def main() -> None:
         name: asdict(replace(promise, bridged_time_gap=bridged_time_gap(promise)))
         for name, promise in found.items()
     }
-    rounded = {name: {k: round(v, 4) for k, v in row.items()} for name, row in table.items()}
+    rounded = {name: {k: float(f"{v:.5g}") for k, v in row.items()} for name, row in table.items()}
     TABLE.write_text(json.dumps(rounded, indent=1) + "\n")
 
 

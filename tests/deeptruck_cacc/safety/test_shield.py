@@ -11,13 +11,14 @@ from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.environments import hard_scenes, scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.safety import proof, truck_limits
-from deeptruck_cacc.safety.guard import guard
+from deeptruck_cacc.safety.guard import guard, load_controller
 from deeptruck_cacc.safety.shield import Promise, Shield
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import SPEED, TruckInterface
 
 PROMISE = Promise()
+COOLING = 3.4e-4 + 1.6e-5 * 20.0  # 1/s, at 20 m/s
 
 
 def column(*values: float) -> np.ndarray:
@@ -63,19 +64,19 @@ def test_the_heat_of_the_stop_itself_fades_the_brakes(stop_heat):
 
 @pytest.mark.parametrize(("since", "share"), [(0.0, 0.0), (0.5, 0.0), (0.6, 1.2 * 4.2)])
 def test_the_worst_truck_heats_its_brakes_once_they_grip(since, share):
-    """dt (stop_heat braking v - heat / cooling_s) under the full brake; 300 J/kg is below where they fade."""
+    """dt (stop_heat braking v - cooling heat) under the full brake; 300 J/kg is below where they fade."""
     _, after, heat = proof._worst_truck(
         PROMISE, column(20.0), column(since), column(300.0), column(0.0), column(1.0)
     )
     assert after == pytest.approx(since + 0.1)
-    assert heat == pytest.approx(300.0 + 0.1 * (share * 20.0 - 300.0 / 900.0))
+    assert heat == pytest.approx(300.0 + 0.1 * (share * 20.0 - 300.0 * COOLING))
 
 
 def test_the_worst_truck_heats_its_brakes_by_the_share_pressed():
     _, after, heat = proof._worst_truck(
         PROMISE, column(20.0), column(0.4), column(300.0), column(0.0), column(0.3)
     )
-    assert after == 0.0 and heat == pytest.approx(300.0 + 0.1 * (0.3 * 7.5 * 20.0 - 300.0 / 900.0))
+    assert after == 0.0 and heat == pytest.approx(300.0 + 0.1 * (0.3 * 7.5 * 20.0 - 300.0 * COOLING))
 
 
 @pytest.mark.parametrize("speed", [3.0, 10.0, 20.0, 30.0])
@@ -206,10 +207,10 @@ def test_before_the_limit_the_engine_is_taken_back_and_not_cut():
 def test_at_its_steady_gap_it_is_at_rest():
     for speed in (5.0, 15.0, 28.0):
         shield = Shield(PROMISE, 0.0, 100.0)
-        gap = shield.steady_gap(column(speed))
-        shield.filter(gap - 1.4, column(speed), column(speed), column(800.0), column(0.0))
+        gap, faster = shield.steady_gap(column(speed)), column(speed + PROMISE.closing)
+        shield.filter(gap - 1.4, column(speed), faster, column(800.0), column(0.0))
         assert not shield.acted[0]
-        shield.filter(gap - 1.6, column(speed), column(speed), column(800.0), column(0.0))
+        shield.filter(gap - 1.6, column(speed), faster, column(800.0), column(0.0))
         assert shield.acted[0]
 
 
@@ -300,11 +301,11 @@ def test_a_silent_speedometer_lets_the_truck_accelerate_by_what_it_can():
 
 @pytest.mark.parametrize(("brake", "share"), [(25.0, 0.25), (100.0, 1.0)])
 def test_the_heat_of_a_step_is_by_formula(brake, share):
-    """dt (share b_max v - heat / tau), docs/cacc_shield.md: at 20.1 m/s, 500 m behind."""
+    """dt (share k v - cooling heat), docs/cacc_shield.md: at 20.1 m/s, 500 m behind."""
     shield, per_step = Shield(PROMISE, 0.0, 100.0), 0.1 * share * 7.5 * 20.1
     for _ in range(2):
         shield.filter(column(500.0), column(20.0), column(20.0), column(0.0), column(brake))
-    assert shield._seen.heat == pytest.approx(per_step + per_step - 0.1 * per_step / 900.0)
+    assert shield._seen.heat == pytest.approx(per_step + per_step - 0.1 * per_step * (3.4e-4 + 1.6e-5 * 20.1))
 
 
 def test_brakes_stay_hot_where_the_past_is_forgotten_and_are_not_heated_by_what_nobody_obeys():
@@ -318,12 +319,28 @@ def test_brakes_stay_hot_where_the_past_is_forgotten_and_are_not_heated_by_what_
         shield.spare()
         shield.forget()
     assert shield.braking[0]
-    assert shield._seen.heat[0] == pytest.approx(hot * (1.0 - 0.1 / 900.0) ** 100)
+    released = 0.5 * 7.5 * 20.1 * 0.1 * np.exp(-np.arange(1, 101) / 3.0).sum()
+    cooled = (1.0 - 0.1 * (3.4e-4 + 1.6e-5 * 20.1)) ** 100
+    assert shield._seen.heat[0] == pytest.approx((hot + released) * cooled, rel=1e-3)
     shield.reset()
     shield.forget()
     shield.spare()
     shield.filter(column(100.0), column(20.0), column(20.0), column(0.0), column(0.0))
     assert shield._seen.heat[0] == 0.0
+
+
+def test_below_their_bite_brakes_are_not_heated_and_they_give_at_most_what_tyres_hold():
+    promise = replace(PROMISE, bite=0.05, brake_gain=14.0)
+    heat = promise.heat_after(column(0.0, 0.0, 0.0), column(0.05, 0.15, 0.9), column(20.0, 20.0, 20.0))
+    assert heat == pytest.approx([0.0, 0.1 * 14.0 * 0.1 * 20.0, 0.1 * 7.5 * 20.0])
+
+
+def test_brakes_that_are_released_still_heat():
+    """A brake of 40 % for one step, then none: by exp(-dt / release_s) less in each step."""
+    shield, shares = Shield(PROMISE, 0.0, 1.0), 0.4 * np.exp(-np.arange(4) / 3.0)
+    for k in range(4):
+        shield.filter(column(500.0), column(20.0), column(20.0), column(0.0), column(0.4 * (k == 0)))
+    assert shield._seen.heat[0] == pytest.approx(0.1 * 7.5 * 20.1 * shares.sum(), rel=1e-3)
 
 
 def test_hot_brakes_need_more_room():
@@ -395,6 +412,32 @@ def test_the_kept_promises_are_not_better_than_the_trucks(name):
     v = np.arange(4.0, 30.0)
     cold = np.zeros(len(v))
     assert (kept.needed_gap(v, v, cold, 0.1) >= measured.needed_gap(v, v, cold, 0.1)).all()
+
+
+@pytest.mark.parametrize("name", ["trucksim", "freightliner", "volvo"])
+def test_the_heat_is_bounded_and_the_bound_ends_no_ordinary_following(name):
+    """Against the truck's own brake temperature: 2 min behind sines of 0.2 and 0.5 m/s^2, a noisy radar."""
+    truck = simulators.load(f"truck:{name}")
+    driver = load_controller("baseline:acc", truck.interface)
+    values = truck.parameters()
+    per_kelvin = values["brake_heat_capacity"] / values["mass"]
+
+    def leader(k):
+        return column(18.0, 20.0) + column(2.0, 1.2) * np.sin(0.2 * np.pi * k / column(60.0, 15.0))
+
+    rng, y = np.random.default_rng(3), np.zeros((2, len(truck.interface.y)))
+    y[:, SPEED] = leader(0)
+    state, gap, w = truck.reset(y), 2.0 * leader(0), np.zeros((2, len(truck.interface.w)))
+    for k in range(1200):
+        own, (range_noise, speed_noise) = y[:, SPEED], rng.normal(size=(2, 2))
+        seen = {"gap": gap + 0.1 * range_noise, "leader_speed": leader(k) + 0.05 * speed_noise, "speed": own}
+        engine, brake = driver.act({**seen, "target_time_gap": 2.0, "grade": 0.0})
+        assert not driver.acted.any()
+        state, y = truck.step(state, np.column_stack([engine, brake]), w)
+        gap = gap + 0.05 * (leader(k) + leader(k + 1) - own - y[:, SPEED])
+        warmer = truck.inside(state)["brake_temperature"] - values["ambient_temperature"]
+        assert (driver.shield._seen.heat >= warmer * per_kelvin).all()
+        assert (y[:, 0] > -1.0).all()
 
 
 def test_a_truck_without_brakes_gets_no_promise():
