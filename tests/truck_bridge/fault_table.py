@@ -67,6 +67,7 @@ SCENES: dict[str, Scene] = {
         "hold": NO_SIZE, "scale": (0.5, 0.8, 0.95, 1.05, 1.2, 2.0), "drift": (-2.0, -0.5, 0.5, 2.0),
         "late": (0.2, 0.5, 1.0), "other": (0.5, 1.5),
     }),
+    "gap drifts slowly": Scene("radar", "drift", ("gap",), (0.4, 0.5, 0.7)),
     "radar silent": Scene("radar", "silent", RADAR),
     "radar hold": Scene("radar", "hold", RADAR),
     "radar late": Scene("radar", "late", RADAR, (0.2, 0.5, 1.0)),
@@ -142,7 +143,8 @@ def must_end(name: str, size: float, vehicle: Vehicle) -> bool:
     if machine == "forger":
         return True
     if machine == "radar":
-        lost = kind in ("silent", "error", "beyond") or (kind == "absent" and size > 3.5)
+        lost = kind in ("silent", "error", "beyond", "hold") or (kind == "absent" and size > 3.5)
+        lost = lost or name == "gap drifts slowly"
         return lost or (kind in ("old", "seldom") and size > 0.3 and (kind == "old" or size >= 5))
     carried, converter = messages(vehicle, signals), bool(messages(vehicle, ("lockup",)))
     if kind in ("double", "again"):
@@ -179,8 +181,6 @@ def must_bridge(name: str, size: float) -> bool:
 
 # What the truck does then is no fault of a receiver, as nothing that it hears contradicts it, or not at once.
 UNSEEN: dict[str, str] = {
-    "radar hold": "readings stand still as behind a steady leader",
-    "gap hold": "a steady gap stands still too",
     **dict.fromkeys(
         ("gap scale", "radar scale", "gap other", "radar other"), "nearer it is a vehicle that cuts in"
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
@@ -71,9 +71,9 @@ def test_a_ghost_that_comes_back_begins_anew() -> None:
 def test_a_range_that_contradicts_the_speeds_is_counted_unless_it_closes_in() -> None:
     opening, closing = settled(), settled()
     fed(opening, [(40.0, 20.0 - 0.2 * k, 20.0) for k in range(30)])  # as far as ever behind a braking leader
-    assert 1.0 < opening.contradicted_s[0] < 1.5
+    assert 1.7 < opening.contradicted_s[0] < 2.0  # from 1.1 s on
     fed(opening, [LOST] * 5)
-    assert opening.contradicted_s[0] == pytest.approx(1.4, abs=0.2)  # nothing new was seen
+    assert opening.contradicted_s[0] == pytest.approx(1.9, abs=0.1)  # nothing new was seen
     fed(opening, [(opening._tracks[0].gap[0], opening._tracks[0].speed[0], 20.0)])  # type: ignore[index]
     assert opening.contradicted_s[0] == 0.0
     fed(closing, [(40.0 - 0.01 * k**2, 20.0, 20.0) for k in range(30)])
@@ -104,11 +104,11 @@ def test_a_speed_that_jumps_while_the_range_goes_on_is_never_believed(wrong: flo
     assert not fed(settled(), [(40.0, wrong, 20.0)] * 39)[:, 2].any()
 
 
-def test_a_range_that_is_frozen_is_noticed_when_it_should_have_changed_by_drift_m() -> None:
-    """The leader brakes at 2 m/s^2: 2 m are missed after 1.4 s, a little later as the range corrects."""
+def test_a_range_that_stands_still_is_noticed_when_it_should_have_changed_by_opened_m() -> None:
+    """The leader brakes at 2 m/s^2: 1 m and what `bias` explains, 0.2 m/s, are missed after 1.1 s."""
     rows = fed(settled(), [(40.0, 20.0 - 0.2 * k, 20.0) for k in range(30)])
     noticed = np.flatnonzero(rows[:, 2] == 0)[0]
-    assert 14 <= noticed <= 18 and not rows[noticed:, 2].any()
+    assert 11 <= noticed <= 12 and not rows[noticed:, 2].any()
     assert rows[-1, 0] < 36.0 and rows[-1, 3] > 1.0
 
 
@@ -128,17 +128,71 @@ def test_a_speed_of_the_wrong_sign_is_noticed(closing: float) -> None:
     assert 3 <= np.flatnonzero(unseen > 0)[0] <= 12
 
 
-def test_noise_of_the_usual_radar_is_never_doubted() -> None:
-    rng = np.random.default_rng(0)
-    batch, tracker = 200, Tracker(0.1)
+def behind_a_leader(tracker: Tracker, seconds: float, batch: int = 100) -> Iterable[tuple[np.ndarray, ...]]:
+    """True gap, leader's and own speed of trucks that follow leaders of 17 to 23 m/s, 40 m behind."""
     gap, speed = np.full(batch, 40.0), np.full(batch, 20.0)
-    for k in range(600):
+    for k in range(round(seconds / tracker.dt)):
         leader = 20.0 + 3.0 * np.sin(0.02 * k + np.arange(batch))
-        gap = gap + 0.1 * (leader - speed)
-        noisy = gap + 0.1 * rng.normal(size=batch), leader + 0.05 * rng.normal(size=batch)
-        tracker({"gap": noisy[0], "leader_speed": noisy[1], "speed": speed})
-        assert (tracker.unseen_s == 0.0).all()
-        speed = speed + 0.1 * np.clip(0.1 * (gap - 40.0), -1.0, 1.0)
+        gap = gap + tracker.dt * (leader - speed)
+        yield gap, leader, speed
+        wanted = 0.1 * (gap - 40.0) + 0.3 * (leader - speed)
+        speed = speed + tracker.dt * np.clip(wanted, -1.0, 1.0)
+
+
+Radar = Callable[[np.random.Generator, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+SOUND: dict[str, Radar] = {
+    "usual noise": lambda r, g, v: (g + 0.1 * r.normal(size=len(g)), v + 0.05 * r.normal(size=len(g))),
+    "twice the noise": lambda r, g, v: (g + 0.2 * r.normal(size=len(g)), v + 0.1 * r.normal(size=len(g))),
+    "scale of 1.02 and a speed off by 0.15 m/s": lambda r, g, v: (
+        1.02 * g + 0.1 * r.normal(size=len(g)),
+        v - 0.15 + 0.05 * r.normal(size=len(g)),
+    ),
+    "a grid of 0.1 m and 0.1 m/s": lambda r, g, v: (
+        np.round(g + 0.1 * r.normal(size=len(g)), 1),
+        np.round(v + 0.05 * r.normal(size=len(g)), 1),
+    ),
+    "no noise": lambda r, g, v: (g, v),
+}
+
+
+@pytest.mark.parametrize("kind", SOUND)
+def test_a_sound_radar_is_never_doubted(kind: str) -> None:
+    """5 min of 100 trucks, every 20 s without a reading for 0.3 s."""
+    rng, tracker = np.random.default_rng(0), Tracker(0.1)
+    for k, (gap, leader, speed) in enumerate(behind_a_leader(tracker, 300.0)):
+        lost = (k + 7 * np.arange(len(gap))) % 200 < 3
+        seen, its_speed = SOUND[kind](rng, gap, leader)
+        tracker({"gap": np.where(lost, np.nan, seen), "leader_speed": its_speed, "speed": speed})
+        assert (tracker.contradicted_s == 0.0).all()
+
+
+@pytest.mark.parametrize("drift", [0.3, 0.4, 0.5, 0.7])
+def test_a_range_that_drifts_away_is_handed_back_before_it_is_off_by_5_m(drift: float) -> None:
+    """A second after it contradicts the speeds, with the usual noise, from the 20th second on."""
+    rng, tracker = np.random.default_rng(1), Tracker(0.1)
+    lost_m = np.full(100, np.nan)
+    for k, (gap, leader, speed) in enumerate(behind_a_leader(tracker, 40.0)):
+        off = drift * max(0.1 * k - 20.0, 0.0)
+        seen, its_speed = SOUND["usual noise"](rng, gap + off, leader)
+        tracker({"gap": seen, "leader_speed": its_speed, "speed": speed})
+        ended = np.isnan(lost_m) & (tracker.contradicted_s > 1.0)
+        lost_m[ended] = off
+    assert (lost_m < 5.0).all()
+
+
+@pytest.mark.parametrize("held", ["both", "range", "speed"])
+def test_a_noisy_radar_that_repeats_itself_is_frozen_while_the_truck_moves(held: str) -> None:
+    rng, tracker = np.random.default_rng(2), Tracker(0.1)
+    for gap, leader, speed in behind_a_leader(tracker, 15.0):
+        kept = SOUND["usual noise"](rng, gap, leader)
+        tracker({"gap": kept[0], "leader_speed": kept[1], "speed": speed})
+    for moving, frozen in ((speed, True), (np.zeros(100), False)):
+        for _ in range(9):
+            now = SOUND["usual noise"](rng, gap, leader)
+            seen = {"gap": now[0] if held == "speed" else kept[0]}
+            seen["leader_speed"] = now[1] if held == "range" else kept[1]
+            tracker({**seen, "speed": moving})
+        assert (tracker.frozen == frozen).all()
 
 
 def test_after_forget_s_the_next_reading_begins_anew() -> None:
