@@ -19,7 +19,8 @@ from deeptruck_cacc.controllers.policy import TYPICAL, MlpPolicy, Observation, P
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, require
 from deeptruck_cacc.safety.shield import Promise, Shield
 from deeptruck_cacc.safety.track import Tracker
-from deeptruck_cacc.safety.truck_limits import known
+from deeptruck_cacc.safety.truck_limits import known, measure
+from deeptruck_model import simulators
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[np.float64]
@@ -221,7 +222,9 @@ def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True
 
 
 def load_controller(
-    path: str | Path, interface: TruckInterface | None = None, *, shield: bool = True
+    path: str | Path, interface: TruckInterface | None = None, *, shield: bool = True, limits_of: str = ""
 ) -> Guard:
-    """The controller for a node: load_policy with a guard."""
-    return guard(load_policy(path, interface), shield=shield)
+    """The controller for a node: load_policy with a guard, whose promise is measured on the simulator
+    `limits_of` if there is one. Raises InputError if that cannot be loaded or does not brake."""
+    promise = measure(simulators.load(limits_of)) if limits_of and shield else None
+    return guard(load_policy(path, interface), promise, shield=shield)

@@ -32,7 +32,8 @@ class Controller(DeeptruckNode):
     def __init__(self) -> None:
         super().__init__("controller")
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
-        guard = load_controller(self.p["policy"], interface, shield=self.p["shield"])
+        shield, limits_of = self.p["shield"], self.p["limits_of"]
+        guard = load_controller(self.p["policy"], interface, shield=shield, limits_of=limits_of)
         self._following = Following(guard, self.p["target_time_gap"], self.p["lose_lead_after_s"])
         mapped = "road_map" in self.p["peers"]
         self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["stale_after_s"], mapped)

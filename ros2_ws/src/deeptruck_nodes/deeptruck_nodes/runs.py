@@ -55,7 +55,7 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
         **_page(common, interface),
         "leader": {},
         **_map(given),
-        "controller": _controller(policy, interface),
+        "controller": {**_controller(policy, interface), **_limits(interface, _named(simulator))},
         "truck_sim": {"simulator": _named(simulator)},
     }
     sections = _merged(sections, given, common, misfits)
@@ -65,6 +65,7 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
     if truck is not None and not lockstep:
         misfits.of_node(sections, "truck_sim", lambda p: run_checks.rate_fits(p["rate_hz"], truck.dt))
     domain = _checked(misfits, common, sections, lockstep)
+    _say_limits(sections["controller"], interface)
     return _run("simulation", common, sections, domain, ends="truck_sim")
 
 
@@ -95,7 +96,9 @@ def drive_vehicle(
     sections |= _page(common, interface)
     sections |= {"leader": {}} if "leader" in given else {}
     sections |= _map(given)
-    sections |= {"controller": _controller(policy, interface), "can_bridge": {}}
+    # the simulator in a vehicle's file is what the emulator drives, not the truck on a real bus
+    limits = _limits(interface, str(vehicle.truck)) if vehicle and emulate else {}
+    sections |= {"controller": {**_controller(policy, interface), **limits}, "can_bridge": {}}
     sections = _merged(sections, given, common, misfits)
     if "mismatch_monitor" in sections:
         sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
@@ -105,6 +108,7 @@ def drive_vehicle(
     misfits.of_node(sections, "road_map", lambda p: run_checks.map_is_known(p["road"]))
     misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))
     domain = _checked(misfits, common, sections)
+    _say_limits(sections["controller"], interface)
     others: tuple[Program, ...] = ()
     if emulate and vehicle is not None:
         _compile(str(vehicle.truck))
@@ -211,6 +215,34 @@ def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]
         "policy": _driver(policy),
         "uses_grade": bool(interface and interface.grade),
     }
+
+
+def _limits(interface: TruckInterface | None, simulator: str) -> dict[str, str]:
+    """The simulator on which the controller measures the limits of a truck that was not measured before.
+
+    Not one that somebody else wrote: it may take minutes for the 588 stops.
+    """
+    from deeptruck_cacc.safety.truck_limits import known
+
+    if interface is None or interface.brake_unit is None or known(interface) is not None:
+        return {}
+    return {} if simulator.startswith(("python:", "fmu:")) else {"limits_of": simulator}
+
+
+def _say_limits(controller: Mapping[str, Any], interface: TruckInterface | None) -> None:
+    """One line if the shield's limits are not those stored for the truck."""
+    from deeptruck_cacc.safety.truck_limits import known
+
+    if interface is None or not controller.get("shield", True) or interface.brake_unit is None:
+        return
+    if simulator := controller.get("limits_of"):
+        print(f"limits of {interface.name}: measured on {simulator} at the start", flush=True)
+    elif known(interface) is None:
+        print(
+            f"note: the limits of {interface.name} were never measured: the shield assumes weak brakes and "
+            "keeps long gaps; 'controller: {limits_of: SIM}' in --parameters measures them on a simulator",
+            flush=True,
+        )
 
 
 def _driver(policy: str) -> str:
