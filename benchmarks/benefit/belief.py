@@ -59,6 +59,5 @@ def _stop(simulator: Simulator, promise: Promise, seconds: float) -> tuple[Array
         u = np.column_stack([np.full(batch, scale.engine_low), share * scale.brake_high])
         state, y = simulator.step(state, u, w)
         if not braking:
-            gained = share * promise.strongest_braking * y[:, SPEED]
-            heat = heat + dt * (gained - heat / promise.cooling_s)
+            heat = promise.heat_after(heat, share, y[:, SPEED])
     return (begin - y[:, SPEED]) / STOP_S, heat

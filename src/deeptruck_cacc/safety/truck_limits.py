@@ -88,7 +88,7 @@ def _with_small_commands(promise: Promise, simulator: Simulator, grade: float, r
     level, steep = (_slowing(simulator, shares, slope) for slope in (0.0, grade))
     mild = np.interp(promise.mild_braking, np.maximum.accumulate(level.max(axis=1)), shares)
     added = np.maximum((level - level[0]).max(axis=1), (steep - steep[0]).max(axis=1))
-    bite = float(shares[max(np.argmax(added > NO_BRAKING) - 1, 0)])
+    bite = float(shares[max(int(np.argmax(added > NO_BRAKING)) - 1, 0)])
     beyond = shares - bite
     usable = beyond > 0.1 - 1e-9  # below it, what else brakes would count most
     gain = float((added[usable] / beyond[usable]).max()) * ROTATING * (1 + reserve)
