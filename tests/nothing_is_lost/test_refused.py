@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -68,14 +69,19 @@ MAIN = {
 }
 
 
-def refused(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
-    """What a command line says that ends with exit code 2."""
-    program, *words = line.split()
-    monkeypatch.setattr(sys, "argv", [program, *words])
-    with pytest.raises(SystemExit) as end:
-        MAIN[program]()
-    assert end.value.code == 2
-    return " ".join(capsys.readouterr().err.split())
+@pytest.fixture
+def refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], str]:
+    """refused(line) -> what a command line says that ends with exit code 2."""
+
+    def _refused(line: str) -> str:
+        program, *words = line.split()
+        monkeypatch.setattr(sys, "argv", [program, *words])
+        with pytest.raises(SystemExit) as end:
+            MAIN[program]()
+        assert end.value.code == 2
+        return " ".join(capsys.readouterr().err.split())
+
+    return _refused
 
 
 @pytest.fixture(autouse=True)
@@ -87,30 +93,26 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize("line", FOLDERS)
 @pytest.mark.parametrize("more", ["", " --overwrite"])
 def test_a_folder_with_a_foreign_file_is_refused(
-    line: str, more: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    line: str, more: str, here: Path, refused: Callable[[str], str]
 ) -> None:
     (here / "out").mkdir()
     (here / "out" / "mine.txt").write_text("mine")
-    assert "out holds mine.txt" in refused(line + more, monkeypatch, capsys)
+    assert "out holds mine.txt" in refused(line + more)
     assert [p.name for p in here.rglob("*")] == ["out", "mine.txt"]
 
 
-def test_an_examination_goes_on_where_nothing_else_lies(
-    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_examination_goes_on_where_nothing_else_lies(here: Path, refused: Callable[[str], str]) -> None:
     case = here / "out" / "cases" / "physics-noise-100000"
     case.mkdir(parents=True)
     (case / "mine.txt").write_text("mine")
-    says = refused("deeptruck-model prove --out out", monkeypatch, capsys)
+    says = refused("deeptruck-model prove --out out")
     assert "out holds cases/physics-noise-100000/mine.txt, which is no part of a proof" in says
 
 
-def test_a_proof_is_worked_on_where_its_cases_are(
-    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_proof_is_worked_on_where_its_cases_are(here: Path, refused: Callable[[str], str]) -> None:
     (here / "out").mkdir()
     (here / "out" / "proof.md").write_text("mine")
-    says = refused("deeptruck-model prove --out out", monkeypatch, capsys)
+    says = refused("deeptruck-model prove --out out")
     assert "out holds proof.md but no .deeptruck.json" in says
     assert (here / "out" / "proof.md").read_text() == "mine"
 
@@ -159,19 +161,15 @@ def test_overwrite_is_explained_by_one_text() -> None:
 
 
 @pytest.mark.parametrize("line", INSIDE)
-def test_an_out_inside_what_is_read_is_refused(
-    line: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_out_inside_what_is_read_is_refused(line: str, here: Path, refused: Callable[[str], str]) -> None:
     (here / "bag").mkdir()
-    assert "is bag or inside it, which is read here" in refused(line, monkeypatch, capsys)
+    assert "is bag or inside it, which is read here" in refused(line)
 
 
 @pytest.mark.parametrize("line", FILES)
-def test_a_file_that_is_there_is_not_written(
-    line: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_that_is_there_is_not_written(line: str, here: Path, refused: Callable[[str], str]) -> None:
     (here / "mine.txt").write_text("mine")
-    refused(line, monkeypatch, capsys)
+    refused(line)
     assert (here / "mine.txt").read_text() == "mine" and len(list(here.iterdir())) == 1
 
 
@@ -248,11 +246,11 @@ def test_begun_work_with_a_file_of_the_user_is_refused_at_once(here: Path) -> No
     ],
 )
 def test_a_file_of_the_user_with_the_name_of_a_result_stays(
-    line: str, name: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    line: str, name: str, here: Path, refused: Callable[[str], str]
 ) -> None:
     (here / "out").mkdir()
     (here / "out" / name).write_text("mine")
     for more in ("", "" if "prove" in line else " --overwrite"):
-        says = refused(line + more, monkeypatch, capsys)
+        says = refused(line + more)
         assert f"out holds {name} but no .deeptruck.json" in says and "remove it yourself" in says
     assert (here / "out" / name).read_text() == "mine"
