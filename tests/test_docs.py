@@ -57,6 +57,7 @@ WORDS = {  # what control engineers do not say: and what they do
     "strange": "outside the training domain",
     "recogniser": "effect classifier",
     "likest|liker": "most probable",
+    "suspicion|lessons?|likeliest": "unconfirmed hypothesis, law set, most probable",
     "fingerprint": "kernel evidence features, hash",
     "refuted": "rejected",
     "comes again": "position-dependent",

@@ -40,7 +40,7 @@ TESTS = {  # for each module, the tests most likely to notice first
     "tables": ("limits", *PROMISE, "hearing", "demands"),
 }
 RESULT = HERE.parents[1] / "docs" / "results" / "bridge_mutation.md"
-SECONDS = 90  # a mutant that runs longer hangs, and is noticed
+SECONDS = 90  # a mutant that runs longer hangs, and is detected
 
 
 class _Finder(importlib.abc.MetaPathFinder, importlib.abc.SourceLoader):
@@ -62,7 +62,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.SourceLoader):
         return compile(self.mutant.tree(), str(path), "exec")
 
 
-def noticed(mutant: Mutant) -> bool:
+def detected(mutant: Mutant) -> bool:
     """Whether one of the tests fails with a mutant."""
     return _fails(mutant.module, mutant)
 
@@ -128,8 +128,8 @@ def _write(count: int, survivors: list[Mutant], carried: int = 0, since: str = "
     lines = [
         "# Mutation of the safety core: measured",
         "",
-        f"`{command}`: {count} mutants, {count - len(survivors)} noticed.",
-        *([f"Carried over from the run at {since}, which noticed all: {carried}."] if since else []),
+        f"`{command}`: {count} mutants, {count - len(survivors)} detected.",
+        *([f"Carried over from the run at {since}, which detected all: {carried}."] if since else []),
         f"Core (SHA-256 of its files): `{digest()}`.",
         "",
         "## Survivors",
@@ -165,11 +165,11 @@ def main() -> int:
         print(f"the tests of {', '.join(broken)} fail without a mutant, so that they would notice all")
         return 2
     with ThreadPoolExecutor(options.jobs) as pool:
-        verdicts = list(pool.map(noticed, found))
+        verdicts = list(pool.map(detected, found))
     survivors = [m for m, seen in zip(found, verdicts, strict=True) if not seen]
     for mutant in survivors:
         print(f"survived: {mutant.module}.py:{mutant.line}\n  {mutant.before}\n  {mutant.after}")
-    print(f"{len(found)} mutants, {len(found) - len(survivors)} noticed, {len(survivors)} survived")
+    print(f"{len(found)} mutants, {len(found) - len(survivors)} detected, {len(survivors)} survived")
     print(f"{len(ALIKE)} more are alike to the original and not run")
     if options.sample is None and options.module is None:
         _write(len(found), survivors, whole - len(found), options.since or "")

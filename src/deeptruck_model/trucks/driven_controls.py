@@ -120,13 +120,13 @@ def learned(truck: Specification, recordings: Sequence[Recording]) -> Learned:
         return Learned(truck, tuple(says))
     following = _error(PhysicsTruck(truck).with_recorded_gear(), usable)
     late_s = truck.values["shift_time"]
-    sooner = _error(PhysicsTruck(truck).with_recorded_gear(), [_sooner(r, late_s) for r in usable])
+    earlier = _error(PhysicsTruck(truck).with_recorded_gear(), [_earlier(r, late_s) for r in usable])
     if following is not None:
         line = f"recorded gear, by {RECORDED_GEAR}: they are then off by {following:.2f} m/s"
-        if sooner is not None and sooner < following:
+        if earlier is not None and earlier < following:
             line += (
-                f"; by {sooner:.2f} with changes {late_s:g} s sooner, as the gear is stamped where a change "
-                f"ends: 'late_s: {late_s:g}' for gear in COLUMNS.yaml"
+                f"; by {earlier:.2f} with changes {late_s:g} s earlier, as the gear is stamped where a "
+                f"change ends: 'late_s: {late_s:g}' for gear in COLUMNS.yaml"
             )
         says.append(line)
     return Learned(truck, tuple(says))
@@ -205,7 +205,7 @@ def _in_first(r: Recording) -> Recording:
     return replace(r, channels={**r.channels, "gear": np.ones(len(r))})
 
 
-def _sooner(r: Recording, late_s: float) -> Recording:
+def _earlier(r: Recording, late_s: float) -> Recording:
     """The recording with its gear shifted `late_s` to earlier times."""
     gear, k = r.channels["gear"], min(round(late_s / r.dt), len(r) - 1)
     return replace(r, channels={**r.channels, "gear": np.append(gear[k:], np.full(k, gear[-1]))})

@@ -60,11 +60,11 @@ def gather(
     only, and their change is zero along others; they are run when they are first asked for. `say` is called
     with the share that is done. Raises InputError for accelerations that no vehicle has.
     """
-    told = _Told(say, passes(simulator) - (3 if as_given else 0))
+    progress = _Progress(say, passes(simulator) - (3 if as_given else 0))
     driven = _driven(simulator, prepared, held_out)
-    told.more(1)
-    evidence = _compared(driven, held_out, seed, rules, mass_kg, as_given, told)
-    return _with_parameters(driven, replace(evidence, moved=dict(moved or {})), told)
+    progress.more(1)
+    evidence = _compared(driven, held_out, seed, rules, mass_kg, as_given, progress)
+    return _with_parameters(driven, replace(evidence, moved=dict(moved or {})), progress)
 
 
 def passes(simulator: Simulator) -> int:
@@ -75,7 +75,7 @@ def passes(simulator: Simulator) -> int:
     return 4 + 2 * sum(bool(own.get(name)) for name in PARAMETERS) + len(RUNS) * len(simulator.interface.u)
 
 
-class _Told:
+class _Progress:
     """Says how much of the driving is done."""
 
     def __init__(self, say: Callable[[str], None], total: int) -> None:
@@ -129,7 +129,7 @@ def _compared(
     rules: Rules,
     mass_kg: float | None,
     as_given: Evidence | None,
-    told: _Told,
+    progress: _Progress,
 ) -> Evidence:
     """Simulated acceleration and residual along the drives, with the simulator's uncertainty."""
     simulator, prepared, grid = d.simulator, d.prepared, d.grid
@@ -144,9 +144,9 @@ def _compared(
     else:
         sooner = of_a_sample_sooner(simulator, prepared, grid) if d.known_physics else None
         apart_by = 0.0 if sooner is None else samples_apart(residual, sooner, valid)
-        told.more(2)
+        progress.more(2)
         disagreement = _disagreement(simulator, prepared, grid, seed, apart_by)
-        told.more(1)
+        progress.more(1)
     return Evidence(
         dt=prepared[0].dt * grid.block,
         stretches=grid.stretches,
@@ -161,7 +161,7 @@ def _compared(
         mass_known=mass_known,
         known_physics=d.known_physics,
         vehicle=prepared[0].recording.interface.kind,
-        rerun=_rerunner(d, [not out for out in held_out], told),
+        rerun=_rerunner(d, [not out for out in held_out], progress),
         sooner=sooner,
         rules=rules,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
@@ -175,7 +175,7 @@ def _check_possible(simulated: Array) -> None:
         raise InputError(IMPOSSIBLE.format(most=IMPOSSIBLE_ACCELERATION, share=100.0 * beyond))
 
 
-def _with_parameters(d: _Driven, e: Evidence, told: _Told) -> Evidence:
+def _with_parameters(d: _Driven, e: Evidence, progress: _Progress) -> Evidence:
     """The evidence with the sensitivities to parameters and the effective-mass gain.
 
     Brakes that hold a deceleration respond to more rolling resistance as to any force, so that their gain is
@@ -185,7 +185,7 @@ def _with_parameters(d: _Driven, e: Evidence, told: _Told) -> Evidence:
     e.signals["effective_mass_gain"] = effective_mass.rows(d.simulator, e, turning, holds)
     left = effective_mass.held(holds).rows(e)
     e.signals.update(effective_mass.holding(holds, e.signals, left))
-    columns = sensitivities(d.simulator, d.prepared, d.grid, e, lambda: told.more(2))
+    columns = sensitivities(d.simulator, d.prepared, d.grid, e, lambda: progress.more(2))
     e = replace(e, sensitivity=columns)
     named = {f"sensitivity:{name}": column for name, column in columns.items()}
     gain = {"effective_mass_gain": effective_mass.rows(d.simulator, e, turning, holds)}
@@ -223,9 +223,9 @@ def _disagreement(
     return grid.stack(parts)
 
 
-def _rerunner(d: _Driven, along: Sequence[bool], told: _Told) -> Callable[[str, float], Array]:
+def _rerunner(d: _Driven, along: Sequence[bool], progress: _Progress) -> Callable[[str, float], Array]:
     driven, runs = list(compress(d.prepared, along)), list(compress(d.runs, along))
-    response = command_response(d.simulator, driven, runs, lambda: told.more(1))
+    response = command_response(d.simulator, driven, runs, lambda: progress.more(1))
 
     def rerun(name: str, amount: float) -> Array:
         changes = iter(response(name, amount))

@@ -22,7 +22,7 @@ SERIES = (
 FRESH = (0.5, 2.0)  # s, usual pauses: the greater of the two is how old a fresh message may be
 LATE = (2.0, 6.0)  # and one that is late; beyond, a topic is silent
 LONGEST_PAUSE = 2.0  # s; a longer one is not usual
-FORGETS = 0.95  # share of a usual pause that is left of it when the next message comes sooner
+FORGETS = 0.95  # share of a usual pause that is left of it when the next message comes earlier
 LEAST_SHARE = 0.05  # of the names and parts that are shown
 LEARNS = 0.1  # share of the newest interval in what is known of the period
 
