@@ -29,6 +29,7 @@ from deeptruck_model.signals import speed_unit
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
+    from deeptruck_model.mismatch.mechanisms import Mechanism
     from deeptruck_model.mismatch.roads.shared_roads import SharedRoads
     from deeptruck_model.mismatch.serving import Again
 
@@ -61,6 +62,10 @@ def mismatch(
         list[str] | None,
         typer.Option(metavar="EFFECT", help="Leave this effect out of the library; repeat for more."),
     ] = None,
+    mechanisms: Annotated[
+        Path | None,
+        typer.Option(help="Python file with MECHANISMS of your own, compared beside the library."),
+    ] = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
@@ -92,6 +97,7 @@ def mismatch(
         lambda: checks.mass(mass_kg),
         lambda: speed_unit(units),
         lambda: _check_excluded(exclude or []),
+        lambda: _own(mechanisms) and None,
     )
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
@@ -111,7 +117,10 @@ def mismatch(
         from deeptruck_model.mismatch.output import fill
 
         spans = [Span(*span) for span in left_out]
-        compare = partial(find_mismatch, truck, fit, held, seed=seed, exclude=exclude or (), mass_kg=mass_kg)
+        compare = partial(
+            find_mismatch, truck, fit, held, seed=seed, exclude=exclude or (), mass_kg=mass_kg,
+            mechanisms=_own(mechanisms),
+        )  # fmt: skip
         found = compare(say=say, without=spans)
         say("writing the report")
         fill(draft, found, folders.apply_command(out), units)
@@ -156,6 +165,15 @@ def _spans(texts: list[str]) -> list[tuple[str, float, float]]:
             )
         out.append((name, begin, end))
     return out
+
+
+def _own(file: Path | None) -> tuple[Mechanism, ...]:
+    """The mechanisms of a user's file. Raises InputError if it has none."""
+    if file is None:
+        return ()
+    from deeptruck_model.mismatch import LIBRARY
+
+    return LIBRARY.read(file)
 
 
 def _check_excluded(names: list[str]) -> None:

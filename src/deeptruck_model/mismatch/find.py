@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -15,12 +16,15 @@ from deeptruck_model.mismatch.correction.model import correct
 from deeptruck_model.mismatch.correction.validate import validate
 from deeptruck_model.mismatch.folders import CORRECTION
 from deeptruck_model.mismatch.found import Mismatch
+from deeptruck_model.mismatch.mechanisms import Mechanism
+from deeptruck_model.mismatch.mechanisms.own import checked
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.events import without_events
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
 from deeptruck_model.mismatch.prepare import PreparedDrives, Span, left_to_compare, prepare_drives
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.tree import joined
 from deeptruck_model.mismatch.verdict.conclude import conclude, useless
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.given import Drives
@@ -38,6 +42,7 @@ def find_mismatch(
     say: Callable[[str], None] | None = None,
     rules: Rules = Rules(),
     mass_kg: float | None = None,
+    mechanisms: Sequence[Mechanism] = (),
 ) -> Mismatch:
     """Compare a simulator with recordings. If the data do not suffice, the verdict is `undetermined`, or
     `measurement_fault` if a sensor is wrong.
@@ -45,12 +50,15 @@ def find_mismatch(
     The simulator may be named as for `load`, recordings by paths of bags. `say` is called with each step;
     without it a terminal shows them.
 
-    `exclude` removes effects from the library, `without` rows from the recordings. `mass_kg` is the mass of a
+    `exclude` removes effects from the library, `mechanisms` are added to it for this comparison, `without`
+    removes rows from the recordings. `mass_kg` is the mass of a
     simulator that does not state its mass: without it forces are per kilogram. Raises InputError if simulator
     and recordings do not belong together, for a held-out drive that is also fitted, for an unknown effect,
     for a mass that is impossible or differs from the simulator's, and for a simulator whose acceleration no
     vehicle has.
     """
+    own = checked(mechanisms)
+    joined(own)
     truck, to_fit, to_hold_out = called(
         simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
         mass_kg=mass_kg,
@@ -58,7 +66,7 @@ def find_mismatch(
     with threadpool_limits(1), steps(say, "checking the data") as say:
         c = compared(
             truck, to_fit, to_hold_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
-            mass_kg=mass_kg,
+            mass_kg=mass_kg, mechanisms=own,
         )  # fmt: skip
         if not isinstance(c, Compared):
             return Mismatch(useless(c), None, {}, None, c.prepared)
@@ -88,6 +96,7 @@ def compared(
     say: Callable[[str], None] = lambda step: None,
     rules: Rules = Rules(),
     mass_kg: float | None = None,
+    mechanisms: tuple[Mechanism, ...] = (),
 ) -> Compared | PreparedDrives:
     """The first half of `find_mismatch`: names and budget, without a correction; drives that are `useless` if
     nothing can be compared. Raises InputError as it does.
@@ -102,7 +111,7 @@ def compared(
 
     say("driving the simulator along the recordings")
     e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=rules, mass_kg=mass_kg, say=say)
-    drives, e = left_to_compare(drives, e)
+    drives, e = left_to_compare(drives, replace(e, own=mechanisms))
     if drives.useless:
         return drives
     e = with_own_error(simulator, e, drives.prepared[0].measured_acceleration, seed)

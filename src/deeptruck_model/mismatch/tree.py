@@ -4,11 +4,12 @@ which are the families and the nonparametric terms.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS, SENSOR_ERRORS
 from deeptruck_model.mismatch.mechanisms.record import Family
 
@@ -22,6 +23,18 @@ FAMILY: dict[str, str] = {
 }
 NAMES = {family: tuple(sorted(name for name in FAMILY if FAMILY[name] == family)) for family in FAMILIES}
 FAMILY[UNKNOWN] = UNKNOWN
+
+
+def joined(mechanisms: Sequence[Mechanism]) -> None:
+    """Let the user's mechanisms be found, in the library and in the tree. Raises InputError for a name that
+    the tool has."""
+    for m in mechanisms:
+        if m.effect in FAMILY and m.effect not in LIBRARY.own:
+            raise InputError(f"'{m.effect}' is a name of the tool; choose another one for the mechanism")
+    for m in mechanisms:
+        LIBRARY.own[m.effect], FAMILY[m.effect] = m, m.family
+
+
 LEFT_OVER, EACH_DRIVE, SLOW, PLACE = "left_over", "each_drive", "slow", "place"
 SENSORS = "sensors"
 HIDDEN = "unrecorded:brake"

@@ -44,7 +44,7 @@ class BagSource:
 
     def __init__(self, path: Path, messages: Sequence[Path] = ()) -> None:
         self.path = path
-        self.ros1 = path.suffix == ".bag"
+        self.ros1 = path.suffix == ".bag" and path.is_file()
         self._message_files = messages
         self._stack = ExitStack()
         self._custom: Mapping[str, Any] = {}

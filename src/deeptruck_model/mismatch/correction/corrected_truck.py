@@ -22,6 +22,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant, build, saved
 from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.components import Shares, force_of
+from deeptruck_model.mismatch.tree import joined
 from deeptruck_model.outside.truck import keep
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
@@ -192,6 +193,9 @@ class CorrectedTruck:
             "validated": self.validated,
             "gears": list(self.gears),
             "carried": self._carried,
+            "mechanisms": {
+                t.effect: LIBRARY.files[t.effect] for t in self.terms if t.effect in LIBRARY.files
+            },
         }
         (path / MANIFEST).write_text(json.dumps(manifest, indent=1))
 
@@ -219,9 +223,14 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
             " run the mismatch tool again"
         )
     try:
+        for own in manifest.get("mechanisms", {}).values():
+            joined(LIBRARY.read(Path(own["file"]), own["sha256"]))
         unknown = [t["effect"] for t in manifest["terms"] if t["effect"] not in LIBRARY]
         if unknown:
-            raise InputError(f"{path} has terms this version does not know: {', '.join(unknown)}")
+            raise InputError(
+                f"{path} has terms this version does not know: {', '.join(unknown)}; mechanisms of your "
+                "own are found again if they were given by a file"
+            )
         terms = [
             Term(
                 t["effect"],

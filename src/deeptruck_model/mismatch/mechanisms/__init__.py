@@ -10,6 +10,7 @@ from deeptruck_model.mismatch.mechanisms import (
     load,
     road,
 )
+from deeptruck_model.mismatch.mechanisms.own import Library
 from deeptruck_model.mismatch.mechanisms.record import Column, Curve, Form, Mechanism, Variant, variant
 from deeptruck_model.mismatch.mechanisms.terms import (
     CandidateTerm,
@@ -20,11 +21,11 @@ from deeptruck_model.mismatch.mechanisms.terms import (
     merge,
 )
 
-LIBRARY: dict[str, Mechanism] = {
-    m.effect: m
+LIBRARY = Library(
+    m
     for table in (brakes, air_and_tyres, road, engine, engine_drag, driveline, load, commands)
     for m in table.MECHANISMS
-}
+)
 
 __all__ = [
     "LIBRARY",

@@ -111,7 +111,9 @@ class Regression:
         self.series = evidence.series(sigma, only)
         self.rows = np.flatnonzero(self.series.usable())
         self.library = [
-            m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
+            m
+            for m in (*LIBRARY.values(), *evidence.own)
+            if m.effect not in set(exclude) and evidence.has(*m.needs)
         ]
         gain = evidence.signals.get("effective_mass_gain", np.ones(len(evidence)))[evidence.valid]
         self.mass_gain = float(np.median(gain)) if len(gain) else 1.0

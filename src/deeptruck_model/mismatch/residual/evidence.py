@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,6 +170,7 @@ class Evidence:
     known_physics: bool = True  # the simulator reports parameters or forces, so that it is no learned one
     vehicle: VehicleKind = UNSTATED  # what is usual of what drove
     whole: Mask | None = None  # `valid` with held-out recordings, where it is without
+    own: tuple[Any, ...] = ()  # mechanisms of the user, which are compared beside the library
     hidden: Mask | None = None  # rows that are left out because an unrecorded brake acts
 
     def __len__(self) -> int:

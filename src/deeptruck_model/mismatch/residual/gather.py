@@ -164,6 +164,7 @@ def _compared(
         rerun=_rerunner(d, [not out for out in held_out], progress),
         sooner=sooner,
         rules=rules,
+        own=() if as_given is None else as_given.own,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
     )
 

@@ -1,0 +1,85 @@
+"""Mechanisms of the user beside the library, from Python or from a file."""
+
+from __future__ import annotations
+
+import hashlib
+import runpy
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+from deeptruck_model.checks import calls
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.mechanisms.record import Family, Form, Mechanism
+
+KINDS = ("missing_physics", "measurement_fault")
+MEND = "a file of mechanisms is Python with MECHANISMS = (Mechanism(...), ...), see docs/mismatch.md"
+
+
+class Library(dict[str, Mechanism]):
+    """Mechanisms by effect. It iterates over those of the package; `in` and `[]` find the user's too."""
+
+    def __init__(self, package: Iterable[Mechanism]) -> None:
+        super().__init__({m.effect: m for m in package})
+        self.own: dict[str, Mechanism] = {}
+        self.files: dict[str, dict[str, str]] = {}  # of the user's: path and SHA-256
+
+    def __contains__(self, effect: object) -> bool:
+        return super().__contains__(effect) or effect in self.own
+
+    def __missing__(self, effect: str) -> Mechanism:
+        return self.own[effect]
+
+    def read(self, path: Path, sha256: str | None = None) -> tuple[Mechanism, ...]:
+        """The mechanisms of a user's file. Raises InputError if there are none, or if its content has not
+        the hash `sha256`."""
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror}; {MEND}") from None
+        found = hashlib.sha256(content).hexdigest()
+        if sha256 not in (None, found):
+            raise InputError(f"{path} has changed since a correction was made with it; run mismatch again")
+        try:
+            given = runpy.run_path(str(path)).get("MECHANISMS", ())
+        except Exception as error:  # of the user's code
+            raise InputError(f"{path} cannot be run ({error!r}); {MEND}") from None
+        mechanisms = checked(given)
+        if not mechanisms:
+            raise InputError(f"{path} has no MECHANISMS; {MEND}")
+        for m in mechanisms:
+            self.files[m.effect] = {"file": str(path.resolve()), "sha256": found}
+        return mechanisms
+
+
+def checked(given: Any) -> tuple[Mechanism, ...]:
+    """The user's mechanisms. Raises InputError for anything else, and for a record that cannot be used."""
+    if isinstance(given, str | Path) or not isinstance(given, Iterable):
+        raise InputError(f"mechanisms must be a list of Mechanism(...), not {calls.shown(given)}")
+    mechanisms = tuple(given)
+    for m in mechanisms:
+        if not isinstance(m, Mechanism):
+            raise InputError(f"mechanisms must be a list of Mechanism(...), not {calls.shown(m)}")
+        for problem in _problems(m):
+            raise InputError(f"the mechanism '{m.effect}' {problem}")
+    if len({m.effect for m in mechanisms}) < len(mechanisms):
+        raise InputError("two mechanisms have one name; give each its own")
+    return mechanisms
+
+
+def _problems(m: Mechanism) -> Iterator[str]:
+    if not m.effect.isidentifier():
+        yield "needs a name of letters, digits and underscores"
+    if m.family not in get_args(Family):
+        yield f"has the family '{m.family}'; there are {', '.join(get_args(Family))}"
+    if m.kind not in KINDS:
+        yield f"is of the kind '{m.kind}'; there are {', '.join(KINDS)}"
+    if not m.forms:
+        yield "has no form"
+    for name, form in m.forms.items():
+        if isinstance(form, Form) and not callable(form.constants):
+            try:
+                for constants in form.constants:
+                    form.made(constants)
+            except Exception as error:  # of the user's code
+                yield f"has a form '{name}' that cannot be made ({error!r})"
