@@ -157,6 +157,7 @@ def check_driver(driven_by: object) -> None:
 
 
 ACCELEROMETER, ELEVATION = SLOPE_SOURCES = ("accelerometer", "elevation")
+FELT, FELT_SD = "felt_slope", "felt_slope_sd"  # slope by the accelerometer, rise/run, and its sd
 SLOPE_FROM = "slope_from"  # the key of COLUMNS and topic maps that says what a derived grade is from
 
 

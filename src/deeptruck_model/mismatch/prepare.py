@@ -16,6 +16,7 @@ from deeptruck_model.mismatch.data.prepared import (
     prepare,
     same_signals,
     unusable,
+    with_felt_slope,
     with_held_out,
     with_inputs,
 )
@@ -98,8 +99,8 @@ def prepare_drives(
     gears.check(simulator, [*recordings, *held_out])
     mass_known = mass_kg is not None or "mass" in simulator.parameters()
     missing = inputs([*recordings, *held_out], mass_known=mass_known)
-    recordings, lacking = with_inputs(simulator, recordings)
-    held_out, of_held_out = with_inputs(simulator, held_out)
+    recordings, lacking = with_inputs(simulator, with_felt_slope(simulator, recordings))
+    held_out, of_held_out = with_inputs(simulator, with_felt_slope(simulator, held_out))
     lacking += of_held_out
     same_signals(simulator, [*recordings, *held_out])
     fit, held, twice = each_once(recordings, held_out)

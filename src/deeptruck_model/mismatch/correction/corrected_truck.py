@@ -24,13 +24,22 @@ from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.components import Shares, force_of
 from deeptruck_model.mismatch.tree import joined
 from deeptruck_model.outside.truck import keep
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import FELT, TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
 from deeptruck_model.simulators import load as load_simulator
 
 Array = NDArray[np.float64]
 
-EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", "engine_speed", "place")
+EXOGENOUS = (
+    "gap",
+    "leader_speed",
+    "ambient_temperature",
+    "elevation",
+    "gear",
+    "engine_speed",
+    "place",
+    FELT,
+)
 
 # 1: forces gave force per mass of acceleration; 2: a force that changed did nothing while brakes held.
 # 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.

@@ -17,7 +17,8 @@ from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import SPEED, TruckInterface
+from deeptruck_model.recordings.grade import felt_slope
+from deeptruck_model.signals import FELT, FELT_SD, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.vehicle_kinds import LEAST_SPEED, NO_COASTING
 
@@ -68,6 +69,23 @@ def with_inputs(simulator: Simulator, recordings: Sequence[Recording]) -> tuple[
     kept = [r for r in recordings if not lacking[id(r)] or _bag(r) not in having]
     of = simulator.interface
     return [replace(r, interface=replace(r.interface, grade=of.grade, gear=of.gear)) for r in kept], says
+
+
+def with_felt_slope(simulator: Simulator, recordings: Sequence[Recording]) -> list[Recording]:
+    """The recordings with the slope that their accelerometer felt and its sd, as channels FELT and FELT_SD,
+    where the simulator takes no slope; each bag's pieces together, as they have one sensor."""
+    if not any(_valid(r, "specific_force") for r in recordings) or simulator.interface.grade:
+        return list(recordings)
+    bags: dict[str, list[Recording]] = {}
+    for r in recordings:
+        if _valid(r, "specific_force"):
+            bags.setdefault(_bag(r), []).append(r)
+    channels: dict[int, dict[str, Array]] = {}
+    for pieces in bags.values():
+        if (found := felt_slope(pieces)) is not None:
+            for r, s in zip(pieces, found.of, strict=True):
+                channels[id(r)] = {FELT: s.grade, FELT_SD: s.sd}
+    return [replace(r, channels={**r.channels, **channels.get(id(r), {})}) for r in recordings]
 
 
 def _bag(r: Recording) -> str:

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.expression import lift
-from deeptruck_model.mismatch.mechanisms.courses import along_the_road, each_drive
+from deeptruck_model.mismatch.expression import Expression, Signal, lift
+from deeptruck_model.mismatch.mechanisms.courses import Course, along_the_road, each_drive
 from deeptruck_model.mismatch.mechanisms.record import Column, Form, Mechanism, force
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.signals import FELT
 
 HILLY = 0.02  # sd of the slope of a hilly road
 ROUGH = 0.1  # m/s^2: soft ground
 WET = 0.02  # m/s^2: a third of what tyres take, from one whole drive to another
 SLOPE = Column(lift(-GRAVITY), HILLY, "grade", "ratio", sign=0)
+FELT_SHARE = Column(-GRAVITY * Signal(FELT), 0.1, "share of the slope that was felt", mean=1.0)
+
+
+def _unless_felt(e: Evidence, carrier: Expression) -> Iterator[Course]:
+    """Profiles where no accelerometer says what the slope is."""
+    if not e.has(FELT):
+        yield from along_the_road(HILLY)(e, carrier)
+
 
 ROAD_GRADE = Mechanism(
     "road_grade",
@@ -23,8 +35,9 @@ ROAD_GRADE = Mechanism(
     manoeuvre="drive the same stretch in both directions",
     forms={
         # where none was recorded it may be the same everywhere; else that is the sensor's zero
-        "constant": Form(lambda: SLOPE, lambda e: () if e.has("grade") else ({},)),
-        "profile": Form(lambda: SLOPE, courses=(along_the_road(HILLY),), steady=False),
+        "constant": Form(lambda: SLOPE, lambda e: () if e.has("grade") or e.has(FELT) else ({},)),
+        "profile": Form(lambda: SLOPE, courses=(_unless_felt,), steady=False),
+        "felt": Form(lambda: FELT_SHARE, needs=(FELT,)),
     },
     unlikely_with="grade",
 )

@@ -21,9 +21,11 @@ from deeptruck_model.mismatch.mechanisms.road import HILLY, ROAD_GRADE
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, SWEEPS, Blocks, Draws, sample
-from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, fit, whiten
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, fit, ridge, whiten
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN
+from deeptruck_model.signals import FELT, FELT_SD
 
 Array = NDArray[np.float64]
 
@@ -247,12 +249,22 @@ def _drift(search: Regression) -> list[Kernel]:
 
 
 def _slope(search: Regression) -> Kernel:
-    """An unrecorded slope: splines over distance within each drive, fine and coarse."""
+    """A slope that the simulator is not given: splines over distance within each drive, fine and coarse.
+
+    An accelerometer is one more channel of the evidence. Of all forces only slopes part it from dv/dt, so
+    that given its reading a slope is N(felt, sd^2) in the place of N(0, HILLY^2): a slow force that it did
+    not feel is wind, drag or load.
+    """
     e = search.e
-    along = np.nan_to_num(e["distance"])
+    along, unknown = np.nan_to_num(e["distance"]), np.full(len(e), np.nan)
     hills = np.concatenate([_splines(search, along, knot) for knot in (FINE_M, COARSE_M)], axis=1)
-    gain = e.signals.get("effective_mass_gain", np.ones(len(e)))[:, None]
-    return Kernel(ROAD_GRADE.effect, GRAVITY * HILLY * gain * hills, part=SLOPE)
+    gain = e.signals.get("effective_mass_gain", np.ones(len(e)))
+    sd = e.signals.get(FELT_SD, unknown)
+    columns = (GRAVITY * gain * np.where(np.isfinite(sd), sd, HILLY))[:, None] * hills
+    if e.has(FELT):
+        felt = (GRAVITY * gain * np.nan_to_num(e[FELT]))[:, None].astype(np.float32)
+        columns = np.concatenate([felt, columns.astype(np.float32)], axis=1)
+    return Kernel(ROAD_GRADE.effect, columns, part=SLOPE)
 
 
 def _knots(search: Regression) -> Array:
@@ -295,3 +307,19 @@ def _places(search: Regression) -> Array | None:
     out = np.maximum(1.0 - np.abs(e["place"][:, None] - knots) / spacing, 0.0)
     out[e["place"] < 0.0] = 0.0
     return out
+
+
+def without_roads(e: Evidence) -> Evidence:
+    """The evidence without the force of slopes that the simulator is not given, estimated beside what is
+    slow: by the accelerometer, or else as a spline over distance."""
+    if e.has("grade"):
+        return e
+    search = Regression(e)
+    road, slow = _slope(search).features, DRIFT * _knots(search)
+    X = np.nan_to_num(np.concatenate([road, slow], axis=1).astype(np.float64))
+    y = np.where(e.valid, e.residual, 0.0)
+    white = 1.4826 * float(np.median(np.abs(np.diff(y[e.valid])))) / np.sqrt(2.0)
+    precision = e.valid / max(white, e.rules.noise_floor) ** 2
+    k = X.shape[1]
+    b = ridge(y, X, precision, Prior(np.zeros(k), np.ones(k), np.zeros(k)))[0]
+    return replace(e, residual=e.residual - X[:, : road.shape[1]] @ b[: road.shape[1]])

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
+from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, with_felt_slope
 from deeptruck_model.mismatch.mechanisms import CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.mechanisms.load import PAYLOAD_CHANGE
+from deeptruck_model.mismatch.posterior.posterior import without_roads
 from deeptruck_model.mismatch.posterior.regression import Model, Regression
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
@@ -156,7 +157,8 @@ def own_drives(simulator: Simulator, measured_acceleration: bool) -> list[Prepar
     """The held-out recordings stored in a learned simulator; empty if they are too short."""
     try:
         prepared = [
-            learned(simulator, prepare(r, measured_acceleration)) for r in getattr(simulator, "reference", ())
+            learned(simulator, prepare(r, measured_acceleration))
+            for r in with_felt_slope(simulator, getattr(simulator, "reference", ()))
         ]
     except InputError:
         return []
@@ -177,6 +179,7 @@ def with_own_error(simulator: Simulator, e: Evidence, measured_acceleration: boo
         smooth = _second_means(e)
         off = min(Limits.usual_discrepancy, 1.4826 * float(np.median(np.abs(smooth))))
         return replace(e, model_discrepancy=off, learned_slow_noise=max(off, e.rules.slow_noise))
+    own = without_roads(own)  # of its own recordings, which are none of its errors
     quiet = np.sort(np.abs(_second_means(own)))[: int((1.0 - JOLTS) * own.valid.sum())]
     own = replace(
         own, model_discrepancy=float(np.sqrt(np.mean(quiet**2))), learned_slow_noise=_slow_noise(own)

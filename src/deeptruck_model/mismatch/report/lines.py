@@ -11,6 +11,8 @@ from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
+    FELT_SLOPE,
+    FELT_STEP,
     ROOT,
     digits,
     opened,
@@ -155,6 +157,8 @@ def _what(f: Finding) -> str:
     if f.effect == UNKNOWN or f.kind is Kind.SENSOR:
         return f.says
     name = spoken(f.effect if f.stated in (ROOT, f.effect) else f.stated)
+    if f.says == FELT_SLOPE and f.stated == f.effect:
+        return f.says
     if f.stated == ROOT:
         return f"{name} is most probable ({percent(f.probability)})"
     if f.kind is Kind.PARAMETER:
@@ -171,6 +175,8 @@ def _next_step(v: Verdict) -> str:
         return "repair the sensor"
     if v.findings[0].effect == UNKNOWN:
         return v.findings[0].separating_manoeuvre
+    if v.findings[0].says == FELT_SLOPE:
+        return FELT_STEP
     if "recording" in v.findings[0].depends_on:
         return "adapt the simulator to each drive"
     return "see what to do"

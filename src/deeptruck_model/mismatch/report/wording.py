@@ -13,6 +13,8 @@ RECORD_MORE = "record the channels on which the force may depend, and drive wher
 RECORD_ROAD = "record elevation or position"
 RECORD_WIND = "record wind and load, and check the recorded slope"
 RECORD_FAST = "record gear, brake and engine torque, and all at ten samples a second or more"
+FELT_SLOPE = "the road's slope, which your log has in its accelerometer"
+FELT_STEP = "import again with it, and train on its slope"
 DRIFT = {
     "slow": "a slow force that no recorded channel explains, as a slope or wind is",
     "place": "a force that depends on the road position and that no recorded channel explains, as a slope is",

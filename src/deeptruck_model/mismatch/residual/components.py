@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.expression import Expression, Signal, maximum
 from deeptruck_model.mismatch.residual.effective_mass import HELD_UNIT, with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence, gears, overall_ratio, turns
 from deeptruck_model.mismatch.residual.forced import Grid
-from deeptruck_model.signals import ACCELERATION, CHANNELS, SPEED
+from deeptruck_model.signals import ACCELERATION, CHANNELS, FELT, FELT_SD, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
 if TYPE_CHECKING:
@@ -124,6 +124,8 @@ RECORDED = (
     "latitude",
     "longitude",
     "fuel_rate",
+    FELT,
+    FELT_SD,
 )
 
 
@@ -152,7 +154,8 @@ def signals(
             out[name] = take(
                 [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
             )
-    for name in dict.fromkeys(n for p in prepared for n in p.recording.channels if n not in CHANNELS):
+    ours = {*CHANNELS, *RECORDED}
+    for name in dict.fromkeys(n for p in prepared for n in p.recording.channels if n not in ours):
         unknown = [np.full(len(p.recording), np.nan) for p in prepared]
         out[f"extra: {name}"] = grid.stack(
             [p.recording.channels.get(name, nan) for p, nan in zip(prepared, unknown, strict=True)]

@@ -24,6 +24,7 @@ from deeptruck_model.mismatch.roads.slow_force import plain_truck, slow_force
 from deeptruck_model.mismatch.roads.stretches import LENGTH_M
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import UNKNOWN, Tree
+from deeptruck_model.signals import FELT
 from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 
 Array = NDArray[np.float64]
@@ -54,7 +55,7 @@ class Road:
 
 def road(e: Evidence) -> Road | None:
     """The road, for a learned simulator without a recorded slope; None if no force is slow."""
-    if e.known_physics or e.has("grade"):
+    if e.known_physics or e.has("grade") or e.has(FELT):
         return None
     line = plain_truck(e)
     if line is None:

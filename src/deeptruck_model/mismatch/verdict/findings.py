@@ -29,6 +29,7 @@ from deeptruck_model.mismatch.strength import Strength, acts, visible
 from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
 from deeptruck_model.mismatch.unrecorded import names_behind
 from deeptruck_model.mismatch.verdict.where import PRINTED
+from deeptruck_model.signals import FELT
 
 Array = NDArray[np.float64]
 
@@ -72,7 +73,8 @@ def _of_named(c: Compared, e: Evidence, made: Made | None, named: Named, rules: 
         f = _finding(e, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force, rules)
         return replace(f, separating_manoeuvre=wording.RECORD_MORE)
     m = LIBRARY[name]
-    f = _finding(e, named, Kind(m.kind), m.says, named.force, rules)
+    says = wording.FELT_SLOPE if m is ROAD_GRADE and e.has(FELT) else m.says
+    f = _finding(e, named, Kind(m.kind), says, named.force, rules)
     term = next((t for t in made.terms if t.mechanism.effect == name), None) if made is not None else None
     sizes = sizes_of(term, made.model, search.e) if made is not None and term is not None else {}
     conditional = c.posterior.part(name, CONDITIONAL) >= rules.named
@@ -139,7 +141,7 @@ def _nameless(c: Compared, part: str, p: float, share: float, force: Array, rule
     """A part of the budget as a finding without a name, with the signal to record to find its cause."""
     named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
     f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
-    record = wording.to_record(part, grade=c.search.e.has("grade"))
+    record = wording.to_record(part, grade=c.search.e.has("grade") or c.search.e.has(FELT))
     return replace(f, separating_manoeuvre=record, share_of_error=share)
 
 

@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.residual.forced import Grid
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
+from deeptruck_model.signals import FELT, FELT_SD
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def witnesses(search: Regression, prepared: Sequence[Prepared], found: Budget) -
     """The channels that predict a constant per drive or a slow drift, best first, if that part has a share of
     at least `rules.witness`."""
     e, rules = search.e, search.rules
-    taken = {"speed", "acceleration"}
+    taken = {"speed", "acceleration", FELT, FELT_SD}
     for p in prepared:
         taken |= {*p.recording.interface.u, *p.recording.interface.w}
     names = {n for p in prepared for n, x in p.recording.channels.items() if np.isfinite(x).any()} - taken

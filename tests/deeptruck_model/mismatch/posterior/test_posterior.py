@@ -12,10 +12,12 @@ from small_drives import FORCES, evidence, posterior_of, regression
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import kernels
-from deeptruck_model.mismatch.posterior.posterior import Posterior, gains, posterior
+from deeptruck_model.mismatch.posterior.posterior import Posterior, gains, posterior, without_roads
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
+from deeptruck_model.signals import FELT, FELT_SD
 
 RULES = Rules()
 HILLS = 0.01 * np.sin(2 * np.pi * evidence()["distance"] / 700.0)
@@ -128,3 +130,34 @@ def test_a_parameter_that_moved_far_has_a_wide_interval() -> None:
     far = Regression(replace(e, residual=e.residual - 0.6 * e["brake"] * -1.0))
     model = far.model((), frozenset({"brake_gain"}))
     assert model.moved_sd("brake_gain") >= 0.5 * model.moved("brake_gain") ** 2
+
+
+def _felt(of_road: float) -> Evidence:
+    """Evidence with a slow force that is that of a road, of which an accelerometer felt the share `of_road`;
+    what it felt beside that is another road."""
+    along = evidence()["distance"]
+    hills, others = (
+        0.02 * np.sin(along / at + 0.3) + 0.01 * np.sin(along / (2.3 * at)) for at in (310.0, 170.0)
+    )
+    e = evidence(-GRAVITY * hills)
+    felt = of_road * hills + (1.0 - of_road) * others
+    return replace(e, signals=e.signals | {FELT: felt, FELT_SD: np.full(len(e), 0.001)})
+
+
+def test_a_slow_force_that_the_accelerometer_felt_is_the_road() -> None:
+    p = posterior(Regression(_felt(1.0)), sweeps=40)
+    road = p.force("road_grade")
+    assert p.probability("road_grade") > 0.95
+    assert np.corrcoef(road, -GRAVITY * _felt(1.0)[FELT])[0, 1] > 0.99
+
+
+def test_a_slow_force_that_the_accelerometer_did_not_feel_is_no_road() -> None:
+    p = posterior(Regression(_felt(0.0)), sweeps=40)
+    assert p.probability("road_grade") < 0.3
+
+
+def test_roads_of_a_simulators_own_recordings_are_none_of_its_errors() -> None:
+    e = _felt(1.0)
+    assert without_roads(e).residual.std() < 0.3 * e.residual.std()
+    bare = replace(e, signals={k: x for k, x in e.signals.items() if k not in (FELT, FELT_SD)})
+    assert without_roads(bare).residual.std() < 0.5 * e.residual.std()
