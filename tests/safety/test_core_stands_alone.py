@@ -57,10 +57,10 @@ def test_every_line_and_branch_of_the_core_is_tested(tmp_path):
 
 
 @pytest.mark.long
-def test_a_sample_of_mutants_is_noticed():
+def test_a_sample_of_mutants_is_detected():
     run = _run([sys.executable, str(HERE / "mutate.py"), "--sample", "10"], HERE)
     assert run.returncode == 0, run.stdout + run.stderr[-2000:]
-    assert "10 mutants, 10 noticed" in run.stdout
+    assert "10 mutants, 10 detected" in run.stdout
 
 
 def test_the_whole_mutation_run_was_of_this_core():
