@@ -165,7 +165,7 @@ class Proposal:
                 yield f"{title} Not found."
             yield from asked
             return
-        number = f" {len(found)} candidates, the likeliest first." if len(found) > 1 else ""
+        number = f" {len(found)} candidates, the most probable first." if len(found) > 1 else ""
         yield f"{title}{number}"
         for one in found:
             if not one.unit:
