@@ -79,13 +79,18 @@ def header(name: str, below: str = "") -> Header:
 def sibling(name: str, others: Iterable[str]) -> str:
     """The column with the other horizontal component of a velocity: vel_e of vel_n, vy of vx; '' if there is
     none."""
-    written = {other.lower(): other for other in others}
+    own, written = _parted(name), {_parted(other): other for other in others}
     for one, other in COMPONENTS:
         part = rf"(?<![a-z])((?:v|vel|velocity|)_?){one}(?![a-z])"
-        found = re.sub(part, rf"\1{other}", name.lower(), count=1)
-        if found != name.lower() and found in written:
+        found = re.sub(part, rf"\1{other}", own, count=1)
+        if found != own and found in written:
             return written[found]
     return ""
+
+
+def _parted(name: str) -> str:
+    """A name in lower case, its words in capitals parted by '_'."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
 
 
 def _at_end(text: str, name: str) -> str:

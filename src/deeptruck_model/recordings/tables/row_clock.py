@@ -22,6 +22,7 @@ from deeptruck_model.recordings.tables.table_form import NUMBER
 
 Array = NDArray[np.float64]
 
+COUNTED = 2.0  # times that where the unit of speed is not known either
 UNITS = {  # tried where none is stated, and by how much of a log ratio each is less usual
     "s": 0.0, "ms": 1.0, "us": 1.0, "ns": 1.0, "min": 3.0, "h": 3.0, "days": 3.0,
 }  # fmt: skip
@@ -53,12 +54,14 @@ class _Trial:
     sure: bool = True  # the unit is stated
 
 
-def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence[Array]) -> RowClock:
+def find_clock(
+    table: TextTable, headers: Mapping[str, Header], speeds: Sequence[Array], known: bool = True
+) -> RowClock:
     """The clock of a table, found by its headers (column -> header) and cells.
 
-    `speeds`, each (n,), are columns of a speed in any unit: their rates of change decide between units of
-    time. Of several clocks the one with fractions of a second is preferred, then date with time of day, then
-    one that never goes back (a time of the lap does), then the plainest name.
+    `speeds`, each (n,), are columns of a speed in any unit, which is `known` or not: their rates of change
+    decide between units of time. Of several clocks the one with fractions of a second is preferred, then date
+    with time of day, then one that never goes back (a time of the lap does), then the plainest name.
     """
     found: list[tuple[tuple[object, ...], RowClock]] = []
     refused = ""
@@ -73,7 +76,8 @@ def find_clock(table: TextTable, headers: Mapping[str, Header], speeds: Sequence
         seconds[np.searchsorted(table.rows, np.sort(kept.rows))] = time[np.argsort(kept.rows)]
         columns = trial.clock.columns
         extra = len(frozenset().union(*(headers[name].words for name in columns)) - TIME)
-        off = time[-1] if trial.sure else UNITS[trial.clock.unit] + _unlikely(seconds, speeds)
+        unusual = UNITS.get(trial.clock.unit, 0.0) * (1.0 if known else COUNTED)
+        off = time[-1] if trial.sure else unusual + _unlikely(seconds, speeds)
         whole = not trial.sure or bool(np.allclose(time, np.rint(time)))
         order = (whole, -len(columns), _falls(table, columns), extra, trial.place, off)
         found.append((order, RowClock(_line(trial.clock), trial.why, columns, seconds)))

@@ -60,11 +60,11 @@ _TORQUE = frozenset(("torque", "engine"))
 _DRIVES = frozenset(("acceleration", "accelerator", "accel", "throttle", "gas", "pedal"))
 _AVERAGE = frozenset(("avg", "average", "mean"))
 _TELLING = {  # units by which a column is known without a word
-    "speed": ("km/h", "mph"), "engine_speed": ("rpm",), "engine_torque": ("N m", "Nm"),
+    "speed": ("km/h", "mph", "m/s"), "engine_speed": ("rpm",), "engine_torque": ("N m", "Nm"),
     "fuel_rate": ("l/h", "g/h", "kg/h", "g/s", "ml/min"),
 }  # fmt: skip
 _COUNTS = {  # counts of J1939 and of loggers without floats
-    "speed": (("km/h", 0.1), ("km/h", 1 / 256), ("km/h", 0.01)),
+    "speed": (("km/h", 0.1), ("km/h", 1 / 256), ("km/h", 0.01), ("m/s", 0.01)),
     "engine_command": (("percent", 0.4), ("percent", 0.1)),
     "brake_command": (("percent", 0.4), ("percent", 0.1)),
     "engine_speed": (("rpm", 0.125),),
@@ -251,7 +251,7 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     meanings = [meaning for column in columns for meaning in _meanings(column, system)]
     meanings += _by_unit(columns, meanings)
     speeds = [one.column.values[:LOOKED_AT] for one in meanings if one.channel == "speed"]
-    clock = find_clock(head, headers, speeds)
+    clock = find_clock(head, headers, speeds, any(one.unit for one in meanings if one.channel == "speed"))
     meanings = _compared([one for one in meanings if one.column.name not in clock.columns], clock, columns)
     candidates: dict[str, list[Candidate]] = {}
     commanded: dict[str, list[Candidate]] = {}
@@ -420,11 +420,16 @@ def _of_counts(one: _Meaning) -> _Meaning:
             return replace(one, offset=-zero, said=said)
     if one.units:
         return one
-    for unit, scale in _COUNTS.get(one.channel, ()):
-        if unit in units_by_range(one.channel, one.column.header.words, scale * most):
-            needs = f"a check: are its numbers counts of {scale:.4g} {unit}? Else its unit"
-            return replace(one, scale=scale, guess=unit, needs=needs)
-    return one
+    fits_range = [
+        (conversion(one.channel, unit).factor * scale, unit, scale)
+        for unit, scale in _COUNTS.get(one.channel, ())
+        if unit in units_by_range(one.channel, one.column.header.words, scale * most)
+    ]
+    if not fits_range:
+        return one
+    _, unit, scale = max(fits_range)
+    needs = f"a check: are its numbers counts of {scale:.4g} {unit}? Else its unit"
+    return replace(one, scale=scale, guess=unit, needs=needs)
 
 
 def _by_unit(columns: list[TableColumn], meanings: list[_Meaning]) -> list[_Meaning]:
@@ -436,9 +441,10 @@ def _by_unit(columns: list[TableColumn], meanings: list[_Meaning]) -> list[_Mean
         none_of = (BY_WORDS[channel].none_of | COMMANDED | LEADER) - _AVERAGE
         few = [c for c in columns if c.header.unit in units and not c.header.words & none_of]
         few = [c for c in few if "engine" in c.header.words] or few if channel == "engine_torque" else few
-        if len(few) == 1:
+        across = sibling(few[0].name, [c.name for c in few]) if few else ""
+        if len(few) == 1 or across:
             unit = few[0].header.unit
-            said = f"the only column in {unit}: check; its unit by {few[0].header.stated}"
+            said = f"{'columns' if across else 'the only column'} in {unit}: check; by {few[0].header.stated}"
             found.append(_Meaning(few[0], channel, frozenset(), 0, Role.MEASURED, [unit], said))
     return found
 

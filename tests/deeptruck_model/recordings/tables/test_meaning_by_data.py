@@ -54,13 +54,15 @@ def read(yaml_text: str) -> dict[str, Any]:
         (VECTO, {"speed": "v_act [km/h]", "grade": "grad [%]", "engine_speed": "n_eng_avg [1/min]",
                  "engine_torque": "T_eng_fcmap [Nm]", "fuel_rate": "FC-Map [g/h]"}),
         ({**TIME, "vel_n_m_s": NORTH, "vel_e_m_s": EAST, **PEDALS}, {"speed": ["vel_n_m_s", "vel_e_m_s"]}),
+        ({**TIME, "Vn [m/s]": NORTH, "Ve [m/s]": EAST, "Vd [m/s]": 0 * V},
+         {"speed": ["Vn [m/s]", "Ve [m/s]"]}),
         ({**TIME, "kmph_meas": V, "acceleration_break": PEDAL},
          {"speed": "kmph_meas", "engine_command": ("acceleration_break", {"part": "positive"}),
           "brake_command": ("acceleration_break", {"part": "negative"})}),
         ({**TIME, "Speed (km/h)": V, "ActualEngPercentTorque (%)": np.round(D["gas"] + 125)},
          {"engine_command": ("ActualEngPercentTorque (%)", {"offset": -125})}),
     ],
-    ids=["French", "Turkish", "VECTO", "components", "one pedal", "torque without offset"],
+    ids=["French", "Turkish", "VECTO", "components", "letters", "one pedal", "torque without offset"],
 )  # fmt: skip
 def test_what_is_proposed(columns: dict[str, Any], proposed: dict[str, Any], tmp_path: Path) -> None:
     found = suggest_columns(table(tmp_path / "drive.csv", columns))
@@ -78,12 +80,13 @@ def test_what_is_proposed(columns: dict[str, Any], proposed: dict[str, Any], tmp
     ("columns", "asked"),
     [
         ({"time": T, "speed": np.round(10 * V), **PEDALS}, "speed: {column: speed, unit: km/h, scale: 0.1}"),
+        ({"time": T, "speed": np.round(100 * speed(T))}, "speed: {column: speed, unit: m/s, scale: 0.01}"),
         ({**TIME, "Speed (km/h)": V, "accel pedal": np.round(D["gas"] * 2.5)},
          'engine_command: {column: "accel pedal", unit: percent, scale: 0.4}'),
         ({**TIME, "trip (km/h)": V, "wheel (km/h)": V},
          "Is it one of these, by its unit: trip (km/h), wheel (km/h)"),
     ],
-    ids=["tenths", "raw bytes", "two of one unit"],
+    ids=["tenths", "cm/s", "raw bytes", "two of one unit"],
 )  # fmt: skip
 def test_what_nothing_supports_is_asked(columns: dict[str, Any], asked: str, tmp_path: Path) -> None:
     text = suggest_columns(table(tmp_path / "drive.csv", columns)).text()
