@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -47,8 +48,25 @@ def test_the_engaged_bit_comes_back_with_each_command_and_dies_with_the_bridge(
     assert {bit for at, bit in bits.items() if at > ends + STALE_AFTER + LATE} == {0.0}
 
 
+@pytest.mark.parametrize("word", ["best_effort", "future"])
+def test_a_radar_is_heard_best_effort_and_beyond_one_false_stamp(
+    domain: int, tmp_path: Path, word: str
+) -> None:
+    received, says = fed_controller(domain, tmp_path, (word,))
+    gaps = [after - before for before, after in pairwise(received["came"])]
+    assert received["came"][0] < 1.0 and received["came"][-1] > 3.5
+    assert max(gaps) < STALE_AFTER + LATE
+    assert ("radar range stamped in the future; counted" in says) is (word == "future")
+
+
+def test_two_publishers_of_the_speed_end_the_controller_with_both_names(domain: int, tmp_path: Path) -> None:
+    received, says = fed_controller(domain, tmp_path, ("second",), code=2)
+    assert "/truck/twist has two publishers: /leader and /stranger;" in says
+    assert max(received["came"]) < 2.5
+
+
 def fed_controller(
-    domain: int, tmp_path: Path, silent: tuple[str, ...]
+    domain: int, tmp_path: Path, words: tuple[str, ...], code: int = 0
 ) -> tuple[dict[str, list[float]], str]:
     """A controller and what feeds it, as processes; what the latter received, and the former printed."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(tmp_path)}
@@ -58,11 +76,11 @@ def fed_controller(
     )
     try:
         fed = subprocess.run(
-            [sys.executable, HERE / "feed_controller.py", *silent],
+            [sys.executable, HERE / "feed_controller.py", *words],
             env=environment, timeout=240, check=True, capture_output=True, text=True,
         )  # fmt: skip
     finally:
         controller.terminate()
         says, errors = controller.communicate(timeout=120)
-    assert controller.returncode == 0, errors
-    return dict(json.loads(fed.stdout)), says
+    assert controller.returncode == code, errors
+    return dict(json.loads(fed.stdout)), says + (errors if code else "")

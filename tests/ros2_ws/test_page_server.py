@@ -8,7 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
@@ -267,14 +267,32 @@ def test_a_viewer_that_stalls_midway_is_cut_off(server: Server, monkeypatch: pyt
         assert raw.recv(100) == b""
 
 
-def test_too_many_connections_are_turned_away_and_places_become_free_again(server: Server) -> None:
-    idle = [socket.create_connection(("127.0.0.1", port(server)), timeout=LONG) for _ in range(CONNECTIONS)]
-    with socket.create_connection(("127.0.0.1", port(server)), timeout=LONG) as one_more:
-        assert one_more.recv(10) == b""  # connections are taken in the order they came
-    for connection in idle:
-        connection.close()
+def silent(server: Server) -> socket.socket:
+    """A connection that asks for nothing."""
+    return socket.create_connection(("127.0.0.1", port(server)), timeout=LONG)
+
+
+def test_a_viewer_takes_the_place_of_the_oldest_connection_that_shows_no_token(server: Server) -> None:
+    with ExitStack() as opened:
+        stream = opened.enter_context(watching(server))
+        idle = [opened.enter_context(silent(server)) for _ in range(CONNECTIONS + 8)]
+        assert ask(server, f"/{server.place.token}/")[0] == 200
+        assert [connection.recv(10) for connection in idle[:10]] == 10 * [b""]
+        idle[-1].setblocking(False)
+        with pytest.raises(BlockingIOError):  # still open
+            idle[-1].recv(10)
+        assert event(stream)[0] == "hello"
+
+
+def test_too_many_viewers_are_turned_away_and_places_become_free_again(server: Server) -> None:
+    with ExitStack() as opened:
+        streams = [opened.enter_context(watching(server)) for _ in range(CONNECTIONS)]
+        assert [event(stream)[0] for stream in streams] == CONNECTIONS * ["hello"]
+        with silent(server) as one_more:
+            assert one_more.recv(10) == b""
     answers: list[int] = []
-    while not answers:  # the server finds out in its own time that they are gone
+    while not answers:
+        server.stream.send("{}")  # by which it finds out that they are gone
         time.sleep(0.01)
         with suppress(ConnectionError):
             answers.append(ask(server, f"/{server.place.token}/")[0])

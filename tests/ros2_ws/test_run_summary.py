@@ -11,11 +11,11 @@ from deeptruck_nodes.run_summary import Signals
 TIME = 0.1 * np.arange(101)
 
 
-def run(gap: float = 20.0, stamps: np.ndarray = TIME, **counts: int) -> Signals:
+def run(gap: float = 20.0, stamps: np.ndarray = TIME) -> Signals:
     gaps = np.full(101, gap)
     gaps[0] = np.nan  # nothing seen yet
     engaged = ((TIME > 0.95) & (TIME < 5.95) | (TIME > 7.95)).astype(float)
-    return Signals((TIME, gaps), (TIME, engaged), stamps, counts)
+    return Signals((TIME, gaps), (TIME, engaged), stamps)
 
 
 def test_gap_control_and_hand_backs() -> None:
@@ -27,8 +27,8 @@ def test_gap_control_and_hand_backs() -> None:
 
 
 def test_what_the_controller_counted_is_said() -> None:
-    found = run_summary.sentences(run(drop_outs=3, shield_interventions=1, full_brakings=0), real_time=True)
-    assert found[-1] == (
+    counts = {"drop_outs": 3, "shield_interventions": 1, "full_brakings": 0, "shield_acted": 9}
+    assert run_summary.hazards(counts) == (
         "the radar lost the leader 3 times, the shield acted 1 time, the truck was braked fully 0 times"
     )
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from truck_bridge.safety import Driveline, Field, Followed, Heard, Measured, Obeyed
+from truck_bridge.safety import Coasting, Driveline, Field, Followed, Heard, Measured, Obeyed
 from truck_bridge.safety.checks import checksum_ok, counter_ok
 from truck_bridge.safety.hearing import Hearing
 
@@ -429,3 +429,60 @@ def test_counter_follows(kind, modulo):
 
 def test_without_counter_anything_goes():
     assert counter_ok("none", 0xFF << 56, 15)
+
+
+REST = {"engine": 0.0, "brake": 0.0}
+SLOWS = "slows without our demand"
+
+
+def slowing(bench, seconds, pull, steady=1.0, coasting=Coasting(1.5, 1.0, 2.0)):
+    """Ears that heard a steady speed, then one that falls by `pull`, m/s^2; the last at 0.0."""
+    speed = Field(0, 16, 1 / 1024, 0.0, 64255)
+    other = Field(16, 16, 1 / 1024, 0.0, 64255)
+    message = Heard("M", KEY, 1 / 8, 0.3, (Measured("speed", speed, 0, 60), Measured("a", other, 0, 60)))
+    ears = Hearing(
+        table(bench, (message,), driveline=None, obeyed=(), followed=(), coasting=coasting), Counter()
+    )
+    for step in range(round(-8 * (seconds + steady)), 1):
+        raw = round(1024 * (30 - pull * max(step / 8 + seconds, 0)))
+        ears.take(ID, raw.to_bytes(2, "little") + bytes(2) + b"\xff" * 4, step / 8)
+    return ears
+
+
+@pytest.mark.parametrize(
+    ("seconds", "pull", "steady", "doubt"),
+    [
+        (2.0, 1.5, 1.0, False),
+        (2.0, 1.625, 1.0, True),
+        (2.0, -2.0, 1.0, False),  # it gains speed
+        (0.875, 3.0, 0.0, False),  # heard for less than a second
+        (1.0, 3.0, 0.0, True),
+        (0.75, 2.0, 60.0, False),  # the mean of the last second
+        (0.875, 2.0, 60.0, True),
+    ],
+)
+def test_a_truck_that_slows_down_by_itself_is_braked_by_somebody(bench, seconds, pull, steady, doubt):
+    assert (SLOWS in slowing(bench, seconds, pull, steady).doubts(0.0, REST)) is doubt
+
+
+@pytest.mark.parametrize(
+    ("ours", "doubt"),
+    [
+        ({"engine": 50.0, "brake": 0.0}, True),
+        ({"engine": 50.0, "brake": 1.0}, False),
+        ({"engine": 50.0, "retarder": -1.0, "brake": 0.0}, False),
+        ({"engine": -1.0, "brake": 0.0}, False),
+        ({"brake": 0.0}, True),
+        ({}, False),  # not in control: the driver may brake
+    ],
+)
+def test_unless_our_own_demand_slows_it_now_or_did_of_late(bench, ours, doubt):
+    ears = slowing(bench, 2.0, 2.0)
+    assert (SLOWS in ears.doubts(0.0, ours)) is doubt
+    assert (SLOWS in ears.doubts(1.875, REST)) is doubt
+    assert ears.doubts(2.0, REST) == {SLOWS: bench.table.timing.persist}
+
+
+def test_without_a_limit_or_a_speed_nobody_is_suspected(bench):
+    assert slowing(bench, 2.0, 2.0, coasting=None).doubts(0.0, REST) == {}
+    assert slowing(bench, 2.0, 2.0, steady=-3.0).doubts(0.0, REST) == {}

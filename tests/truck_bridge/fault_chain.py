@@ -113,7 +113,7 @@ class Chain:
     def _take(self, name: str, at: float, value: float) -> None:
         if name == "speed" and not math.isfinite(value):
             return
-        seen = self._samples.put(name, round(at * SECOND), value)
+        seen = self._samples.put(name, round(at * SECOND), value, round(self.now * SECOND))
         if seen is not None and self.now - self._published <= STALE_S:
             self._observed = self.now
             self.following.take(seen, obeyed=self._engaged)

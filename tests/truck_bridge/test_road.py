@@ -50,8 +50,8 @@ def test_the_judge_sees_a_truck_that_brakes_for_a_ghost(monkeypatch):
     assert "braked without cause" in fault_road.play(20, "radar ghost").broken
 
 
-def test_the_judge_sees_a_bridge_that_believes_what_stands_still(monkeypatch):
+def test_the_judge_sees_a_bridge_that_believes_what_is_not_sent(monkeypatch):
     from truck_bridge.safety import hearing
 
     monkeypatch.setattr(hearing.Hearing, "stale", lambda self, now: [])
-    assert "control was kept" in fault_road.play(20, "speed silent").broken
+    assert "control was kept" in fault_road.play(20, "brake_pedal silent").broken

@@ -7,6 +7,7 @@ library only.
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import json
 import secrets
@@ -27,6 +28,7 @@ LOCAL = "127.0.0.1"
 HOSTS = (LOCAL, "localhost")
 BACKLOG = 16
 CONNECTIONS = 32  # at once
+MAKES_ROOM = 0.5  # s in which the thread of a connection that is cut off ends
 PATIENCE = 10.0  # s that a viewer may take for a request, or leave an answer unread, before it is cut off
 
 
@@ -60,7 +62,8 @@ def made(port: int = 0) -> Place:
 
 class Server(ThreadingHTTPServer):
     """Serves a `Handler` at a place, with a content security `policy`. Each connection has a thread, so that
-    viewers do not delay each other."""
+    viewers do not delay each other. If all are taken, a new connection replaces the oldest one that has not
+    shown the token yet."""
 
     daemon_threads = True
     block_on_close = False
@@ -71,6 +74,8 @@ class Server(ThreadingHTTPServer):
         self.socket = place.listener
         self.place, self.policy = place, policy
         self._free = threading.Semaphore(CONNECTIONS)
+        self._silent: dict[socket.socket, None] = {}  # connections without the token so far, oldest first
+        self._lock = threading.Lock()
         self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
 
     def start(self) -> None:
@@ -78,10 +83,30 @@ class Server(ThreadingHTTPServer):
         self._thread.start()
 
     def process_request(self, request: socket.socket | tuple[bytes, socket.socket], client: object) -> None:
-        if not self._free.acquire(blocking=False):
+        assert isinstance(request, socket.socket)
+        if not self._free.acquire(blocking=False) and not (
+            self._cut_off_silent() and self._free.acquire(timeout=MAKES_ROOM)
+        ):
             self.shutdown_request(request)
             return
+        with self._lock:
+            self._silent[request] = None
         super().process_request(request, client)
+
+    def _cut_off_silent(self) -> bool:
+        """End the oldest connection that has not shown the token; False if all have."""
+        with self._lock:
+            oldest = next(iter(self._silent), None)
+            if oldest is not None:
+                del self._silent[oldest]
+                with contextlib.suppress(OSError):  # it has just left by itself
+                    oldest.shutdown(socket.SHUT_RDWR)
+        return oldest is not None
+
+    def is_known(self, request: object) -> None:
+        """Called when a connection has shown the token."""
+        with self._lock:
+            self._silent.pop(request, None)  # type: ignore[call-overload]
 
     def process_request_thread(
         self, request: socket.socket | tuple[bytes, socket.socket], client: object
@@ -89,6 +114,7 @@ class Server(ThreadingHTTPServer):
         try:
             super().process_request_thread(request, client)
         finally:
+            self.is_known(request)
             self._free.release()
 
     def handle_error(self, request: object, client: object) -> None:
@@ -132,6 +158,7 @@ class Handler(BaseHTTPRequestHandler):
         if not self._is_ours() or not hmac.compare_digest(token.encode(), self.server.place.token.encode()):
             self.answer(HTTPStatus.FORBIDDEN, b"Open the address that was printed.\n")
             return None
+        self.server.is_known(self.request)
         if not slash:  # what the page requests lies next to it
             self.answer(HTTPStatus.PERMANENT_REDIRECT, b"", more={"Location": f"/{token}/"})
             return None

@@ -4,6 +4,7 @@ from truck_bridge.safety.core import Safety, State
 from truck_bridge.safety.hearing import Hearing
 from truck_bridge.safety.tables import (
     Axis,
+    Coasting,
     Driveline,
     Field,
     Followed,
@@ -17,6 +18,7 @@ from truck_bridge.safety.tables import (
 
 __all__ = [
     "Axis",
+    "Coasting",
     "Driveline",
     "Field",
     "Followed",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -41,6 +41,8 @@ class Hearing:
         self.accepted: set[str] = set()  # signals that the last frame refreshed
         self._seconds: dict[str, float] = {}  # signals that an undeclared node sends too: when, last
         self._doubtful: dict[str, float] = {}  # contradictions, since when
+        self._speeds: deque[tuple[float, float]] = deque()  # time and value, back to `Coasting.over_s`
+        self._slowed = -math.inf  # when a demand of ours last slowed the truck, or may have
 
     def take(self, can_id: int, data: bytes, now: float) -> str:
         """Take a frame if it is one of ours to hear. Returns why control must fade, or nothing."""
@@ -67,7 +69,17 @@ class Hearing:
             else:
                 self._values[signal.name] = (value, now, since)
                 self.accepted.add(signal.name)
+                if signal.name == "speed":
+                    self._remember(value, now)
         return self._count(heard, now)
+
+    def _remember(self, speed: float, now: float) -> None:
+        """Keep a speed, and those since the newest that is `Coasting.over_s` old."""
+        line = self._table.coasting
+        if line is not None:
+            self._speeds.append((now, speed))
+            while len(self._speeds) > 1 and now - self._speeds[1][0] >= line.over_s:
+                self._speeds.popleft()
 
     def _second(self, can_id: int, data: bytes, now: float) -> str:
         """A node that the table does not name: it may not send a signal that control depends on."""
@@ -144,6 +156,8 @@ class Hearing:
             most = max(speed, turning)
             if most > line.above_m_s and abs(turning - speed) > line.tolerance * most + line.slack_m_s:
                 found["wheel and engine speed"] = timing.persist
+        if self._brakes_alone(now, demanded):
+            found["slows without our demand"] = timing.persist
         if self._shifting(now):
             return found
         for obeyed in self._table.obeyed:
@@ -155,6 +169,19 @@ class Hearing:
             if away / followed.beyond > 1 and speed > followed.above_m_s:
                 found[f"{followed.signal} beyond our demand"] = timing.unexplained
         return found
+
+    def _brakes_alone(self, now: float, demanded: Mapping[str, float]) -> bool:
+        """Whether the truck slows down more than anything but somebody else's brake explains."""
+        line = self._table.coasting
+        if line is None:
+            return False
+        ours = [value for axis, value in demanded.items() if axis != "engine"]
+        if not ours or any(ours) or demanded.get("engine", 0.0) < 0:
+            self._slowed = now
+        if now - self._slowed < line.settle_s or not self._speeds:
+            return False
+        (then, before), (last, speed) = self._speeds[0], self._speeds[-1]
+        return last - then >= line.over_s and before - speed > line.most_m_s2 * (last - then)
 
     def _shifting(self, now: float) -> bool:
         value, _, since = self._values.get("shifting", NEVER)

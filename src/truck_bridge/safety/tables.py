@@ -120,6 +120,15 @@ class Followed:
 
 
 @dataclass(frozen=True)
+class Coasting:
+    """Deceleration without a demand of ours that slows: beyond it somebody else brakes."""
+
+    most_m_s2: float = 1.5  # up a slope of 10 %, with drag and a dragging engine
+    over_s: float = 1.0  # mean over so long
+    settle_s: float = 2.0  # after our last demand that slows, or engagement: brakes may still act
+
+
+@dataclass(frozen=True)
 class Driveline:
     """Wheel speed against engine speed: speed = engine_speed rolling_radius / (gear_ratio final_drive)."""
 
@@ -161,5 +170,6 @@ class Table:
     needs_lead: bool
     obeyed: tuple[Obeyed, ...] = ()
     followed: tuple[Followed, ...] = ()
+    coasting: Coasting | None = None
     timing: Timing = Timing()
     speed_gap_m_s: float = 2.0  # greatest difference of two wheel speeds

@@ -80,6 +80,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
         forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
         driveline=_driveline(data.get("driveline")),
+        coasting=tables.Coasting(data["coasts"]) if "coasts" in data else tables.Coasting(),
         timing=_timing(data),
         engage_speed=_pair("engage.speed", data["engage"]["speed"]),
         needs_lead=data["engage"]["needs_lead"],

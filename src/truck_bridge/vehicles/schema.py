@@ -120,6 +120,7 @@ VEHICLE: dict[str, Any] = {
     "forbidden": MapOf(ANY),
     "obeys": Optional(MapOf([ANY])),
     "follows": Optional(MapOf({"signal": str, "beyond": Number(-1e6, 1e6)})),
+    "coasts": Optional(Number(0.3, 5)),
     "faults": Optional(FAULTS),
     "engage": {"speed": [ANY], "needs_lead": bool},
     "timing": Optional({key: Optional(spec) for key, spec in TIMING.items()}),

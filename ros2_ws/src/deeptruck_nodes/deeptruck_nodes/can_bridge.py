@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import threading
 import time
@@ -15,7 +14,7 @@ from std_srvs.srv import Trigger
 from deeptruck_model.signals import FAULTS
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import nanoseconds
-from deeptruck_nodes.node import DeeptruckNode, run
+from deeptruck_nodes.node import DeeptruckNode, run, say
 from deeptruck_nodes.topics import ACCEL, COMMAND, ENGAGED, IMU, RADAR_RANGE, ROAD, STATUS, TWIST
 from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
@@ -99,7 +98,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         if self._thread is not None:
             self.trigger_deactivate()
             if self.p["engage"]:
-                _say(self._how_it_went(time.monotonic() - self._armed_at))
+                say(self._how_it_went(time.monotonic() - self._armed_at))
         self._bus.shutdown()
 
     def _how_it_went(self, seconds: float) -> str:
@@ -128,7 +127,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._in_control += (now - self._counted_at) * engaged
         self._counted_at = now
         if engaged != self._sent_engaged:
-            _say("engaged" if engaged else self._bridge.status.warning)
+            say("engaged" if engaged else self._bridge.status.warning)
         if engaged != self._sent_engaged or now - self._sent_engaged_at > ENGAGED_PERIOD_S:
             self._sent_engaged, self._sent_engaged_at = engaged, now
             self._engaged.publish(messages.scalars(self.now(), ENGAGED.fields, {"engaged": engaged}))
@@ -193,7 +192,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._wanted = bool(self._why_not)
         if self._why_not and now > self._say_at:
             self._say_at = now + SAY_EVERY
-            _say(f"not engaged: {'; '.join(self._why_not)}")
+            say(f"not engaged: {'; '.join(self._why_not)}")
 
     def _on_engage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._ask(time.monotonic())
@@ -206,12 +205,6 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._bridge.release(time.monotonic(), "released by service")
         response.success, response.message = True, "released"
         return response
-
-
-def _say(text: str) -> None:
-    """Print to the terminal; a full disk of the log is ignored."""
-    with contextlib.suppress(OSError):
-        print(text, flush=True)
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import messages, run_summary
 from deeptruck_nodes.following import Following
 from deeptruck_nodes.messages import nanoseconds
-from deeptruck_nodes.node import IDLE, DeeptruckNode, run
+from deeptruck_nodes.node import IDLE, DeeptruckNode, run, say
 from deeptruck_nodes.observation import Alignment, Observation
 from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, ROAD_AHEAD, TWIST
 
@@ -40,6 +40,7 @@ class Controller(DeeptruckNode):
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
         self._engaged, self._engaged_at = False, -math.inf  # the engaged bit; monotonic, s
         self._received = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
+        self._said: set[str] = set()  # reasons for which samples were refused
         self._command = self.publish_on(COMMAND)
         self.listen_to(ROAD, self._on_road)
         self.listen_to(ROAD_AHEAD, self._on_road_ahead)
@@ -49,7 +50,7 @@ class Controller(DeeptruckNode):
         self.listen_to(ENGAGED, self._on_engaged)
 
     def close(self) -> None:
-        print(run_summary.hazards(self._following.counts), flush=True)
+        say(run_summary.hazards(self._following.counts))
 
     def tick(self) -> float:
         return IDLE if self.lockstep else self._repeat()
@@ -60,7 +61,7 @@ class Controller(DeeptruckNode):
         silent = [name for name in self._received if self._is_stale(name)]
         if silent or self._is_old(self._observed_at):
             says = f"no {' and '.join(silent) or 'whole observation'}: no command is sent"
-            self.diagnose(self.now(), "error", says, self._following.counts)
+            self.diagnose(self.now(), "error", says, self._counts)
             return IDLE
         wait = self._sent_at + self.p["repeat_every_s"] - time.monotonic()
         if wait > 0.0:
@@ -73,6 +74,11 @@ class Controller(DeeptruckNode):
         self._sent_at = time.monotonic()
         values = dict(zip(COMMAND.fields, (*self._following.held, float(self._drives)), strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
+
+    @property
+    def _counts(self) -> dict[str, int]:
+        refused = {f"refused: {reason}": count for reason, count in self._samples.refused.items()}
+        return {**self._following.counts, **refused}
 
     @property
     def _drives(self) -> bool:
@@ -118,7 +124,10 @@ class Controller(DeeptruckNode):
             self._take("speed", nanoseconds(message.header.stamp), speed)
 
     def _take(self, name: str, stamp: int, value: float) -> None:
-        self._act(self._samples.put(name, stamp, value))
+        self._act(self._samples.put(name, stamp, value, time.monotonic_ns()))
+        for reason in self._samples.refused.keys() - self._said:
+            self._said.add(reason)
+            say(f"{reason}; counted in /diagnostics from now on")
 
     def _act(self, observation: Observation | None) -> None:
         if observation is None or (not self.lockstep and self._is_stale("speed")):
@@ -127,7 +136,7 @@ class Controller(DeeptruckNode):
         events = self._following.events
         self._following.take(observation, obeyed=self._drives)
         self._send(observation.stamp)
-        leads, values = self._following.leads, {**self._following.counts, "gap_m": observation.gap}
+        leads, values = self._following.leads, {**self._counts, "gap_m": observation.gap}
         level, says = ("ok", "following") if leads else ("warn", "nothing to follow: no command")
         at_once = self._following.events > events
         self.diagnose(observation.stamp, level, says, values, at_once=at_once)

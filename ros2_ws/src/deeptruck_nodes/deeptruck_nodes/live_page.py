@@ -32,6 +32,7 @@ from deeptruck_nodes.page import assets, place
 from deeptruck_nodes.page.live import Link, Live
 from deeptruck_nodes.page.server import Server, Stream
 from deeptruck_nodes.topics import (
+    BEST_EFFORT_QOS,
     CLOCK,
     COMMAND,
     DIAGNOSTICS,
@@ -39,7 +40,6 @@ from deeptruck_nodes.topics import (
     MISMATCH_BUDGET,
     MISMATCH_NAMES,
     MISMATCH_RESIDUAL,
-    PAGE_QOS,
     RADAR_RANGE,
     RADAR_TWIST,
     REPLAY_CONTROL,
@@ -127,7 +127,7 @@ class LivePage(DeeptruckNode):
 
     def _subscribe(self, topic: Topic, group: CallbackGroup) -> Subscription:
         return self.create_subscription(
-            topic.message, topic.name, lambda _: None, PAGE_QOS, callback_group=group
+            topic.message, topic.name, lambda _: None, BEST_EFFORT_QOS, callback_group=group
         )
 
     def tick(self) -> float:
@@ -149,7 +149,7 @@ class LivePage(DeeptruckNode):
         """Take the waiting messages of a topic; their content is read only if the page shows it."""
         reader, count, newest = self._readers.get(name), 0, 0
         with subscription.handle:
-            while count < PAGE_QOS.depth:
+            while count < BEST_EFFORT_QOS.depth:
                 taken = subscription.handle.take_message(subscription.msg_type, reader is None)
                 if taken is None:
                     break

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -21,11 +23,38 @@ from deeptruck_model.errors import InputError
 from deeptruck_nodes import messages, parameters
 from deeptruck_nodes.lifeline import Lifeline
 from deeptruck_nodes.messages import SECOND
-from deeptruck_nodes.topics import CONTROL_QOS, DIAGNOSTICS, Topic, expected_subscribers
+from deeptruck_nodes.topics import CONTROL_QOS, DIAGNOSTICS, Topic, expected_subscribers, quality
 
 IDLE = 0.1  # s; the longest a node sleeps before it looks at its stop flag
 HAND_OVER = 1.0  # s; the longest a node waits for a listener that is slow, or dead and not yet missed
 LINGER = 5.0  # s; the longest a node keeps listening for what was sent before the end
+
+
+class Publishers:
+    """Finds two live publishers of a topic by the numbers that DDS gives the messages of each.
+
+    Messages of two publishers alternate between two series. A node that was restarted begins a new series and
+    never continues the old one, although the graph lists its old publisher for up to 20 s.
+    """
+
+    LOST = 100  # messages of a series that may be lost in a row
+    RETURNS = 2  # to an earlier series: once could be a restarted node whose first messages were missed
+
+    def __init__(self) -> None:
+        self._series = deque[int](maxlen=4)  # newest number of each, the present one last
+        self._returns = 0
+
+    def are_two(self, number: int | None) -> bool:
+        """Process a message's number (None: the middleware has none). True if two publishers are alive."""
+        if number is None:
+            return False
+        places = [n for n, last in enumerate(self._series) if 0 < number - last <= self.LOST]
+        if places:
+            place = max(places, key=lambda n: (self._series[n], n))
+            self._returns += place < len(self._series) - 1
+            del self._series[place]
+        self._series.append(number)
+        return self._returns >= self.RETURNS
 
 
 class DeeptruckNode(Node):
@@ -55,7 +84,22 @@ class DeeptruckNode(Node):
         return publisher
 
     def listen_to(self, topic: Topic, callback: Callable[[Any], None]) -> None:
-        self.create_subscription(topic.message, topic.name, callback, CONTROL_QOS)
+        """Subscribe to a topic. Raises InputError, which ends the node in order, if two publishers of it are
+        heard."""
+        heard = Publishers()
+
+        def take(message: Any, info: Mapping[str, Any]) -> None:
+            if heard.are_two(info["publication_sequence_number"]):
+                raise InputError(self._two_publishers(topic.name))
+            callback(message)
+
+        qos = quality(topic, CONTROL_QOS, tuple(self.p["peers"]))
+        self.create_subscription(topic.message, topic.name, take, qos)
+
+    def _two_publishers(self, topic: str) -> str:
+        known = [one.node_namespace.rstrip("/") + "/" + one.node_name for one in
+                 self.get_publishers_info_by_topic(topic)]  # fmt: skip
+        return f"{topic} has two publishers: {' and '.join(sorted(known))}; only one may drive, end the other"
 
     def connected(self) -> bool:
         """Whether every node that listens to this one has been matched."""
@@ -104,6 +148,12 @@ class DeeptruckNode(Node):
     def now(self) -> int:
         """System time in ns, the stamp of everything measured in real time."""
         return time.time_ns()
+
+
+def say(text: str) -> None:
+    """Print to the terminal; a full disk of the log is ignored."""
+    with contextlib.suppress(OSError):
+        print(text, flush=True)
 
 
 class _Stop:

@@ -18,7 +18,7 @@ from deeptruck_model.recordings.bag_source import INTERFACE_KEY, BagSource
 from deeptruck_nodes import bag_place
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
-from deeptruck_nodes.topics import RECORD_QOS, RECORDED, TOPICS
+from deeptruck_nodes.topics import RECORD_QOS, RECORDED, TOPICS, quality
 
 BURST = 500  # messages of one topic taken before the others get their turn
 
@@ -68,7 +68,7 @@ class Recorder(DeeptruckNode):
             message_class(type_name),
             name,
             functools.partial(self._on_message, name, type_name),
-            RECORD_QOS,
+            quality(TOPICS[name], RECORD_QOS, tuple(self.p["peers"])) if name in TOPICS else RECORD_QOS,
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
         )

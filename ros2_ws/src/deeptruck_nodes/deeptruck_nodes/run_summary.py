@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 LEADER, ENGAGED, CLOCK = "/leader/state", "/truck/engaged", "/truck/twist"
-DIAGNOSTICS, CONTROLLER = "/diagnostics", "controller"
 COUNTED = {  # what the controller counts, as the last line names it
     "drop_outs": "the radar lost the leader",
     "shield_interventions": "the shield acted",
@@ -28,7 +26,6 @@ class Signals:
     gap: tuple[Array, Array]
     engaged: tuple[Array, Array]
     stamps: Array
-    counts: Mapping[str, int] = field(default_factory=dict)  # of COUNTED
 
 
 def of(bag: Path, *, real_time: bool) -> list[str]:
@@ -51,8 +48,6 @@ def sentences(run: Signals, *, real_time: bool) -> list[str]:
         held = float(passed[engaged[:-1] > 0.5].sum())
         back = int(np.sum((engaged[:-1] > 0.5) & (engaged[1:] <= 0.5)))
         said.append(f"in control {held:.0f} of {float(passed.sum()):.0f} s, handed back {_times(back)}")
-    if run.counts:
-        said.append(hazards(run.counts))
     steps = np.diff(run.stamps)
     if real_time and len(steps):
         late = steps - np.median(steps)
@@ -81,13 +76,9 @@ def _read(bag: Path) -> Signals:
     from rosbags.typesys import Stores, get_typestore
 
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-        counts: dict[str, int] = {}
-        connections = [c for c in reader.connections if c.topic in found or c.topic == DIAGNOSTICS]
+        connections = [c for c in reader.connections if c.topic in found]
         for connection, _, data in reader.messages(connections):
             message = reader.deserialize(data, connection.msgtype)
-            if connection.topic == DIAGNOSTICS:
-                counts = _counts(message) or counts
-                continue
             time = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             value = 0.0 if connection.topic == CLOCK else float(message.position[0])
             found[connection.topic].append((time, value))
@@ -96,16 +87,4 @@ def _read(bag: Path) -> Signals:
         (columns[LEADER][0], columns[LEADER][1]),
         (columns[ENGAGED][0], columns[ENGAGED][1]),
         columns[CLOCK][0],
-        counts,
     )
-
-
-def _counts(message: Any) -> dict[str, int]:
-    """The controller's counters in a DiagnosticArray; empty for another node's."""
-    said = {
-        value.key: value.value
-        for status in message.status
-        if status.hardware_id == CONTROLLER
-        for value in status.values
-    }
-    return {name: int(said[name]) for name in COUNTED if name in said}

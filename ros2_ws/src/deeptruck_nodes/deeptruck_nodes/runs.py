@@ -27,7 +27,12 @@ RADARS: dict[str, dict[str, float]] = {
 
 
 PAGE = "live_page"
-SPEAKERS = ("can_bridge", "mismatch_monitor", "replay")  # what they print is for whoever sits before the run
+SPEAKERS = (
+    "can_bridge",
+    "controller",
+    "mismatch_monitor",
+    "replay",
+)  # what they print is for whoever sits before the run
 
 
 @dataclass(frozen=True)
@@ -331,9 +336,7 @@ def _run(
             file = folder / "parameters.yaml"
             parameters.write_file(file, sections)
             names = [name for name in sections if name != PAGE]
-            # a recorded run's summary, at the end, has what the controller counted
-            speakers = SPEAKERS if common.record else (*SPEAKERS, "controller")
-            nodes = [node(name, file, ends_run=name == ends, speaks=name in speakers) for name in names]
+            nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in names]
             page = stack.enter_context(_watched(sections, file))
             programs = [*page, *nodes[:1], *others, *nodes[1:]]
             supervisor = Supervisor(

@@ -28,8 +28,9 @@ def _reliable(depth: int) -> QoSProfile:
 # was held up for seconds catches up from the publisher's history.
 CONTROL_QOS = _reliable(1000)
 RECORD_QOS = _reliable(5000)
-# Best effort: what only watches, and may be slow or stopped, holds up no publisher.
-PAGE_QOS = QoSProfile(
+# Best effort: what only watches, and may be slow or stopped, holds up no publisher. A reliable subscription
+# never receives a sensor that publishes best effort, as most do; a best-effort one receives both kinds.
+BEST_EFFORT_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1000,
     reliability=ReliabilityPolicy.BEST_EFFORT,
@@ -165,6 +166,7 @@ REPLAY_CONTROL = Topic(
     "paused 1 or 0; seek: recorded time to go on from, s; what is left out or NaN stays as it is",
     ("paused", "seek"),
 )  # fmt: skip
+SENSORS = (RADAR_RANGE.name, RADAR_TWIST.name)  # may be published by a device that is no node of the run
 CLOCK = Topic("/clock", Clock, ("truck_sim", "replay"), (), "every step", "lock-step and replay only")
 
 TOPICS: dict[str, Topic] = {
@@ -176,6 +178,12 @@ TOPICS: dict[str, Topic] = {
 }  # fmt: skip
 
 RECORDED: tuple[str, ...] = tuple(name for name, topic in TOPICS.items() if "recorder" in topic.subscribers)
+
+
+def quality(topic: Topic, usual: QoSProfile, peers: tuple[str, ...]) -> QoSProfile:
+    """Quality of a subscription: best effort for a sensor that no node of this run publishes."""
+    outside = topic.name in SENSORS and not set(topic.publishers) & set(peers)
+    return BEST_EFFORT_QOS if outside else usual
 
 
 def expected_subscribers(topic: Topic, peers: tuple[str, ...]) -> int:

@@ -19,6 +19,7 @@ from deeptruck_nodes.plant import Plant, ticks_a_step
 from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ENGAGED, IMU, MISMATCH_RESIDUAL, ROAD, STATUS, TWIST
 
 AHEAD = 5 * SECOND  # of stamps, that a lock-step run may be ahead of its monitor
+CLOCK_SET = SECOND // 10  # a larger change of the system clock against the monotonic one was made by somebody
 MONITOR_PATIENCE_S = 300.0  # it may compare minutes of driving meanwhile
 FIRST_STAMP = 1 * SECOND  # of a lock-step run; 0 means "no time yet" to ROS
 
@@ -88,8 +89,15 @@ class TruckSim(DeeptruckNode):
         self._latest_by = max(self._latest_by, late)
         if time.monotonic() - self._commanded_at > self.p["command_timeout_s"]:
             self._command, self._coasting = (math.nan, math.nan), True
+        self._follow_clock()
         self._advance()
         return 0.0
+
+    def _follow_clock(self) -> None:
+        """Move the stamps with the system clock if it was set, as those of real sensors do."""
+        set_by = self.now() - self._first_stamp - round((time.monotonic() - self._started) * SECOND)
+        if abs(set_by) > CLOCK_SET:
+            self._first_stamp += set_by
 
     def _advance(self) -> None:
         if self._tick % self._ticks_a_step == 0:
