@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from truck_bridge.safety import Coasting, Driveline, Field, Followed, Heard, Measured, Obeyed
+from truck_bridge.safety import Driveline, Field, Followed, Heard, Measured, Obeyed
 from truck_bridge.safety.checks import checksum_ok, counter_ok
 from truck_bridge.safety.hearing import Hearing
 
@@ -435,13 +435,13 @@ REST = {"engine": 0.0, "brake": 0.0}
 SLOWS = "slows without our demand"
 
 
-def slowing(bench, seconds, pull, steady=1.0, coasting=Coasting(1.5, 1.0, 2.0)):
+def slowing(bench, seconds, pull, steady=1.0, most=1.5):
     """Ears that heard a steady speed, then one that falls by `pull`, m/s^2; the last at 0.0."""
     speed = Field(0, 16, 1 / 1024, 0.0, 64255)
     other = Field(16, 16, 1 / 1024, 0.0, 64255)
     message = Heard("M", KEY, 1 / 8, 0.3, (Measured("speed", speed, 0, 60), Measured("a", other, 0, 60)))
     ears = Hearing(
-        table(bench, (message,), driveline=None, obeyed=(), followed=(), coasting=coasting), Counter()
+        table(bench, (message,), driveline=None, obeyed=(), followed=(), coasts_m_s2=most), Counter()
     )
     for step in range(round(-8 * (seconds + steady)), 1):
         raw = round(1024 * (30 - pull * max(step / 8 + seconds, 0)))
@@ -484,5 +484,5 @@ def test_unless_our_own_demand_slows_it_now_or_did_of_late(bench, ours, doubt):
 
 
 def test_without_a_limit_or_a_speed_nobody_is_suspected(bench):
-    assert slowing(bench, 2.0, 2.0, coasting=None).doubts(0.0, REST) == {}
+    assert slowing(bench, 2.0, 2.0, most=math.inf).doubts(0.0, REST) == {}
     assert slowing(bench, 2.0, 2.0, steady=-3.0).doubts(0.0, REST) == {}

@@ -4,7 +4,6 @@ from truck_bridge.safety.core import Safety, State
 from truck_bridge.safety.hearing import Hearing
 from truck_bridge.safety.tables import (
     Axis,
-    Coasting,
     Driveline,
     Field,
     Followed,
@@ -18,7 +17,6 @@ from truck_bridge.safety.tables import (
 
 __all__ = [
     "Axis",
-    "Coasting",
     "Driveline",
     "Field",
     "Followed",

@@ -41,7 +41,7 @@ class Hearing:
         self.accepted: set[str] = set()  # signals that the last frame refreshed
         self._seconds: dict[str, float] = {}  # signals that an undeclared node sends too: when, last
         self._doubtful: dict[str, float] = {}  # contradictions, since when
-        self._speeds: deque[tuple[float, float]] = deque()  # time and value, back to `Coasting.over_s`
+        self._speeds: deque[tuple[float, float]] = deque()  # time and value, back to `Timing.slowing` ago
         self._slowed = -math.inf  # when a demand of ours last slowed the truck, or may have
 
     def take(self, can_id: int, data: bytes, now: float) -> str:
@@ -74,12 +74,10 @@ class Hearing:
         return self._count(heard, now)
 
     def _remember(self, speed: float, now: float) -> None:
-        """Keep a speed, and those since the newest that is `Coasting.over_s` old."""
-        line = self._table.coasting
-        if line is not None:
-            self._speeds.append((now, speed))
-            while len(self._speeds) > 1 and now - self._speeds[1][0] >= line.over_s:
-                self._speeds.popleft()
+        """Keep a speed, and those since the newest that is `Timing.slowing` old."""
+        self._speeds.append((now, speed))
+        while len(self._speeds) > 1 and now - self._speeds[1][0] >= self._table.timing.slowing:
+            self._speeds.popleft()
 
     def _second(self, can_id: int, data: bytes, now: float) -> str:
         """A node that the table does not name: it may not send a signal that control depends on."""
@@ -172,16 +170,13 @@ class Hearing:
 
     def _brakes_alone(self, now: float, demanded: Mapping[str, float]) -> bool:
         """Whether the truck slows down more than anything but somebody else's brake explains."""
-        line = self._table.coasting
-        if line is None:
-            return False
-        ours = [value for axis, value in demanded.items() if axis != "engine"]
+        timing, ours = self._table.timing, [value for axis, value in demanded.items() if axis != "engine"]
         if not ours or any(ours) or demanded.get("engine", 0.0) < 0:
             self._slowed = now
-        if now - self._slowed < line.settle_s or not self._speeds:
+        if now - self._slowed < timing.settle or not self._speeds:
             return False
         (then, before), (last, speed) = self._speeds[0], self._speeds[-1]
-        return last - then >= line.over_s and before - speed > line.most_m_s2 * (last - then)
+        return last - then >= timing.slowing and before - speed > self._table.coasts_m_s2 * (last - then)
 
     def _shifting(self, now: float) -> bool:
         value, _, since = self._values.get("shifting", NEVER)

@@ -120,15 +120,6 @@ class Followed:
 
 
 @dataclass(frozen=True)
-class Coasting:
-    """Deceleration without a demand of ours that slows: beyond it somebody else brakes."""
-
-    most_m_s2: float = 1.5  # up a slope of 10 %, with drag and a dragging engine
-    over_s: float = 1.0  # mean over so long
-    settle_s: float = 2.0  # after our last demand that slows, or engagement: brakes may still act
-
-
-@dataclass(frozen=True)
 class Driveline:
     """Wheel speed against engine speed: speed = engine_speed rolling_radius / (gear_ratio final_drive)."""
 
@@ -149,6 +140,8 @@ class Timing:
     fade_longest: float = 4.0
     persist: float = 0.5  # an implausible pair of signals for so long is a fault
     unexplained: float = 1.0  # somebody else's demand obeyed for so long, outside of gear changes, is a fault
+    slowing: float = 1.0  # a deceleration is the mean over so long
+    settle: float = 2.0  # after our last demand that slows, or engagement, brakes may still act for so long
     gear_change: float = 3.0  # what lasts longer is no gear change
     quiet: float = 1.0  # after a demand that its sender may not make, no engagement for so long
     releases: int = 4  # release frames on each axis before silence
@@ -170,6 +163,6 @@ class Table:
     needs_lead: bool
     obeyed: tuple[Obeyed, ...] = ()
     followed: tuple[Followed, ...] = ()
-    coasting: Coasting | None = None
+    coasts_m_s2: float = math.inf  # greatest deceleration without a demand of ours that slows
     timing: Timing = Timing()
     speed_gap_m_s: float = 2.0  # greatest difference of two wheel speeds

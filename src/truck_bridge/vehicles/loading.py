@@ -21,6 +21,7 @@ from truck_bridge.vehicles.schema import VEHICLE, check
 from truck_bridge.vehicles.vehicle import Blocking, Transmitted, Vehicle
 
 NAMES = ("trucksim", "freightliner", "volvo")
+COASTS_M_S2 = 1.5  # up a slope of 10 % with drag and a dragging engine; 40 % of the pedal slow by 1.6 to 3.6
 MOTION = ("fastest", "still", "rises")  # columns of a received message, as `Measured` has them
 
 
@@ -80,7 +81,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
         forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
         driveline=_driveline(data.get("driveline")),
-        coasting=tables.Coasting(data["coasts"]) if "coasts" in data else tables.Coasting(),
+        coasts_m_s2=data.get("coasts", COASTS_M_S2),
         timing=_timing(data),
         engage_speed=_pair("engage.speed", data["engage"]["speed"]),
         needs_lead=data["engage"]["needs_lead"],

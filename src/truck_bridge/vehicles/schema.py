@@ -91,6 +91,8 @@ TIMING = {  # s; what a controller may be late by is a few of its cycles, and no
     "handover_scale": Number(0.05, 1),  # 1: rates are never raised
     "fade_longest": Number(0.5, 10),
     "persist": Number(0.05, 2),
+    "slowing": Number(0.5, 5),
+    "settle": Number(0.5, 10),
     "unexplained": Number(0.1, 5),
     "gear_change": Number(0.1, 10),
     "quiet": Number(0.1, 60),
