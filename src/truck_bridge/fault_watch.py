@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from truck_bridge.faults import ActiveFaults, Fault
+from truck_bridge.faults import MOST, ActiveFaults, Fault
 from truck_bridge.j1939 import diagnostics
 from truck_bridge.j1939.diagnostics import DM1
 from truck_bridge.j1939.transport import Broken, Transport
@@ -19,7 +19,7 @@ class FaultWatch:
         self._blocking = vehicle.blocking
         self._names = {address: name for name, address in vehicle.addresses.items()}
         self._transport = Transport()
-        self._faults = ActiveFaults()
+        self._faults, self._forbids = ActiveFaults(), ActiveFaults()  # all, and those that forbid control
         self._since = math.nan  # when listening began
 
     def hear(self, can_id: int, data: bytes, now: float) -> list[str]:
@@ -29,6 +29,7 @@ class FaultWatch:
         if message is None or report is None:
             return []
         self._faults.take(message.source, report, now)
+        self._forbids.take(message.source, report.only(self._blocking.holds), now)
         return [self._named(Fault(message.source, what)) for what in report.active]
 
     def listen(self, now: float) -> None:
@@ -37,12 +38,12 @@ class FaultWatch:
 
     def active(self, now: float) -> list[str]:
         """All active faults, in words."""
-        return [self._named(fault) for fault in self._faults.active(now)]
+        more = [f"{left} reports of others, beyond {MOST} at once"] if (left := self._faults.left_out) else []
+        return [*(self._named(fault) for fault in self._faults.active(now)), *more]
 
     def blocking(self, now: float) -> list[str]:
         """Active faults that forbid control, in words."""
-        active = self._faults.active(now)
-        return [f"fault: {self._named(fault)}" for fault in active if self._blocking.holds(fault.what)]
+        return [f"fault: {self._named(fault)}" for fault in self._forbids.active(now)]
 
     def obstacles(self, now: float) -> list[str]:
         """Reasons why control cannot be given now: a fault, or too short a time of listening to

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from truck_bridge.j1939.diagnostics import DERATE, LAMPS, Code, Report
 
 HOLD_S = 5.0  # five periods of a DM1; the cab controller of a recorded truck takes 4.8 s
+MOST = 100  # faults kept at a time; further ones are counted until some have ended
 
 
 class Fault(NamedTuple):
@@ -31,18 +32,26 @@ class _Span:
 
 class ActiveFaults:
     """The faults that DM1 messages report as active. Pass each DM1 to `take`; `active` and `channels` return
-    the state at a time."""
+    the state at a time. `left_out` counts reports of faults beyond MOST."""
 
     def __init__(self) -> None:
-        self._spans: dict[Fault, _Span] = {}
+        self._spans: dict[Fault, _Span] = {}  # in order of the last report
         self._received = False
+        self.left_out = 0
 
     def take(self, source: int, report: Report, now: float) -> None:
         """Process one DM1 of a controller."""
         self._received = True
-        self._spans = {fault: span for fault, span in self._spans.items() if now - span.last <= HOLD_S}
+        while self._spans and now - self._spans[oldest := next(iter(self._spans))].last > HOLD_S:
+            del self._spans[oldest]
         for what in report.active:
-            self._spans.setdefault(Fault(source, what), _Span(now, now)).last = now
+            fault = Fault(source, what)
+            span = self._spans.pop(fault, None) or _Span(now, now)
+            if len(self._spans) < MOST:
+                span.last = now
+                self._spans[fault] = span
+            else:
+                self.left_out += 1
 
     def active(self, now: float) -> list[Fault]:
         """Oldest first; faults that began simultaneously in the order of their message."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from truck_bridge.faults import HOLD_S, ActiveFaults, Fault
+from truck_bridge.faults import HOLD_S, MOST, ActiveFaults, Fault
 from truck_bridge.j1939.diagnostics import LAMPS, Code, Report, report
 
 HOT, DERATED = Code(110, 16), Code(1569, 31)
@@ -57,3 +57,12 @@ def test_the_channels_show_the_newest_code_and_a_derate(derate):
     assert faults.channels(2.0)["derate_active"] == 1.0
     faults.take(0, CLEAR, 9.0)
     assert set(faults.channels(9.0).values()) == {0.0}
+
+
+def test_beyond_the_most_faults_are_counted_until_some_have_ended():
+    faults = ActiveFaults()
+    for n in range(3 * MOST):
+        faults.take(n % 200, said(Code(1000 + n, 1)), 1e-3 * n)
+    assert len(faults.active(0.5)) == MOST and faults.left_out == 2 * MOST
+    faults.take(0, said(HOT), 1.0 + HOLD_S)
+    assert Fault(0, HOT) in faults.active(1.0 + HOLD_S)

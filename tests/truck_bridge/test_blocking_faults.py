@@ -162,3 +162,15 @@ def test_a_clock_that_goes_back_forgets_no_fault_into_control(world, tmp_path):
     w.truck.step(w.now)
     w.bridge.poll(w.now)
     assert "faults: listened for less than 2 s" in asked(w)
+
+
+def test_a_blocking_fault_is_found_in_a_flood_of_others(world):
+    w = ready(world("trucksim"))
+    for n in range(1, 151):
+        code = (5000 + n).to_bytes(2, "little") + b"\x01\x01"
+        for can_id, data in frames(b"\x00\xff" + code + b"\xff\xff"):
+            w.trucks.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=True))
+    w.run(0.05, engine=500.0)
+    assert any("beyond 100 at once" in fault for fault in w.bridge.status.faults)
+    tell(w, RED)
+    assert "fault: red_stop_lamp (engine)" in asked(w)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from truck_bridge.faults import ActiveFaults, Fault
 from truck_bridge.j1939.diagnostics import GROUPS, Report
-from truck_bridge.j1939.transport import Broken
+from truck_bridge.j1939.transport import OTHERS, Broken
 
 Array = NDArray[np.float64]
 
@@ -33,12 +33,16 @@ def lines(
     for source, number in sorted(numbers.items()):
         yield f"vehicle number (VIN) {number}, said by 0x{source:02X}"
     found = _times(said)
+    counted: dict[Fault, int] = {}
+    for one in said:
+        for code, count in one.report.counts.items():
+            fault = Fault(one.source, code)
+            counted[fault] = max(count, counted.get(fault, count))
     if said:
         senders = ", ".join(f"0x{source:02X}" for source in sorted({one.source for one in said}))
         yield f"faults (DM1) of {senders}: {'active were' if found else 'none was active'}"
     for fault, times in found.items():
-        counts = [n for one in said for code, n in one.report.counts.items() if (one.source, code) == fault]
-        often = f", occurred {max(counts)} times" if max(counts, default=-1) >= 0 else ""
+        often = f", occurred {counted[fault]} times" if counted.get(fault, -1) >= 0 else ""
         span = f"said {len(times)} times, {times[0] - start:.2f} to {times[-1] - start:.2f} s"
         yield f"  {fault.what} (0x{fault.source:02X}){often}: {span}"
     yield from unread(broken)
@@ -49,6 +53,8 @@ def unread(broken: Counter[Broken]) -> Iterator[str]:
     if broken:
         counted = (
             f"{GROUPS.get(b.pgn, f'{b.pgn:#06x}')} of 0x{b.source:02X}: {b.why} ({n})"
+            if b.pgn != OTHERS
+            else f"others ({n})"
             for b, n in sorted(broken.items())
         )
         yield f"messages of several frames left out: {', '.join(counted)}"

@@ -7,6 +7,7 @@ DM1 is sent once a second: two bytes of lamps, then four bytes per code; two or 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -59,6 +60,13 @@ class Report:
     def active(self) -> list[Code | str]:
         """Codes and lamps that are on."""
         return [*self.counts, *(lamp for lamp, on in self.lamps.items() if on)]
+
+    def only(self, wanted: Callable[[Code | str], bool]) -> Report:
+        """The report with the codes and lamps that are wanted."""
+        return Report(
+            {lamp: on for lamp, on in self.lamps.items() if wanted(lamp)},
+            {code: count for code, count in self.counts.items() if wanted(code)},
+        )
 
 
 def single(can_id: int, data: bytes) -> Message | None:

@@ -7,6 +7,7 @@ packets by CTS, and may request some again; the packets of a broadcast must arri
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -16,8 +17,12 @@ from truck_bridge.j1939.ids import Identifier
 
 RTS, CTS, END_OF_MESSAGE, BAM, ABORT = 16, 17, 19, 32, 255  # byte 1 of TP.CM
 T1_S, T2_S, T3_S, T4_S = 0.75, 1.25, 1.25, 1.05  # J1939-21, 5.10.2.4
+MOST = 200  # transfers under way, and different messages counted as broken
 SMALLEST, LARGEST, PACKET = 9, 1785, 7  # bytes of a message, and of it in one packet
 ENGINE_CONFIGURATION = 0xFEE3  # EC1; bytes 20-21 are SPN 544, the engine reference torque, 1 N m a bit
+
+
+OTHERS = -1
 
 
 class Message(NamedTuple):
@@ -30,7 +35,7 @@ class Message(NamedTuple):
 
 
 class Broken(NamedTuple):
-    """A message that was announced but not completed."""
+    """A message that was announced but not completed; `pgn` is OTHERS beyond MOST different ones."""
 
     pgn: int
     source: int
@@ -59,6 +64,7 @@ class Transport:
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], _Session] = {}  # by source and destination
+        self._swept = -math.inf
         self.broken: Counter[Broken] = Counter()
 
     def hear(self, can_id: int, data: bytes, now: float) -> Message | None:
@@ -92,18 +98,21 @@ class Transport:
             self._close((there, here), pgn, "aborted", now)
 
     def _begin(self, key: tuple[int, int], pgn: int, data: bytes, now: float) -> None:
-        for other in list(self._open):
-            self._alive(other, now)
+        if now - self._swept > T2_S:
+            self._sweep(now)
         size, packets = int.from_bytes(data[1:3], "little"), data[3]
         session = _Session(pgn, size, now, T1_S if key[1] == ids.GLOBAL else T3_S)
         before = self._open.get(key)
         if before is not None and (before.parts or (before.pgn, before.size) != (pgn, size)):
             self._break(key, "begun anew")
         if SMALLEST <= size <= LARGEST and packets == session.packets and pgn <= 0x3FFFF:
+            if len(self._open) >= MOST and key[1] != ids.GLOBAL and key not in self._open:
+                self._count(pgn, key[0], "one of too many at once")
+                return
             self._open[key] = session
         else:
             self._open.pop(key, None)
-            self.broken[Broken(pgn, key[0], "wrong size")] += 1
+            self._count(pgn, key[0], "wrong size")
 
     def _ask(self, key: tuple[int, int], pgn: int, data: bytes, now: float) -> None:
         """The receiver requests packets, or (no packets at once) more time."""
@@ -152,7 +161,18 @@ class Transport:
             self._break(key, why)
 
     def _break(self, key: tuple[int, int], why: str) -> None:
-        self.broken[Broken(self._open.pop(key).pgn, key[0], why)] += 1
+        self._count(self._open.pop(key).pgn, key[0], why)
+
+    def _count(self, pgn: int, source: int, why: str) -> None:
+        broken = Broken(pgn, source, why)
+        known = broken in self.broken or len(self.broken) < MOST
+        self.broken[broken if known else Broken(OTHERS, ids.NULL, "of further kinds")] += 1
+
+    def _sweep(self, now: float) -> None:
+        """End what has timed out."""
+        self._swept = now
+        for key in list(self._open):
+            self._alive(key, now)
 
 
 def reference_torque(pgn: int, data: bytes) -> float | None:

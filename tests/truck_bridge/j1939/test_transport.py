@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truck_bridge.j1939.transport import Transport, reference_torque
+from truck_bridge.j1939.transport import MOST, Transport, reference_torque
 
 CONFIGURATION = bytes.fromhex("a816b13052c2e81cb96022c7c044cb8057ffff5504385e1446fa7dc780578600f702")
 ENGINE, TOOL, GLOBAL = 0x00, 0xF9, 0xFF
@@ -204,7 +204,19 @@ def test_a_message_begun_anew_and_one_cut_off_are_counted():
 def test_announcements_that_nothing_follows_are_forgotten():
     transport = Transport()
     hear([announced(30, source, 1) for source in range(250)] * 4, step=0.1, transport=transport)
-    assert len(transport._open) < 15
+    assert len(transport._open) < 30  # they are looked through every 1.25 s
+
+
+def test_a_flood_of_announcements_takes_bounded_memory_and_is_counted():
+    transport = Transport()
+    transfers = [announced(30, n % 250, n // 250) for n in range(3 * MOST)]
+    broadcasts = [announced(8, n % 250, pgn=n) for n in range(3 * MOST)]  # of a wrong size
+    hear([*transfers, *broadcasts], step=1e-4, transport=transport)
+    assert len(transport._open) <= MOST
+    found, _ = hear(whole(bytes(30)), start=0.13, transport=transport)
+    assert len(found) == 1
+    assert len(transport.finish()) <= MOST + 1
+    assert sum(transport.broken.values()) == 6 * MOST
 
 
 @pytest.mark.parametrize(
