@@ -458,11 +458,18 @@ def slowing(bench, seconds, pull, steady=1.0, most=1.5):
         (0.875, 3.0, 0.0, False),  # heard for less than a second
         (1.0, 3.0, 0.0, True),
         (0.75, 2.0, 60.0, False),  # the mean of the last second
-        (0.875, 2.0, 60.0, True),
+        (0.875, 1.875, 60.0, True),
     ],
 )
 def test_a_truck_that_slows_down_by_itself_is_braked_by_somebody(bench, seconds, pull, steady, doubt):
     assert (SLOWS in slowing(bench, seconds, pull, steady).doubts(0.0, REST)) is doubt
+
+
+@pytest.mark.parametrize(("pull", "doubt"), [(1.5, False), (1.501, True)])
+def test_where_speeds_are_missing_the_mean_is_over_what_there_is(bench, pull, doubt):
+    ears = slowing(bench, 1.125, pull, steady=-1.0)  # heard at -0.125 s, and then
+    ears.take(ID, round(1024 * (30 - pull * 2.125)).to_bytes(2, "little") + bytes(6), 1.0)
+    assert (SLOWS in ears.doubts(1.0, REST)) is doubt
 
 
 @pytest.mark.parametrize(

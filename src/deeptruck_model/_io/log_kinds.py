@@ -16,8 +16,9 @@ from pathlib import Path
 
 from deeptruck_model.errors import InputError
 
-IDS = ("id", "addr", "address", "arbitrationid", "canid", "identifier", "msgid", "messageid")
-DATA = ("data", "databytes", "payload")
+IDS = ("id", "addr", "address", "arbitrationid", "canid", "identifier", "msgid", "messageid", "frameid",
+       "iddec", "idhex", "canidhex", "caniddec")  # fmt: skip
+DATA = ("data", "databytes", "payload", "datahex", "payloadhex", "bytes")
 BYTES = re.compile(r"(?:data|d|b|byte)(\d)")
 MDF = (".mf4", ".mdf", ".dat")
 SHOWN = 8  # names that a message lists
@@ -34,7 +35,12 @@ def is_frames(header: Sequence[str]) -> bool:
     """Whether a table with this header holds raw CAN frames: a time, an identifier and bytes."""
     names = [plain_name(cell) for cell in header]
     data = any(name in DATA for name in names) or sum(bool(BYTES.fullmatch(name)) for name in names) >= 2
-    return data and any(name in IDS for name in names) and any(name.startswith("time") for name in names)
+    return data and any(name in IDS for name in names) and any(map(is_time, names))
+
+
+def is_time(name: str) -> bool:
+    """Whether a plain name is that of a column of times."""
+    return name.startswith("time") or name in ("t", "ts", "epoch")
 
 
 def holds_frames(path: Path) -> bool:

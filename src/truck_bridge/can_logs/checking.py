@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import Counter
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from truck_bridge.can_logs.faults import unread
 from truck_bridge.can_logs.frames import Frame
 from truck_bridge.can_logs.reader import read
 from truck_bridge.fault_watch import FaultWatch
+from truck_bridge.j1939.transport import Broken
 from truck_bridge.safety import Safety, State, Table
 from truck_bridge.vehicles import Vehicle
 
@@ -45,7 +47,7 @@ class Checked:
     # rolling radius that engine speed, gear and wheel speed show, as a share of the vehicle file's
     radii: list[float] = field(default_factory=list)
     account: Account = field(default_factory=lambda: Account("", "frames"))  # of the log
-    notes: list[str] = field(default_factory=list)  # fault messages that were not whole
+    broken: Counter[Broken] = field(default_factory=Counter)  # messages of several frames, not whole
 
     @property
     def clean(self) -> bool:
@@ -62,7 +64,9 @@ def check(path: Path, vehicle: Vehicle, *, channel: str | None = None) -> Checke
 class _Replay:
     def __init__(self, vehicle: Vehicle) -> None:
         self._override = vehicle.table.override
-        self._table: Table = replace(vehicle.table, override=(), needs_lead=False, engage_speed=(0.0, 1e3))
+        self._table: Table = replace(  # a person drives, and brakes
+            vehicle.table, override=(), coasts_m_s2=math.inf, needs_lead=False, engage_speed=(0.0, 1e3)
+        )
         self._names = {message.key: message.name for message in vehicle.table.heard}
         self._safety = Safety(self._table)
         self._vehicle, self._faults = vehicle, FaultWatch(vehicle)
@@ -87,12 +91,12 @@ class _Replay:
             self._hear(frame)
             self._note(frame.time)
         self._count()
-        self._found.notes += unread(self._faults.finish())
+        self._found.broken += self._faults.finish()
         return self._found
 
     def _listen(self) -> None:
         """Reset the faults, because those reported before a gap may not persist."""
-        self._found.notes += unread(self._faults.finish())
+        self._found.broken += self._faults.finish()
         self._faults = FaultWatch(self._vehicle)
 
     def _begin(self, now: float) -> None:
@@ -174,7 +178,7 @@ def lines(found: Checked) -> Iterator[str]:
     pauses = f", beside {found.pauses} pauses of {found.paused_s:.1f} s in all" if found.pauses else ""
     yield f"{found.frames} frames in {found.seconds:.1f} s{pauses}"
     yield from found.account.lines()
-    yield from found.notes
+    yield from unread(found.broken)
     yield f"received for {found.vehicle}: {_listed(found.received)}"
     yield f"could have been engaged for {found.engaged_s:.1f} s"
     if len(found.radii) > 1:

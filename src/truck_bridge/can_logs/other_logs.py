@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from itertools import chain, islice, pairwise
 from pathlib import Path
 
+from can.util import dlc2len
+
 from deeptruck_model._io.account import Account
-from deeptruck_model._io.log_kinds import BYTES, COMMENT, DATA, IDS, plain_name
+from deeptruck_model._io.log_kinds import BYTES, COMMENT, DATA, IDS, is_time, plain_name
 from truck_bridge.can_logs.frames import (
     ERROR_FLAG,
     EXTENDED_FLAG,
@@ -228,16 +230,17 @@ class _Form:
     bus: int | None
     extended: int | None
     length: int | None
+    fd: int | None
 
     @classmethod
     def of(cls, names: Sequence[str], some: Sequence[Sequence[str]]) -> _Form:
         def at(*wanted: str) -> int | None:
-            return next((k for k, name in enumerate(names) if name in wanted), None)
+            return next((names.index(name) for name in wanted if name in names), None)
 
         def cells(column: int) -> list[str]:
             return [row[column].strip() for row in some if len(row) > column]
 
-        time = next(k for k, name in enumerate(names) if name.startswith("time"))
+        time = next(k for k, name in enumerate(names) if is_time(name))
         can_id = next(k for k, name in enumerate(names) if name in IDS)
         each = tuple(k for k, name in enumerate(names) if BYTES.fullmatch(name))
         stamps = [cell for cell in cells(time) if cell]
@@ -247,10 +250,13 @@ class _Form:
         steps = [abs(b - a) for a, b in pairwise(numbers) if (b < a if turned else b > a)]
         micro = whole and bool(steps) and sorted(steps)[len(steps) // 2] > _MICROSECONDS
         tick = 1e-6 if micro or names[time].endswith("us") else 1.0
+        data = at(*DATA)
+        content = [cell for k in ([data] if data is not None else each) for cell in cells(k)]
         return cls(
-            time, -tick if turned else tick, can_id, _base(cells(can_id)), at(*DATA),
-            each, _base([cell for k in each for cell in cells(k)]), at("bus", "channel", "chn"),
-            at("extended", "ide", "ext", "flags"), at("dlc", "len", "length"),
+            time, -tick if turned else tick, can_id, _base(cells(can_id)), data,
+            each, _base([byte for cell in content for byte in cell.split()]), at("bus", "channel", "chn"),
+            at("extended", "ide", "ext", "flags"), at("datalength", "length", "len", "dlc"),
+            at("edl", "fdf", "fd"),
         )  # fmt: skip
 
 
@@ -276,7 +282,9 @@ def _of_row(path: Path, number: int, cells: list[str], form: _Form, account: Acc
     try:
         can_id = int(cells[form.can_id].strip().rstrip("xX").removeprefix("0x"), form.base)
         if form.data is not None:
-            data = bytes.fromhex(cells[form.data].strip().removeprefix("0x"))
+            text = cells[form.data].strip().removeprefix("0x")
+            apart = form.each_base == 10 and " " in text
+            data = bytes(map(int, text.split())) if apart else bytes.fromhex(text)
         else:
             data = bytes(
                 int(cells[k], form.each_base) for k in form.each if len(cells) > k and cells[k].strip()
@@ -285,7 +293,7 @@ def _of_row(path: Path, number: int, cells: list[str], form: _Form, account: Acc
             stated = int(cells[form.length])
             if form.data is None:
                 data = data[:stated]
-            if len(data) != stated:
+            if len(data) not in (stated, dlc2len(min(stated, 15))):
                 raise ValueError("another number of bytes than the length says")
         said = cells[form.extended].strip().lower() if form.extended is not None else ""
         time = _time(cells[form.time], form.tick)
@@ -295,4 +303,5 @@ def _of_row(path: Path, number: int, cells: list[str], form: _Form, account: Acc
         raise InputError(f"{path}, line {number}: not a row of CAN frames ({str(error)[:80]})") from None
     channel = cells[form.bus].strip() if form.bus is not None and len(cells) > form.bus else ""
     extended = can_id > STANDARD_MASK or "x" in said or said in ("1", "true")
-    return Frame(time, can_id, data, channel, extended, Kind.FD if len(data) > 8 else Kind.DATA)
+    marked = form.fd is not None and cells[form.fd].strip().lower() in ("1", "true")
+    return Frame(time, can_id, data, channel, extended, Kind.FD if marked or len(data) > 8 else Kind.DATA)

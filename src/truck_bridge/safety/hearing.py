@@ -41,7 +41,7 @@ class Hearing:
         self.accepted: set[str] = set()  # signals that the last frame refreshed
         self._seconds: dict[str, float] = {}  # signals that an undeclared node sends too: when, last
         self._doubtful: dict[str, float] = {}  # contradictions, since when
-        self._speeds: deque[tuple[float, float]] = deque()  # time and value, back to `Timing.slowing` ago
+        self._speeds = deque([(math.nan, math.nan)])  # time and value, back to `Timing.slowing` ago
         self._slowed = -math.inf  # when a demand of ours last slowed the truck, or may have
 
     def take(self, can_id: int, data: bytes, now: float) -> str:
@@ -76,7 +76,7 @@ class Hearing:
     def _remember(self, speed: float, now: float) -> None:
         """Keep a speed, and those since the newest that is `Timing.slowing` old."""
         self._speeds.append((now, speed))
-        while len(self._speeds) > 1 and now - self._speeds[1][0] >= self._table.timing.slowing:
+        while now - self._speeds[1][0] >= self._table.timing.slowing:
             self._speeds.popleft()
 
     def _second(self, can_id: int, data: bytes, now: float) -> str:
@@ -170,13 +170,12 @@ class Hearing:
 
     def _brakes_alone(self, now: float, demanded: Mapping[str, float]) -> bool:
         """Whether the truck slows down more than anything but somebody else's brake explains."""
-        timing, ours = self._table.timing, [value for axis, value in demanded.items() if axis != "engine"]
-        if not ours or any(ours) or demanded.get("engine", 0.0) < 0:
+        timing, most = self._table.timing, self._table.coasts_m_s2
+        if not demanded or any(value < 0 if axis == "engine" else value for axis, value in demanded.items()):
             self._slowed = now
-        if now - self._slowed < timing.settle or not self._speeds:
-            return False
         (then, before), (last, speed) = self._speeds[0], self._speeds[-1]
-        return last - then >= timing.slowing and before - speed > self._table.coasts_m_s2 * (last - then)
+        judged = now - self._slowed >= timing.settle and last - then >= timing.slowing
+        return judged and before - speed > most * (last - then)
 
     def _shifting(self, now: float) -> bool:
         value, _, since = self._values.get("shifting", NEVER)
