@@ -163,6 +163,10 @@ def test_brakes_may_only_limit(vehicle):
         (put("interface", "engine_unit", "lb ft"), "must be one of N m, percent"),
         (put("interface", "grade", "yes"), "must be of type bool"),
         (put("transmit", "engine", "message", "TSC9"), "no message 'TSC9'"),
+        (
+            put("transmit", "engine", "active", "TransmissionRate", -1),
+            "transmit.engine: TransmissionRate = -1",
+        ),
         (put("transmit", "engine", "demand", "Torque"), "TSC1 has no signal 'Torque'"),
         (put("transmit", "engine", "active", "Mode", 2), "TSC1 has no signal 'Mode'"),
         (put("transmit", "engine", "to", "rocket"), "no address for 'rocket'"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from array import array
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -28,7 +29,7 @@ class Decoding:
     counted."""
 
     codec: Codec
-    series: dict[tuple[str, str, int], tuple[list[float], list[float]]] = field(default_factory=dict)
+    series: dict[tuple[str, str, int], tuple[array[float], array[float]]] = field(default_factory=dict)
     invalid: dict[tuple[str, str, int], dict[str, int]] = field(default_factory=dict)
     frames: int = 0
     start: float = 0.0  # time of the first frame
@@ -46,9 +47,11 @@ class Decoding:
         for name, value in decoded.values.items():
             key = (decoded.name, name, decoded.source)
             if value == value:
-                times, values = self.series.setdefault(key, ([], []))
-                times.append(frame.time)
-                values.append(value)
+                series = self.series.get(key)
+                if series is None:
+                    series = self.series[key] = array("d"), array("d")
+                series[0].append(frame.time)
+                series[1].append(value)
             else:
                 reasons = self.invalid.setdefault(key, {})
                 reasons[decoded.flags[name]] = reasons.get(decoded.flags[name], 0) + 1
@@ -110,7 +113,7 @@ def table(found: Decoding) -> Iterator[str]:
     yield from faults.lines(found.faults, found.numbers, found.unreadable, found.start)
     yield f"{'signal':<38}{'source':>6}{'SPN':>7}{'valid':>8}{'Hz':>7}{'from':>11}{'to':>11} unit   invalid"
     for key in keys:
-        times, values = found.series.get(key, ([], []))
+        times, values = found.series.get(key, (array("d"), array("d")))
         reasons = ", ".join(f"{count} {why}" for why, count in found.invalid.get(key, {}).items())
         span = f"{min(values):>11.6g}{max(values):>11.6g}" if values else f"{'-':>11}{'-':>11}"
         rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 0.0

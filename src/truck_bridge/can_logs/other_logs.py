@@ -27,6 +27,7 @@ from truck_bridge.can_logs.frames import (
     Frame,
     Kind,
 )
+from truck_bridge.can_logs.text_logs import lines_of
 from truck_bridge.can_logs.whole import COPY
 from truck_bridge.errors import InputError
 
@@ -48,37 +49,36 @@ _MAGIC = {b"\xd4\xc3\xb2\xa1": ("<", 1e-6), b"\xa1\xb2\xc3\xd4": (">", 1e-6),
 def busmaster(path: Path, account: Account) -> Iterator[Frame]:
     """The frames of a BUSMASTER log; time in s since midnight. Raises InputError at a damaged line."""
     base, relative, time, day = 16, False, 0.0, 0.0
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        for number, line in enumerate(lines, 1):
-            if line.startswith("***") or not line.strip():
-                base = 10 if "***DEC***" in line else base
-                relative = relative or "RELATIVE MODE" in line
-                continue
-            account.total.read += 1
-            found = _LINE.match(line.strip())
-            if found is None:
-                raise InputError(f"{path}, line {number}: not a line of BUSMASTER: {line.strip()[:60]!a}")
-            stamp = 3600.0 * int(found["h"]) + 60.0 * int(found["m"]) + int(found["s"])
-            stamp += int(found["fraction"]) / 1e4
-            if relative:
-                time += stamp
-            else:
-                day += _DAY_S if stamp + day < time - _DAY_S / 2 else 0.0  # it passes midnight
-                time = stamp + day
-            length = int(found["length"])
-            remote = found["kind"].endswith("r")
-            data = bytes(int(byte, base) for byte in found["data"].split()[:length])
-            if len(data) != length and not remote:
-                raise InputError(f"{path}, line {number}: fewer bytes than the length says; {COPY}")
-            yield Frame(
-                time,
-                int(found["id"], base),
-                b"" if remote else data,
-                found["channel"],
-                found["kind"].startswith("x"),
-                Kind.REMOTE if remote else Kind.FD if length > 8 else Kind.DATA,
-                length if remote else 0,
-            )
+    for number, line in lines_of(path):
+        if line.startswith("***") or not line.strip():
+            base = 10 if "***DEC***" in line else base
+            relative = relative or "RELATIVE MODE" in line
+            continue
+        account.total.read += 1
+        found = _LINE.match(line.strip())
+        if found is None:
+            raise InputError(f"{path}, line {number}: not a line of BUSMASTER: {line.strip()[:60]!a}")
+        stamp = 3600.0 * int(found["h"]) + 60.0 * int(found["m"]) + int(found["s"])
+        stamp += int(found["fraction"]) / 1e4
+        if relative:
+            time += stamp
+        else:
+            day += _DAY_S if stamp + day < time - _DAY_S / 2 else 0.0  # it passes midnight
+            time = stamp + day
+        length = int(found["length"])
+        remote = found["kind"].endswith("r")
+        data = bytes(int(byte, base) for byte in found["data"].split()[:length])
+        if len(data) != length and not remote:
+            raise InputError(f"{path}, line {number}: fewer bytes than the length says; {COPY}")
+        yield Frame(
+            time,
+            int(found["id"], base),
+            b"" if remote else data,
+            found["channel"],
+            found["kind"].startswith("x"),
+            Kind.REMOTE if remote else Kind.FD if length > 8 else Kind.DATA,
+            length if remote else 0,
+        )
 
 
 @dataclass(frozen=True)
@@ -199,20 +199,20 @@ def _cut(path: Path, account: Account) -> None:
 
 def table(path: Path, account: Account) -> Iterator[Frame]:
     """The frames of a table. Raises InputError at a damaged row."""
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as lines:
-        head, above = lines.readline(), 0
-        while head.startswith(COMMENT):
-            head, above = lines.readline(), above + 1
-        mark = max(",;\t", key=head.count)
-        names = [plain_name(cell) for cell in next(csv.reader([head.strip()], delimiter=mark))]
-        rows = csv.reader(lines, delimiter=mark)
-        some = list(islice(rows, _SAMPLED))
-        form = _Form.of(names, some)
-        if form.tick < 0.0:
-            account.remarks.append("times are negative and fall: they are read without their sign")
-        for number, row in enumerate(chain(some, rows), 2 + above):
-            if any(row):
-                yield _of_row(path, number, row, form, account)
+    lines = (line for _, line in lines_of(path))
+    head, above = next(lines, ""), 0
+    while head.startswith(COMMENT):
+        head, above = next(lines, ""), above + 1
+    mark = max(",;\t", key=head.count)
+    names = [plain_name(cell) for cell in next(csv.reader([head.strip()], delimiter=mark))]
+    rows = csv.reader(lines, delimiter=mark)
+    some = list(islice(rows, _SAMPLED))
+    form = _Form.of(names, some)
+    if form.tick < 0.0:
+        account.remarks.append("times are negative and fall: they are read without their sign")
+    for number, row in enumerate(chain(some, rows), 2 + above):
+        if any(row):
+            yield _of_row(path, number, row, form, account)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ an Account: a frame is used, or omitted for a stated reason.
 from __future__ import annotations
 
 import gzip
-import shutil
 import tempfile
 import zlib
 from collections.abc import Iterator
@@ -102,7 +101,13 @@ def _unpacked(path: Path, stack: ExitStack) -> Path:
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="deeptruck-log-")))
     try:
         with gzip.open(path) as packed, (folder / path.stem).open("wb") as file:
-            shutil.copyfileobj(packed, file)
+            is_text = Path(path.stem).suffix.lower() in (*log_files.TEXT, ".asc", ".trc", ".csv", ".tsv")
+            begun = 0  # bytes of a line so far
+            while chunk := packed.read(1 << 20):
+                file.write(chunk)
+                begun = begun + len(chunk) if b"\n" not in chunk else len(chunk) - chunk.rindex(b"\n")
+                if is_text and begun > text_logs.LONGEST:
+                    raise InputError(f"{path}: a line is longer than {begun} characters; {COPY}")
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path} cannot be unpacked ({plain(str(error))}); {COPY}") from None
     return folder / path.stem

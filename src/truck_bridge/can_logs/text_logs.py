@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 from deeptruck_model._io.account import Account
@@ -23,8 +24,10 @@ from truck_bridge.can_logs.frames import (
     Frame,
     Kind,
 )
+from truck_bridge.can_logs.whole import COPY
 from truck_bridge.errors import InputError
 
+LONGEST = 1 << 16  # characters of a line; a CAN FD frame has some 250
 WHOLE = 8  # bytes of nearly every J1939 frame: a shorter one without a line's end may be cut
 STANDARD_DIGITS = 3  # of an 11-bit identifier; candump writes 29 bits with 8 digits, whatever their value
 _TIME = r"\s*\((?P<time>\d{1,12}(?:\.\d{0,12})?|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(?:\.\d{1,9})?)\)"
@@ -72,7 +75,7 @@ def candump(path: Path, account: Account) -> Iterator[Frame]:
     Raises InputError at a damaged line.
     """
     above = 0
-    for number, line in _lines(path):
+    for number, line in lines_of(path):
         if not line.strip() or line.startswith("#"):
             continue
         account.total.read += 1
@@ -99,7 +102,7 @@ def candump(path: Path, account: Account) -> Iterator[Frame]:
 def asc(path: Path, account: Account) -> Iterator[Frame]:
     """The frames of an ASC log; times may be negative, and relative to the line before."""
     relative, base, time = False, 16, 0.0
-    for number, line in _lines(path):
+    for number, line in lines_of(path):
         timed = _ASC_TIME.match(line)
         if timed is None:
             if (found := _ASC_BASE.match(line)) is not None:
@@ -134,9 +137,19 @@ def asc(path: Path, account: Account) -> Iterator[Frame]:
             raise InputError(f"{path}, line {number}: not a line of an ASC log: {line.strip()[:60]!a}")
 
 
-def _lines(path: Path) -> Lines:
-    with path.open(encoding="utf-8-sig", errors="replace") as lines:
-        yield from enumerate(lines, 1)
+def lines_of(path: Path) -> Lines:
+    """Number and text of each line. Raises InputError at a line longer than LONGEST, which could fill the
+    memory."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for number, line in enumerate(iter(partial(file.readline, LONGEST), ""), 1):
+            check_length(path, number, line)
+            yield number, line
+
+
+def check_length(path: Path, number: int, line: str | bytes) -> None:
+    """Raises InputError for a line of which only LONGEST were read."""
+    if len(line) >= LONGEST:
+        raise InputError(f"{path}, line {number}: longer than {LONGEST} characters, as no frame is; {COPY}")
 
 
 def _is_cut(number: int, frame: Frame | None) -> bool:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import can
 
 from deeptruck_model._io.account import Account
 from truck_bridge.can_logs.frames import Frame, of_message
+from truck_bridge.can_logs.text_logs import LONGEST, check_length
 from truck_bridge.can_logs.whole import COPY
 from truck_bridge.errors import InputError
 
@@ -68,8 +70,8 @@ def _end(path: Path) -> tuple[int, bool]:
     """The number of a log's last line, and whether its line break is missing."""
     number, line = 0, b"\n"
     with path.open("rb") as file:
-        for number, line in enumerate(file, 1):  # noqa: B007 - the values after the loop are used
-            pass
+        for number, line in enumerate(iter(partial(file.readline, LONGEST), b""), 1):
+            check_length(path, number, line)
     return number, not line.endswith(b"\n")
 
 

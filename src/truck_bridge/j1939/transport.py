@@ -16,6 +16,7 @@ from truck_bridge.j1939 import ids
 from truck_bridge.j1939.ids import Identifier
 
 RTS, CTS, END_OF_MESSAGE, BAM, ABORT = 16, 17, 19, 32, 255  # byte 1 of TP.CM
+FORMATS = (ids.TRANSPORT_CONTROL >> 8, ids.TRANSPORT_DATA >> 8)
 T1_S, T2_S, T3_S, T4_S = 0.75, 1.25, 1.25, 1.05  # J1939-21, 5.10.2.4
 MOST = 200  # transfers under way, and different messages counted as broken
 SMALLEST, LARGEST, PACKET = 9, 1785, 7  # bytes of a message, and of it in one packet
@@ -69,6 +70,8 @@ class Transport:
 
     def hear(self, can_id: int, data: bytes, now: float) -> Message | None:
         """Process one frame; returns the message that it completes, if any."""
+        if (can_id >> 16) & 0xFF not in FORMATS:
+            return None
         pgn = ids.pgn_of(can_id)
         if pgn not in (ids.TRANSPORT_CONTROL, ids.TRANSPORT_DATA) or len(data) != 8:
             return None

@@ -140,8 +140,11 @@ def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Co
     for name in (spec["demand"], *spec["active"], *spec["release"]):
         _signal(layout, name)
     signal = layout.signals[spec["demand"]]
-    word = int.from_bytes(layout.encode(spec["active"]), "little") & ~(signal.mask << signal.start)
-    release = int.from_bytes(layout.encode(spec["release"]), "little")
+    try:
+        word = int.from_bytes(layout.encode(spec["active"]), "little") & ~(signal.mask << signal.start)
+        release = int.from_bytes(layout.encode(spec["release"]), "little")
+    except ValueError as error:
+        raise InputError(f"transmit.{key}: {error}") from None
     axis = tables.Axis(
         key,
         layout.can_id(own, _address(data, spec["to"])),

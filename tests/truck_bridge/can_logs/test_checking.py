@@ -34,11 +34,12 @@ class Tape(can.BusABC):
         return None, False
 
 
-def driven(name, seconds=6.0):
-    """(time, identifier, data) of what an emulated truck says at 15 m/s."""
+def driven(name, seconds=6.0, brake=0.0):
+    """(time, identifier, data) of what an emulated truck says at 15 m/s; from 1 s on its driver brakes."""
     tape, frames = Tape(), []
     truck = EcuEmulator(vehicles.load(name), tape, speed=15.0)
     for k in range(round(seconds / 0.005)):
+        truck.driver.brake_pedal = brake if k > 200 else 0.0
         truck.step(0.005 * k)
         frames += [(0.005 * k, m.arbitration_id, bytes(m.data)) for m in tape.messages]
         tape.messages.clear()
@@ -217,3 +218,22 @@ def test_a_demand_forged_from_the_brake_controllers_address_is_found():
     assert found.losses == {reason: 1}
     assert found.lost_s[reason] == pytest.approx((14.98, 14.98), abs=0.01)
     assert found.refused_s[reason] == pytest.approx((14.98, 24.40), abs=0.01)
+
+
+def test_what_many_pauses_cut_off_is_said_once(tmp_path):
+    second = [f for f in driven("trucksim", 0.5) if f[1] == EEC1]
+    announced = (0.4, 0x1CECFF00, bytes.fromhex("20140003FFCAFE00"))  # a DM1 of which nothing follows
+    frames = [(t + 4.0 * k, i, d) for k in range(50) for t, i, d in sorted([*second, announced])]
+    found = checked(tmp_path, "trucksim", frames)
+    said = list(lines(found))
+    assert found.pauses == 49 and len(said) < 15
+    assert [line for line in said if "left out" in line] == [
+        "messages of several frames left out: DM1 of 0x00: cut off (50)"
+    ]
+
+
+def test_a_driver_who_brakes_in_a_log_is_no_fault(tmp_path):
+    frames = driven("trucksim", 4.0, brake=60.0)
+    found = checked(tmp_path, "trucksim", frames)
+    assert found.driver_s["brake_pedal"] > 2.0
+    assert not any("slows" in reason for reason in found.losses)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import struct
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 from deeptruck_model._io.account import Account
 from deeptruck_model.recordings import import_checks
 from truck_bridge import can_logs
+from truck_bridge.can_logs.frames import Kind
+from truck_bridge.can_logs.reader import every
 from truck_bridge.errors import InputError
 
 FRAMES = [
@@ -90,6 +93,13 @@ def clx000() -> str:
     )
 
 
+def epoch_decimal() -> str:
+    """Decimal identifiers and bytes, one after another in a cell."""
+    return "epoch;frame id;dlc;data\n" + "".join(
+        f"{t:.6f};{i};8;{' '.join(map(str, d))}\n" for t, i, d in FRAMES
+    )
+
+
 def candump(above: str) -> str:
     return above + "".join(f"({t:.6f}) can0 {i:08X}#{d.hex().upper()}\n" for t, i, d in FRAMES)
 
@@ -99,7 +109,7 @@ LOGS: dict[str, str | bytes] = {
     "nano.pcap": pcap(tick=1e-9), "cooked.pcap": pcap(cooked=True), "a.pcapng": pcapng(),
     "cabana.csv": cabana(), "kvaser.csv": kvaser(), "savvycan.csv": savvycan(),
     "falling.csv": savvycan("-", 1_769_872_318_000_000), "rising.csv": savvycan(start=-1_769_872_318_000_000),
-    "clx.txt": clx000(),
+    "clx.txt": clx000(), "decimal.csv": epoch_decimal(),
     "above.log": candump("Truck 7, key on, depot to yard\n\nTime,ID,DLC,Data\n"),
 }  # fmt: skip
 
@@ -139,6 +149,10 @@ def test_a_capture_that_was_cut_off_says_so(tmp_path: Path, name: str) -> None:
         ("a.csv", "time,addr,bus,data\n1.0,217056256,0,f0c0zz\n", "line 2: not a row of CAN frames"),
         ("b.csv", "time,addr,dlc,data\n1.0,217056256,8,f0c0\n", "another number of bytes"),
         ("a.log", "***BUSMASTER\n9:15:0:0000 Rx 1 0xCF00400 x 8 F0 C0\n", "fewer bytes than the length"),
+        ("long.log", "(1.0) can0 18FEF100#FF\n" + 70_000 * "x", "line 2: longer than 65536"),
+        ("long.trc", ";$FILEVERSION=1.1\n" + 70_000 * "x", "line 2: longer than 65536"),
+        ("long.csv", "time,addr,bus,data\n" + 70_000 * "x", "line 2: longer than 65536"),
+        ("long.log.gz", gzip.compress(3_000_000 * b"x"), "a line is longer than"),
         ("text.log", "no frame\nin any line\n", "none of its 2 lines is one"),
     ],
 )  # fmt: skip
@@ -146,6 +160,20 @@ def test_damage_is_refused_with_its_place(tmp_path: Path, name: str, content: st
     (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputError, match=says):
         list(can_logs.read(tmp_path / name))
+
+
+def test_can_fd_rows_of_a_table_are_counted_apart_by_length_code_or_mark(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        "TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;EDL;DataBytes\n"
+        "1.00;1;18FEF100;1;8;8;0;FF0036CFFFFFFFFF\n"
+        "1.01;1;18EF0A0B;1;9;12;1;ABABABABABABABABABABABAB\n"
+        "1.02;1;18FEF100;1;8;8;1;FF0036CFFFFFFFFF\n"
+    )
+    (tmp_path / "code.csv").write_text("time,id,dlc,data\n1.0,18FEF10A,9,ABABABABABABABABABABABAB\n")
+    account = Account("a.csv", "frames")
+    assert len(list(can_logs.read(tmp_path / "a.csv", account))) == 1
+    assert {reason: one.count for reason, one in account.total.aside.items()} == {"CAN FD frames": 2}
+    assert [frame.kind for frame in every(tmp_path / "code.csv", Account("", "frames"))] == [Kind.FD]
 
 
 def test_requests_to_transmit_are_counted_apart(tmp_path: Path) -> None:
