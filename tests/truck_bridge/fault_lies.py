@@ -16,12 +16,20 @@ from truck_bridge.j1939 import checksums
 from truck_bridge.safety import Heard, Measured
 from truck_bridge.vehicles import Vehicle
 
+SPREAD = {  # a change that matters, in the signal's unit
+    "speed": 4.0, "second_speed": 4.0, "engine_speed": 50.0, "gear_ratio": 1.0, "engine_percent": 40.0,
+    "retarder_percent": 40.0, "accelerator": 4.0, "brake_pedal": 2.0, "pitch": 3.0, "gap": 10.0,
+    "leader_speed": 4.0,
+}  # fmt: skip
 KINDS = {  # size: what it means
     "freeze": "nothing: the last frame is repeated for ever",
     "hold": "nothing: the last value is repeated, the frame around it lives",
     "value": "the value that is told",
     "scale": "factor",
-    "drift": "unit/s",
+    "offset": "in units of SPREAD",
+    "drift": "in units of SPREAD a second",
+    "spike": "in units of SPREAD, in every tenth frame",
+    "reorder": "every so manieth frame comes after the next one",
     "error": "nothing: the sentinel 'error'",
     "absent": "nothing: the sentinel 'not available'",
     "beyond": "nothing: the greatest number that the field holds",
@@ -45,7 +53,7 @@ class Lie:
     _since: float = math.nan
     _kept: dict[int, bytes] = field(default_factory=dict)
     _late: dict[int, deque[tuple[float, bytes]]] = field(default_factory=lambda: defaultdict(deque))
-    _count: Counter[int] = field(default_factory=Counter)
+    _count: Counter[int | str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         assert self.kind in KINDS
@@ -80,6 +88,15 @@ class Lie:
             self._count[heard.key] += 1
             if self._count[heard.key] % self.size == 1:
                 yield can_id, data
+        elif self.kind == "reorder":
+            self._count[heard.key] += 1
+            waits = self._late[heard.key]
+            if self._count[heard.key] % self.size == 0:
+                waits.append((now, data))
+                return
+            yield can_id, data
+            while waits:
+                yield can_id, waits.popleft()[1]
         elif self.kind == "late":
             late = self._late[heard.key]
             late.append((now, data))
@@ -118,20 +135,26 @@ class Lie:
                 value = self.size
             case "scale":
                 value *= self.size
+            case "offset":
+                value += self.size * SPREAD[signal.name]
             case "drift":
-                value += self.size * elapsed
+                value += self.size * SPREAD[signal.name] * elapsed
+            case "spike":
+                self._count[signal.name] += 1
+                value += self.size * SPREAD[signal.name] * (self._count[signal.name] % 10 == 0)
             case "second" | "double":
                 value *= 0.5
         return min(max(round((value - f.offset) / f.scale), 0), f.last)
 
 
 RADAR_KINDS = {  # of gap, m, and the leader's speed, m/s; as above, and
-    "absent": "s for which it is NaN",
+    "absent": "nothing: NaN",
     "beyond": "nothing: 250 m, 130 m/s",
     "error": "nothing: -1",
     "other": "every second reading is of another object, at this share of the value",
     "ghost": "s for which one object at half the distance is seen, once in 3 s",
-    "old": "s that stamps are old",
+    "past": "s that stamps are old",
+    "future": "s that stamps are ahead",
 }
 
 
@@ -158,12 +181,15 @@ class RadarLie:
             self._bent(n, elapsed) if name in self.signals else true[n]
             for n, name in enumerate(("gap", "leader_speed"))
         )
-        age = self.size if self.kind == "old" else 0.0
+        age = {"past": self.size, "future": -self.size}.get(self.kind, 0.0)
+        if self.kind == "reorder":  # the newest stamp, and then the one before again
+            age = 0.15 if count % self.size == 0 else 0.0
         return [(told[0], told[1], age)] * (2 if self.kind == "again" else 1)
 
     def _bent(self, n: int, elapsed: float) -> float:
         assert self._kept is not None
         count, value = len(self._past), self._past[-1][n]
+        size = self.size * (SPREAD["gap"], SPREAD["leader_speed"])[n]
         match self.kind:
             case "hold":
                 return self._kept[n]
@@ -174,11 +200,15 @@ class RadarLie:
             case "beyond":
                 return (250.0, 130.0)[n]
             case "absent":
-                return math.nan if elapsed <= self.size - 0.05 else value
+                return math.nan
             case "scale":
                 return value * self.size
+            case "offset":
+                return value + size
             case "drift":
-                return value + self.size * elapsed
+                return value + size * elapsed
+            case "spike":
+                return value + size * (count % 10 == 0)
             case "late":
                 return self._past[max(count - 1 - round(10 * self.size), 0)][n]
             case "other":

@@ -23,12 +23,23 @@ from dataclasses import dataclass
 import numpy as np
 from fault_chain import Chain
 from fault_lies import Lie, RadarLie
-from fault_table import BUS, SCENES, UNSEEN, forger, must_bridge, must_end, possible, senders
+from fault_table import (
+    BUS,
+    LASTS,
+    MOMENTS,
+    SCENES,
+    UNSEEN,
+    forger,
+    must_bridge,
+    must_end,
+    possible,
+    senders,
+)
 from fault_world import NAMES, load
 
 from deeptruck_nodes.leaders import Steps
 
-ENGAGED_AT, FAULT_AT, LENGTH, AFTER_S = 0.6, 6.0, 12.0, 3.0
+ENGAGED_AT, LENGTH, AFTER_S = 0.6, 12.0, 3.0
 KEPT_S = 1.0
 BRAKED = -1.0  # m/s^2 beyond the slope
 MEAN_S = 0.3  # over which an acceleration counts
@@ -43,6 +54,7 @@ class Verdict:
 
     scene: str
     size: float
+    lasts: float  # s
     vehicle: str
     leader: str
     ended_s: float  # NaN where control was kept
@@ -106,7 +118,9 @@ def play(
     machine, kind, signals, sizes = SCENES[name]
     taken = senders(vehicle, signals) if kind == "second" else set()
     size = float(rng.choice([one for one in sizes if one not in taken]))
-    at = FAULT_AT + float(rng.uniform(0.0, 0.3))
+    at = float(rng.uniform(*MOMENTS))
+    for_good = machine in ("forger", "driver") or kind in EARLY
+    lasts = math.inf if for_good else float(rng.choice(LASTS))
     early = (kind in EARLY or set(signals) & set(EARLY)) and rng.random() < 0.5
     leader, profile = _leader(rng, at)
     at = 0.3 if early else at
@@ -118,11 +132,15 @@ def play(
         chain.step()
         if witness is None and chain.now >= at:
             witness, start = Witness(chain), chain.truck.speed
-            if machine == "bus":
+            if machine in ("bus", "driver"):
                 chain.ours.lie = Lie(vehicle, kind, signals, size)
                 lied = frozenset(chain.ours.lie.signals)
             chain.lie = RadarLie(kind, signals, size) if machine == "radar" else None
             chain.forged = forger(SCENES[name]) if machine == "forger" else None
+        if machine == "driver" and chain.now >= at + 0.5:
+            chain.truck.driver.brake_pedal = size
+        if chain.now >= at + lasts:
+            chain.ours.lie = chain.lie = None
         if not engaged and chain.now >= ENGAGED_AT:
             why = chain.engage()
             engaged = not why
@@ -145,9 +163,9 @@ def play(
         broken.append("engaged")
     if not early and (not engaged or ended < 0):
         broken.append("did not engage")
-    if not early and math.isnan(ended) and must_end(name, size, vehicle):
+    if not early and math.isnan(ended) and must_end(name, size, lasts, vehicle):
         broken.append("control was kept")
-    if not math.isnan(ended) and must_bridge(name, size):
+    if not math.isnan(ended) and must_bridge(name, lasts):
         broken.append("control ended")
     if longest > KEPT_S:
         broken.append("control was kept on a false speed")
@@ -159,6 +177,7 @@ def play(
     return Verdict(
         name,
         size,
+        lasts,
         vehicle.name,
         leader,
         ended,

@@ -21,12 +21,12 @@ def play_processes(seed: int) -> Verdict:
     rng = np.random.default_rng(seed)
     name = vehicles.NAMES[seed % len(vehicles.NAMES)]
     vehicle = vehicles.load(name)
-    drawn = [one for one in possible(vehicle) if SCENES[one].machine != "radar"]
+    drawn = [one for one in possible(vehicle) if SCENES[one].machine not in ("radar", "driver")]
     ends = [
         (one, size)
         for one in drawn
         for size in set(SCENES[one].sizes) - (senders(vehicle, SCENES[one].signals))
-        if must_end(one, size, vehicle) or one == "nothing"
+        if must_end(one, size, math.inf, vehicle) or one == "nothing"
     ]
     what, size = ends[int(rng.integers(len(ends)))]
     machine, kind, signals, _ = SCENES[what]
@@ -49,7 +49,7 @@ def play_processes(seed: int) -> Verdict:
 
 def _verdict(what: str, size: float, name: str, ended: float, broken: list[str]) -> Verdict:
     """Without what only the road shows."""
-    return Verdict(what, size, name, "", ended, math.nan, math.nan, math.nan, tuple(broken))
+    return Verdict(what, size, math.inf, name, "", ended, math.nan, math.nan, math.nan, tuple(broken))
 
 
 def _listen(stage: Scene, what: str, since: float) -> None:

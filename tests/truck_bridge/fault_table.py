@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from fault_lies import SPREAD
+
 from truck_bridge.j1939 import checksums
 from truck_bridge.safety import Heard
 from truck_bridge.vehicles import Vehicle
@@ -26,63 +28,58 @@ RADAR = ("gap", "leader_speed")
 STRANGERS = (0x03, 0x0B, 0x0F, 0x21)
 
 
+LASTS = (0.3, 1.0, 3.0, math.inf, math.inf)  # s of a fault
+MOMENTS = (4.0, 10.0)  # s after the start, between which it begins
+
+
 class Scene(NamedTuple):
     """One line. `sizes` to draw from: what they mean is said where the kinds are, in `fault_lies.py`."""
 
-    machine: str  # bus, radar, forger, or nobody
+    machine: str  # bus, radar, forger, driver, or nobody
     kind: str
     signals: tuple[str, ...]
     sizes: tuple[float, ...] = NO_SIZE
 
 
-def _of_each(machine: str, signals: tuple[str, ...], kinds: dict[str, tuple[float, ...]]) -> dict[str, Scene]:
-    return {
-        f"{s} {kind}": Scene(machine, kind, (s,), sizes) for s in signals for kind, sizes in kinds.items()
-    }
+ANY = {  # what may become of every signal of the bus
+    "freeze": NO_SIZE, "error": NO_SIZE, "absent": NO_SIZE, "silent": NO_SIZE, "beyond": NO_SIZE,
+    "double": NO_SIZE, "again": NO_SIZE, "second": STRANGERS, "seldom": (2.0, 5.0), "late": (0.2, 1.0),
+    "reorder": (2.0, 10.0),
+}  # fmt: skip
+NUMBER = {  # and of every number, of bus or radar; offsets, drifts and spikes in units of SPREAD
+    "value": (0.0,), "hold": NO_SIZE, "scale": (0.5, 0.7, 0.85, 1.19, 1.4), "offset": (-1.0, -0.3, 0.3, 1.0),
+    "drift": (-0.5, -0.1, 0.05, 0.1, 0.5), "spike": (-1.0, 1.0, 5.0),
+}  # fmt: skip
+SEEN = {  # and of every reading of a radar
+    "absent": NO_SIZE, "silent": NO_SIZE, "beyond": NO_SIZE, "error": NO_SIZE, "again": NO_SIZE,
+    "late": (0.2, 0.5, 1.0), "past": (0.1, 0.5, 60.0), "future": (0.5, 60.0, 3600.0), "seldom": (2.0, 5.0),
+    "other": (0.5, 1.5), "ghost": (0.1, 0.2), "reorder": (2.0, 10.0),
+}  # fmt: skip
+GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
+    **{name: ("bus", (name,)) for name in BUS}, "both speeds": ("bus", SPEEDS), "all": ("bus", ("all",)),
+    **{name: ("radar", (name,)) for name in RADAR}, "radar": ("radar", RADAR),
+}  # fmt: skip
+
+
+def _kinds(machine: str, signals: tuple[str, ...]) -> dict[str, tuple[float, ...]]:
+    number = NUMBER if set(signals) <= SPREAD.keys() else {}
+    return {**(ANY if machine == "bus" else SEEN), **number}
 
 
 SCENES: dict[str, Scene] = {
     "nothing": Scene("nobody", "", ()),
-    **_of_each("bus", BUS, {
-        "freeze": NO_SIZE, "error": NO_SIZE, "absent": NO_SIZE, "silent": NO_SIZE, "beyond": NO_SIZE,
-        "double": NO_SIZE, "again": NO_SIZE, "second": STRANGERS, "seldom": (2.0, 5.0), "late": (0.2, 1.0),
-    }),
-    **_of_each("bus", NUMBERS, {"value": (0.0,), "hold": NO_SIZE}),
-    **_of_each("bus", (*SPEEDS, "engine_speed", "gear_ratio", "engine_percent", "retarder_percent", "pitch"),
-               {"scale": (0.5, 0.7, 0.85, 1.19, 1.4)}),
-    **_of_each("bus", SPEEDS, {"drift": (-2.0, -0.5, -0.2, 0.2, 0.5, 2.0)}),
-    **_of_each("bus", ("pitch",), {"drift": (-1.0, 1.0)}),
-    "pitch value": Scene("bus", "value", ("pitch",), (89.9,)),
-    "pitch false": Scene("bus", "value", ("pitch",), (-3.0, 3.0)),
-    "both speeds value": Scene("bus", "value", SPEEDS, (0.0,)),
-    "both speeds hold": Scene("bus", "hold", SPEEDS),
-    "both speeds late": Scene("bus", "late", SPEEDS, (0.2, 1.0)),
-    "both speeds scale": Scene("bus", "scale", SPEEDS, (0.7, 0.85, 1.19, 1.3)),
-    "both speeds drift": Scene("bus", "drift", SPEEDS, (-1.0, -0.5, -0.2, 0.2, 0.5, 1.0)),
-    "all freeze": Scene("bus", "freeze", ("all",)),
-    "all late": Scene("bus", "late", ("all",), (0.05, 0.2, 1.0)),
-    "radar gone": Scene("radar", "absent", RADAR, (0.1, 0.3, 1.0, 2.0, 3.0, 6.0)),
-    **_of_each("radar", RADAR, {
-        "absent": (0.3, 3.0, math.inf), "value": (0.0,), "beyond": NO_SIZE, "error": NO_SIZE,
-        "hold": NO_SIZE, "scale": (0.5, 0.8, 0.95, 1.05, 1.2, 2.0), "drift": (-2.0, -0.5, 0.5, 2.0),
-        "late": (0.2, 0.5, 1.0), "other": (0.5, 1.5),
-    }),
-    "gap drifts slowly": Scene("radar", "drift", ("gap",), (0.4, 0.5, 0.7)),
-    "radar silent": Scene("radar", "silent", RADAR),
-    "radar hold": Scene("radar", "hold", RADAR),
-    "radar late": Scene("radar", "late", RADAR, (0.2, 0.5, 1.0)),
-    "radar old": Scene("radar", "old", RADAR, (0.1, 0.5)),
-    "radar seldom": Scene("radar", "seldom", RADAR, (2.0, 5.0)),
-    "radar again": Scene("radar", "again", RADAR),
-    "radar other": Scene("radar", "other", RADAR, (0.5, 1.5)),
-    "radar ghost": Scene("radar", "ghost", RADAR, (0.1, 0.2)),
-    "radar scale": Scene("radar", "scale", RADAR, (0.8, 1.2)),
+    **{
+        f"{name} {kind}": Scene(machine, kind, signals, sizes)
+        for name, (machine, signals) in GROUPS.items()
+        for kind, sizes in _kinds(machine, signals).items()
+    },
     "leader speed of opposite sign": Scene("radar", "scale", ("leader_speed",), (-1.0,)),
+    "the driver brakes unseen": Scene("driver", "hold", ("brake_pedal", "brake_switch"), (40.0, 60.0)),
     "transmission demands 100 %": Scene("forger", "engine", ("transmission",), (100.0,)),
     "transmission retards 100 %": Scene("forger", "retarder", ("transmission",), (-100.0,)),
     "our own address demands": Scene("forger", "engine", ("ours",), (60.0,)),
     "a stranger demands": Scene("forger", "engine", ("nobody",), (60.0,)),
-}  # fmt: skip
+}
 
 Forger = Callable[[Vehicle, float], Iterator[tuple[int, bytes]]]  # the frames that leave now
 
@@ -115,7 +112,7 @@ def possible(vehicle: Vehicle) -> list[str]:
     return [
         name
         for name, scene in SCENES.items()
-        if (scene.machine != "bus" or set(scene.signals) <= known)
+        if (scene.machine not in ("bus", "driver") or set(scene.signals) <= known)
         and (scene.machine != "forger" or scene.kind in vehicle.transmitted)
         and (scene.kind != "second" or set(STRANGERS) - senders(vehicle, scene.signals))
     ]
@@ -132,24 +129,26 @@ def senders(vehicle: Vehicle, signals: tuple[str, ...]) -> set[int]:
     return {one.key & 0xFF for one in messages(vehicle, signals)}
 
 
-def must_end(name: str, size: float, vehicle: Vehicle) -> bool:
+def must_end(name: str, size: float, lasts: float, vehicle: Vehicle) -> bool:
     """Whether a scene must end control, or refuse it, whatever truck and leader do meanwhile.
 
-    Not where a counter already refuses the second frame of an address, nor what an open converter explains.
+    Not what is soon over, nor where a counter already refuses the second frame of an address.
     """
     machine, kind, signals, _ = SCENES[name]
-    if machine == "nobody":
-        return False
-    if machine == "forger":
-        return True
+    if machine in ("nobody", "forger", "driver"):
+        return machine != "nobody"
     if machine == "radar":
-        lost = kind in ("silent", "error", "beyond", "hold") or (kind == "absent" and size > 3.5)
-        lost = lost or name == "gap drifts slowly"
-        return lost or (kind in ("old", "seldom") and size > 0.3 and (kind == "old" or size >= 5))
+        lost = kind in ("silent", "error", "beyond", "hold", "absent", "future")
+        lost |= (kind == "past" and size > 0.3) or (name == "gap drift" and size == 0.05)
+        return math.isinf(lasts) and (lost or (kind == "seldom" and size >= 5))
     carried, converter = messages(vehicle, signals), bool(messages(vehicle, ("lockup",)))
+    if kind == "second":
+        return True
+    if lasts < 3.0:
+        return False
     if kind in ("double", "again"):
         return not any(heard.check != "none" for heard in carried)
-    if kind in ("absent", "silent", "second") or name == "pitch value":
+    if kind in ("absent", "silent"):
         return True
     if kind == "error":
         return signals != ("engine_mode",)  # 14 of 16 is a torque mode
@@ -160,23 +159,17 @@ def must_end(name: str, size: float, vehicle: Vehicle) -> bool:
     if kind == "freeze":
         return any(signal.still_s < math.inf for heard in carried for signal in heard.signals)
     if kind == "beyond":  # what no truck can do, or what the driver, the brakes or others do
-        return not set(signals) <= {
-            "driveline",
-            "shifting",
-            "lockup",
-            "xbr_state",
-            "engine_mode",
-            "retarder_percent",
-        }
+        free = {"driveline", "shifting", "lockup", "xbr_state", "engine_mode", "retarder_percent"}
+        return not set(signals) <= free
     if kind == "value" and signals[0] in SPEEDS:
         return True
     return signals == ("engine_speed",) and kind in ("scale", "value") and not converter
 
 
-def must_bridge(name: str, size: float) -> bool:
+def must_bridge(name: str, lasts: float) -> bool:
     """Whether control must go on: nothing is wrong, or a steady radar misses its leader for 3 s at most."""
     machine, kind, _, _ = SCENES[name]
-    return machine == "nobody" or (machine == "radar" and kind == "absent" and size <= 3.0)
+    return machine == "nobody" or (machine == "radar" and kind == "absent" and lasts < 3.0)
 
 
 # What the truck does then is no fault of a receiver, as nothing that it hears contradicts it, or not at once.
