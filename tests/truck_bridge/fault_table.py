@@ -175,7 +175,8 @@ def must_bridge(name: str, lasts: float) -> bool:
 # What the truck does then is no fault of a receiver, as nothing that it hears contradicts it, or not at once.
 UNSEEN: dict[str, str] = {
     **dict.fromkeys(
-        ("gap scale", "radar scale", "gap other", "radar other"), "nearer it is a vehicle that cuts in"
+        ("gap scale", "radar scale", "gap other", "radar other", "gap offset", "radar offset"),
+        "nearer it is a vehicle that cuts in",
     ),
     "gap drift": "a range that closes in faster than the speeds say is believed",
     **dict.fromkeys(
