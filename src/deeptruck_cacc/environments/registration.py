@@ -1,7 +1,7 @@
 """Registers the environment's name in gymnasium.
 
-gymnasium calls `register`, an entry point of the installed package, when it is imported. Nothing else is
-loaded.
+Importing deeptruck_cacc after gymnasium calls `register`, and so does
+`gymnasium.make("deeptruck_cacc:deeptruck/Cacc-v0")`. Nothing else is loaded.
 """
 
 from __future__ import annotations

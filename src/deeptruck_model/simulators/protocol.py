@@ -6,8 +6,10 @@ of y(k+1) is the mean over the step, so v(k+1) = v(k) + a(k+1) dt holds to round
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -96,6 +98,9 @@ def completed(simulator: MinimalSimulator | str | Path) -> Simulator:
         return load(simulator)
     if isinstance(simulator, type):
         raise InputError(f"{simulator.__name__} is a class; give a simulator that it makes")
+    if inspect.isroutine(simulator) or isinstance(simulator, partial):
+        name = getattr(simulator, "__name__", "it")
+        raise InputError(f"{name} is a function; give the simulator that it returns: {name}()")
     if isinstance(simulator, Simulator):
         return simulator
     from deeptruck_model.outside.truck import adapted

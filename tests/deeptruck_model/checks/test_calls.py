@@ -50,6 +50,10 @@ WRONG: dict[str, tuple[Call, str]] = {
     "find: array": (lambda r: find_mismatch(TRUCK, np.zeros((3, 2))), "recordings must be"),
     "find: numbers": (lambda r: find_mismatch(TRUCK, [1, 2]), "recordings must be"),
     "find: class": (lambda r: find_mismatch(trucks.PhysicsTruck, r), "is a class"),
+    "find: an uncalled factory": (
+        lambda r: find_mismatch(lambda: TRUCK, r),
+        "is a function; give the simulator that it returns",
+    ),
     "find: swapped": (lambda r: find_mismatch(r, TRUCK), "is no simulator"),
     "find: no truck": (lambda r: find_mismatch("truck:foo", r), "there is no truck 'foo'"),
     "find: seed as text": (lambda r: find_mismatch(TRUCK, r, seed="a"), "seed must be"),

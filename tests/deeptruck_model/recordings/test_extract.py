@@ -64,6 +64,12 @@ def test_mcap_files_of_every_kind(tmp_path: Path, options: dict[str, Any]) -> No
     check(read(file))
 
 
+def test_a_folder_called_as_a_ros1_bag(tmp_path: Path) -> None:
+    interface = TruckInterface("mine", "N m", "percent")
+    drive = Recording("a", 0.1, {"speed": 0.1 * np.arange(300)}, interface)
+    check(read(write_bag(tmp_path / "drive.bag", [drive], interface=interface)))
+
+
 def test_a_ros1_bag(tmp_path: Path) -> None:
     types = get_typestore(Stores.ROS1_NOETIC)
     with Writer1(tmp_path / "drive.bag") as writer:
