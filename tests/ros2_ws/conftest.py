@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -145,6 +146,7 @@ def lockstep_bag(once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """The bag of a run that is made once for all workers; tests that change it copy it."""
 
     def make(folder: Path) -> None:
+        shutil.rmtree(folder, ignore_errors=True)  # of a worker in which it failed
         folder.mkdir()
         with reserved_domain() as number:
             words = ("start_simulation.py", *LOCKSTEP, "--record", folder / "bag")
