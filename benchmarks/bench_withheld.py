@@ -3,10 +3,10 @@ channel.
 
 python benchmarks/bench_withheld.py [--updates 1200]
 
-An electric car (TUM): its braking by the motor, the heights, and the temperature of the air, which no
-simulator takes. A truck's bus of 30 s (Colorado State University): the gear. The logs (docs/recordings.md)
-are no part of this project: put them under ../shared/data or the folder in DEEPTRUCK_REAL_DATA. No setting
-was chosen on these results.
+An electric car (TUM): its braking by the motor, and the temperature of the air, which no simulator takes
+(its slope: bench_real_car.py). A truck's bus of 30 s (Colorado State University): the gear. The logs
+(docs/recordings.md) are no part of this project: put them under ../shared/data or the folder in
+DEEPTRUCK_REAL_DATA. No setting was chosen on these results.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Array = np.ndarray[Any, Any]
 
 TRAINERS = ("A06", "A07", "A08")  # summer trips with motorways, as some of those that are judged
 FITTED, HELD_OUT = ("A01", "A03", "A13"), ("A04", "A14")
-HILLY, WINTER = "A11", "B17"
+WINTER = "B17"
 WINDOW_S = 10.0  # of the means that are compared
 PIECES = 2  # of which the second is held out
 TORQUE = "engine_command"
@@ -87,14 +87,6 @@ def braking(simulator: Simulator, folder: Path) -> Withheld:
     right = ("brake", "dragging_brake", "engine_brake")
     blind, blind_held = ([without_braking(r) for r in part] for part in (fitted, held))
     return Withheld("braking by the motor", right, simulator, blind, blind_held, channel)
-
-
-def heights(simulator: Simulator, folder: Path) -> Withheld:
-    """A simulator without slope, with the hilliest trip without its heights."""
-    parts = split(trip(HILLY, folder), (1 / PIECES, 1 - 1 / PIECES, 0.0))[:PIECES]
-    channel = {r.name: -r.channels["grade"] for part in parts for r in part}
-    blind, held = ([withhold(r) for r in part] for part in parts)
-    return Withheld("heights", ("slope", "road_grade"), simulator, blind, held, channel)
 
 
 def temperature(simulator: Simulator, folder: Path) -> Withheld:
@@ -201,16 +193,14 @@ def _correlations(w: Withheld, found: Mismatch) -> str:
 
 def main() -> None:
     updates = harness.options(__doc__, {"--updates": (1200, "of the car's simulators")}).updates
-    harness.check_data(harness.DATA / "bmw_i3" / f"Trip{HILLY}.csv")
+    harness.check_data(harness.DATA / "bmw_i3" / f"Trip{WINTER}.csv")
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         trips = [r for t in TRAINERS for r in trip(t, folder)]
         whole = load(trained(trips, folder / "whole", updates))
-        level = load(trained([withhold(r) for r in trips], folder / "level", updates))
         cases = (
             braking(whole, folder),
             temperature(whole, folder),
-            heights(level, folder),
             gear(folder),
         )
         rows = [judged(w) for w in cases]
@@ -220,13 +210,13 @@ def main() -> None:
 
 ABOVE = f"""A channel that was recorded is withheld from the tool, which compares the log with a simulator:
 braking by the motor of an electric car (negative torque is logged as none), beside a simulator that takes
-the whole torque; a winter trip of 3 degC, beside one that learned in summer; heights, beside one that
-learned without them; and the gear of a truck's bus, beside a physics truck of the bus's ratios.
+the whole torque; a winter trip of 3 degC, beside one that learned in summer; and the gear of a truck's
+bus, beside a physics truck of the bus's ratios.
 Correlations are those of means over {WINDOW_S:g} s (of temperature, of whole trips) of the channel with
 the forces that were found, and with the whole residual. Speed errors are those of free runs along logs
 held out: as given -> refitted -> corrected; what is offered."""
 BELOW = f"""The car's simulators learned from trips {", ".join(TRAINERS)}; fitted are {", ".join(FITTED)}
-and held out {", ".join(HELD_OUT)}; of {HILLY} and {WINTER} the first half is fitted and the second held
+and held out {", ".join(HELD_OUT)}; of {WINTER} the first half is fitted and the second held
 out. A kind is named where one of its names is said, or the missing input with a share of the time in which
 it acts. A first run learned from A05 and A08, which drive slower than the trips that are judged; of the
 car's three channels it named the same one. The truck's bus is too short for a free run of 40 s, so that
