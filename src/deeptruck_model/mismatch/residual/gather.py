@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import compress
 
 import numpy as np
@@ -228,6 +229,7 @@ def _rerunner(d: _Driven, along: Sequence[bool], progress: _Progress) -> Callabl
     driven, runs = list(compress(d.prepared, along)), list(compress(d.runs, along))
     response = command_response(d.simulator, driven, runs, lambda: progress.more(1))
 
+    @lru_cache(maxsize=256)
     def rerun(name: str, amount: float) -> Array:
         changes = iter(response(name, amount))
         return d.grid.stack(
