@@ -14,7 +14,7 @@ import typer
 
 from deeptruck_model import files
 from deeptruck_model._terminal import console
-from deeptruck_model._terminal.progress_steps import progress
+from deeptruck_model._terminal.progress import progress
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def _trained(
 ) -> MlpPolicy:
     from deeptruck_cacc import training
     from deeptruck_model import simulators
-    from deeptruck_model._terminal.progress_bar import bar
+    from deeptruck_model._terminal.progress import bar
 
     truck = simulators.load(simulator)
     with bar("training") as show:

@@ -16,7 +16,7 @@ from torch import Tensor
 from deeptruck_cacc.controllers.policy import CORRECT_IT, GO_ON
 from deeptruck_cacc.training.identity import CHECKPOINT, differences, facts_of, refuse_another
 from deeptruck_model import files
-from deeptruck_model._terminal.progress_bar import board
+from deeptruck_model._terminal.progress import board
 from deeptruck_model.errors import InputError
 
 

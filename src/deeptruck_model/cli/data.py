@@ -14,7 +14,7 @@ import typer
 
 from deeptruck_model import checks, files
 from deeptruck_model._io import reading, results
-from deeptruck_model._terminal.progress_steps import progress
+from deeptruck_model._terminal.progress import progress
 from deeptruck_model.checks import Clock
 from deeptruck_model.cli.inputs import (
     ClockOption,

@@ -10,7 +10,7 @@ import typer
 
 from deeptruck_model import checks
 from deeptruck_model._io import results
-from deeptruck_model._terminal.progress_steps import progress
+from deeptruck_model._terminal.progress import progress
 from deeptruck_model.cli.inputs import (
     SIMULATOR,
     Bags,

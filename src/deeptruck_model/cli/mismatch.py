@@ -12,7 +12,7 @@ import typer
 
 from deeptruck_model import checks
 from deeptruck_model._io.results import BAG_WITH_ROAD, FOUND, apart
-from deeptruck_model._terminal.progress_steps import progress
+from deeptruck_model._terminal.progress import progress
 from deeptruck_model.cli.inputs import (
     SIMULATOR,
     ClockOption,

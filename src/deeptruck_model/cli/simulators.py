@@ -12,7 +12,7 @@ import typer
 from deeptruck_model import checks, files
 from deeptruck_model._io import results
 from deeptruck_model._io.json_data import to_json
-from deeptruck_model._terminal.progress_steps import progress
+from deeptruck_model._terminal.progress import progress
 from deeptruck_model.cli.inputs import SIMULATOR, ClockOption, MessageFiles, Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_model import files, simulators
 from deeptruck_model._io.results import DEEP_TRUCK
-from deeptruck_model._terminal.progress_bar import bar, board
+from deeptruck_model._terminal.progress import bar, board
 from deeptruck_model.checks import calls
 from deeptruck_model.deep import card, coverage, remarks, resume
 from deeptruck_model.deep.arguments import FUEL, PAPER_FUEL, Arguments

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_model import checks, sweeps
-from deeptruck_model._terminal.progress_bar import bar
+from deeptruck_model._terminal.progress import bar
 from deeptruck_model.checks.compatibility import Taken
 from deeptruck_model.errors import InputError
 from deeptruck_model.fleet import compare as comparing

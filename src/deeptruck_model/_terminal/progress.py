@@ -1,5 +1,5 @@
-"""Progress of a long computation: a bar with the remaining time on a terminal, a line per minute elsewhere,
-and TensorBoard curves.
+"""Progress of a long command on stderr: a bar with the remaining time, or the present step with the elapsed
+time; a line per step and minute where there is no terminal. And TensorBoard curves.
 """
 
 from __future__ import annotations
@@ -14,7 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, Task, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.text import Text
 
 if TYPE_CHECKING:
@@ -22,6 +31,7 @@ if TYPE_CHECKING:
 
 
 A_MINUTE_S = 60.0
+QUIET_S = 2.0  # a log shows no step before: what refuses its input does so by one line
 LEAST_STEPS, LEAST_SHARE = 10, 0.02  # done before the time left is estimated: first steps compile
 
 
@@ -88,6 +98,57 @@ def _lines(label: str, every_s: float) -> Callable[[int, int, str], None]:
 def _left(passed_s: float, done: int, to_do: int) -> str:
     seconds = passed_s / done * to_do
     return f"about {seconds / 60:.0f} min" if seconds >= 90.0 else f"about {seconds:.0f} s"
+
+
+@contextmanager
+def progress(
+    first: str, every_s: float = A_MINUTE_S, quiet_s: float = QUIET_S
+) -> Iterator[Callable[[str], None]]:
+    """A function that reports on stderr which step begins; a terminal shows the `first` one at once, a log
+    those after `quiet_s`."""
+    console = Console(stderr=True)
+    if console.is_terminal:
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        with Progress(*columns, console=console, transient=True) as shown:
+            task = shown.add_task(first)
+            yield lambda step: shown.update(task, description=step)
+        return
+    begun = time.monotonic()
+    now = first
+
+    def line(text: str) -> None:
+        print(f"{time.monotonic() - begun:4.0f} s: {text}", file=sys.stderr, flush=True)
+
+    def say(step: str) -> None:
+        nonlocal now
+        now = step
+        if time.monotonic() - begun > quiet_s:
+            line(step)
+
+    ended = threading.Event()
+
+    def remind() -> None:
+        while not ended.wait(every_s):
+            line(f"still {now}")
+
+    reminder = threading.Thread(target=remind, daemon=True)
+    reminder.start()
+    try:
+        yield say
+    finally:
+        ended.set()
+        reminder.join()
+
+
+@contextmanager
+def steps(say: Callable[[str], None] | None, first: str) -> Iterator[Callable[[str], None]]:
+    """The function to which a Python call reports its steps: `say`; without it a terminal, and
+    elsewhere lines on stderr once it takes longer than a minute."""
+    if say is not None:
+        yield say
+    else:
+        with progress(first, quiet_s=A_MINUTE_S) as shown:
+            yield shown
 
 
 def board(folder: Path, start: int) -> SummaryWriter:

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 from tensorboard.summary.writer.record_writer import RecordWriter
 
-from deeptruck_model._terminal.progress_bar import bar, board
-from deeptruck_model._terminal.progress_steps import progress
+from deeptruck_model._terminal.progress import bar, board, progress
 
 
 def test_a_log_gets_a_line_now_and_then_with_the_time_left(capsys: pytest.CaptureFixture[str]) -> None:
