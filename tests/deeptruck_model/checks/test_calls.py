@@ -86,7 +86,7 @@ WRONG: dict[str, tuple[Call, str]] = {
     "evaluate: seed": (lambda r: evaluate(TRUCK, r, "out", seed=-1), "seed must be"),
     "mismatch.read": (lambda r: mismatch.read(None), "the folder must be a path"),
     "mismatch.apply": (lambda r: mismatch.apply(None, "out"), "the folder must be a path"),
-    "mismatch.summary": (lambda r: mismatch.summary(None), "find_mismatch returns one"),
+    "mismatch.summary": (lambda r: mismatch.summary(None), "find_mismatch or mismatch.read returns"),
     "mismatch.adapt": (lambda r: mismatch.adapt(TRUCK, 5), "recordings must be"),
     "trucks.load": (lambda r: trucks.load(None), "a truck must be a path"),
     "with_parameters": (lambda r: TRUCK.with_parameters(["mass"]), "given by name"),
