@@ -107,6 +107,11 @@ class Guard:
         return self._tracker.contradicted_s
 
     @property
+    def radar_is_frozen(self) -> Flags:
+        """Where a noisy radar has repeated a reading for so long that it is frozen, (batch,)."""
+        return self._tracker.frozen
+
+    @property
     def speed_is_silent(self) -> Flags:
         """Where the truck's own speed has been missing for over a second."""
         return self._last_seen.silent

@@ -133,11 +133,13 @@ class Controller(DeeptruckNode):
         if observation is None or (not self.lockstep and self._is_stale("speed")):
             return
         self._observed_at = time.monotonic()
-        events = self._following.events
+        events, led = self._following.events, self._following.leads
         self._following.take(observation, obeyed=self._drives)
         self._send(observation.stamp)
         leads, values = self._following.leads, {**self._counts, "gap_m": observation.gap}
-        level, says = ("ok", "following") if leads else ("warn", "nothing to follow: no command")
+        level, says = ("ok", "following") if leads else ("warn", f"{self._following.why}: no command")
+        if led and not leads and self._drives:
+            say(f"control ends: {self._following.why}")
         at_once = self._following.events > events
         self.diagnose(observation.stamp, level, says, values, at_once=at_once)
 

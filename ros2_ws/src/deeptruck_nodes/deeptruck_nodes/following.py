@@ -52,6 +52,7 @@ class Following:
         self._events = {name: Event() for name in EVENTS}
         self.held = (math.nan, math.nan)  # engine and brake command in the interface's units
         self.leads = False  # there is something to follow
+        self.why = ""  # not, in words; "" while it leads
         guard.reset()
 
     @property
@@ -103,9 +104,8 @@ class Following:
             observation["grade_ahead"] = np.array([seen.grade_ahead])
         engine, brake = self._guard.act(observation)
         led = self.leads
-        self.leads = bool(self._guard.unseen_s[0] <= self._lose_after_s + 1e-6)
-        self.leads &= not self._guard.speed_is_silent[0]
-        self.leads &= bool(self._guard.contradicted_s[0] <= CONTRADICTED_S)
+        self.why = self._why_not()
+        self.leads = not self.why
         acted, braking = bool(self._guard.acted[0]), brake[0] >= FULL * self._brake_high
         if not self.leads:
             self._guard.forget()
@@ -116,6 +116,21 @@ class Following:
         self._events["shield_interventions"].now(acted)
         self._events["full_brakings"].now(bool(braking))
         return float(engine[0]), float(brake[0])
+
+    def _why_not(self) -> str:
+        """Why there is nothing to follow; "" if there is."""
+        guard = self._guard
+        if guard.speed_is_silent[0]:
+            return "the truck's speed is missing"
+        if guard.contradicted_s[0] > CONTRADICTED_S:
+            frozen = "the radar repeats a reading: it is frozen"
+            return (
+                frozen
+                if guard.radar_is_frozen[0]
+                else "the radar's range and the speeds contradict each other"
+            )
+        lost = guard.unseen_s[0] > self._lose_after_s + 1e-6
+        return "the radar sees no vehicle ahead" if lost else ""
 
 
 def _between(before: Observation, after: Observation, share: float) -> Observation:
