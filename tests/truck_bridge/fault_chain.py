@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 
 import can
@@ -15,7 +16,7 @@ from deeptruck_cacc import load_policy
 from deeptruck_cacc.safety.guard import Guard, guard
 from deeptruck_model.simulators import load as load_truck
 from deeptruck_nodes.following import Following
-from deeptruck_nodes.leaders import Steps
+from deeptruck_nodes.leaders import Leader
 from deeptruck_nodes.observation import SECOND, Alignment
 from deeptruck_nodes.radar import Gap, Radar, RadarErrors
 from truck_bridge.bridge import Bridge
@@ -39,18 +40,27 @@ def controller(vehicle: Vehicle, policy: str) -> Guard:
 class Chain:
     """A truck that follows a leader over the bus, everything sound until `lie`, `bus_lie` or `forged` is set.
 
-    `policy` is a text as of the start scripts. The truck begins at the leader's speed.
+    `policy` is a text as of the start scripts. The truck begins at the leader's speed, on a slope that is
+    drawn unless `grade` is given by distance.
     """
 
-    def __init__(self, vehicle: Vehicle, rng: np.random.Generator, leader: Steps, policy: str) -> None:
-        self.vehicle, self.now, speed = vehicle, 0.0, leader.speeds[0]
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        rng: np.random.Generator,
+        leader: Leader,
+        policy: str,
+        grade: Callable[[float], float] | None = None,
+        errors: RadarErrors = RADAR,
+    ) -> None:
+        self.vehicle, self.now, speed = vehicle, 0.0, leader.speed_at(0.0)
         self.ours, self.trucks = Wire(rng), Wire(rng)
         self.ours.peer, self.trucks.peer = self.trucks, self.ours
         self.bridge = Bridge(vehicle, self.ours)
         slope = float(rng.uniform(-0.01, 0.02))
-        self.truck = EcuEmulator(vehicle, self.trucks, speed=speed, grade=lambda distance: slope)
+        self.truck = EcuEmulator(vehicle, self.trucks, speed=speed, grade=grade or (lambda distance: slope))
         self.gap = Gap(leader, 0.0, TIME_GAP_S)
-        self.radar, self.lie = Radar(RADAR, int(rng.integers(1 << 31))), None
+        self.radar, self.lie = Radar(errors, int(rng.integers(1 << 31))), None
         self.guard = controller(vehicle, policy)
         self.following = Following(self.guard, TIME_GAP_S, LOST_S)
         self.forged: Forger | None = None
