@@ -75,9 +75,6 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
     "deeptruck_model.mismatch.residual": {
         "deeptruck_model/mismatch/residual/test_residual.py": "shift_moment",
     },
-    "deeptruck_model.mismatch.verdict": {
-        "deeptruck_model/mismatch/test_find.py": "conclude",
-    },
     "deeptruck_model.pages": {
         "deeptruck_model/compare/test_comparison.py": "document style",
     },

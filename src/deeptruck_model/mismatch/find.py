@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.model import correct
 from deeptruck_model.mismatch.correction.validate import validate
-from deeptruck_model.mismatch.folders import CORRECTION
+from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.mechanisms import Mechanism
 from deeptruck_model.mismatch.mechanisms.own import checked
@@ -80,7 +80,7 @@ def find_mismatch(
         driven.errors,
         made.corrected.marked(verdict.offered == CORRECTION),
         c.drives.prepared,
-        made.parameters_only.marked(verdict.validated and driven.refit_better),
+        made.parameters_only.marked(verdict.validated and REFIT in driven.better),
     )
 
 
@@ -120,4 +120,4 @@ def compared(
     search = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
     p, events = without_events(search, seed)
     parameters = dict(simulator.parameters())
-    return Compared(parameters, drives, e, p, names(p, events), budget(p, e), events)
+    return Compared(parameters, drives, e, p, names(p), budget(p, e), events)

@@ -201,12 +201,6 @@ class Limits:
     event_compared: float = _rule(
         0.7, "1", "of the samples of a window, above which an event may be in it", CHOSEN
     )
-    events_agree: int = _rule(
-        2,
-        "events",
-        "of which one cause is sought where nothing acts always: noise has hardly two",
-        STATISTICS,
-    )
     notable: float = _rule(
         0.02, "m/s^2", "of a 1 s mean, above which a force acts: noise of ordinary sensors", SENSORS
     )
@@ -239,15 +233,6 @@ class Limits:
     )
     nameless: float = _rule(
         0.3, "1", "prior odds that a force follows no mechanism, times those of a mechanism", CHOSEN
-    )
-    form_choice: float = _rule(
-        0.15,
-        "1",
-        "of the best name's gain, by which that of others in its place is divided: no form is exact",
-        CHOSEN,
-    )
-    form_there: float = _rule(
-        0.02, "1", "of the gain of all that is in, by which that of one place is divided", CHOSEN
     )
     least_ratio: float = _rule(
         0.5,

@@ -9,7 +9,8 @@ from scipy.stats import truncnorm
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, carriers
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
-from deeptruck_model.mismatch.posterior.regression import Model, changed_by
+from deeptruck_model.mismatch.posterior.posterior import Posterior
+from deeptruck_model.mismatch.posterior.regression import changed_by
 from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Size
@@ -31,40 +32,49 @@ def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
     return out
 
 
-def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
-    """The main sizes by name. Columns of one name, from a merged term, add up to one size.
+def sizes_of(term: CandidateTerm, p: Posterior) -> dict[str, Size]:
+    """The main sizes of a form by name, with the intervals of the draws: coefficients whose force is nearest
+    to that of each draw. Columns of one name, from a merged term, add up to one size.
 
     An effect that acts on held-out recordings only was not fitted, and has no size. A delay is not known
-    better than the arrival time of a command within a sample.
+    better than the arrival time of a command within a sample. A size whose interval holds zero is not
+    identified, and left out, unless it is that of one drive.
     """
-    values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
+    e, name = p.search.e, term.mechanism.effect
+    if not p.inside(name).any():
+        return {}
+    drawn = p.on_columns(name, term.columns)
     acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
-    by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in sorted(model.free)})
+    moved = {n: p.change(n)[0] for n in p.search.parameters if p.probability(n) >= e.rules.named}
+    by = carriers.factors(e.moved, moved)
     weights: dict[str, Array] = {}
     columns: dict[str, Column] = {}
     for k, part in enumerate(term.parts):
-        for name, weight in part.course or ((part.name, 1.0),):
+        for of, weight in part.course or ((part.name, 1.0),):
             factor = weight * part.factor * (e.unit.scale if part.per_mass else 1.0)
             factor *= carriers.ratio(part, e, by) if e.moved else 1.0
-            weights.setdefault(name, np.zeros(len(term.parts)))[k] = factor
-            columns[name] = part
+            weights.setdefault(of, np.zeros(len(term.parts)))[k] = factor
+            columns[of] = part
     sizes: dict[str, tuple[float, float, str]] = {
-        name: (
-            float(g @ values),
-            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + timing(columns[name], e))),
-            e.unit.of(columns[name].unit) if columns[name].per_mass else columns[name].unit,
+        of: (
+            float((drawn @ g).mean()),
+            float(np.sqrt(np.var(drawn @ g) + timing(columns[of], e))),
+            e.unit.of(columns[of].unit) if columns[of].per_mass else columns[of].unit,
         )
-        for name, g in weights.items()
+        for of, g in weights.items()
         if acts[g != 0.0].any()
     }
     gain = e.signals.get("effective_mass_gain")
     turning = 1.0 if gain is None else float(np.median(gain[e.valid]))
     main = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:MAIN_PARAMETERS]
     of_drive = all(isinstance(v.course, EachDrive) for v in term.variants)
+    out = {
+        of: bounded(columns[of], value, sd, unit, e, turning, of_drive=of_drive)
+        for of, (value, sd, unit) in sizes.items()
+        if of in main
+    }
     return {
-        name: bounded(columns[name], value, sd, unit, e, turning, of_drive=of_drive)
-        for name, (value, sd, unit) in sizes.items()
-        if name in main
+        of: x for of, x in out.items() if of.endswith("]") or x.ci95 is None or x.ci95[0] * x.ci95[1] > 0.0
     }
 
 

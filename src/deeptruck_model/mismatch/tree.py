@@ -5,7 +5,7 @@ which are the families and the nonparametric terms.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import get_args
 
 from deeptruck_model.errors import InputError
@@ -43,8 +43,8 @@ PARTS = (*NAMES, PLACE, EACH_DRIVE, SLOW, HIDDEN, UNKNOWN, LEFT_OVER)  # of the 
 
 @dataclass(frozen=True)
 class Node:
-    """A node of the tree: a family below the root, or a name below its family; `probability` is the sum of
-    its children's."""
+    """A node of the tree: a family below the root, or a name below its family. `probability`: that a name
+    acts, or any of a family."""
 
     node: str
     parent: str
@@ -53,17 +53,19 @@ class Node:
 
 @dataclass(frozen=True)
 class Tree:
-    """The probability of every name; they add up to one, or to the probability of their condition."""
+    """The probability of every name, and of any name of a family: of names that may act together it is less
+    than their sum, which it is where `of_families` is empty."""
 
     names: Mapping[str, float]
+    of_families: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def families(self) -> dict[str, float]:
-        """Sums over the names of each family, most probable first."""
-        sums: dict[str, float] = {}
-        for name, p in self.names.items():
-            sums[FAMILY[name]] = sums.get(FAMILY[name], 0.0) + p
-        return dict(sorted(sums.items(), key=lambda item: -item[1]))
+        """The probability that any name of a family acts, most probable first."""
+        each = dict(self.of_families)
+        for name, p in self.names.items() if not each else ():
+            each[FAMILY[name]] = each.get(FAMILY[name], 0.0) + p
+        return dict(sorted(each.items(), key=lambda item: -item[1]))
 
     @property
     def first(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
@@ -22,11 +22,12 @@ OTHERS = ("turbo_lag", "payload_change", "command_delay", "load_slosh")
 
 @dataclass
 class Draws:
-    """A posterior by the draws in which each name is in, and what may act in the place of each name."""
+    """A posterior by the draws in which each name acts all along, and those in which it causes events."""
 
     shares: Mapping[str, slice]
-    places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    events: Mapping[str, slice] = field(default_factory=dict)
     known_physics: bool = True
+    in_events = np.ones(3)
 
     @property
     def of(self) -> list[Any]:
@@ -41,8 +42,10 @@ class Draws:
         out[self.shares.get(name, slice(0))] = True
         return out
 
-    def in_place_of(self, name: str, beside: Sequence[str]) -> tuple[Mapping[str, float], float]:
-        return self.places.get(name, {name: 1.0}), float(self.inside(name).mean())
+    def acts(self, name: str) -> np.ndarray:
+        out = self.inside(name)
+        out[self.events.get(name, slice(0))] = True
+        return out
 
     def gain(self, name: str) -> float:
         return 10.0
@@ -58,45 +61,43 @@ def of(shares: Mapping[str, slice], **more: Any) -> Names:
 
 def test_where_nothing_is_in_nothing_is_named() -> None:
     found = of({LAG: slice(0), WIND: slice(0)})
-    assert (found.found, found.each) == ((), {})
+    assert (found.found, dict(found.tree.names), found.nothing) == ((), {}, 1.0)
     assert found.explanations == (Explanation((), 1.0),)
 
 
 @pytest.mark.parametrize(("draws", "said"), [(49, False), (50, True), (100, True)])
-def test_a_name_is_said_from_one_half_on(draws: int, said: bool) -> None:
+def test_a_name_is_said_from_one_half_on_with_its_probability_in_the_draws(draws: int, said: bool) -> None:
     found = of({LAG: slice(draws), WIND: slice(0)})
     assert [x.name for x in found.found] == [LAG] * said
-    assert found.each[LAG] == pytest.approx(draws / DRAWS)
-    if said:
-        assert found.found[0].tree.names == {LAG: pytest.approx(draws / DRAWS)}
+    assert found.tree.names == {LAG: pytest.approx(draws / DRAWS)}
+    assert found.nothing == pytest.approx(1.0 - draws / DRAWS)
+    assert all(x.tree.names == found.tree.names for x in found.found)
 
 
 def test_what_is_in_hardly_any_draw_is_left_out() -> None:
     found = of({LAG: slice(100), WIND: slice(1)})
-    assert found.each == {LAG: 1.0}
+    assert found.tree.names == {LAG: 1.0}
     assert found.explanations == (Explanation((LAG,), 0.99), Explanation((LAG, WIND), 0.01))
 
 
-@pytest.mark.parametrize(("lag", "first"), [(96, LAG), (90, WIND)])
-def test_names_are_in_the_order_of_their_families_probability(lag: int, first: str) -> None:
-    """Two of one family in turn are in as often as the family is, 95 %."""
-    shares = {LAG: slice(0, lag), WIND: slice(0, 50), DRAG: slice(50, 95)}
-    assert of(shares, places={WIND: {WIND: 0.6, DRAG: 0.4}}).found[0].name == first
+def test_names_in_the_place_of_each_other_are_one_finding() -> None:
+    (one,) = of({WIND: slice(0, 60), DRAG: slice(60, 95), LAG: slice(95, 98)}).found
+    assert one.tree.names == {WIND: 0.6, DRAG: 0.35, LAG: 0.03}
+    assert one.tree.credible(RULES.credible) == (WIND, DRAG)
+    assert one.tree.families == {"air_tyres_road": 0.95, "brakes": 0.03}
+    assert one.tree.stated(RULES.stated) == "air_tyres_road"
 
 
-def test_where_every_name_was_looked_at_and_none_is_probable_enough_nothing_is_found() -> None:
-    assert of({WIND: slice(60)}, places={WIND: {WIND: 0.5}}).found == ()
-
-
-def test_a_name_that_stands_in_its_place_is_no_finding_of_its_own() -> None:
-    (one,) = of({LAG: slice(0, 50), FADE: slice(50, 100)}, places={LAG: {LAG: 0.6, FADE: 0.4}}).found
-    assert one.tree.names == {LAG: pytest.approx(0.3), FADE: pytest.approx(0.2)}
-
-
-def test_a_name_that_is_in_at_once_is_a_finding_of_its_own() -> None:
-    both = of({LAG: slice(0, 100), FADE: slice(0, 100)}, places={LAG: {LAG: 0.7, FADE: 0.3}})
+def test_names_that_act_together_are_findings_of_their_own_and_a_family_is_no_sum() -> None:
+    both = of({LAG: slice(0, 95), FADE: slice(0, 90)})
     assert [x.name for x in both.found] == [LAG, FADE]
-    assert both.found[0].tree.names == {LAG: pytest.approx(0.7), FADE: pytest.approx(0.3)}
+    assert both.tree.families == {"brakes": 0.95}
+
+
+def test_the_one_cause_of_events_has_its_probability_and_force_too() -> None:
+    (one,) = of({LAG: slice(0)}, events={LAG: slice(70)}).found
+    assert one.tree.names == {LAG: 0.7}
+    np.testing.assert_array_equal(one.force, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -112,9 +113,9 @@ def test_beside_a_learned_simulator_only_what_is_sure_is_accepted(
 def test_no_more_names_than_a_verdict_may_have() -> None:
     found = of(dict.fromkeys((LAG, WIND, *OTHERS), slice(100)))
     assert len(found.found) == RULES.most_findings
-    assert len(found.each) == 6
+    assert len(found.tree.names) == 6
 
 
 def test_slow_drift_is_no_name() -> None:
     found = of({SLOW: slice(80), LAG: slice(0)})
-    assert (found.found, found.each) == ((), {})
+    assert (found.found, dict(found.tree.names)) == ((), {})

@@ -51,9 +51,8 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Made:
-    """The corrected simulator, the one with refitted parameters only, the recipe of the correction, the most
-    probable sizes of `terms`, which findings state even if other sizes predict better, and the parameters of
-    the refit.
+    """The corrected simulator, the one with refitted parameters only, the recipe of the correction, one form
+    of each mechanism that may act (`terms`), whose sizes findings state, and the parameters of the refit.
 
     `left_out` are first-order speed errors (drives,), rms in m/s, of fitted drives that were left out in
     turn, by simulator as in `FreeRunErrors`; empty if they are too few. Those of the corrected
@@ -63,7 +62,6 @@ class Made:
     corrected: CorrectedTruck
     parameters_only: CorrectedTruck
     recipe: Recipe
-    model: Model
     refit: Mapping[str, Refitted] = field(default_factory=dict)
     terms: tuple[CandidateTerm, ...] = ()  # forms of all that may be in, of single drives too
     left_out: Mapping[str, Array] = field(default_factory=dict)
@@ -90,7 +88,6 @@ def correct(simulator: Simulator, p: Posterior) -> Made:
         _truck(simulator, whole, best, _fitted(whole, best)),
         _truck(simulator, whole, tuning, _fitted(whole, tuning)),
         best,
-        whole.model(stated, best.free if best.terms else likely),
         {n: _refitted(simulator, whole.e, alone, n) for n in sorted(alone.free)},
         stated,
         {
@@ -140,11 +137,17 @@ def _options(p: Posterior, m: Mechanism, *, general: bool) -> list[CandidateTerm
 
 def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
     """The candidate term with the fewest coefficients, among those that explain a force (n,) nearly as well
-    as the best one; findings state its sizes."""
+    as the best one, and of these the one whose coefficients are nearest their prior; findings state its
+    sizes."""
     gram, pull, squares, own = _products(search, options, force)
     left = np.array([squares - _explained(gram, pull, a) for a in own])
     good = np.flatnonzero(left <= left.min() + Limits.simpler * squares)
-    return [options[min(good, key=lambda k: (len(own[k]), left[k]))]]
+
+    def far(k: int) -> float:
+        off = (_solved(gram, pull, own[k]) - options[k].prior.mean) / np.maximum(options[k].prior.sd, 1e-12)
+        return float(off @ off)
+
+    return [options[min(good, key=lambda k: (len(own[k]), far(k)))]]
 
 
 def _products(
@@ -178,10 +181,16 @@ def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -
 
 
 def _explained(gram: Array, pull: Array, at: NDArray[np.intp]) -> float:
-    """Explained sum of squares for some columns, with a small ridge."""
-    H, c = gram[np.ix_(at, at)], pull[at]
-    b = np.linalg.solve(H + np.eye(len(H)) * (1e-6 * np.trace(H) / len(H) + 1e-12), c)
-    return float(2.0 * b @ c - b @ H @ b)
+    """Explained sum of squares for some columns."""
+    b = _solved(gram, pull, at)
+    return float(2.0 * b @ pull[at] - b @ gram[np.ix_(at, at)] @ b)
+
+
+def _solved(gram: Array, pull: Array, at: NDArray[np.intp]) -> Array:
+    """Coefficients of some columns, with a small ridge."""
+    H = gram[np.ix_(at, at)]
+    out: Array = np.linalg.solve(H + np.eye(len(H)) * (1e-6 * np.trace(H) / len(H) + 1e-12), pull[at])
+    return out
 
 
 def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -> Refitted:

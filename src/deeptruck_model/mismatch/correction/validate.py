@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.correction.improvement import (
 from deeptruck_model.mismatch.correction.model import Made
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, WithoutExogenous
-from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION, REFIT
+from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.posterior.relinearise import own_drives
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.rules import Limits, Rules
@@ -38,13 +38,11 @@ class Validated:
     errors: dict[str, Errors]
     judged: FitResult
     own_error: float | None
-    refit_better: bool  # parameters refitted alone are significantly better than those given
+    better: frozenset[str]  # simulators that are significantly better than the one as given
 
 
 def validate(simulator: Simulator, made: Made, drives: PreparedDrives, rules: Rules) -> Validated:
-    """Run the simulator as given, with refitted parameters only, and corrected. Of those that are
-    significantly better than the one as given, the one with the least error along held-out drives is offered.
-    """
+    """Run the simulator as given, with refitted parameters only, and corrected; `decide` offers one."""
     held_out, fitted = drives.part(held_out=True), drives.part(held_out=False)
     horizon_s = horizon(held_out or fitted)
     after = made.corrected
@@ -52,14 +50,11 @@ def validate(simulator: Simulator, made: Made, drives: PreparedDrives, rules: Ru
     driven = free_runs([(truck, held_out) for truck in jobs.values()], horizon_s)
     errors = dict(zip(jobs, driven, strict=True))
     without = _without_exogenous(after, held_out, horizon_s)
-    offered = _offered(errors, made, without, rules)
     fit = FitResult(
         held_out=tuple(p.recording.name for p in held_out),
         horizon_s=horizon_s,
         windows=len(errors["before"].speed),
         corrected=tuple(sorted({t.effect for t in after.terms} | set(after.moved))),
-        validated=offered != AS_GIVEN,
-        offered=offered,
         errors=free_run_errors(errors),
         improvement=improvement(errors) if len(errors["before"].speed) else None,
         corrected_parameters={p: round(change, 4) for p, change in after.moved.items()},
@@ -69,23 +64,18 @@ def validate(simulator: Simulator, made: Made, drives: PreparedDrives, rules: Ru
         scales_forces=not simulator.parameters(),
     )
     own = own_error(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
-    refit_better = bool(made.parameters_only.moved) and _better(errors, made, "parameters_only", rules)
     along_fitted = free_windows(simulator, fitted, horizon_s)
-    return Validated(errors | {"fitted": along_fitted}, fit, own, refit_better)
+    return Validated(errors | {"fitted": along_fitted}, fit, own, _those_better(errors, made, rules))
 
 
-def _offered(errors: Mapping[str, Errors], made: Made, without: WithoutExogenous | None, rules: Rules) -> str:
-    before = errors["before"]
-    better = {}
-    for offer, name, truck in (
-        (REFIT, "parameters_only", made.parameters_only),
-        (CORRECTION, "after", made.corrected),
-    ):
-        if (truck.terms or truck.moved) and _better(errors, made, name, rules):
-            better[offer] = errors[name].rmse().speed
-    if without is not None and without.after > before.rmse().speed:
-        better.pop(CORRECTION, None)
-    return min(better, key=lambda offer: better[offer], default=AS_GIVEN)
+def _those_better(errors: Mapping[str, Errors], made: Made, rules: Rules) -> frozenset[str]:
+    """The simulators that are significantly better than the one as given."""
+    trucks = {REFIT: ("parameters_only", made.parameters_only), CORRECTION: ("after", made.corrected)}
+    return frozenset(
+        offer
+        for offer, (name, truck) in trucks.items()
+        if (truck.terms or truck.moved) and _better(errors, made, name, rules)
+    )
 
 
 def _better(errors: Mapping[str, Errors], made: Made, name: str, rules: Rules) -> bool:

@@ -10,7 +10,7 @@ largest gain is compared with that of noise of the fitted model along the same d
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -76,7 +76,7 @@ def without_events(search: Regression, seed: int) -> tuple[Posterior, tuple[Even
     if not happened:
         return first, ()
     always = without(search, rows_of(happened, len(search.e)))
-    return posterior(always, seed=seed, noise=first.noise), happened
+    return with_causes(posterior(always, seed=seed, noise=first.noise), happened, seed)
 
 
 def rows_of(happened: Sequence[Event], n: int) -> Mask:
@@ -97,13 +97,54 @@ def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
     return find_events(_left_over(p, e), p.noise, kernels(p.search), e.stretches, e.dt, seed)
 
 
-def together(p: Posterior, happened: Sequence[Event]) -> tuple[dict[str, float], Array]:
-    """Log evidence (nats) of every name for the events together, as if its force acted in these and at no
-    other time; and what is left of the residual in them (n,), m/s^2."""
-    left, windows = _left_over(p, p.search.e.everywhere()), [slice(x.start, x.stop) for x in happened]
+def with_causes(
+    p: Posterior, happened: Sequence[Event], seed: int = 0
+) -> tuple[Posterior, tuple[Event, ...]]:
+    """The posterior with what acts in the events, and the events with their names.
+
+    In each draw either each event has a cause of its own, or all have one, whose force acts in these and at
+    no other time: a block that is confined to one window, or to all of them. Every block has the prior odds
+    of its mechanism, so that several causes must gain what one more block costs.
+    """
+    left = _left_over(p, p.search.e.everywhere())
+    windows = [slice(x.start, x.stop) for x in happened]
     mechanisms = [k for k in kernels(p.search) if k.part in AT_ANY_TIME]
+    each = _logs(left, p.noise, mechanisms, [[rows] for rows in windows])
+    named = tuple(
+        replace(x, name=_stated(own, p.search.rules.stated)) for x, own in zip(happened, each, strict=True)
+    )
+    matters = max((abs(x.speed_change) for x in happened), default=0.0) >= p.search.rules.drift
+    if len(happened) < 2 or not matters:
+        return p, named
+    (one,) = _logs(left, p.noise, mechanisms, [windows])
+    apart = sum(float(logsumexp([*own.values()])) for own in each)
+    total = logsumexp([apart, *one.values()])
+    chances = np.exp(np.array([apart, *one.values()]) - total)
+    drawn = np.random.default_rng(seed).choice(len(chances), len(p.draws.states), p=chances / chances.sum())
+    causes = {n: drawn == k for k, n in enumerate(one, start=1) if n != UNKNOWN and (drawn == k).any()}
     force = np.where(rows_of(happened, len(left.y)), left.y, 0.0)
-    return _nats(left, p.noise, mechanisms, windows), force
+    return replace(p, causes=causes, in_events=force), named
+
+
+def _logs(
+    left: Series, noise: Fit, mechanisms: Sequence[Kernel], each: Sequence[Sequence[slice]]
+) -> list[dict[str, float]]:
+    """Log posterior odds of every name, for each group of windows in which alone its force acts."""
+    unit, odds = left.rules.evidence_temperature, np.log(left.rules.odds)
+    return [
+        {n: x / unit + odds for n, x in _nats(left, noise, mechanisms, windows).items()} for windows in each
+    ]
+
+
+def _stated(logs: Mapping[str, float], least: float) -> str | None:
+    """The name, or else the family, that causes an event with at least this probability, given that something
+    does; None if there is none."""
+    total = logsumexp([*logs.values()])
+    names = {n: float(np.exp(x - total)) for n, x in logs.items() if n != UNKNOWN}
+    families: dict[str, float] = {}
+    for n, p in names.items():
+        families[FAMILY[n]] = families.get(FAMILY[n], 0.0) + p
+    return next((n for n, p in (*names.items(), *families.items()) if p >= least), None)
 
 
 def _left_over(p: Posterior, e: Evidence) -> Series:
@@ -174,9 +215,8 @@ def find_events(
                 probability = larger.probability
             drive = next(s for s in stretches if s.start <= rows.start < s.stop)
             start_s, end_s = (drive.start_s + (k - drive.start) * dt for k in (rows.start, rows.stop))
-            name = _name(series, noise, mechanisms, rows)
             change = _speed_change(series, rows, dt)
-            event = Event(drive.name, start_s, end_s, change, probability, name, rows.start, rows.stop)
+            event = Event(drive.name, start_s, end_s, change, probability, None, rows.start, rows.stop)
             found[at : at + 1] = [event]
             free &= (filters.last <= first) | (filters.first >= last)
     return tuple(found)
@@ -346,21 +386,6 @@ class _Null:
     def exceeded_by(self, count: float) -> float:
         """The gain that noise is expected to exceed `count` times."""
         return float(self.mode - self.width * np.log(count))
-
-
-def _name(series: Series, noise: Fit, kernels: Sequence[Kernel], rows: slice) -> str | None:
-    """The mechanism that explains the residual in some rows, or its family, if one is probable enough."""
-    each = _nats(series, noise, kernels, [rows])
-    unit = series.rules.evidence_temperature
-    total = logsumexp([x / unit for x in each.values()])
-    probability = {name: float(np.exp(x / unit - total)) for name, x in each.items() if name != UNKNOWN}
-    for name, p in probability.items():
-        family = sum(q for other, q in probability.items() if FAMILY[other] == FAMILY[name])
-        if p >= series.rules.stated:
-            return name
-        if family >= series.rules.stated:
-            return FAMILY[name]
-    return None
 
 
 def _nats(

@@ -8,19 +8,19 @@ sensors do, and beside noise that is fitted again beside what is in.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logsumexp, softmax
+from scipy.special import logsumexp
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.mechanisms.courses import FINE_M
 from deeptruck_model.mismatch.mechanisms.road import HILLY, ROAD_GRADE
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
-from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES, SWEEPS, Blocks, Draws, sample
+from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Draws, sample
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, fit, ridge, whiten
 from deeptruck_model.mismatch.rules import Limits
@@ -33,13 +33,13 @@ SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where ther
 COARSE_M = 1000.0  # of the coarser knots of a slope that was not recorded
 PLACE_M, MOST_PLACES = 200.0, 160
 DRIFT = 0.05  # m/s^2, prior sd of what is slow, of a place, and of a constant per drive
+RIDGE = 1e-6  # of the mean square of columns, so that copies share a force
 FEW = 12  # draws, beside whose mean the noise is fitted
 CHUNK = 4096  # rows that are whitened at once
 DRIFT_ODDS = 0.3  # prior odds of each of these: hardly two drives are alike
 FORM_ERROR = 0.1  # of the residual's standard deviation, which no form of a mechanism is exact to
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 SLOPE = "slope"  # part of the kernel of a slope that was not recorded: hardly a road has none
-OFTEN = 8  # states
 NO_NAME = (SLOW, PLACE, EACH_DRIVE)  # blocks that are no mechanism
 
 
@@ -57,6 +57,15 @@ class Posterior:
     noise: Fit
     prior: Prior
     first: Array  # what each block gains by itself at each size, nats
+    # draws in which a name is the one cause of the events, and what of the residual is in these (n,), m/s^2
+    causes: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    in_events: Array = field(default_factory=lambda: np.zeros(0))
+
+    def acts(self, name: str) -> NDArray[np.bool_]:
+        """The draws (m,) in which a name acts, all along or as the cause of several events: the one source of
+        its probability."""
+        there = self.inside(name)
+        return there | self.causes[name] if name in self.causes else there
 
     def inside(self, name: str) -> NDArray[np.bool_]:
         """The draws (m,) in which a block of this name acts."""
@@ -94,42 +103,9 @@ class Posterior:
         gain = s.mass_gain if parameter == "mass" else 1.0
         moved = np.array([changed_by(parameter, float(x), gain) for x in slope])
         mean = float(moved.mean())
-        sd = float(np.hypot(moved.std(), 0.5 * mean**2))
+        sd = float(np.hypot(moved.std(), 0.5 * min(mean**2, abs(mean))))  # of the linearisation
         further = s.e.moved.get(parameter, 0.0)
         return s.e.total_change(parameter, mean), (1.0 + further) * sd
-
-    def in_place_of(self, name: str, beside: Collection[str]) -> tuple[dict[str, float], float]:
-        """Of every name the probability that it and no other acts where `name` is in, given that something
-        does; and the probability that something does, `beside` other names. Averaged over the states with
-        `name` that were drawn most often.
-
-        No form of a mechanism is exact, so that evidence is divided by a share of what it is compared with:
-        names by `form_choice` of the best one's gain, whether any is there by `form_there` of all that is in.
-        """
-        names = np.array([k.name for k in self.of])
-        space = self.draws.space
-        may = ~np.isin(names, [*NO_NAME, *beside])
-        drawn = self.draws.states[self.inside(name)]
-        states, count = np.unique(drawn, axis=0, return_counts=True)
-        often = np.argsort(-count, kind="stable")[:OFTEN]
-        chosen, there = np.zeros(len(names)), 0.0
-        for state, weight in zip(states[often], count[often] / count[often].sum(), strict=True):
-            everything = space.evidence(tuple(state.tolist()))
-            left = np.where(names == name, OUT, state)
-            open_ = may & (left == OUT)
-            gains, odds = space.table(tuple(left.tolist()))[open_], space.log_odds[open_]
-            chosen[open_] += weight * softmax(
-                self._logs(gains, odds, Limits.form_choice * float(gains.max()))
-            )
-            there += weight * float(expit(logsumexp(self._logs(gains, odds, Limits.form_there * everything))))
-        return {n: p for n in dict.fromkeys(names) if (p := float(chosen[names == n].sum())) > 0.0}, there
-
-    def _logs(self, gains: Array, log_odds: Array, unit: float) -> Array:
-        """Log posterior odds (blocks,) of blocks of these gains (blocks, sizes), in a unit of at least the
-        evidence temperature."""
-        unit = max(unit, self.search.rules.evidence_temperature)
-        out: Array = logsumexp(gains / unit, axis=1) - np.log(len(SIZES)) + log_odds
-        return out
 
     def gain(self, name: str) -> float:
         """Log evidence of a name's best block alone, averaged over sizes, nats."""
@@ -144,6 +120,20 @@ class Posterior:
                 b = self.coefficients(j) if given is None else self.coefficients(j)[given]
                 if len(b) and np.abs(b).max(initial=0.0) > 0.0:
                     out += k.features @ b.mean(axis=0)
+        return out
+
+    def on_columns(self, name: str, columns: Array) -> Array:
+        """Coefficients (m, k) of columns (n, k) whose force is nearest to the name's in each draw in which it
+        is in."""
+        X = np.nan_to_num(columns[self.search.rows])
+        H = X.T @ X
+        H += np.eye(len(H)) * (RIDGE * np.trace(H) / max(len(H), 1) + 1e-12)
+        there = self.inside(name)
+        out = np.zeros((int(there.sum()), len(H)))
+        for j, k in enumerate(self.of):
+            if k.name == name:
+                onto = X.T @ np.nan_to_num(k.features[self.search.rows])
+                out += self.coefficients(j)[there] @ np.linalg.solve(H, onto).T
         return out
 
 

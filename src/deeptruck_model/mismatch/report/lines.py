@@ -55,9 +55,11 @@ def headline(v: Verdict) -> str:
         step = f": {_next_step(v)}" if v.validated else ""
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides + step
     f = v.findings[0]
+    if v.kind is Conclusion.NOTHING:
+        return HEADLINES[v.kind] + (f"; better still: {_next_step(v)}" if v.validated else "")
     if _good_enough(v):
         own = next((one for one in v.findings if one.effect == UNKNOWN and one.in_drives), None)
-        what = Said(_in_drives(own), f"; otherwise {GOOD_ENOUGH}") if own is not None else GOOD_ENOUGH
+        what = Said(_in_drives(own or f), f"; otherwise {GOOD_ENOUGH}")
         return Said(opened(what), f"; better still: {_next_step(v)}" if v.validated else "")
     return Said(opened(Said(_larger(v), _in_drives(f))), f": {_next_step(v)}")
 
@@ -221,8 +223,7 @@ def shares_rejected(v: Verdict) -> list[tuple[Rejection, float]]:
 
 
 def refitted(v: Verdict) -> Iterator[str]:
-    """The error of each simulator along held-out drives, and each parameter of the refit, unless the
-    correction is offered, which has other values, or nothing is."""
+    """The error of each simulator along held-out drives."""
     if v.fit is None or v.fit.errors is None:
         return
     e = v.fit.errors
@@ -231,16 +232,22 @@ def refitted(v: Verdict) -> Iterator[str]:
         f"Held-out drives, free runs of {v.fit.horizon_s:.0f} s: as given off by ", Speed(e.before.speed),
         ", with parameters refitted alone ", Speed(e.parameters_only.speed), *corrected, "."
     )  # fmt: skip
-    nothing = v.kind is Conclusion.NOTHING and not v.validated
-    if v.fit.offered == CORRECTION or nothing:
-        return  # its own changes of parameters are said where it is offered
-    sizes = [
-        f"{spoken(name)} {100 * r.change:+.1f} % ({100 * r.change_ci95[0]:+.1f} to "
-        f"{100 * r.change_ci95[1]:+.1f})"
+
+
+def off(v: Verdict) -> Iterator[str]:
+    """The parameters whose interval in the refit excludes the given value, unless the correction is offered
+    or findings state them; whether or not anything is offered."""
+    if v.fit is None or v.offered == CORRECTION:
+        return
+    stated = {f.effect for f in v.findings if f.kind is Kind.PARAMETER}
+    each = [
+        f"{spoken(name)} {100 * r.change:+.0f} % ({100 * r.change_ci95[0]:+.0f} to "
+        f"{100 * r.change_ci95[1]:+.0f})"
         for name, r in v.fit.refit.items()
+        if name not in stated and r.change_ci95[0] * r.change_ci95[1] > 0.0 and abs(r.change) >= WORTH_SAYING
     ]
-    if sizes:
-        yield f"Refitted alone, 95 % intervals: {', '.join(sizes)}."
+    if each:
+        yield f"Fitted to these drives, parameters differ from the given ones: {', '.join(each)}."
 
 
 def how_probable(v: Verdict) -> Iterator[str]:
@@ -259,8 +266,8 @@ def how_probable(v: Verdict) -> Iterator[str]:
 
 def candidates(tree: Sequence[Node]) -> str:
     """The most probable families, if none is stated."""
-    top = [n for n in tree if n.parent == ROOT][:3]
-    if top[0].node == "nothing":
+    top = [n for n in tree if n.parent == ROOT and n.node != "nothing"][:3]
+    if not top:
         return "No mechanism is in, and these data do not identify what the simulator is off by."
     split = ", ".join(f"{spoken(n.node)} {percent(n.probability)}" for n in top)
     return f"No part of the truck is at 90 %: {split}."
@@ -345,4 +352,4 @@ def lines(v: Verdict) -> list[str]:
     answers = [Said(one.question, f" {one.answer} (", one.reason, ").") for one in lights(v)]
     middle = (*what(v), *how_probable(v), *refitted(v), *what_to_do(v))
     sized = [said] if (said := sizes(v)) else []
-    return [Said(headline(v), "."), *sized, *not_recorded(v), *middle, *answers]
+    return [Said(headline(v), "."), *off(v), *sized, *not_recorded(v), *middle, *answers]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +15,9 @@ from deeptruck_model.mismatch.posterior.regression import FREE
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.report import wording
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Advice, Answer, Data, Finding, Verdict
+from deeptruck_model.mismatch.result import Advice, Answer, Data, Verdict
 from deeptruck_model.mismatch.roads.road import Road, road
-from deeptruck_model.mismatch.tree import ROOT, Node, Tree
+from deeptruck_model.mismatch.tree import ROOT, Node
 from deeptruck_model.mismatch.unrecorded import contradicted_mass
 from deeptruck_model.mismatch.verdict import decide, where
 from deeptruck_model.mismatch.verdict.findings import findings, of_fault
@@ -50,7 +50,8 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
     numbers = _numbers(c, driven)
     found = findings(c, made, slope, numbers.error, decide.tolerance(numbers.own, rules))
     shares = [f.share_of_explainable_error for f in found]
-    numbers = replace(numbers, kinds=[f.kind for f in found], shares=shares)
+    sure = [f.stated != ROOT for f in found]
+    numbers = replace(numbers, kinds=[f.kind for f in found], shares=shares, sure=sure)
     kind = decide.conclusion(numbers, rules)
     offered = decide.offered(numbers, kind, rules)
     forces = {i: f.force for i, f in enumerate(found) if f.force is not None}
@@ -69,25 +70,17 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
         c.drives.missing,
         c.budget,
         witnesses(c.search, c.drives.prepared, c.budget),
-        tree(c, found, slope),
+        tree(c, slope),
         decide.advice(numbers, kind, rules),
     )
 
 
-def tree(c: Compared, found: Sequence[Finding], slope: Road | None) -> tuple[Node, ...]:
-    """The tree of the unrecorded slope if it states a name; else of the first finding that has one, else of
-    the first name that was not accepted; without any, `nothing` and every mechanism with its probability, but
-    for accepted names that became no finding, as a delay of ordinary sensors."""
+def tree(c: Compared, slope: Road | None) -> tuple[Node, ...]:
+    """The tree of the unrecorded slope if it states a name; else the probabilities of all names, after that
+    of none."""
     if slope is not None and slope.tree.stated(c.search.rules.stated) != ROOT:
         return slope.tree.nodes()
-    by_name = {x.name: x.tree for x in c.names.found}
-    trees = [by_name[f.effect] for f in found if f.effect in by_name]
-    trees += [x.tree for x in c.names.found if not x.accepted]
-    if trees:
-        return trees[0].nodes()
-    each = {name: p for name, p in c.names.each.items() if name not in by_name}
-    some = np.any([c.posterior.inside(name) for name in each], axis=0).mean() if each else 0.0
-    return (Node("nothing", ROOT, round(1.0 - float(some), 4)), *Tree(each).nodes())
+    return (Node("nothing", ROOT, round(c.names.nothing, 4)), *c.names.tree.nodes())
 
 
 def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
@@ -100,7 +93,8 @@ def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
         horizon_s=fit.horizon_s,
         added_up=c.budget.speed_rmse,
         own=driven.own_error,
-        offered=fit.offered,
+        better=driven.better,
+        bare=fit.without_exogenous.after if fit.without_exogenous is not None else None,
         is_corrected=bool(fit.corrected),
         missing=[m.input for m in c.drives.missing],
     )

@@ -1,7 +1,6 @@
 """Decides verdict and advice from numbers alone.
 
-The best simulator along held-out drives is chosen in `validate`; where nothing could be compared, `conclude`
-advises to record other data.
+Where nothing could be compared, `conclude` advises to record other data.
 """
 
 from __future__ import annotations
@@ -21,23 +20,27 @@ from deeptruck_model.mismatch.rules import Rules
 class Numbers:
     """The numbers that decide a verdict.
 
-    `kinds` and `shares` of the findings. Speed errors (m/s) in free runs of `horizon_s` along held-out
-    drives, of the simulator as `given`, with refitted `parameters_only`, and `corrected` (NaN if no drive is
-    long enough). The error to which the residual along fitted drives has `added_up`, without events, over the
-    budget's own horizon (NaN if too few windows are free of gaps). The `own` error of a learned simulator on
-    its held-out recordings (None if it is not learned or not known). Which simulator is `offered`, whether
-    anything `is corrected`, and which inputs are `missing`.
+    `kinds` and `shares` of the findings, and which are `sure`: a node of theirs is stated. Speed errors (m/s)
+    in free runs of `horizon_s` along held-out drives, of the simulator as `given`, with refitted
+    `parameters_only`, and `corrected` (NaN if no drive is long enough). The error to which the residual along
+    fitted drives has `added_up`, without events, over the budget's own horizon (NaN if too few windows are
+    free of gaps). The `own` error of a learned simulator on its held-out recordings (None if it is not
+    learned or not known). Which simulators are significantly `better` than the one as given; the error of the
+    corrected one without signals beyond the protocol (`bare`, None if it needs none); whether anything `is
+    corrected`, and which inputs are `missing`.
     """
 
     kinds: Sequence[Kind] = ()
     shares: Sequence[float] = ()
+    sure: Sequence[bool] = ()
     given: float = float("nan")
     parameters_only: float = float("nan")
     corrected: float = float("nan")
     horizon_s: float = 40.0
     added_up: float = float("nan")
     own: float | None = None
-    offered: str = AS_GIVEN
+    better: frozenset[str] = frozenset()
+    bare: float | None = None
     is_corrected: bool = False
     missing: Sequence[str] = ()
 
@@ -55,13 +58,17 @@ def tolerance(own: float | None, rules: Rules) -> float:
 
 
 def conclusion(n: Numbers, rules: Rules) -> Conclusion:
-    """The kind of the finding that explains most. Without a finding nothing is missing, unless the
-    simulator's error exceeds the tolerance or is not known."""
-    if n.kinds:
+    """The kind of the finding that explains most. Without a finding, or with none that is sure, nothing that
+    matters is missing, unless the simulator's error exceeds the tolerance or is not known."""
+    if n.kinds and not (_good_enough(n, rules) and not any(n.sure)):
         return Conclusion(n.kinds[int(np.argmax(n.shares))])
-    if np.isfinite(n.error) and n.error <= tolerance(n.own, rules):
+    if _good_enough(n, rules):
         return Conclusion.NOTHING
     return Conclusion.UNDETERMINED
+
+
+def _good_enough(n: Numbers, rules: Rules) -> bool:
+    return bool(np.isfinite(n.error) and n.error <= tolerance(n.own, rules))
 
 
 def uncompared(*, faulty: bool) -> Conclusion:
@@ -70,12 +77,18 @@ def uncompared(*, faulty: bool) -> Conclusion:
 
 
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
-    """The simulator that was chosen on held-out drives, with or without a name. If nothing is missing, it is
-    offered only if it reduces the error by as much as a drift must make to be a finding."""
-    after = {REFIT: n.parameters_only, CORRECTION: n.corrected}.get(n.offered, n.given)
-    if kind is Conclusion.NOTHING and not n.given - after > rules.drift:
+    """Of the simulators that are significantly better than the one as given, with or without a name, the one
+    with the least error along held-out drives. The correction only if it is better than the refit alone, and
+    than the one as given without signals that others lack. If nothing is missing, it must reduce the error by
+    as much as a drift must make to be a finding."""
+    errors = {REFIT: n.parameters_only, CORRECTION: n.corrected}
+    better = {name: x for name, x in errors.items() if name in n.better}
+    if n.corrected > n.parameters_only or (n.bare is not None and n.bare > n.given):
+        better.pop(CORRECTION, None)
+    best = min(better, key=lambda name: better[name], default=AS_GIVEN)
+    if kind is Conclusion.NOTHING and not n.given - errors.get(best, n.given) > rules.drift:
         return AS_GIVEN
-    return n.offered
+    return best
 
 
 def advice(n: Numbers, kind: Conclusion, rules: Rules) -> Mapping[str, Advice]:

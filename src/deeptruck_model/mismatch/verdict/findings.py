@@ -46,20 +46,18 @@ def findings(
     e, rules = c.fitted, c.search.rules
     behind = names_behind([p.recording for p in c.drives.prepared], c.drives.missing)
     out = [of_fault(f) for f in c.drives.faults]
-    of_road = _of_road(e, road, rules)
+    of_road = _of_road(c, road, rules)
     out += of_road
-    brief: list[Finding] = []
     for named in c.names.found:
         f = _of_named(c, e, made, named, rules)
         if f is not None and named.accepted and _longer_than_sensors(f, e):
-            own = brief if named.brief else out
-            own.append(replace(f, missing_input=behind.get(f.effect, "")))
+            out.append(replace(f, missing_input=behind.get(f.effect, "")))
     of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)
     if not of_road and not of_slope:  # which would be what is slow too
         out += _of_drift(c, rules, good_enough=error <= tolerance)
     if error > tolerance and all(f.kind is Kind.SENSOR for f in out):
         out += _of_rest(c, rules)
-    shown = _with_shares(e, [*out, *brief], c.budget)
+    shown = _with_shares(e, out, c.budget)
     return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
 
 
@@ -70,13 +68,13 @@ def _of_named(c: Compared, e: Evidence, made: Made | None, named: Named, rules: 
     if name in search.parameters and c.posterior.is_parameter(name):
         return _of_parameter(c, named, rules)
     if name == UNKNOWN:
-        f = _finding(e, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force, rules)
+        f = _finding(c, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force)
         return replace(f, separating_manoeuvre=wording.RECORD_MORE)
     m = LIBRARY[name]
     says = wording.FELT_SLOPE if m is ROAD_GRADE and e.has(FELT) else m.says
-    f = _finding(e, named, Kind(m.kind), says, named.force, rules)
+    f = _finding(c, named, Kind(m.kind), says, named.force)
     term = next((t for t in made.terms if t.mechanism.effect == name), None) if made is not None else None
-    sizes = sizes_of(term, made.model, search.e) if made is not None and term is not None else {}
+    sizes = sizes_of(term, c.posterior) if term is not None else {}
     conditional = c.posterior.part(name, CONDITIONAL) >= rules.named
     return replace(
         f,
@@ -98,12 +96,12 @@ def _condition(term: CandidateTerm, e: Evidence) -> str:
     return str(Bound(signal, low, high, unit(course.signal, e.command_units)))
 
 
-def _of_road(e: Evidence, road: Road | None, rules: Rules) -> list[Finding]:
+def _of_road(c: Compared, road: Road | None, rules: Rules) -> list[Finding]:
     """The finding of the road, if the slow force depends on road position and its name is stated."""
     if road is None or road.tree.stated(rules.stated) == ROOT:
         return []
     m = LIBRARY[road.tree.first]
-    f = _finding(e, road.named(), Kind(m.kind), m.says, road.force, rules)
+    f = _finding(c, road.named(), Kind(m.kind), m.says, road.force)
     return [replace(f, equation=m.equation, depends_on=m.depends_on, separating_manoeuvre=m.manoeuvre)]
 
 
@@ -117,7 +115,7 @@ def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
             force, sizes = c.posterior.force(part), dict[str, Size]()
             if part == EACH_DRIVE:
                 force, sizes = _constants(c)
-            out.append(replace(_nameless(c, part, p, share, force, rules), parameters=sizes))
+            out.append(replace(_nameless(c, part, p, share, force), parameters=sizes))
     return out
 
 
@@ -134,13 +132,13 @@ def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
     }
     part = max(each, key=lambda part: each[part][0])
     share, force = each[part]
-    return [_nameless(c, part, c.names.each.get(UNKNOWN, 0.0), share, force, rules)] if b.parts else []
+    return [_nameless(c, part, c.posterior.probability(UNKNOWN), share, force)] if b.parts else []
 
 
-def _nameless(c: Compared, part: str, p: float, share: float, force: Array, rules: Rules) -> Finding:
+def _nameless(c: Compared, part: str, p: float, share: float, force: Array) -> Finding:
     """A part of the budget as a finding without a name, with the signal to record to find its cause."""
     named = Named(UNKNOWN, Tree({UNKNOWN: p}), 0.0, force)
-    f = _finding(c.search.e, named, Kind.PHYSICS, wording.DRIFT[part], force, rules)
+    f = _finding(c, named, Kind.PHYSICS, wording.DRIFT[part], force)
     record = wording.to_record(part, grade=c.search.e.has("grade") or c.search.e.has(FELT))
     return replace(f, separating_manoeuvre=record, share_of_error=share)
 
@@ -175,9 +173,7 @@ def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
         value, a, b = (c.parameters[name] * (1.0 + x) for x in (change, *ci95))
         sizes = {name: Size(value, PARAMETERS[name].unit, (a, b))} | sizes
     force = np.nan_to_num(search.e.sensitivity[name]) * change
-    f = _finding(
-        search.e, named, Kind.PARAMETER, wording.of_parameter(PARAMETERS[name].says, change), force, rules
-    )
+    f = _finding(c, named, Kind.PARAMETER, wording.of_parameter(PARAMETERS[name].says, change), force)
     manoeuvre = PARAMETERS[name].manoeuvre
     return replace(f, parameters=sizes, depends_on=("all driving",), separating_manoeuvre=manoeuvre)
 
@@ -192,9 +188,12 @@ def of_fault(f: SensorFault) -> Finding:
     )  # fmt: skip
 
 
-def _finding(e: Evidence, named: Named, kind: Kind, says: str, force: Array, rules: Rules) -> Finding:
-    first = named.name
+def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> Finding:
+    """A finding. The probability of its family is that of the whole tree, where other findings may share
+    it."""
+    e, rules, first = c.fitted, c.search.rules, named.name
     family = FAMILY.get(first, first)
+    tree = c.names.tree if c.names.tree.names.get(first) == named.tree.names[first] else named.tree
     rivals = tuple(n for n in named.tree.credible(rules.credible) if n != first)
     return Finding(
         kind,
@@ -207,7 +206,7 @@ def _finding(e: Evidence, named: Named, kind: Kind, says: str, force: Array, rul
         "",
         (),
         round(named.tree.names[first], 3),
-        round(named.tree.families[family], 3),
+        round(tree.families[family], 3),
         rivals,
         evidence_nats=round(named.nats, 1),
         strength=_strength(e, force),

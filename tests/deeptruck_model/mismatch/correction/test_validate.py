@@ -13,9 +13,9 @@ from deeptruck_model.mismatch.correction.model import Made, Recipe
 from deeptruck_model.mismatch.correction.validate import _better, _falls, _log_ratio, validate
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.fit_result import Errors
+from deeptruck_model.mismatch.folders import CORRECTION
 from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import NOBODY_M
-from deeptruck_model.mismatch.posterior.regression import Model
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.trucks import driving_cycles
@@ -44,12 +44,13 @@ def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> 
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     held_out = [behind_another(seed) for seed in range(3)]
     drives = PreparedDrives(tuple(held_out), (True,) * 3, (), (), (), (), None)
-    made = Made(drafting, plain, Recipe(), Model.__new__(Model))
-    fit = validate(TRUCK, made, drives, RULES).judged
+    made = Made(drafting, plain, Recipe())
+    driven = validate(TRUCK, made, drives, RULES)
+    fit = driven.judged
     assert fit.errors is not None and fit.errors.after.speed < fit.errors.before.speed
     assert fit.without_exogenous is not None and fit.without_exogenous.signals == ("gap",)
     assert fit.without_exogenous.after == fit.errors.before.speed
-    assert fit.validated
+    assert CORRECTION in driven.better
 
 
 @pytest.mark.parametrize(
@@ -97,7 +98,7 @@ def test_few_held_out_drives_are_judged_with_the_fitted_ones(
         np.array([[after] * 5, [0.51] * 5]), np.zeros((2, 5)), np.arange(2), np.zeros(2, dtype=int)
     )
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
-    made = Made(plain, plain, Recipe(), Model.__new__(Model), left_out=fitted)
+    made = Made(plain, plain, Recipe(), left_out=fitted)
     assert _better({"before": before, "after": mixed}, made, "after", RULES) is better
     assert not _better({"before": before, "after": mixed}, replace(made, left_out={}), "after", RULES)
 
@@ -106,7 +107,7 @@ def test_what_suits_held_out_drives_alone_is_not_better() -> None:
     """Held-out drives with a load that one fitted drive of three has too."""
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     left_out = {"before": np.array([0.01, 0.01, 0.6]), "after": np.array([0.4, 0.4, 0.5])}
-    made = Made(plain, plain, Recipe(), Model.__new__(Model), left_out=left_out)
+    made = Made(plain, plain, Recipe(), left_out=left_out)
     rng = np.random.default_rng(0)
     sizes = rng.uniform(0.4, 0.6, (12, 5))
     before, after = (

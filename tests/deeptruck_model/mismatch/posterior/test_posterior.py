@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_drives import FORCES, evidence, posterior_of, regression
+from small_drives import FORCES, N, evidence, posterior_of, regression
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.names import names
@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, gains, posterior, without_roads
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 from deeptruck_model.signals import FELT, FELT_SD
 
@@ -46,26 +46,13 @@ def test_what_follows_no_channel_is_a_drift_and_no_name(block: str) -> None:
     assert np.corrcoef(force[p.search.rows], FORCES[block][p.search.rows])[0, 1] > 0.9
 
 
-def test_names_whose_gains_hardly_differ_share_the_probability(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drawn_force_has_the_coefficients_of_columns_that_make_it_up() -> None:
     p = posterior_of("brakes")
-    chosen, there = p.in_place_of("brake_gain", [])
-    assert there > 0.99
-    assert sum(chosen.values()) == pytest.approx(1.0)
-    monkeypatch.setattr(Limits, "form_choice", 0.5)
-    assert p.in_place_of("brake_gain", [])[0]["brake_gain"] < chosen["brake_gain"]
-
-
-def test_what_stands_beside_takes_no_place() -> None:
-    p = posterior_of("brakes")
-    chosen, _ = p.in_place_of("brake_gain", ["dragging_brake"])
-    assert "dragging_brake" not in chosen
-
-
-def test_a_small_force_beside_a_large_one_may_be_its_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    p = posterior_of("brakes")
-    assert p.in_place_of("brake_gain", [])[1] > 0.9
-    monkeypatch.setattr(Limits, "form_there", 1.0)
-    assert p.in_place_of("brake_gain", [])[1] < 0.5
+    name = names(p).found[0].name
+    columns = np.stack([p.force(name, p.inside(name)), np.ones(N)], axis=1)
+    b = p.on_columns(name, columns)
+    assert b.shape == (p.inside(name).sum(), 2)
+    np.testing.assert_allclose(b.mean(axis=0), [1.0, 0.0], atol=0.05)
 
 
 def without_slope(**options: Sequence[str]) -> Posterior:
@@ -97,7 +84,7 @@ def test_the_mean_force_is_what_was_planted() -> None:
 def test_probabilities_of_explanations_add_up_to_at_most_one() -> None:
     found = names(posterior_of("drag"))
     assert 0.5 < sum(x.probability for x in found.explanations) <= 1.0
-    assert all(0.0 < x <= 1.0 for x in found.each.values())
+    assert all(0.0 < x <= 1.0 for x in found.tree.names.values())
 
 
 def test_a_name_gains_most_of_its_own_force() -> None:

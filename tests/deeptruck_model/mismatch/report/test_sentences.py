@@ -104,7 +104,7 @@ def test_one_set_of_parameters_is_said(offered: str) -> None:
         corrected_parameters={"mass": 0.32}, offered=offered, refit={"mass": Refitted(0.168, (0.08, 0.26))},
     )  # fmt: skip
     said = " ".join(lines.lines(Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)))
-    assert ("mass +16.8 %" in said) is (offered != CORRECTION)
+    assert ("mass +17 % (+8 to +26)" in said) is (offered != CORRECTION)
     assert ("mass by +32 %" in said) is (offered == CORRECTION)
     assert "refitted alone 0.6" in said
 
@@ -116,7 +116,7 @@ def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
     assert list(lines.what_to_do(v)) == ["Apply the refitted parameters alone."]
 
 
-def test_a_good_simulator_has_no_name_in_its_first_line_and_a_larger_part_is_said() -> None:
+def test_what_is_stated_beside_a_good_simulator_is_said_with_it_and_a_larger_part_too() -> None:
     f = replace(PAYLOAD, effect="shift_interruption", family="engine_driveline", share_of_error=0.21)
     f = replace(f, stated="shift_interruption", depends_on=("gear",))
     load, rest = (Part(n, x, x, x, 1.0, np.zeros(0)) for n, x in (("load", 0.59), ("left_over", 0.2)))
@@ -128,10 +128,16 @@ def test_a_good_simulator_has_no_name_in_its_first_line_and_a_larger_part_is_sai
     smaller = replace(off, budget=Budget(40.0, 9, 0.5, (replace(load, share=0.2), rest)))
     assert "load" not in lines.headline(smaller)
     good = replace(off, advice={"simulator": Advice(Answer.YES, "off by 0.1 m/s")})
-    assert lines.headline(good) == "The simulator is good enough"
+    assert lines.headline(good) == (
+        "Shift interruption is missing, 21 % of the squared error; otherwise the simulator is good enough"
+    )
+    unsure = replace(good, kind=Conclusion.NOTHING)
+    assert lines.headline(unsure) == "Nothing that matters is missing"
     fit = FitResult(("d",), 40.0, 3, (), validated=True, offered=REFIT)
     better = lines.headline(replace(good, fit=fit))
-    assert better == "The simulator is good enough; better still: apply the refitted parameters"
+    assert better.endswith(
+        "otherwise the simulator is good enough; better still: apply the refitted parameters"
+    )
 
 
 def test_a_drive_that_differs_is_in_the_first_line_of_a_good_simulator() -> None:

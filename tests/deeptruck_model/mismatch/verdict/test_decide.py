@@ -16,8 +16,8 @@ from deeptruck_model.mismatch.verdict.decide import Numbers
 RULES = Rules()
 NAN = float("nan")
 RIGHT = Numbers(given=0.1, parameters_only=0.1, corrected=0.1, added_up=0.1)
-OFF = replace(RIGHT, given=0.5, added_up=0.5, is_corrected=True)
-PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0])
+OFF = replace(RIGHT, given=0.5, parameters_only=0.5, corrected=0.5, added_up=0.5, is_corrected=True)
+PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0], sure=[True])
 
 
 @pytest.mark.parametrize(
@@ -36,11 +36,13 @@ PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0])
         (replace(OFF, given=1.1, own=2.0), Conclusion.UNDETERMINED),
         (PHYSICS, Conclusion.PHYSICS),
         (
-            replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0]),
+            replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0], sure=[True]),
             Conclusion.PHYSICS,
         ),  # there, if it matters or not
+        (replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0], sure=[False]), Conclusion.NOTHING),
+        (replace(PHYSICS, sure=[False]), Conclusion.PHYSICS),
         (replace(OFF, kinds=[Kind.PARAMETER], shares=[1.0]), Conclusion.PARAMETER),
-        (replace(OFF, kinds=[Kind.SENSOR], shares=[0.0]), Conclusion.SENSOR),
+        (replace(OFF, kinds=[Kind.SENSOR], shares=[0.0], sure=[True]), Conclusion.SENSOR),
         (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER], shares=[0.4, 0.6]), Conclusion.PARAMETER),
         (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER], shares=[0.6, 0.4]), Conclusion.PHYSICS),
     ],
@@ -69,7 +71,11 @@ def lights(numbers: Numbers) -> dict[str, tuple[Answer, str]]:
         (RIGHT, Answer.YES, wording.ENOUGH),
         (replace(RIGHT, missing=["gear"]), Answer.UNSURE, wording.not_recorded(["gear"])),
         (replace(RIGHT, added_up=NAN, missing=["gear"]), Answer.NO, wording.TOO_SHORT),
-        (replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0], missing=["gear"]), Answer.UNSURE, wording.FAULTY),
+        (
+            replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0], sure=[True], missing=["gear"]),
+            Answer.UNSURE,
+            wording.FAULTY,
+        ),
         (replace(PHYSICS, kinds=[Kind.PHYSICS, Kind.SENSOR], shares=[1, 0]), Answer.UNSURE, wording.FAULTY),
     ],
 )
@@ -89,7 +95,7 @@ def test_data_are_enough_where_every_input_is_known(numbers: Numbers, answer: An
         (replace(PHYSICS, given=0.1, added_up=0.1), Answer.YES, wording.good_enough(0.1, 40.0)),
         (replace(PHYSICS, given=0.3, added_up=0.3), Answer.YES, wording.good_enough(0.3, 40.0)),
         (
-            replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0]),
+            replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0], sure=[True]),
             Answer.YES,
             wording.without_faults(0.1, 40.0),
         ),
@@ -105,13 +111,24 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
     ("numbers", "answer", "reason"),
     [
         (
-            replace(PHYSICS, offered=CORRECTION, corrected=0.2),
+            replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2),
             Answer.YES,
             wording.better(0.5, 0.2, refit=False),
         ),
-        (replace(OFF, offered=REFIT, parameters_only=0.2), Answer.YES, wording.better(0.5, 0.2, refit=True)),
         (
-            replace(OFF, kinds=[Kind.SENSOR], shares=[0.0], offered=CORRECTION, corrected=0.2),
+            replace(OFF, better=frozenset({REFIT}), parameters_only=0.2),
+            Answer.YES,
+            wording.better(0.5, 0.2, refit=True),
+        ),
+        (
+            replace(
+                OFF,
+                kinds=[Kind.SENSOR],
+                shares=[0.0],
+                sure=[True],
+                better=frozenset({CORRECTION}),
+                corrected=0.2,
+            ),
             Answer.UNSURE,
             wording.after_repair(wording.better(0.5, 0.2, refit=False)),
         ),
@@ -120,7 +137,11 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
         (replace(PHYSICS, corrected=0.5, parameters_only=0.5), Answer.NO, wording.NOT_BETTER),
         (replace(PHYSICS, is_corrected=False), Answer.NO, wording.NOTHING_CORRECTED),
         (Numbers([Kind.PHYSICS], [1.0], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
-        (replace(RIGHT, offered=CORRECTION, is_corrected=True), Answer.NO, wording.NOTHING_CORRECTED),
+        (
+            replace(RIGHT, better=frozenset({CORRECTION}), is_corrected=True),
+            Answer.NO,
+            wording.NOTHING_CORRECTED,
+        ),
         (replace(PHYSICS, given=NAN), Answer.NO, wording.NOT_DRIVEN),
     ],
 )
@@ -147,12 +168,22 @@ JUST = replace(RIGHT, given=0.25, parameters_only=0.25 - RULES.drift, corrected=
         (replace(JUST, given=NAN), REFIT, AS_GIVEN),
         (replace(OFF, parameters_only=0.49), REFIT, REFIT),  # off by more than it may be, whatever is missing
         (replace(PHYSICS, corrected=0.49), CORRECTION, CORRECTION),
-        (replace(PHYSICS, given=0.1, added_up=0.1, corrected=0.09), CORRECTION, CORRECTION),
+        (
+            replace(PHYSICS, given=0.1, parameters_only=0.1, added_up=0.1, corrected=0.09),
+            CORRECTION,
+            CORRECTION,
+        ),
         (PHYSICS, AS_GIVEN, AS_GIVEN),
+        (
+            replace(PHYSICS, corrected=0.2, parameters_only=0.19),
+            CORRECTION,
+            AS_GIVEN,
+        ),  # refit alone is better
+        (replace(PHYSICS, corrected=0.2, bare=0.6), CORRECTION, AS_GIVEN),  # worse where a signal lacks
     ],
 )
 def test_the_best_is_offered_whatever_its_name(numbers: Numbers, offer: str, expected: str) -> None:
-    n = replace(numbers, offered=offer)
+    n = replace(numbers, better=frozenset({offer} - {AS_GIVEN}))
     kind = decide.conclusion(n, RULES)
     assert decide.offered(n, kind, RULES) == expected
     assert (decide.advice(n, kind, RULES)["apply"].answer is Answer.YES) is (expected != AS_GIVEN)

@@ -74,7 +74,7 @@ def test_the_cause_of_events_stands_beside_what_lasts() -> None:
     """A force of 0.5 m/s^2 for 8 s, which no finding of slow forces is silent for."""
     c, force = compared(SLOW), np.zeros(N)
     force[2500:2540] = 0.5
-    cause = Named("wheel_slip", Tree({"wheel_slip": 0.7}), 50.0, force, brief=True)
+    cause = Named("wheel_slip", Tree({"wheel_slip": 0.7}), 50.0, force)
     both = findings(replace(c, names=replace(c.names, found=(cause,))), None, None, 1.0, RULES.visible)
     assert {f.effect for f in both} == {UNKNOWN, "wheel_slip"}
     (own,) = (f for f in both if f.effect == "wheel_slip")
