@@ -14,7 +14,8 @@ from deeptruck_nodes import parameters
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros2_ws" / "src" / "deeptruck_nodes"
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT, VERSION = PYPROJECT["project"], PYPROJECT["tool"]["setuptools_scm"]["fallback_version"]
 XML = ElementTree.parse(PACKAGE / "package.xml").getroot()
 OURS = {"deeptruck_model", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes"}
 OF_PIP = {"numpy", "yaml", "typer", "can", "libsumo", "rosbags"}  # come with the project, which pip installs
@@ -41,7 +42,7 @@ def test_what_the_nodes_import_of_ros_is_declared_and_no_more() -> None:
 
 def test_name_version_and_licence_are_the_projects() -> None:
     said = {part.tag: part.text for part in XML}
-    assert (said["version"], said["license"]) == (PROJECT["version"], PROJECT["license"])
+    assert (said["version"], said["license"]) == (VERSION, PROJECT["license"])
     assert said["name"] == PACKAGE.name and (PACKAGE / "resource" / PACKAGE.name).exists()
     asked = [sys.executable, "setup.py", "--name", "--version"]
     given = subprocess.run(asked, cwd=PACKAGE, capture_output=True, text=True, check=True).stdout
