@@ -8,6 +8,7 @@ be tested.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -86,22 +87,22 @@ class _Run:
         state, scene, score = None, None, ""
         if config.memory and not start:
             self._validate()  # a start that already follows may be better than what comes of it
-        for i in range(start, config.iterations):
-            if state is None or scene is None or i % config.windows == 0:
-                scene = self._draw(i // config.windows)
-                state = self.road.start(scene, self.policy)
-            for group in self.adam.param_groups:
-                group["lr"] = config.learning_rate * (0.51 + 0.49 * np.cos(np.pi * i / config.iterations))
-            state, costs = self._update(scene, state)
-            values: dict[str, Any] = {"cost": costs}
-            if (i + 1) % config.validate_every == 0 or i + 1 == config.iterations:
-                values["validation"] = self._validate()
-                score = f"validation {min(self.best_score):.4f}"
-            log.write(i, values)
-            if (i + 1) % config.windows == 0:
-                self._checkpoint(i + 1)
-            progress(i + 1, config.iterations, f"cost {np.mean(costs):.3f} {score}")
-        log.close()
+        with closing(log):  # else TensorBoard's thread may write after the folder of a failed run is removed
+            for i in range(start, config.iterations):
+                if state is None or scene is None or i % config.windows == 0:
+                    scene = self._draw(i // config.windows)
+                    state = self.road.start(scene, self.policy)
+                for group in self.adam.param_groups:
+                    group["lr"] = config.learning_rate * (0.51 + 0.49 * np.cos(np.pi * i / config.iterations))
+                state, costs = self._update(scene, state)
+                values: dict[str, Any] = {"cost": costs}
+                if (i + 1) % config.validate_every == 0 or i + 1 == config.iterations:
+                    values["validation"] = self._validate()
+                    score = f"validation {min(self.best_score):.4f}"
+                log.write(i, values)
+                if (i + 1) % config.windows == 0:
+                    self._checkpoint(i + 1)
+                progress(i + 1, config.iterations, f"cost {np.mean(costs):.3f} {score}")
         return self._save()
 
     def _draw(self, path: int) -> Scene:

@@ -9,6 +9,7 @@ linearly to zero, so that the final policy is kept. A seed's result does not dep
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -72,22 +73,30 @@ class _Run:
 
     def train(self, resume: bool, progress: Callable[[int, int, str], None]) -> MlpPolicy:
         config, start = self.config, self._restore() if resume else 0
-        logs = [Log(self.out / "seeds" / str(seed), start) for seed in self.seeds]
-        for i in range(start, config.iterations):
-            returns = self.iterate(i)
-            rows: list[dict[str, Any]] = [
-                {"return_mean": float(r.mean()), "return_min": float(r.min()), "return_max": float(r.max())}
-                for r in returns
+        with ExitStack() as opened:
+            logs = [
+                opened.enter_context(closing(Log(self.out / "seeds" / str(seed), start)))
+                for seed in self.seeds
             ]
-            if (i + 1) % config.validate_every == 0 or i + 1 == config.iterations:
-                for row, score in zip(rows, self._validate(), strict=True):
-                    row["validation"] = score
-                self._checkpoint(i + 1)
-            for log, row in zip(logs, rows, strict=True):
-                log.write(i, row)
-            progress(i + 1, config.iterations, f"return {returns.mean():.1f} best {min(self.best_score):.3f}")
-        for log in logs:
-            log.close()
+            for i in range(start, config.iterations):
+                returns = self.iterate(i)
+                rows: list[dict[str, Any]] = [
+                    {
+                        "return_mean": float(r.mean()),
+                        "return_min": float(r.min()),
+                        "return_max": float(r.max()),
+                    }
+                    for r in returns
+                ]
+                if (i + 1) % config.validate_every == 0 or i + 1 == config.iterations:
+                    for row, score in zip(rows, self._validate(), strict=True):
+                        row["validation"] = score
+                    self._checkpoint(i + 1)
+                for log, row in zip(logs, rows, strict=True):
+                    log.write(i, row)
+                progress(
+                    i + 1, config.iterations, f"return {returns.mean():.1f} best {min(self.best_score):.3f}"
+                )
         return self._save()
 
     def iterate(self, iteration: int) -> NDArray[np.float64]:
