@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import resource
 import subprocess
 import sys
 import time
@@ -67,12 +66,6 @@ def cpu_s(
         work()
         times[k] = clock() - began
     return times
-
-
-def children_cpu_s() -> float:
-    """CPU seconds of all processes that this one has waited for."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def processes_cpu_s(pids: Iterable[int]) -> float:
