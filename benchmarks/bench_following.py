@@ -116,13 +116,15 @@ def string(truck: str, policy: Path) -> list[str]:
     """Amplification of speed changes along eight trucks at a time gap of 1.5 s, of the chosen seed, by the
     leader's amplitude."""
     simulator, driver = simulators.load(f"truck:{truck}"), load_policy(policy)
-    lines = []
+    found = []
     for v2v in (True, False):
         drive = partial(platoon.string_stability, simulator, driver, v2v=v2v, draws=DRAWS)
         rows = [drive(amplitude=a) for a in (0.2, 0.5, 1.0)]
-        cells = [f"{max(row['worst_speed_amplification']):.3f}" for row in rows]
-        lines.append(f"speed, {'V2V' if v2v else 'radar with noise'} | {' | '.join(cells)}")
-    return harness.table("eight trucks at 1.5 s, chosen seed | 0.2 m/s | 0.5 m/s | 1 m/s", lines)
+        found.append(", ".join(f"{max(row['worst_speed_amplification']):.3f}" for row in rows))
+    return [
+        "Eight trucks at 1.5 s, chosen seed: speed changes of 0.2, 0.5 and 1 m/s reach the next truck times "
+        f"{found[0]} (V2V) and times {found[1]} (radar with noise)."
+    ]
 
 
 class Blind:
@@ -156,20 +158,26 @@ def on_a_road(name: str, policy: Path, seed: int) -> list[str]:
 def beside_baselines(result: dict[str, Any]) -> list[str]:
     """Every scene of the chosen seed, and of the classical controllers if they were driven."""
     others = result["baselines"]
-    rows = []
+    rows, alone = [], []
     for name, row in result["sets"].items():
-        cells = [_row(row), *(_row(sets[name]) if name in sets else "" for sets in others.values())]
-        rows.append(f"{name.replace('_', ' ')} | {' | '.join(cells)}")
+        cells = [_row(sets[name]) for sets in others.values() if name in sets]
+        scene = name.replace("_", " ")
+        if cells:
+            rows.append(f"{scene} | {_row(row)} | {' | '.join(cells)}")
+        else:
+            alone.append(f"{scene} {_row(row)}")
     says = (
-        "Bare controllers, no shield; worst time-gap error after 10 s where power suffices (s) / crashes / "
-        "rms jerk (m/s^3). Baselines drive over a pedal map measured on this truck."
+        "Bare controllers, no shield: worst time-gap error after 10 s where power suffices (s), rms jerk "
+        "(m/s³), and how many of 100 crash. Baselines drive over a pedal map measured on this truck."
     )
-    return [says, "", *harness.table(f"scene | chosen seed | {' | '.join(others)}", rows)]
+    table = harness.table(f"scene | chosen seed | {' | '.join(others)}", rows)
+    return [says, "", *table, "", f"The policy alone: {'; '.join(alone)}."]
 
 
 def _row(row: dict[str, Any]) -> str:
     late = row.get("time_gap_worst_within_reach", row["time_gap_error_after_10s"]["worst_abs"])
-    return f"{late:.2f} / {row['crashes']} / {row['jerk_rms']:.2f}"
+    crashes = f" ({row['crashes']} crash)" if row["crashes"] else ""
+    return f"{late:.2f}, {row['jerk_rms']:.2f}{crashes}"
 
 
 if __name__ == "__main__":
