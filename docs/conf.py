@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-import tomllib
-from importlib import import_module
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 sys.path[:0] = [
     str(ROOT / "src"),
     str(ROOT / "ros2_ws" / "src" / "deeptruck_nodes"),
@@ -23,7 +21,7 @@ sys.path[:0] = [
 project = "deeptruck"
 author = "deeptruck developers"
 copyright = author
-release = version = str(PROJECT["version"])
+release = version = metadata.version("deeptruck")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
