@@ -27,20 +27,12 @@ def lines(rows: Sequence[Row]) -> list[str]:
         "",
         f"`deeptruck-model prove --plant fastsim --cases {len(seeds)} --seed {seeds[0]} --out DIR`",
         "",
-        "FASTSim (NREL) drives its class 8 line-haul truck. The tool was tried on it before with other"
-        " seeds, and these rules come from there: a learned truck no longer latches after a start from"
-        " rest; a brake in m/s² need not hold its deceleration whatever the slope; the speed (1 m/s, was"
-        " 3) below which an accessory's power counts as a torque; beside a learned simulator a finding is"
-        " accepted where its set of names is sure; refitted parameters are offered where nothing is named"
-        " and most of the error goes; `new --recordings` learns engine inertia, brake lags and shifts; a"
-        " clutch opens where it brakes to rest; brakes that add a deceleration take the load along. The"
-        " seeds of this table had no part in that; the tool has no trained classifier. Three drives are"
-        " fitted and one is held out. Errors are m/s, the median of the seeds, of free runs on the drive"
-        " held out; *offered* is the one of the three that the tool hands out. The simulators: a physics"
-        " truck of the data sheet by `new --recordings` and `calibrate-truck`, one that `train` learned,"
-        " both from twelve other drives with nothing concealed, and the equations of FASTSim solved"
-        " forwards. Beside the truck of the data sheet the drives are logged in the ten gears of a usual"
-        " gearbox, beside the others through one ratio, as FASTSim has no gears.",
+        "FASTSim (NREL) drives its class 8 line-haul truck; three drives are fitted and one is held out. The"
+        " tool was developed on other seeds of it. Errors are m/s, the median of the seeds, of free runs on"
+        " the drive held out; *offered* is the one of the three that the tool hands out. The simulators:"
+        " FASTSim's equations solved forwards, one that `train` learned, and a physics truck of the data"
+        " sheet by `new --recordings` and `calibrate-truck`, beside which the drives are logged in the ten"
+        " gears of a usual gearbox that its sheet has too, so that the shifting is not foreign.",
         "",
     ]
     out += [f"| {' | '.join(HEAD)} |", "| --- " * len(HEAD) + "|"]
