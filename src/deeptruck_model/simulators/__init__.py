@@ -1,7 +1,8 @@
 """What a simulator is, loading one, running one, and whether one keeps the protocol."""
 
+from deeptruck_model.checks import MANIFEST
+from deeptruck_model.checks import manifest as read_manifest
 from deeptruck_model.simulators.protocol import (
-    MANIFEST,
     Array,
     MinimalSimulator,
     Run,
@@ -10,7 +11,6 @@ from deeptruck_model.simulators.protocol import (
     forced_run,
     free_run,
     load,
-    read_manifest,
 )
 
 __all__ = [

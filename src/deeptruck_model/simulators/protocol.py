@@ -18,23 +18,10 @@ from numpy.typing import NDArray
 
 from deeptruck_model._imports.entry_points import registered
 from deeptruck_model._io import reading
-from deeptruck_model.checks import KINDS, MANIFEST, SCHEMES, calls
+from deeptruck_model.checks import KINDS, SCHEMES, calls
 from deeptruck_model.checks import manifest as read_manifest
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
-
-__all__ = [
-    "MANIFEST",
-    "Array",
-    "MinimalSimulator",
-    "Run",
-    "Simulator",
-    "completed",
-    "forced_run",
-    "free_run",
-    "load",
-    "read_manifest",
-]
 
 Array = NDArray[np.float64]
 
