@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
+import sys
 import traceback
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
-
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from typing import Any, TypeVar
 
 from deeptruck_exam.cases.plan import MINUTES
-from deeptruck_model.sweeps import end_with_parent
+from deeptruck_model import sweeps
+from deeptruck_model._terminal.progress import bar
 
 A_CASE = "about a minute each with a physics truck, longer with a learned one; a stopped run goes on"
+Work = TypeVar("Work")
 
 
 @dataclass(frozen=True)
@@ -39,43 +37,23 @@ def run_jobs(out: Path, wanted: Sequence[Job], *, jobs: int = 1) -> list[dict[st
     """Scores in the order of `wanted`. A case whose creation or scoring fails is reported with its traceback
     under 'broken' and made again on the next run; other cases continue."""
     out.mkdir(parents=True, exist_ok=True)
-    results: dict[int, dict[str, Any]] = {}
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-    )
-    context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
-    # no max_tasks_per_child: with it the executor of Python 3.11 and 3.12 can wait for ever
-    pool = ProcessPoolExecutor(max_workers=jobs, mp_context=context, initializer=end_with_the_run)
-    with bar, pool:
-        bar.console.print(f"{len(wanted)} cases, {A_CASE}")
-        task = bar.add_task("cases", total=len(wanted))
-        waiting = {pool.submit(_examine, out, job): k for k, job in enumerate(wanted)}
-        for future in as_completed(waiting):
-            results[waiting[future]] = future.result()
-            bar.update(task, advance=1, description=wanted[waiting[future]].folder)
-            if not bar.console.is_terminal:  # a bar there is shown at its end alone
-                bar.console.print(f"{len(results)} of {len(wanted)}: {wanted[waiting[future]].folder}")
-    return [results[k] for k in range(len(wanted))]
+    print(f"{len(wanted)} cases, {A_CASE}", file=sys.stderr)
+    found = dict(in_parallel(partial(_examine, out), wanted, jobs, "cases"))
+    return [found[job] for job in wanted]
 
 
-def in_parallel(do: Callable[..., None], each: Sequence[tuple[Any, ...]], jobs: int) -> None:
-    """Call `do` with each of these arguments in `jobs` processes; prints a line on stderr for each that is
-    done."""
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), end_with_the_run) as pool:
-        waiting = [pool.submit(do, *arguments) for arguments in each]
-        for k, done in enumerate(as_completed(waiting), 1):
-            done.result()
-            Console(stderr=True).print(f"{k} of {len(waiting)}")
+def in_parallel(
+    do: Callable[[Work], Any], each: Sequence[Work], jobs: int, label: str
+) -> Iterator[tuple[Work, Any]]:
+    """What `do` returns for each, and for which, as they end in `jobs` processes; progress on stderr."""
+    with bar(label, every_s=0.0) as show:
+        for done, found in enumerate(sweeps.run(partial(_with, do), each, workers=jobs), 1):
+            yield found
+            show(done, len(each), "")
 
 
-def end_with_the_run() -> None:
-    """End the process silently if the run is interrupted or killed."""
-    end_with_parent()
-    signal.signal(signal.SIGINT, lambda *_: os._exit(130))
+def _with(do: Callable[[Work], Any], one: Work) -> tuple[Work, Any]:
+    return one, do(one)
 
 
 def _examine(out: Path, job: Job) -> dict[str, Any]:

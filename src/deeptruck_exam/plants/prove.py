@@ -48,7 +48,8 @@ def prove_plant(
         wanted = [(key, seed, s) for s in simulators for key in concealed for seed in _seeds(seeds, key, s)]
         print(f"{len(wanted)} runs of the tool, 7 to 40 s each", flush=True)
         each = [(out, key, seed, (blind if key == BLIND else made)[s], s) for key, seed, s in wanted]
-        in_parallel(_examine, each, jobs)
+        for _ in in_parallel(_examine, each, jobs, "runs"):
+            pass
         rows = [_kept(out, *run) for run in wanted]
         files.rewrite(out / "plant.json", json.dumps(rows, indent=1).encode())
         files.rewrite(out / "plant.md", "\n".join(page.lines(rows)).encode())
@@ -78,7 +79,8 @@ def _kept(out: Path, key: str, seed: int, simulator: str) -> dict[str, Any]:
     return kept
 
 
-def _examine(out: Path, key: str, seed: int, made: str, simulator: str) -> None:
+def _examine(work: tuple[Path, str, int, str, str]) -> None:
+    out, key, seed, made, simulator = work
     if _kept(out, key, seed, simulator).get("outcome", FAILED) != FAILED:
         return
     folder, concealed = _folder(out, key, seed), CONCEALED[key]

@@ -144,7 +144,7 @@ def test_a_failed_run_is_run_again_and_a_scored_one_is_not(
     monkeypatch.setattr(cases, "drives", lambda concealed, seed, geared: [])
     (tmp_path / "cases" / "mass-3").mkdir(parents=True)
     for outcome in ("failed", "right", "right"):
-        prove._examine(tmp_path, "mass", 3, "sim", "learned")
+        prove._examine((tmp_path, "mass", 3, "sim", "learned"))
         assert prove._kept(tmp_path, "mass", 3, "learned")["outcome"] == outcome
     assert not ends
 

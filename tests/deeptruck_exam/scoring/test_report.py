@@ -84,7 +84,7 @@ def test_scored_cases_are_not_made_again_and_broken_ones_do_not_stop_the_rest(tm
     one, two = run_jobs(tmp_path, [done, Job("no_such_level", 2)])
     assert one == RESULTS[0]
     said = capsys.readouterr().err  # no terminal: a line for each
-    assert "1 of 2: " in said and "2 of 2: " in said
+    assert "cases: 1 of 2" in said and "cases: 2 of 2" in said
     assert "no_such_level" in two["broken"]
 
 
