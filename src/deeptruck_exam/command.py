@@ -20,7 +20,6 @@ from deeptruck_exam.cases.plan import MINUTES
 from deeptruck_exam.folder import PROOF
 from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.laws import EFFECTS
-from deeptruck_exam.real.withheld import data_folder, examine_withheld
 from deeptruck_exam.run import examine
 from deeptruck_exam.scoring.page import write_page
 from deeptruck_model.errors import InputError
@@ -62,8 +61,7 @@ def prove(
     with PROOF.in_place(out):
         results = run_jobs(out / "cases", wanted, jobs=jobs)
         command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed}"
-        real = examine_withheld(out / "withheld") if data_folder() else []
-        return write_page(results, out, command, real)
+        return write_page(results, out, command)
 
 
 def _known(option: str, given: Sequence[str], known: Sequence[str]) -> None:

@@ -32,9 +32,8 @@ CASE = Result("an examined case", _CASE, "choose another folder")
 PROOF = Result(
     "a proof",
     (
-        "proof.md", "scoreboard.json", ".proof.md", ".scoreboard.json", "*.png", "withheld/withheld.json",
+        "proof.md", "scoreboard.json", ".proof.md", ".scoreboard.json", "*.png",
         *(f"cases/*/{name}" for name in _CASE),
-        *(f"withheld/*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
 PLANT = Result(

@@ -16,8 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from deeptruck_exam.cases.case import Case
 from deeptruck_exam.folder import REAL, check_real
@@ -242,11 +240,3 @@ def _cells(row: Row) -> tuple[str, ...]:
         *errors,
         budget,
     )
-
-
-def show(rows: Sequence[Row]) -> None:
-    """The table on the terminal."""
-    table = Table(*HEAD)
-    for row in rows:
-        table.add_row(*_cells(row))
-    Console().print(table)

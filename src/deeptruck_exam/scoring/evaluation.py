@@ -13,7 +13,7 @@ import numpy as np
 from deeptruck_exam.laws.law import Array
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
-from deeptruck_model.simulators import Simulator, forced_run
+from deeptruck_model.simulators import Simulator
 
 HORIZON_S = 40.0
 
@@ -95,10 +95,3 @@ def _free(
             state = simulator.force(state, response)
         errors[:, j] = response - y[:, k + 1]
     return errors
-
-
-def residual(simulator: Simulator, u: Array, w: Array, y: Array) -> Array:
-    """Recorded minus forced acceleration, (batch, n), the first sample 0."""
-    out = y[:, :, ACCELERATION] - forced_run(simulator, u, w, y).y[:, :, ACCELERATION]
-    out[:, 0] = 0.0
-    return np.asarray(out)

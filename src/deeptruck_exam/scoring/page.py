@@ -34,14 +34,11 @@ HEADINGS = (
 )
 
 
-def write_page(
-    results: Sequence[Score], out: Path, command: str, withheld: Sequence[Mapping[str, Any]] = ()
-) -> dict[str, Any]:
+def write_page(results: Sequence[Score], out: Path, command: str) -> dict[str, Any]:
     """Write proof.md, scoreboard.json and the figures into `out`; returns the scoreboard."""
     scored = [r for r in results if "broken" not in r]
     board = figures_of_merit(scored)
     board["broken"] = [r for r in results if "broken" in r]
-    board["withheld"] = list(withheld)
     figures = draw_all(scored, out)
     _replace(out / "scoreboard.json", json.dumps(board, indent=1))
     _replace(out / "proof.md", "\n".join(_lines(scored, board, figures, command)) + "\n")
@@ -103,7 +100,6 @@ def _lines(
         "| --- " * 5 + "|",
     ]
     lines += _by_effect(scored)
-    lines += ["", "## Real recordings with the elevation withheld", "", *_withheld(board["withheld"])]
     lines += ["", "## What was wrong", "", *_failures(scored)]
     if board["broken"]:
         lines += ["", f"{len(board['broken'])} cases broke before they were scored (scoreboard.json)."]
@@ -122,23 +118,6 @@ def _by_effect(scored: Sequence[Score]) -> list[str]:
             first, group = mean(r["right_first"] for r in rows), mean(r["in_group"] for r in rows)
             out.append(f"| {key} | {len(rows)} | {_cell(first)} | {_cell(group)} | {effect.source} |")
     return out
-
-
-def _withheld(results: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A table of verdicts and agreement, from windows of 21 s."""
-    if not results:
-        return ["Not run: the logs are not part of the project (set DEEPTRUCK_REAL_DATA)."]
-    lines = ["| log | said | right | correlation | slope | residual R2 recovered / withheld |"]
-    lines.append("| --- " * 6 + "|")
-    for r in results:
-        said = " ".join(r["said"]) or r["verdict"]
-        a = r["agreement"]
-        cells = ["", "", ""]
-        if a:
-            explained = f"{a['residual_r2_recovered']:.2f} / {a['residual_r2_withheld']:.2f}"
-            cells = [f"{a['correlation']:.2f}", f"{a['slope']:.2f}", explained]
-        lines.append(f"| {r['source']} | {said} | {'yes' if r['right'] else 'no'} | {' | '.join(cells)} |")
-    return lines
 
 
 def _failures(scored: Sequence[Score]) -> list[str]:

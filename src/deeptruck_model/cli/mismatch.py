@@ -356,9 +356,10 @@ def prove(
         return
     if real is not None:
         check_real(real, out)
-        from deeptruck_exam.real.fleets import examine_real, show
+        from deeptruck_exam.real.fleets import examine_real
 
-        show(examine_real(real, out))
+        examine_real(real, out)
+        print(f"table in {out / 'real.md'}")
         return
     check(out)
     from deeptruck_exam.cases.levels import LEVELS
