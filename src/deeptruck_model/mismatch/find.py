@@ -71,7 +71,7 @@ def find_mismatch(
         if not isinstance(c, Compared):
             return Mismatch(useless(c), None, {}, None, c.prepared)
         say("correcting the simulator and driving it free")
-        made = correct(truck, c.posterior)
+        made = correct(truck, c.posterior, c.drives, c.given)
         driven = validate(truck, made, c.drives, rules)
         verdict = conclude(c, made, driven)
     return Mismatch(

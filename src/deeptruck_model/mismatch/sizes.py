@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.stats import truncnorm
 
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, carriers
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import changed_by
@@ -45,14 +45,11 @@ def sizes_of(term: CandidateTerm, p: Posterior) -> dict[str, Size]:
         return {}
     drawn = p.on_columns(name, term.columns)
     acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
-    moved = {n: p.change(n)[0] for n in p.search.parameters if p.probability(n) >= e.rules.named}
-    by = carriers.factors(e.moved, moved)
     weights: dict[str, Array] = {}
     columns: dict[str, Column] = {}
     for k, part in enumerate(term.parts):
         for of, weight in part.course or ((part.name, 1.0),):
             factor = weight * part.factor * (e.unit.scale if part.per_mass else 1.0)
-            factor *= carriers.ratio(part, e, by) if e.moved else 1.0
             weights.setdefault(of, np.zeros(len(term.parts)))[k] = factor
             columns[of] = part
     sizes: dict[str, tuple[float, float, str]] = {

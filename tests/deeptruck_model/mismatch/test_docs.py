@@ -49,7 +49,7 @@ def test_the_case_ends_as_the_page_says(tmp_path: Path, monkeypatch: pytest.Monk
             cli.main()
         assert not caught.value.code
     said = json.loads(Path("found/verdict.json").read_text())
-    assert [f["effect"] for f in said["findings"]] == ["brake_lag", "load_slosh"]  # as the page says
+    assert [f["effect"] for f in said["findings"]] == ["brake_lag"]  # as the page says
     assert said["findings"][0]["probability"] > 0.9
     assert said["findings"][0]["parameters"]["time_constant"]["value"] == pytest.approx(0.6, abs=0.1)
     before, tuned, after = (said["fit"][w]["speed_rmse"] for w in ("before", "parameters_only", "after"))

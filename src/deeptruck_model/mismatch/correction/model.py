@@ -6,8 +6,9 @@ are fitted and selected on the fitted recordings alone, by the speed errors of f
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.fit_result import Refitted
-from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, confined, merge
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, candidate_term, confined, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, conditions
 from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
@@ -23,6 +24,8 @@ from deeptruck_model.mismatch.mechanisms.record import Mechanism
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
+from deeptruck_model.mismatch.posterior.relinearise import about_the_mean
+from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95, ridge
@@ -48,6 +51,11 @@ class Recipe:
     free: frozenset[str] = frozenset()
     output_error: bool = False
 
+    @property
+    def coefficients(self) -> int:
+        """The number of fitted coefficients."""
+        return sum(t.columns.shape[1] for t in self.terms) + len(self.free)
+
 
 @dataclass(frozen=True)
 class Made:
@@ -67,39 +75,50 @@ class Made:
     left_out: Mapping[str, Array] = field(default_factory=dict)
 
 
-def correct(simulator: Simulator, p: Posterior) -> Made:
-    """The correction by all blocks of the posterior, named or not."""
-    search, rules = p.search, p.search.rules
-    terms, stated = _terms(p, general=True), _terms(p)
-    parameters = frozenset(search.parameters)
+def correct(simulator: Simulator, p: Posterior, drives: PreparedDrives, given: Evidence) -> Made:
+    """The correction by all blocks of the posterior, named or not, fitted with the simulator at the posterior
+    mean of its parameters; `given` is the evidence of the simulator as given."""
+    rules = p.search.rules
+    e = about_the_mean(simulator, drives, given, p)
+    terms, stated = ([_anew(t, e) for t in _terms(p, general=general)] for general in (True, False))
+    parameters = frozenset(p.search.parameters)
     likely = frozenset(n for n in parameters if p.inside(n).mean() >= rules.named)
     tuning = Recipe((), parameters)
-    options = [Recipe()]
+    folds = _folds(e)
+    options, errors = [Recipe()], [_left_out(folds, Recipe())]
     if terms or likely:
-        frees = {likely, parameters, frozenset[str]()} if terms else {likely}
-        options += [Recipe(terms, free) for free in sorted(frees, key=len)]
-    options += [replace(o, output_error=True) for o in options[1:]]
-    folds = _folds(search.e)
-    *errors, tuned = (_left_out(folds, recipe) for recipe in (*options, tuning))
-    best = options[_best(errors, rules)]
-    whole = Regression(search.e.everywhere(), only=~search.e.held_out & search.e.valid, parameter_sd=PINNED)
-    alone = whole.model((), parameters)
+        for free in {likely, parameters} if terms else {likely}:
+            for output_error in (False, True):
+                whole = Recipe(tuple(terms), free, output_error)
+                for recipe, own in _pruned(folds, whole, p.probability, rules):
+                    options.append(recipe)
+                    errors.append(own)
+    tuned = _left_out(folds, tuning)
+    best = options[_best(options, errors, rules)]
+    search = Regression(e.everywhere(), only=~e.held_out & e.valid, parameter_sd=PINNED)
+    alone = search.model((), parameters)
     return Made(
-        _truck(simulator, whole, best, _fitted(whole, best)),
-        _truck(simulator, whole, tuning, _fitted(whole, tuning)),
+        _truck(simulator, search, best, _fitted(search, best)),
+        _truck(simulator, search, tuning, _fitted(search, tuning)),
         best,
-        {n: _refitted(simulator, whole.e, alone, n) for n in sorted(alone.free)},
-        stated,
+        {n: _refitted(simulator, search.e, alone, n) for n in sorted(alone.free)},
+        tuple(stated),
         {
             name: np.array([_rms(drive[None]) for drive in own])
             for name, own in (
                 ("before", errors[0]),
                 ("parameters_only", tuned),
-                ("after", _nested(errors, rules)),
+                ("after", _nested(options, errors, rules)),
             )
             if len(folds) > 1
         },
     )
+
+
+def _anew(term: CandidateTerm, e: Evidence) -> CandidateTerm:
+    """A term on other evidence."""
+    first, *others = (candidate_term(term.mechanism, v, e) for v in term.variants)
+    return functools.reduce(merge, others, first)
 
 
 def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
@@ -243,18 +262,35 @@ def _left_out(folds: Sequence[_Fold], recipe: Recipe) -> Array:
     return np.array(out, dtype=float).reshape(-1, 2)
 
 
-def _best(errors: Sequence[Array], rules: Rules) -> int:
-    """The recipe of least error; the first one, which corrects nothing, where none is clearly better. Errors
-    are those of `_left_out`."""
-    squares = [_rms(e) ** 2 for e in errors]
-    return int(np.argmin([rules.better**2 * squares[0], *squares[1:]]))
+def _pruned(
+    folds: Sequence[_Fold], recipe: Recipe, probability: Callable[[str], float], rules: Rules
+) -> Iterator[tuple[Recipe, Array]]:
+    """A recipe, and what is left of it as each term and each parameter, the least probable first, is omitted
+    whose absence hardly raises the error of drives left out; each with its errors as of `_left_out`."""
+    errors = _left_out(folds, recipe)
+    yield recipe, errors
+    most = _rms(errors) / rules.better
+    for part in sorted({*(t.mechanism.effect for t in recipe.terms), *recipe.free}, key=probability):
+        terms = tuple(t for t in recipe.terms if t.mechanism.effect != part)
+        less = replace(recipe, terms=terms, free=recipe.free - {part})
+        if (less.terms or less.free) and _rms(without := _left_out(folds, less)) <= most:
+            recipe = less
+            yield less, without
 
 
-def _nested(errors: Sequence[Array], rules: Rules) -> Array:
+def _best(options: Sequence[Recipe], errors: Sequence[Array], rules: Rules) -> int:
+    """Of the recipes whose error is nearly the least, beside noise of speed, the one with the fewest
+    coefficients. Errors are those of `_left_out`."""
+    each = np.hypot([_rms(e) for e in errors], Limits.speed_noise)
+    near = np.flatnonzero(each <= each.min() / rules.better)
+    return int(min(near, key=lambda k: (options[k].coefficients, each[k])))
+
+
+def _nested(options: Sequence[Recipe], errors: Sequence[Array], rules: Rules) -> Array:
     """Errors of every drive (drives, 2) by the recipe that is best on the others: the one that is best on all
     is so on each by chance too."""
     drives = np.arange(len(errors[0]))
-    return np.array([errors[_best([e[drives != k] for e in errors], rules)][k] for k in drives])
+    return np.array([errors[_best(options, [e[drives != k] for e in errors], rules)][k] for k in drives])
 
 
 def _rms(errors: Array) -> float:

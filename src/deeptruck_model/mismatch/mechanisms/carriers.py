@@ -7,10 +7,6 @@ by the same factors.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-
-from deeptruck_model.mismatch.mechanisms import Column
-from deeptruck_model.mismatch.residual.evidence import Evidence
 
 CARRIERS = {
     "engine": "torque_gain",
@@ -28,13 +24,3 @@ def factors(fitted_at: Mapping[str, float], moved: Mapping[str, float]) -> dict[
         return (1.0 + fitted_at.get(name, 0.0)) / (1.0 + moved.get(name, 0.0))
 
     return {force: ratio(parameter) / ratio("mass") for force, parameter in CARRIERS.items()}
-
-
-def ratio(column: Column, e: Evidence, by: Mapping[str, float]) -> float:
-    """Factor on a size for a truck whose forces are smaller by the factors `by`."""
-    there = replace(
-        e, signals=e.signals | {name: e[name] / factor for name, factor in by.items() if name in e.signals}
-    )
-    here, other = column.expression.rows(e)[e.valid], column.expression.rows(there)[e.valid]
-    square = float(other @ other)
-    return float(here @ other) / square if square > 0.0 else 1.0

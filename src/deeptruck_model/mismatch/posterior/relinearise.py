@@ -7,7 +7,7 @@ If each drive has another load, no parameters fit all drives, so that the loads 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,11 +19,11 @@ from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, w
 from deeptruck_model.mismatch.mechanisms import CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
 from deeptruck_model.mismatch.mechanisms.load import PAYLOAD_CHANGE
-from deeptruck_model.mismatch.posterior.posterior import without_roads
+from deeptruck_model.mismatch.posterior.posterior import Posterior, without_roads
 from deeptruck_model.mismatch.posterior.regression import Model, Regression
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
-from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.gather import driven_anew, gather
 from deeptruck_model.mismatch.residual.sensitivity import STEP, accepted
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator
@@ -120,12 +120,16 @@ class _About:
             for p, c in total.items()
             if abs(c) > Limits.least_shift
         }
-        moved = accepted(self.simulator, possible, near=STEP)
-        tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
+        return self.at(possible)
+
+    def at(self, changes: Mapping[str, float]) -> Evidence:
+        """The evidence at parameters with these relative changes from the given ones, as far as the simulator
+        accepts them."""
+        moved = accepted(self.simulator, changes, near=STEP)
         anew = gather(
-            tuned, self.drives.prepared, self.drives.held_out, seed=self.seed, moved=moved,
-            rules=self.e.rules, mass_kg=self.e.mass if self.e.mass_known else None, as_given=self.e,
-            say=self.say,
+            with_changes(self.simulator, moved), self.drives.prepared, self.drives.held_out, seed=self.seed,
+            moved=moved, rules=self.e.rules, mass_kg=self.e.mass if self.e.mass_known else None,
+            as_given=self.e, say=self.say,
         )  # fmt: skip
         return replace(
             anew.without(self.e.hidden),
@@ -133,6 +137,41 @@ class _About:
             learned_slow_noise=self.e.learned_slow_noise,
             itself=self.e.itself,
         )
+
+
+def about_the_mean(simulator: Simulator, drives: PreparedDrives, given: Evidence, p: Posterior) -> Evidence:
+    """The evidence of the rows of a posterior, at the parameters that the draws have in the mean: those with
+    the probability `named` are changed, the others are as given. Other command paths are driven anew.
+
+    The posterior may be linearised elsewhere, at parameters that compensate what it then names.
+    """
+    e, rules = p.search.e, p.search.rules
+    own = simulator.parameters()
+    likely = [n for n in p.search.parameters if n in own and p.probability(n) >= rules.named]
+    mean = {n: float(np.clip(p.change(n)[0], *e.vehicle.possible(n))) for n in likely}
+
+    def near(moved: Mapping[str, float]) -> bool:
+        return all(abs(mean.get(n, 0.0) - moved.get(n, 0.0)) <= SETTLED for n in {*mean, *moved})
+
+    if near(e.moved):
+        there = e
+    elif near({}):
+        there = given
+    else:
+        there = _About(simulator, drives, given, 0, lambda step: None).at(mean)
+    valid = there.everywhere().valid
+    return driven_anew(
+        with_changes(simulator, there.moved),
+        drives.prepared,
+        replace(there, valid=valid & e.valid, whole=valid),
+    )
+
+
+def with_changes(simulator: Simulator, changes: Mapping[str, float]) -> Simulator:
+    """The simulator with relative changes of its parameters."""
+    own = simulator.parameters()
+    changed = {n: own[n] * (1.0 + c) for n, c in changes.items()}
+    return simulator.with_parameters(changed) if changed else simulator
 
 
 def _better(given: Regression, here: Model, moved: Regression, there: Model) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,10 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, quantum
 from deeptruck_model.mismatch.residual import components, effective_mass
+from deeptruck_model.mismatch.residual.command_path import changed
 from deeptruck_model.mismatch.residual.command_response import RUNS, command_response
 from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence
-from deeptruck_model.mismatch.residual.forced import Grid, forced
+from deeptruck_model.mismatch.residual.forced import Grid, accelerations, forced
 from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, sensitivities
 from deeptruck_model.mismatch.residual.shift_moment import (
@@ -57,9 +57,8 @@ def gather(
 
     `moved` are relative changes already made to the parameters, `as_given` the evidence before them, whose
     spread under perturbed inputs is kept. `mass_kg` is stated for a simulator that does not report its mass;
-    otherwise the recordings or its training data may. Other command paths are run along the fitted drives
-    only, and their change is zero along others; they are run when they are first asked for. `say` is called
-    with the share that is done. Raises InputError for accelerations that no vehicle has.
+    otherwise the recordings or its training data may. Other command paths are run when they are first asked
+    for. `say` is called with the share that is done. Raises InputError for accelerations that no vehicle has.
     """
     progress = _Progress(say, passes(simulator) - (3 if as_given else 0))
     driven = _driven(simulator, prepared, held_out)
@@ -162,7 +161,7 @@ def _compared(
         mass_known=mass_known,
         known_physics=d.known_physics,
         vehicle=prepared[0].recording.interface.kind,
-        rerun=_rerunner(d, [not out for out in held_out], progress),
+        rerun=_rerunner(d, progress),
         sooner=sooner,
         rules=rules,
         own=() if as_given is None else as_given.own,
@@ -225,15 +224,21 @@ def _disagreement(
     return grid.stack(parts)
 
 
-def _rerunner(d: _Driven, along: Sequence[bool], progress: _Progress) -> Callable[[str, float], Array]:
-    driven, runs = list(compress(d.prepared, along)), list(compress(d.runs, along))
-    response = command_response(d.simulator, driven, runs, lambda: progress.more(1))
+def _rerunner(d: _Driven, progress: _Progress) -> Callable[[str, float], Array]:
+    response = command_response(d.simulator, d.prepared, d.runs, lambda: progress.more(1))
+    return lru_cache(maxsize=256)(lambda name, amount: d.grid.stack(response(name, amount)))
+
+
+def driven_anew(simulator: Simulator, prepared: Sequence[Prepared], e: Evidence) -> Evidence:
+    """The evidence whose `rerun` drives the simulator along the drives again for every command path, in the
+    place of the response to it from a few runs. `simulator` has the parameters of this evidence."""
+    grid = Grid(prepared, [s.held_out for s in e.stretches], round(e.dt / prepared[0].dt))
 
     @lru_cache(maxsize=256)
     def rerun(name: str, amount: float) -> Array:
-        changes = iter(response(name, amount))
-        return d.grid.stack(
-            [next(changes) if on else np.zeros(len(p.u)) for p, on in zip(d.prepared, along, strict=True)]
+        return (
+            accelerations(simulator, prepared, grid, [changed(p, name, amount) for p in prepared])
+            - e.simulated
         )
 
-    return rerun
+    return replace(e, rerun=rerun)

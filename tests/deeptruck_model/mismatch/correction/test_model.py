@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.correction.model import (
     _forms,
     _left_out,
     _nested,
+    _pruned,
     _rms,
     _terms,
 )
@@ -79,8 +80,26 @@ def test_a_force_in_one_condition_is_corrected_there_only() -> None:
 def test_the_error_of_a_drive_is_by_the_recipe_that_the_others_choose() -> None:
     """A recipe that is best on all by one lucky drive is worse on the others."""
     errors = [np.array([[x, 1.0] for x in squares]) for squares in ([1.0, 1.0, 1.0], [0.0, 1.2, 1.2])]
-    assert _best(errors, Rules()) == 1
-    np.testing.assert_array_equal(_nested(errors, Rules())[:, 0], [1.0, 1.2, 1.2])
+    options = [Recipe(), Recipe(free=frozenset(["mass"]))]
+    assert _best(options, errors, Rules()) == 1
+    np.testing.assert_array_equal(_nested(options, errors, Rules())[:, 0], [1.0, 1.2, 1.2])
+
+
+def test_of_recipes_that_are_nearly_as_good_the_smallest_is_taken() -> None:
+    options = [Recipe(free=frozenset(x)) for x in ((), ("mass", "drag_area"), ("mass",))]
+    errors = [np.array([[x, 1.0]]) for x in (1.0, 0.1, 0.102)]
+    assert _best(options, errors, Rules()) == 2
+    tiny = [e * (0.1 * Limits.speed_noise) ** 2 for e in errors]
+    assert _best(options, tiny, Rules()) == 0
+
+
+def test_a_part_that_other_drives_do_not_need_is_left_out() -> None:
+    e = evidence(noise=0.01)
+    folds = _folds(replace(e, residual=e.residual - 0.2 * e["engine"]))
+    whole = Recipe((), frozenset(["torque_gain", "brake_gain"]))
+    *_, (least, errors) = _pruned(folds, whole, {"brake_gain": 0.2, "torque_gain": 0.9}.__getitem__, Rules())
+    assert least.free == {"torque_gain"}
+    assert _rms(errors) <= _rms(_left_out(folds, whole)) / Rules().better
 
 
 def test_every_fitted_drive_is_driven_by_what_was_fitted_to_others() -> None:
