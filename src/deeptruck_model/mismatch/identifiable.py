@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from deeptruck_model.mismatch.residual import gather
+from deeptruck_model.mismatch.residual.components import FORCES
 from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, accepted
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -23,16 +24,6 @@ from deeptruck_model.simulators.protocol_check import (
     start,
 )
 
-FORCES = (  # all of them, where there is a traction_force: each is read wherever the first is there
-    "traction_force",
-    "mass",
-    "brake_force",
-    "drag_force",
-    "rolling_force",
-    "gear",
-    "engine_speed",
-    "engine_torque",
-)
 AGAINST = ("brake_force", "drag_force", "rolling_force")
 APART, APART_M_S2 = 0.5, 0.05  # that forces may be off: rotating masses in low gears, and a step's delay
 STEP = 0.2  # relative change of a parameter

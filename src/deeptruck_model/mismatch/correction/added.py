@@ -192,7 +192,7 @@ class TruckWithForces:
             "rolling": np.abs(inside["rolling_force"]) / mass,
         }
         own |= {name: own[name] * factor for name, factor in self._added.carried.items()}
-        return own | {name: inside[name] for name in ("gear", "engine_speed")}
+        return own | {name: inside[name] for name in ("gear", "engine_speed") if name in inside}
 
 
 def _streamed(forces: Iterable[tuple[Expression, Size]]) -> tuple[Stream, list[Size]]:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 KNOTS = 7
-MODELLED_TORQUE = "modelled_torque"  # only simulators that report their own forces have this signal
+FORCES = ("traction_force", "brake_force", "drag_force", "rolling_force", "mass")  # of `inside()`, N and kg
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Shares:
     @classmethod
     def if_unreported(cls, e: Evidence) -> Shares | None:
         """The maps of a simulator that does not report its forces; None if it does."""
-        return None if MODELLED_TORQUE in e.signals else cls.of(e)
+        return None if e.reports_forces else cls.of(e)
 
     @classmethod
     def of(cls, e: Evidence) -> Shares:
@@ -178,7 +178,7 @@ def _places(grid: Grid, parts: Sequence[Array]) -> Array:
 
 def reports_forces(run: Run) -> bool:
     """Whether a simulator reports its forces, which shows that its physics was modelled and not learned."""
-    return "traction_force" in run.inside
+    return run.inside.keys() >= set(FORCES)
 
 
 def _known(name: str, prepared: Sequence[Prepared], grid: Grid) -> bool:
@@ -207,7 +207,8 @@ def _column(p: Prepared, name: str) -> Array:
 
 
 def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run], grid: Grid) -> float:
-    """Specific forces reported by a physics truck; also its gear and engine speed if not recorded."""
+    """Specific forces reported by a physics truck; also its gear and engine speed, if it has them and they
+    are not recorded."""
 
     def inside(name: str) -> list[Array]:
         return [r.inside[name][0] for r in runs]
@@ -216,9 +217,9 @@ def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run
     out["engine"] = grid.stack(inside("traction_force")) / mass
     for name, force in (("brake", "brake_force"), ("drag", "drag_force"), ("rolling", "rolling_force")):
         out[name] = np.abs(grid.stack(inside(force))) / mass
-    out.setdefault("gear", grid.last(inside("gear")))
-    out.setdefault("engine_speed", grid.stack(inside("engine_speed")))
-    out[MODELLED_TORQUE] = grid.stack(inside("engine_torque"))
+    for name, take in (("gear", grid.last), ("engine_speed", grid.stack)):
+        if name in runs[0].inside:
+            out.setdefault(name, take(inside(name)))
     radius = simulator.parameters().get("wheel_radius")
     if radius and "ratio" in runs[0].inside:
         out["ratio in gear"] = grid.stack(inside("ratio")) / radius

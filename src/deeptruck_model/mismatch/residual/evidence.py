@@ -167,6 +167,7 @@ class Evidence:
     sooner: Array | None = None  # (n,) m/s^2 more for deciding, as when to shift, a sample sooner
     rules: Rules = field(default_factory=Rules)  # by which all of this is judged
     mass_known: bool = True
+    reports_forces: bool = False  # the simulator reports its own forces, so that none are estimated
     known_physics: bool = True  # the simulator reports parameters or forces, so that it is no learned one
     vehicle: VehicleKind = UNSTATED  # what is usual of what drove
     whole: Mask | None = None  # `valid` with held-out recordings, where it is without

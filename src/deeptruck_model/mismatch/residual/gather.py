@@ -159,6 +159,7 @@ def _compared(
         sensitivity={},
         mass=mass,
         mass_known=mass_known,
+        reports_forces=components.reports_forces(d.runs[0]),
         known_physics=d.known_physics,
         vehicle=prepared[0].recording.interface.kind,
         rerun=_rerunner(d, progress),

@@ -105,6 +105,13 @@ def test_a_black_box_without_engine_speed_and_fuel_is_split_by_its_answers_to_si
     np.testing.assert_allclose(out["drag"], 5e-4 * out["speed"] ** 2)
     np.testing.assert_allclose(out["rolling"], 0.09)
 
+    forces = zip(components.FORCES, (3000.0, -500.0, 200.0, 100.0, 1000.0), strict=True)
+    reports = {name: np.full((1, len(t)), x) for name, x in forces}
+    direct_drive = [Run(run.y, reports) for run in runs]  # of a truck without gears and engine speed
+    out, mass, mass_is_known = components.signals(box, prepared, direct_drive, Grid(prepared, [False], 1))
+    assert mass_is_known and mass == 1000.0 and not out.keys() & {"gear", "engine_speed", "ratio"}
+    assert (out["engine"][0], out["brake"][0]) == (3.0, 0.5)
+
 
 @pytest.mark.parametrize(("unit", "of_the_brake"), [("percent", 2.0), ("m/s^2", 0.0)])
 def test_more_mass_weakens_brakes_that_are_a_force_but_not_a_deceleration(
