@@ -105,24 +105,24 @@ def summary_of(file: Path) -> Summary | None:
                 ):
                     stream.seek(index.chunk_start_offset + RECORD_HEAD)
                     chunk = Chunk.read(ReadDataStream(BytesIO(stream.read(index.chunk_length - RECORD_HEAD))))
-                    _learn(summary, content_of(chunk))
+                    learn(summary.schemas, summary.channels, content_of(chunk))
             return summary
     except UNREADABLE as error:
         raise DamagedError(f"its summary cannot be read ({why(error)})") from None
 
 
-def _learn(summary: Summary, content: bytes) -> None:
-    """Add the schemas and channels of a chunk to the summary."""
+def learn(schemas: dict[int, Schema], channels: dict[int, Channel], content: bytes) -> None:
+    """Add the schemas and channels of a chunk's content to those known by their numbers."""
     at = 0
     while at < len(content):
         opcode, length = struct.unpack_from("<BQ", content, at)
         record = ReadDataStream(BytesIO(content[at + RECORD_HEAD : at + RECORD_HEAD + length]))
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(record)
-            summary.schemas.setdefault(schema.id, schema)
+            schemas.setdefault(schema.id, schema)
         elif opcode == Opcode.CHANNEL:
             channel = Channel.read(record)
-            summary.channels.setdefault(channel.id, channel)
+            channels.setdefault(channel.id, channel)
         at += RECORD_HEAD + length
 
 

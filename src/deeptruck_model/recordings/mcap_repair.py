@@ -1,4 +1,4 @@
-"""Repair a truncated MCAP file: cut it after the last whole chunk and rebuild its index."""
+"""Repair a truncated MCAP file: copy its whole chunks, and write their index anew."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -27,95 +26,117 @@ from mcap.records import (
     Schema,
     Statistics,
 )
-from mcap.stream_reader import get_chunk_data_stream
-from numpy.typing import NDArray
 
 from deeptruck_model import files
 from deeptruck_model.checks import METADATA
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.bag_file import RECORD_HEAD
+from deeptruck_model.recordings.bag_file import MAGIC, RECORD_HEAD
 from deeptruck_model.recordings.bag_metadata import Topic, metadata_yaml
-from deeptruck_model.recordings.mcap_chunks import (
-    ENTRY,
-    UNREADABLE,
-    content_of,
-    message_indexes,
-    scan_messages,
-    why,
-)
+from deeptruck_model.recordings.mcap_chunks import ENTRY, UNREADABLE, content_of, learn, scan_messages
 
 _END = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}  # bytes of the records behind which all is made anew
 _SUMMARY = {  # what may stand behind the messages
     *_END, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX,
     Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET,
 }  # fmt: skip
-MAGIC = b"\x89MCAP0\r\n"
-
-
-@dataclass(frozen=True)
-class _WholeChunk:
-    """An undamaged chunk, and the positions of its messages by channel."""
-
-    chunk: Chunk
-    entries: dict[int, NDArray[np.void]]
-
-    @classmethod
-    def of(cls, content: bytes) -> _WholeChunk | None:
-        """The chunk in a record; None if it is damaged."""
-        try:
-            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-            records = 32 + len(chunk.compression.encode())  # behind times, size, checksum and compression
-            if int.from_bytes(content[records : records + 8], "little") != len(content) - records - 8:
-                return None
-            return cls(chunk, scan_messages(content_of(chunk)))
-        except UNREADABLE:
-            return None
-
-    def has_index(self, begin: bytes, length: int) -> bool:
-        """Whether a record of this length can be the index of one of its channels, which `begin` names."""
-        messages = self.entries.get(int.from_bytes(begin[:2], "little"), ())
-        return len(begin) < 2 or length == 6 + ENTRY.itemsize * len(messages)
 
 
 @dataclass
 class Found:
-    """Result of scanning the data section, and the end of its last complete record."""
+    """What was copied of a file."""
 
-    end: int
-    cut: int = 0  # where the scan ended in the file as it was found
+    cut: int = len(MAGIC)  # where the last record that was used ends in the file as it was found
     torn: bool = False  # whether more lies behind that than an index, which is made anew
-    tail: _WholeChunk | None = None  # the last chunk: not all its message indexes may be there
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[ChunkIndex] = field(default_factory=list)
-    counts: dict[int, int] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)  # messages by channel
     metadata: list[tuple[MetadataIndex, Metadata]] = field(default_factory=list)
+    indexes: set[int] = field(default_factory=set)  # lengths of the message indexes of the last chunk
 
 
-def scan(stream: BinaryIO, size: int, file: Path) -> Found:
-    """Intact records from the beginning; message indexes that do not fit their chunk are rebuilt."""
-    found = Found(end=min(size, len(MAGIC)))
-    at = len(MAGIC)
-    while at + RECORD_HEAD <= size:
-        stream.seek(at)
-        opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
-        if opcode in _END and at + RECORD_HEAD + length <= size:
-            found.torn = _END[Opcode(opcode)] != length or not is_an_end(stream, at, size)
-            break
-        if opcode in _END or at + RECORD_HEAD + length > size:
-            found.torn = not _is_made_anew(opcode, length, stream.read(2), found.tail)
-            break
-        if not _take(found, opcode, stream.read(length), at, stream, file):
+def copied(source: BinaryIO, target: BinaryIO, file: Path) -> Found:
+    """Copy the records up to the first damaged one; message indexes are written anew."""
+    size = source.seek(0, os.SEEK_END)
+    found = Found(cut=min(size, len(MAGIC)))
+    target.write(MAGIC)
+    while found.cut + RECORD_HEAD <= size:
+        source.seek(found.cut)
+        opcode, length = struct.unpack("<BQ", source.read(RECORD_HEAD))
+        whole = found.cut + RECORD_HEAD + length <= size
+        if opcode in _END or (opcode == Opcode.MESSAGE_INDEX and not whole):
+            expected = {_END[Opcode(opcode)]} if opcode in _END else found.indexes
+            found.torn = length not in expected or (whole and not is_an_end(source, found.cut, size))
+            return found
+        if not whole or not _take(found, opcode, source.read(length), target, file):
             found.torn = True
-            break
-        at += RECORD_HEAD + length
-        found.end = at
-    else:
-        found.torn = at < size
-    found.cut = min(at, size)
-    if found.tail is not None:
-        _index_again(stream, found, found.tail.chunk)
+            return found
+        found.cut += RECORD_HEAD + length
+    found.torn = found.cut < size
     return found
+
+
+def _take(found: Found, opcode: int, content: bytes, target: BinaryIO, file: Path) -> bool:
+    """Copy one record; False if it is damaged."""
+    at = target.tell()
+    record = struct.pack("<BQ", opcode, len(content)) + content
+    if opcode == Opcode.CHUNK:
+        return _take_chunk(found, content, record, target)
+    if opcode == Opcode.MESSAGE_INDEX:
+        return len(content) in found.indexes
+    if opcode not in (Opcode.HEADER, Opcode.METADATA):
+        raise InputError(f"{file} was written in a way repair does not know (record type {opcode})")
+    target.write(record)
+    if opcode == Opcode.METADATA:
+        try:
+            metadata = Metadata.read(ReadDataStream(BytesIO(content)))
+        except UNREADABLE:
+            return True  # it is copied as it is, and nothing leads to it
+        found.metadata.append((MetadataIndex(at, len(record), metadata.name), metadata))
+    return True
+
+
+def _take_chunk(found: Found, content: bytes, record: bytes, target: BinaryIO) -> bool:
+    """Copy a chunk with the indexes of its messages; False if it is damaged.
+
+    Its times in the index are those of its messages, because no checksum protects those in its header.
+    """
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+        records = 32 + len(chunk.compression.encode())  # behind times, size, checksum and compression
+        if int.from_bytes(content[records : records + 8], "little") != len(content) - records - 8:
+            return False
+        messages = content_of(chunk)
+        entries = scan_messages(messages)
+        learn(schemas := dict(found.schemas), channels := dict(found.channels), messages)
+    except UNREADABLE:
+        return False
+    if not all(key in channels and channels[key].schema_id in schemas for key in entries):
+        return False
+    found.schemas, found.channels = schemas, channels
+    at, behind, builder = target.tell(), target.tell() + len(record), RecordBuilder()
+    offsets = {}
+    for channel, positions in entries.items():
+        offsets[channel] = behind + builder.count
+        MessageIndex(channel, [(int(log_ns), int(offset)) for log_ns, offset in positions]).write(builder)
+        found.counts[channel] = found.counts.get(channel, 0) + len(positions)
+    found.indexes = {6 + ENTRY.itemsize * len(positions) for positions in entries.values()}
+    times = [int(ns) for positions in entries.values() for ns in positions["log_ns"]]
+    found.chunks.append(
+        ChunkIndex(
+            chunk_length=len(record),
+            chunk_start_offset=at,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            message_end_time=max(times, default=0),
+            message_index_length=builder.count,
+            message_index_offsets=offsets,
+            message_start_time=min(times, default=0),
+            uncompressed_size=chunk.uncompressed_size,
+        )
+    )
+    target.write(record + builder.end())
+    return True
 
 
 def is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
@@ -130,123 +151,6 @@ def is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
             stream.seek(at)
             return size - at <= len(MAGIC) and MAGIC.startswith(stream.read())
     return True
-
-
-def _take(found: Found, opcode: int, content: bytes, at: int, stream: BinaryIO, file: Path) -> bool:
-    """Note one record; False if it is damaged."""
-    if opcode == Opcode.CHUNK:
-        if (whole := _WholeChunk.of(content)) is None:
-            return False
-        found.tail = whole
-        found.chunks.append(_chunk_index(whole, at, len(content) + RECORD_HEAD))
-    elif opcode == Opcode.MESSAGE_INDEX:
-        if found.tail is None or not found.tail.has_index(content, len(content)):
-            return False
-        _note_index(found, found.tail, content, at, stream)
-    elif opcode in (Opcode.HEADER, Opcode.METADATA):
-        _note_loose(found, opcode, content, at)
-    else:
-        raise InputError(f"{file} was written in a way repair does not know (record type {opcode})")
-    return True
-
-
-def _is_made_anew(opcode: int, length: int, begin: bytes, tail: _WholeChunk | None) -> bool:
-    """Whether the truncated record is an index or the end of a file, which are rebuilt anyway."""
-    if opcode == Opcode.MESSAGE_INDEX:
-        return tail is not None and tail.has_index(begin, length)
-    return _END.get(Opcode(opcode)) == length if opcode in _END else False
-
-
-def _chunk_index(whole: _WholeChunk, at: int, length: int) -> ChunkIndex:
-    """Index entry of a chunk at `at`; its times are those of its messages, because no checksum protects those
-    in its header."""
-    times = [int(ns) for entries in whole.entries.values() for ns in entries["log_ns"]]
-    return ChunkIndex(
-        chunk_length=length,
-        chunk_start_offset=at,
-        compression=whole.chunk.compression,
-        compressed_size=len(whole.chunk.data),
-        message_end_time=max(times, default=0),
-        message_index_length=0,
-        message_index_offsets={},
-        message_start_time=min(times, default=0),
-        uncompressed_size=whole.chunk.uncompressed_size,
-    )
-
-
-def _note_index(found: Found, whole: _WholeChunk, content: bytes, at: int, stream: BinaryIO) -> None:
-    """Note a message index; one with wrong positions is rewritten."""
-    channel = int.from_bytes(content[:2], "little")
-    if channel not in found.channels:
-        _learn_channels(found, whole.chunk)
-    entries = whole.entries.get(channel, np.zeros(0, ENTRY))
-    if not np.array_equal(np.sort(np.frombuffer(content[6:], ENTRY)), np.sort(entries)) or (
-        int.from_bytes(content[2:6], "little") != len(content) - 6
-    ):
-        stream.seek(at)
-        stream.write(_index_record(channel, entries))
-    index = found.chunks[-1]
-    index.message_index_offsets[channel] = at
-    index.message_index_length += RECORD_HEAD + len(content)
-    found.counts[channel] = found.counts.get(channel, 0) + len(entries)
-
-
-def _index_record(channel: int, entries: NDArray[np.void]) -> bytes:
-    builder = RecordBuilder()
-    MessageIndex(channel, [(int(log_ns), int(offset)) for log_ns, offset in entries]).write(builder)
-    return builder.end()
-
-
-def _note_loose(found: Found, opcode: int, content: bytes, at: int) -> None:
-    if opcode == Opcode.HEADER:
-        return
-    try:
-        metadata = Metadata.read(ReadDataStream(BytesIO(content)))
-    except UNREADABLE:
-        return  # it stays where it is, and nothing leads to it
-    found.metadata.append((MetadataIndex(at, RECORD_HEAD + len(content), metadata.name), metadata))
-
-
-def _learn_channels(found: Found, chunk: Chunk) -> None:
-    stream, size = get_chunk_data_stream(chunk)
-    while stream.count < size:
-        opcode, length = stream.read1(), stream.read8()
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            found.schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
-            found.channels[channel.id] = channel
-        else:
-            stream.read(length)
-
-
-def _index_again(stream: BinaryIO, found: Found, chunk: Chunk) -> None:
-    """Rewrite the last chunk's message indexes, in case some were cut off."""
-    last = found.chunks[-1]
-    behind = last.chunk_start_offset + last.chunk_length
-    stream.seek(behind)
-    for channel, entries in message_indexes(stream.read(last.message_index_length)):
-        found.counts[channel] -= len(entries)
-    _learn_channels(found, chunk)
-    builder = RecordBuilder()
-    last.message_index_offsets.clear()
-    stream_of_chunk, size = get_chunk_data_stream(chunk)
-    for channel, entries in scan_messages(stream_of_chunk.read(size)).items():
-        records = [(int(log_ns), int(offset)) for log_ns, offset in entries]
-        last.message_index_offsets[channel] = behind + builder.count
-        MessageIndex(channel, records).write(builder)
-        found.counts[channel] = found.counts.get(channel, 0) + len(records)
-    last.message_index_length = builder.count
-    for place, (index, metadata) in enumerate(found.metadata):
-        if index.offset >= behind:  # where the indexes go now
-            offset = behind + builder.count
-            metadata.write(builder)
-            again = MetadataIndex(offset, behind + builder.count - offset, metadata.name)
-            found.metadata[place] = (again, metadata)
-    stream.seek(behind)
-    stream.write(builder.end())
-    found.end = stream.tell()
 
 
 def repair(path: str | Path) -> str | None:
@@ -293,18 +197,17 @@ def _mend(path: Path, file: Path, *, is_whole: bool) -> tuple[Found, Path | None
     draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}.tmp")
     before, is_ours = file.stat(), files.is_as_written(file)
     with files.removing(lambda: draft.unlink(missing_ok=True)):
-        shutil.copyfile(file, draft)
-        shutil.copymode(file, draft)
-        with draft.open("r+b") as stream:
-            found = _scanned(stream, file)
+        with file.open("rb") as source, draft.open("xb") as target:
+            found = copied(source, target, file)
             if not is_whole and not sum(found.counts.values()):
                 raise InputError(
-                    f"{file} holds no whole chunk of messages in its {before.st_size:,} bytes: no message "
-                    "can be kept, it is left as it was; take another copy of it, or record anew"
+                    f"{file} holds no whole chunk of messages in its {before.st_size:,} bytes: no "
+                    "message can be kept, it is left as it was; take another copy of it, or record anew"
                 )
-            _finish(stream, found)
-            stream.flush()
-            os.fsync(stream.fileno())
+            _finish(target, found)
+            target.flush()
+            os.fsync(target.fileno())
+        shutil.copymode(file, draft)
         cut = _kept(file.with_name(f"{file.name}.cut"), _behind(file, found.cut)) if found.torn else None
         after = file.stat()
         if (after.st_size, after.st_mtime_ns) != (before.st_size, before.st_mtime_ns):
@@ -323,13 +226,6 @@ def _mend(path: Path, file: Path, *, is_whole: bool) -> tuple[Found, Path | None
         else:
             draft.replace(file)
         return found, cut
-
-
-def _scanned(stream: BinaryIO, file: Path) -> Found:
-    try:
-        return scan(stream, stream.seek(0, os.SEEK_END), file)
-    except UNREADABLE as error:
-        raise InputError(f"{file} is damaged ({why(error)}), beyond repair; it is left as it was") from None
 
 
 def _behind(file: Path, at: int) -> bytes:
@@ -393,9 +289,7 @@ def _is_one_file(stream: BinaryIO, size: int) -> bool:
 
 
 def _finish(stream: BinaryIO, found: Found) -> None:
-    """Truncate after the last complete record and append the end that a writer would have written."""
-    stream.truncate(found.end)
-    stream.seek(found.end)
+    """Append the end that a writer would have written."""
     builder = RecordBuilder()
     DataEnd(0).write(builder)
     stream.write(builder.end())
