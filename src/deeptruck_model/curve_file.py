@@ -14,7 +14,7 @@ from deeptruck_model._io import reading
 from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import ranges
-from deeptruck_model.recordings.tables.csv_text import CsvText
+from deeptruck_model.recordings.tables.csv_text import CsvText, Format
 from deeptruck_model.recordings.tables.row_keys import key_of
 from deeptruck_model.recordings.tables.table_file import PARQUET, decimal_mark, read_table
 
@@ -32,7 +32,7 @@ def read_curve(path: Path, over: str, of: str) -> tuple[Array, Array]:
     reading.check_file(path, "give a CSV or Parquet table")
     table = read_table(
         path,
-        skip_rows=_lines_before(path, over, of),
+        Format(skip_rows=_lines_before(path, over, of)),
         cure=f"it needs a header with {over} and {of}, and rows of as many cells",
     )
     table = replace(table, decimal=decimal_mark(table, over, of))
@@ -66,7 +66,7 @@ def _lines_before(path: Path, *names: str) -> int:
         return 0
     for lines in range(MOST_BEFORE):
         try:
-            header = CsvText(path, None, "utf-8", lines, Account(str(path), "rows")).header
+            header = CsvText(path, Format(skip_rows=lines), Account(str(path), "rows")).header
         except (UnicodeError, OSError, text_csv.Error, EOFError):
             return 0  # as read_table says
         if {name.strip() for name in header} >= set(names):

@@ -115,13 +115,7 @@ def import_table(
 
 
 def _recordings(path: Path, meaning: Columns, slope_from: str | None) -> list[Recording]:
-    table = read_table(
-        path,
-        delimiter=meaning.delimiter,
-        encoding=meaning.encoding,
-        skip_rows=meaning.skip_rows,
-        decimal=meaning.decimal,
-    )
+    table = read_table(path, meaning.form)
     account = table.account
     if meaning.pivot:
         table = widened(table, *meaning.pivot, meaning.time.columns)

@@ -15,6 +15,7 @@ from deeptruck_model._io import reading
 from deeptruck_model._io.reading import near
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, topic_map
+from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.topic_map import EXTRA, Taken, extra_of, load_yaml, number, taken
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
 from deeptruck_model.signals import CHANNELS, SLOPE_FROM, check_driver, check_slope_source
@@ -81,10 +82,7 @@ class Columns:
 
     channels: dict[str, Column]
     time: Clock
-    delimiter: str | None = None
-    encoding: str = "utf-8"
-    skip_rows: int = 0
-    decimal: str = "."
+    form: Format
     split_at: dict[str, float] = field(default_factory=dict)
     conceal: tuple[str, ...] = ()
     name: str | None = None
@@ -133,10 +131,12 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     return Columns(
         channels=parsed,
         time=_time(data.get("time")),
-        delimiter=None if delimiter is None else str(delimiter),
-        encoding=str(data.get("encoding", "utf-8")),
-        skip_rows=_rows(data.get("skip_rows", 0)),
-        decimal=str(data.get("decimal", ".")),
+        form=Format(
+            delimiter=None if delimiter is None else str(delimiter),
+            encoding=str(data.get("encoding", "utf-8")),
+            skip_rows=_rows(data.get("skip_rows", 0)),
+            decimal=str(data.get("decimal", ".")),
+        ),
         split_at=_splits(data.get("split_at") or {}, parsed),
         conceal=_conceal(data.get("conceal") or (), parsed),
         name=str(data["name"]) if "name" in data else None,

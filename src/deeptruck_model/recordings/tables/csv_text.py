@@ -11,7 +11,9 @@ import csv as text_csv
 import gzip
 import io
 import re
+import zlib
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -22,6 +24,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv
 
+from deeptruck_model._io import reading
 from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 
@@ -33,38 +36,66 @@ UNCLOSED = "inside a quotation mark that is not closed in its line"
 BLANK = "without a filled cell"
 
 
+@dataclass(frozen=True)
+class Format:
+    """How a table is written, by the keys of COLUMNS.yaml; Parquet and MAT need none. Without a delimiter it
+    is found in the header.
+
+    `described` has a line for each column above the header, as loggers list their channels.
+    """
+
+    delimiter: str | None = None
+    encoding: str = "utf-8"
+    skip_rows: int = 0
+    decimal: str = "."
+    described: tuple[str, ...] = ()
+
+
+def content(path: Path, encoding: str | None) -> tuple[bytes, str]:
+    """The text of a file as UTF-8, without a byte order mark, and its encoding: that of the mark, the given
+    one, or the likely one if None. Raises InputError for a binary file."""
+    try:
+        data = path.read_bytes()
+        data = gzip.decompress(data) if path.suffix.lower() == ".gz" else data
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path} cannot be read: {reading.plain(str(error))}") from None
+    marked = next((BYTE_ORDER_MARKS[mark] for mark in BYTE_ORDER_MARKS if data.startswith(mark)), None)
+    encoding = marked or encoding or _likely(data)
+    if codecs.lookup(encoding).name in ("utf-8", "utf-8-sig", "ascii"):
+        data = data.removeprefix(codecs.BOM_UTF8)
+    else:
+        data = data.decode(encoding).lstrip("\ufeff").encode()
+    if b"\0" in data[:4096]:
+        raise InputError(f"{path} is no text table but binary; export it as CSV or Parquet")
+    return data, encoding
+
+
+def _likely(data: bytes) -> str:
+    """The encoding of a text without a mark."""
+    even, odd = (data[:4096][k::2].count(0) for k in (0, 1))
+    if max(even, odd) > 4 * min(even, odd) and max(even, odd) > 0.3 * min(len(data), 4096) / 2:
+        return "utf-16-le" if odd > even else "utf-16-be"
+    try:
+        data.decode()
+        return "utf-8"
+    except UnicodeDecodeError:
+        return "cp1252" if re.search(rb"[\x80\x82-\x8c\x8e\x91-\x9c\x9e\x9f]", data) else "latin-1"
+
+
 class CsvText:
     """A text table: its header, and the rows with the same number of cells."""
 
-    def __init__(
-        self, path: Path, delimiter: str | None, encoding: str, skip_rows: int, account: Account
-    ) -> None:
-        self.path, self.account, self.skip_rows = path, account, skip_rows
-        self.encoding = encoding
-        self.data = self._utf8()
-        if delimiter == " ":
+    def __init__(self, path: Path, form: Format, account: Account) -> None:
+        self.path, self.account = path, account
+        self.data, _ = content(path, form.encoding)
+        if form.delimiter == " ":
             self.data = single_blanks(self.data)
+        delimiter, self.skip_rows = form.delimiter, form.skip_rows
         first = self.data[:200].split(b"\n")[0].decode("utf-8", "replace").strip().strip('"')
-        if skip_rows == 0 and re.fullmatch(r"sep=.", first):  # as Excel writes it
+        if self.skip_rows == 0 and re.fullmatch(r"sep=.", first):  # as Excel writes it
             delimiter, self.skip_rows = delimiter or first[-1], 1
         self.delimiter = delimiter or self._found_delimiter()
         self.header, self.lines, self.start = self._header(self.delimiter)
-
-    def _utf8(self) -> bytes:
-        """The file's text without a byte order mark."""
-        data = self.path.read_bytes()
-        if self.path.suffix.lower() == ".gz":
-            data = gzip.decompress(data)
-        marks = [mark for mark in BYTE_ORDER_MARKS if data.startswith(mark)]
-        encoding = BYTE_ORDER_MARKS[marks[0]] if marks else self.encoding
-        if codecs.lookup(encoding).name in ("utf-8", "utf-8-sig", "ascii"):
-            data = data.removeprefix(codecs.BOM_UTF8)
-            if b"\0" in data[:4096]:
-                raise InputError(f"{self.path} is no text table but binary; export it as CSV or Parquet")
-            return data
-        if not encoding.lower().startswith(("utf-16", "utf-32", "utf16", "utf32")) and b"\0" in data[:4096]:
-            raise InputError(f"{self.path} is no text table but binary; export it as CSV or Parquet")
-        return data.decode(encoding).lstrip("\ufeff").encode()
 
     def _records(self, start: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
         """Records from a byte position on that are not blank, each with the number of its first line from

@@ -22,7 +22,7 @@ from deeptruck_model._io import reading
 from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.tables import mat_file
-from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText
+from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText, Format
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -245,21 +245,18 @@ class TextTable:
 
 def read_table(
     path: Path,
-    *,
-    delimiter: str | None = None,
-    encoding: str = "utf-8",
-    skip_rows: int = 0,
-    decimal: str = ".",
+    form: Format | None = None,
     cure: str = "set 'delimiter', or 'skip_rows' where the header comes later",
 ) -> TextTable:
-    """A CSV file (`skip_rows` lines before the header are ignored) or a Parquet file, by its suffix.
+    """A CSV file or, by its suffix, a Parquet or MAT file, in a format (see Format).
 
-    A byte order mark overrides `encoding`; without `delimiter` it is detected in the header. Trailing
-    delimiters of rows or the header are no columns; blank rows, repeated headers and totals are omitted, as
-    are rows with more or fewer cells than the header. CSV has no checksum, so that a changed digit is not
-    detected. Parquet's page checksums are verified if present. Raises InputError for a file that is missing,
-    empty, or not in that encoding, and, ending with `cure`, if most rows do not fit the header.
+    A byte order mark overrides the encoding. Trailing delimiters of rows or the header are no columns; blank
+    rows, repeated headers and totals are omitted, as are rows with more or fewer cells than the header. CSV
+    has no checksum, so that a changed digit is not detected. Parquet's page checksums are verified if
+    present. Raises InputError for a file that is missing, empty, or not in that encoding, and, ending with
+    `cure`, if most rows do not fit the header.
     """
+    form = form or Format()
     check_table(path)
     account = Account(str(path), "rows")
     place: Callable[[int], str] = _parquet_row
@@ -273,16 +270,16 @@ def read_table(
             account.total.read = table.num_rows
             rows = np.arange(table.num_rows)
         else:
-            table, names, rows, place = CsvText(path, delimiter, encoding, skip_rows, account).read(cure)
+            table, names, rows, place = CsvText(path, form, account).read(cure)
     except (pa.ArrowException, UnicodeError, LookupError, OSError, text_csv.Error, EOFError) as error:
-        raise InputError(f"{path} cannot be read: {_why(error, encoding)}") from None
+        raise InputError(f"{path} cannot be read: {_why(error, form.encoding)}") from None
     account.total.used = table.num_rows
     names = [name.strip() for name in names]
     columns: dict[str, pa.ChunkedArray] = {}
     for name, column in zip(names, table.columns, strict=True):
         columns.setdefault(name, _plain_type(column))
     repeated = frozenset(name for name in columns if name and names.count(name) > 1)
-    found = TextTable(path, columns, rows, place, account, decimal, repeated)
+    found = TextTable(path, columns, rows, place, account, form.decimal, repeated)
     for out, reason in ((_blank, BLANK), (_repeats_header, HEADER), (_sums_up, BELOW)):
         if len(found):
             found = found.without(out(found), reason)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import re
-import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from deeptruck_model._io import reading
 from deeptruck_model._io.log_kinds import check_measurement
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.tables.csv_text import (
-    BYTE_ORDER_MARKS,
     DELIMITERS,
+    Format,
+    content,
     single_blanks,
     without_mark,
 )
@@ -30,37 +28,20 @@ WITH_UNIT = re.compile(OF_UNIT)
 BY_HAND = "write COLUMNS.yaml by hand (docs/recordings.md)"
 
 
-@dataclass(frozen=True)
-class Form:
-    """The format, as read_table needs it; unused for Parquet."""
-
-    delimiter: str | None = None
-    encoding: str = "utf-8"
-    skip_rows: int = 0
-    described: tuple[str, ...] = ()  # a line for each column above the header, as loggers list their channels
-
-
-def find_form(path: Path) -> Form:
+def find_form(path: Path) -> Format:
     """The format of a text table. Raises InputError for a file that is missing, is no text, or has no header
     above rows of numbers."""
     check_table(path)
     if is_typed(path):
-        return Form()
+        return Format()
     check_measurement(path)
     try:
-        data = path.read_bytes()
-        data = gzip.decompress(data) if path.suffix.lower() == ".gz" else data
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"{path} cannot be read: {reading.plain(str(error))}") from None
+        data, encoding = content(path, None)
+    except UnicodeError:
+        raise InputError(f"{path} is no text table but binary; export it as CSV or Parquet") from None
     if not data.strip():
         raise InputError(f"{path} is empty")
-    encoding = _encoding(data)
-    try:
-        text = data.decode(encoding).lstrip("\ufeff")
-    except UnicodeError:
-        text = "\0"
-    if "\0" in text[:4096]:
-        raise InputError(f"{path} is no text table but binary; export it as CSV or Parquet")
+    text = data.decode()
     lines = text[:MOST_HEAD].split("\n")[:LOOKED_AT]
     blanks = single_blanks("\n".join(lines).encode()).decode().split("\n")
     found = {mark: _header(blanks if mark == " " else lines, mark) for mark in DELIMITERS}
@@ -72,12 +53,12 @@ def find_form(path: Path) -> Form:
             f"{BY_HAND}"
         )
     if rows == 0:
-        first = next(k for k, line in enumerate(lines) if len(line.split(best)) == columns)
+        first = next((k for k, line in enumerate(lines) if len(line.split(best)) == columns), 0)
         raise InputError(
             f"{path} has no header: add a line with the columns' names above its numbers"
             f"{_listed(lines[:first], columns, best)}"
         )
-    return Form(best, encoding, header, _described(lines[:header], columns))
+    return Format(best, encoding, header, described=_described(lines[:header], columns))
 
 
 def _described(above: Sequence[str], columns: int) -> tuple[str, ...]:
@@ -103,20 +84,6 @@ def _listed(above: Sequence[str], columns: int, delimiter: str) -> str:
             names = ["Time"] * (columns - len(names)) + names
             return f" in line {len(above) + 1}: {reading.plain(delimiter.join(names), 400)}"
     return ""
-
-
-def _encoding(data: bytes) -> str:
-    for mark, encoding in BYTE_ORDER_MARKS.items():
-        if data.startswith(mark):
-            return encoding
-    even, odd = (data[:4096][k::2].count(0) for k in (0, 1))
-    if max(even, odd) > 4 * min(even, odd) and max(even, odd) > 0.3 * min(len(data), 4096) / 2:
-        return "utf-16-le" if odd > even else "utf-16-be"
-    try:
-        data.decode()
-        return "utf-8"
-    except UnicodeDecodeError:
-        return "cp1252" if re.search(rb"[\x80\x82-\x8c\x8e\x91-\x9c\x9e\x9f]", data) else "latin-1"
 
 
 def _header(lines: Sequence[str], delimiter: str) -> tuple[int, int, int]:

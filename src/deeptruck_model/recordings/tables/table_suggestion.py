@@ -30,6 +30,7 @@ from deeptruck_model.recordings.consistency.units import TRAVELLED, fitting
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.ranges import RAW_TORQUE
 from deeptruck_model.recordings.survey import Field
+from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.tables.header_words import (
     IMPERIAL,
     METRIC,
@@ -43,7 +44,7 @@ from deeptruck_model.recordings.tables.header_words import (
 from deeptruck_model.recordings.tables.row_clock import RowClock, find_clock
 from deeptruck_model.recordings.tables.row_keys import Key, key_of, only, widened
 from deeptruck_model.recordings.tables.table_file import MOST_ABOVE, TextTable, decimal_mark, read_table
-from deeptruck_model.recordings.tables.table_form import Form, find_form
+from deeptruck_model.recordings.tables.table_form import find_form
 from deeptruck_model.recordings.topic_map import EXTRA, PARTS
 from deeptruck_model.recordings.units import conversion
 from deeptruck_model.signals import CHANNELS
@@ -104,7 +105,7 @@ class TableSuggestion(Proposal):
     """The format of a table, its clock column, and the candidates for each channel."""
 
     table: TextTable
-    form: Form
+    form: Format
     columns: list[TableColumn]
     clock: RowClock
     key: Key | None = None
@@ -222,7 +223,7 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
     missing, damaged, or no table."""
     path = Path(path)
     form = find_form(path)
-    table = read_table(path, delimiter=form.delimiter, encoding=form.encoding, skip_rows=form.skip_rows)
+    table = read_table(path, form)
     table = replace(table, decimal=decimal_mark(table, *table.columns))
     pivot = _one_value(table)
     units: dict[str, str] = {}

@@ -29,7 +29,7 @@ def milliseconds(date: datetime) -> str:
 
 def times(path: Path, time: dict[str, Any], **more: Any) -> np.ndarray[Any, Any]:
     meaning = load_columns({"time": time, "channels": SPEED, **more})
-    table = read_table(path, delimiter=meaning.delimiter, decimal=meaning.decimal)
+    table = read_table(path, meaning.form)
     return timed(table, meaning.time)[1]
 
 

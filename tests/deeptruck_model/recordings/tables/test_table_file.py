@@ -17,7 +17,7 @@ from deeptruck_model._io.json_data import to_json
 from deeptruck_model.curve_file import read_curve
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
-from deeptruck_model.recordings.tables.csv_text import BLANK, RAGGED, UNCLOSED
+from deeptruck_model.recordings.tables.csv_text import BLANK, RAGGED, UNCLOSED, Format
 from deeptruck_model.recordings.tables.table_file import (
     ABOVE,
     BELOW,
@@ -138,7 +138,7 @@ def test_a_column_of_a_name_that_comes_twice_is_said(tmp_path: Path) -> None:
 def test_byte_order_marks_and_encodings(tmp_path: Path, encoding: str) -> None:
     (tmp_path / "d.csv").write_bytes("t,v °\n0,1\n1,2\n".encode(encoding))
     given_encoding = "latin-1" if encoding == "latin-1" else "utf-8"
-    assert read_table(tmp_path / "d.csv", encoding=given_encoding).numbers("v °").tolist() == [1, 2]
+    assert read_table(tmp_path / "d.csv", Format(encoding=given_encoding)).numbers("v °").tolist() == [1, 2]
 
 
 def test_a_compressed_table(tmp_path: Path) -> None:
