@@ -2,7 +2,7 @@
 
 Physical limits of vehicles are in vehicle_kinds.py. Numbers that control a computation (grids, iterations,
 smoothing) are next to their code and listed by the tests. `python -m deeptruck_model.mismatch.rules` updates
-the tables of docs/mismatch_rules.md.
+the table of docs/mismatch_rules.md.
 """
 
 from __future__ import annotations
@@ -318,15 +318,12 @@ class Limits:
     )
 
 
-SAYS = "These decide what is compared, reported and corrected, and no argument changes them (`Limits`):"
-
-
-def table(rules: type[Rules] | type[Limits] = Rules) -> str:
+def table() -> str:
     """One row for each rule: name, value, unit, meaning and source."""
     rows = [
         f"| `{f.name}` | {_number(f.default)} | {f.metadata['unit']} | {f.metadata['means']} "
         f"| {f.metadata['source']} |"
-        for f in fields(rules)
+        for f in fields(Rules)
     ]
     return "\n".join(["| rule | value | unit | means | source |", "| --- | --- | --- | --- | --- |", *rows])
 
@@ -336,8 +333,8 @@ def _number(x: Any) -> str:
 
 
 def put_into(page: Path) -> bool:
-    """Replace the tables between the marks of a page; returns whether the page changed."""
-    return put_between_marks(page, "rules", f"{table()}\n\n{SAYS}\n\n{table(Limits)}")
+    """Replace the table between the marks of a page; returns whether the page changed."""
+    return put_between_marks(page, "rules", table())
 
 
 if __name__ == "__main__":
