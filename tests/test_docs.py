@@ -46,7 +46,7 @@ RUN_BY = {  # the snippets of other pages need what their own tests have at hand
     "docs/simulators.md": "tests/deeptruck_model/outside/test_minimal.py",
     "docs/deep_model.md": "tests/deeptruck_model/deep/test_docs.py",
     "docs/mismatch.md": "tests/deeptruck_model/mismatch/test_docs.py",
-    "docs/own_policy.md": "tests/deeptruck_cacc/controllers/test_onnx_policy.py",
+    "docs/nodes.md": "tests/deeptruck_cacc/controllers/test_onnx_policy.py",
 }
 
 WORDS = {  # what control engineers do not say: and what they do

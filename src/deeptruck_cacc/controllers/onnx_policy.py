@@ -109,7 +109,7 @@ def _described(session: Any, path: Path, remembers: bool) -> OnnxPolicy:
         said = reading.plain(str(error))
         raise InputError(
             f"{path}: its metadata '{FACTS}' do not say what its numbers mean ({said}); write them as "
-            "docs/own_policy.md has them"
+            "docs/nodes.md has them"
         ) from None
 
 

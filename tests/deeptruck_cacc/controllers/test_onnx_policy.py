@@ -98,8 +98,8 @@ def test_a_network_of_ones_own_needs_only_to_say_its_truck_and_period(tmp_path: 
 
 
 def test_the_metadata_of_the_page_are_understood(tmp_path: Path) -> None:
-    """The snippet of docs/own_policy.md."""
-    (block,) = re.findall(r"```python\n(.*?)```", (DOCS / "own_policy.md").read_text(), re.DOTALL)
+    """The snippet of docs/nodes.md."""
+    (block,) = re.findall(r"```python\n(.*?)```", (DOCS / "nodes.md").read_text(), re.DOTALL)
     model, truck = onnx.load(stranger(tmp_path / "mine.onnx", None)), trucks.load("trucksim")
     exec(block, {"onnx": onnx, "json": json, "model": model, "truck": truck})
     onnx.save(model, tmp_path / "mine.onnx")
