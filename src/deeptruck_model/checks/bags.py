@@ -20,7 +20,7 @@ METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one 
 EXTRA_KEY = "deeptruck.extra"  # names of the channels on /extra
 INTERFACE_KEY, NOTES_KEY = "deeptruck.interface", "deeptruck.notes"  # stored with a bag, as JSON
 Clock = Literal["log", "stamp"]  # of a message's two times: when it was recorded, and its header's
-TOPICS = {  # of the channels that a simulator cannot do without, as docs/architecture.md names them
+TOPICS = {  # of the channels that a simulator cannot do without, as docs/topics.md names them
     "speed": "/truck/twist",
     "engine_command": "/truck/command",
     "brake_command": "/truck/command",

@@ -1,4 +1,4 @@
-"""Writes recordings into a rosbag2 folder with the topics of docs/architecture.md."""
+"""Writes recordings into a rosbag2 folder with the topics of docs/topics.md."""
 
 from __future__ import annotations
 

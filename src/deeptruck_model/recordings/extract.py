@@ -59,7 +59,7 @@ def read(
     Samples are timed by their header stamps, or by log time if a message has none; `clock` selects 'stamp' or
     'log' for every topic. If the clocks of the topics in use differ by more than 0.5 s, the account says so;
     without `clock` they are refused unless `mixed_clocks`. `topic_map` maps channels to fields of the user's
-    topics (a mapping or a YAML file, see docs/recordings.md); without it the topics of docs/architecture.md
+    topics (a mapping or a YAML file, see docs/recordings.md); without it the topics of docs/topics.md
     are read. The truck interface is `interface`, else the one stored with the bag, else the one that follows
     from the topic map and the channels present. `msg` are .msg files of types whose definition the bag lacks.
     The recordings share one account of the messages that were read. Raises InputError for a bag that is
