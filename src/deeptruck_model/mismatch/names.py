@@ -89,8 +89,8 @@ def tree_of(acts: Mapping[str, Mask]) -> Tree:
 def _named(p: Posterior, name: str, tree: Tree) -> Named:
     """Beside a learned simulator, which is off in many ways, only what is stated is accepted, and only if it
     gains more than any name does on the simulator's own recordings."""
-    always = p.inside(name)
-    force = p.force(name, always) if always.any() else p.in_events
+    always, acts = p.inside(name), p.acts(name)
+    force = p.force(name, always) if always.sum() >= (acts & ~always).sum() else p.in_events
     sure = max(tree.families.values()) >= p.search.rules.stated
     accepted = p.search.e.known_physics or (sure and p.gain(name) > _own_gain(p))
     return Named(name, tree, p.gain(name), force, accepted)

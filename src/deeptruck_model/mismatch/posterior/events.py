@@ -109,14 +109,14 @@ def with_causes(
     left = _left_over(p, p.search.e.everywhere())
     windows = [slice(x.start, x.stop) for x in happened]
     mechanisms = [k for k in kernels(p.search) if k.part in AT_ANY_TIME]
-    each = _logs(left, p.noise, mechanisms, [[rows] for rows in windows])
+    each = [_log_odds(left, p.noise, mechanisms, [rows]) for rows in windows]
     named = tuple(
         replace(x, name=_stated(own, p.search.rules.stated)) for x, own in zip(happened, each, strict=True)
     )
     matters = max((abs(x.speed_change) for x in happened), default=0.0) >= p.search.rules.drift
     if len(happened) < 2 or not matters:
         return p, named
-    (one,) = _logs(left, p.noise, mechanisms, [windows])
+    one = _log_odds(left, p.noise, mechanisms, windows)
     apart = sum(float(logsumexp([*own.values()])) for own in each)
     total = logsumexp([apart, *one.values()])
     chances = np.exp(np.array([apart, *one.values()]) - total)
@@ -124,16 +124,6 @@ def with_causes(
     causes = {n: drawn == k for k, n in enumerate(one, start=1) if n != UNKNOWN and (drawn == k).any()}
     force = np.where(rows_of(happened, len(left.y)), left.y, 0.0)
     return replace(p, causes=causes, in_events=force), named
-
-
-def _logs(
-    left: Series, noise: Fit, mechanisms: Sequence[Kernel], each: Sequence[Sequence[slice]]
-) -> list[dict[str, float]]:
-    """Log posterior odds of every name, for each group of windows in which alone its force acts."""
-    unit, odds = left.rules.evidence_temperature, np.log(left.rules.odds)
-    return [
-        {n: x / unit + odds for n, x in _nats(left, noise, mechanisms, windows).items()} for windows in each
-    ]
 
 
 def _stated(logs: Mapping[str, float], least: float) -> str | None:
@@ -388,11 +378,11 @@ class _Null:
         return float(self.mode - self.width * np.log(count))
 
 
-def _nats(
+def _log_odds(
     series: Series, noise: Fit, kernels: Sequence[Kernel], windows: Sequence[slice]
 ) -> dict[str, float]:
-    """Log evidence (nats) of every name for the residual in some windows of rows together, in which alone its
-    force acts, its chance counted."""
+    """Log posterior odds of every name, for the residual in some windows of rows together, in which alone its
+    force acts: those of a block of the sampler."""
     usable, n = series.usable(), len(series.y)
     near = [np.arange(rows.start, min(rows.stop + ORDER, n)) for rows in windows]
     near = [rows[usable[rows]] for rows in near]
@@ -408,20 +398,21 @@ def _nats(
             out.append(whiten(inside, noise.ar, own - part.start, weight))
         return np.concatenate(out)
 
-    y = whitened(series.y)
-    nats: dict[str, list[float]] = {}
+    y, rules = whitened(series.y), series.rules
+    logs: dict[str, list[float]] = {}
     for k in kernels:
-        nats.setdefault(k.name, []).append(_evidence(y, whitened(k.features)) + np.log(k.chance))
-    return {name: float(logsumexp(x)) for name, x in nats.items()}
+        each = _gains(y, whitened(k.features)) / rules.evidence_temperature - np.log(len(SIZES))
+        logs.setdefault(k.name, []).append(float(logsumexp(each)) + np.log(rules.odds * k.chance))
+    return {name: float(logsumexp(x)) for name, x in logs.items()}
 
 
-def _evidence(y: Array, X: Array) -> float:
-    """Log evidence (nats) over noise of features (m, k) with coefficients N(0, size^2), averaged over
-    sizes."""
+def _gains(y: Array, X: Array) -> Array:
+    """Log evidence (sizes,), nats over noise, of features (m, k) with coefficients N(0, size^2)."""
     left, values, _ = np.linalg.svd(X, full_matrices=False)
     power, along = values**2, (left.T @ y) * values
-    gains = [0.5 * np.sum((s * along) ** 2 / (1.0 + s**2 * power) - np.log1p(s**2 * power)) for s in SIZES]
-    return float(logsumexp(gains) - np.log(len(SIZES)))
+    return np.array(
+        [0.5 * np.sum((s * along) ** 2 / (1.0 + s**2 * power) - np.log1p(s**2 * power)) for s in SIZES]
+    )
 
 
 @entry

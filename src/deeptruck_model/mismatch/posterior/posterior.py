@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.mechanisms.courses import FINE_M
+from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
 from deeptruck_model.mismatch.mechanisms.road import HILLY, ROAD_GRADE
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
@@ -29,7 +29,8 @@ from deeptruck_model.signals import FELT, FELT_SD
 
 Array = NDArray[np.float64]
 
-SLOW_S, MOST_KNOTS = 30.0, 240  # spacing of the knots in time; wider where there would be more
+SLOW_S = SLOW_KNOT_S[0]  # spacing of the knots in time: as fine as those of mechanisms
+MOST_KNOTS = 240  # wider apart where there would be more
 COARSE_M = 1000.0  # of the coarser knots of a slope that was not recorded
 PLACE_M, MOST_PLACES = 200.0, 160
 DRIFT = 0.05  # m/s^2, prior sd of what is slow, of a place, and of a constant per drive

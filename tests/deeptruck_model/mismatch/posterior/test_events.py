@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.posterior.events import (
     POWER,
     Event,
     _Filters,
-    _logs,
+    _log_odds,
     _stated,
     events,
     find_events,
@@ -130,10 +130,10 @@ def test_a_name_is_stated_only_where_it_is_clearly_ahead() -> None:
     series = replace(search().series, y=rng.normal(0.0, 0.03, N) + during(ROWS, shapes["turbo_lag"]))
     noise = fit(series, np.zeros((N, 0)), NO_COLUMNS)
     (event,) = find_events(series, noise, own, search().e.stretches, DT)
-    (each,) = _logs(series, noise, own, [[slice(event.start, event.stop)]])
+    each = _log_odds(series, noise, own, [slice(event.start, event.stop)])
     assert _stated(each, 0.9) == "turbo_lag"
     twins = (own[0], replace(own[0], name="torque_derate"))
-    (each,) = _logs(series, noise, twins, [[slice(event.start, event.stop)]])
+    each = _log_odds(series, noise, twins, [slice(event.start, event.stop)])
     assert _stated(each, 0.9) == "engine_driveline"
 
 
