@@ -47,13 +47,13 @@ def describe(built: Built, names: tuple[str, ...], simulator_values: dict[str, f
         "rms_acceleration": float(np.sqrt(np.mean(seconds(built.extra) ** 2))),
         "segments": segments(built, names),
         "share_of_time": float(np.mean(acts(built.extra))),
-        "nominal_parameters": {n: plan.values.get(n, 1.0) for n in PARAMETERS},
-        "true_parameters": {n: built.oracle.parameters()[n] for n in PARAMETERS},
-        "simulator_parameters": {n: simulator_values.get(n, 1.0) for n in PARAMETERS},
+        "nominal_parameters": {n: plan.values.get(n, 1.0) for n in PARAMETER_UNITS},
+        "true_parameters": {n: built.oracle.parameters()[n] for n in PARAMETER_UNITS},
+        "simulator_parameters": {n: simulator_values.get(n, 1.0) for n in PARAMETER_UNITS},
     }
 
 
-PARAMETERS = {
+PARAMETER_UNITS = {
     "mass": "kg",
     "drag_area": "m^2",
     "rolling_resistance": "1",
@@ -96,7 +96,7 @@ def comparable(effect: Effect, sizes: dict[str, float], built: Built) -> dict[st
     }
     if effect.kind == "parameter_error":
         true = built.oracle.parameters()[effect.name]
-        return {effect.name: {"value": true, "unit": PARAMETERS[effect.name]}}
+        return {effect.name: {"value": true, "unit": PARAMETER_UNITS[effect.name]}}
     if effect.key not in meanings:
         return {}
     name, value, unit = meanings[effect.key]

@@ -72,10 +72,10 @@ def _members(simulator: str) -> list[Row]:
     lacking = lacks(made(refer(simulator)))
     if not lacking:
         return []
-    from deeptruck_model.simulators.protocol_check import Row, State
+    from deeptruck_model.simulators.protocol_check import Mark, Row
 
     parts = (says.partition("; ") for says in lacking.values())
-    return [Row(name, State.NO, says, mend) for name, (says, _, mend) in zip(lacking, parts, strict=True)]
+    return [Row(name, Mark.NO, says, mend) for name, (says, _, mend) in zip(lacking, parts, strict=True)]
 
 
 def _driven(simulator: str, changed: Path | None) -> list[Row]:

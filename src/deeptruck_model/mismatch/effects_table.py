@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
-from deeptruck_model.mismatch.mechanisms.others import PARAMETERS, SENSOR_ERRORS
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS, SENSOR_ERRORS
 from deeptruck_model.pages.marked import put_between_marks
 
 HEAD = (
@@ -24,7 +24,7 @@ def table() -> str:
     for fault in SENSOR_ERRORS.values():
         cells = (f"`{fault.name}` (measurement)", fault.family, fault.equation, "speed, acceleration")
         rows.append(_line(*cells, fault.needs, "kinematics", "move the truck by a known distance"))
-    for p in PARAMETERS.values():
+    for p in PARAMETER_ERRORS.values():
         cells = (f"`{p.name}` (parameter)", p.family, f"{p.says}; {p.unit}", "always")
         rows.append(_line(*cells, "engine, brake, speed", "definition", p.manoeuvre))
     rows.append(

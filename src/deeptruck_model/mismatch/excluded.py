@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.others import PARAMETERS, SENSOR_ERRORS
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS, SENSOR_ERRORS
 from deeptruck_model.mismatch.tree import UNKNOWN
 
-NAMED = (*LIBRARY, *PARAMETERS, *SENSOR_ERRORS, UNKNOWN)
+NAMED = (*LIBRARY, *PARAMETER_ERRORS, *SENSOR_ERRORS, UNKNOWN)
 
 
 def check_excluded(names: Sequence[str]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.components import FORCES
-from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, accepted
+from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS, accepted
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator, forced_run
@@ -16,8 +16,8 @@ from deeptruck_model.simulators.protocol_check import (
     BRAKE,
     DRIVE_S,
     ENGINE,
+    Mark,
     Row,
-    State,
     commands,
     drive,
     road,
@@ -46,16 +46,16 @@ def rows(simulator: Simulator) -> list[Row]:
 
 def _refitted(s: Simulator) -> Row:
     own = s.parameters()
-    named = [name for name in PARAMETERS if own.get(name)]
+    named = [name for name in REFIT_PARAMETERS if own.get(name)]
     moves = [name for name in named if _moves(s, name, own[name])]
     idle = ", ".join(name for name in named if name not in moves)
-    rest = ", ".join(name for name in PARAMETERS if name not in named) or "none"
+    rest = ", ".join(name for name in REFIT_PARAMETERS if name not in named) or "none"
     says = f"{', '.join(moves) or 'none'}; as an added force: {rest}"
     if idle:
         mend = "make with_parameters act on what drives, or leave them out of parameters()"
-        return Row("refitted", State.NO, f"{idle} changes nothing of a drive", mend)
-    mend = "" if moves else f"report and take any of {', '.join(PARAMETERS)} as parameters"
-    return Row("refitted", State.YES if moves else State.NOTE, says, mend)
+        return Row("refitted", Mark.NO, f"{idle} changes nothing of a drive", mend)
+    mend = "" if moves else f"report and take any of {', '.join(REFIT_PARAMETERS)} as parameters"
+    return Row("refitted", Mark.YES if moves else Mark.NOTE, says, mend)
 
 
 def _moves(s: Simulator, name: str, value: float) -> bool:
@@ -73,11 +73,11 @@ def _components(s: Simulator, seen: set[str]) -> Row:
     lacking = [name for name in FORCES if name not in seen]
     if "traction_force" in seen and lacking:
         mend = "report all of these, or no traction_force"
-        return Row("forces", State.NO, f"inside() has traction_force and not {', '.join(lacking)}", mend)
+        return Row("forces", Mark.NO, f"inside() has traction_force and not {', '.join(lacking)}", mend)
     if not lacking:
         return _balance(s)
     says = "split from its acceleration by recorded engine_torque and engine_speed, else fuel_rate"
-    return Row("forces", State.NOTE, says, f"report {', '.join(FORCES)} in inside(), in SI")
+    return Row("forces", Mark.NOTE, says, f"report {', '.join(FORCES)} in inside(), in SI")
 
 
 def _balance(s: Simulator) -> Row:
@@ -95,23 +95,23 @@ def _balance(s: Simulator) -> Row:
             doing = next(iter(pedal), "no pedal")
             mend = "report all of them in N, and mass in kg; traction is positive forwards"
             says = f"add up to {forces:.0f} N with {doing}, and mass by acceleration is {needed:.0f} N"
-            return Row("forces", State.NOTE, says, mend)
-    return Row("forces", State.YES, "traction, brake, drag and rolling are its own")
+            return Row("forces", Mark.NOTE, says, mend)
+    return Row("forces", Mark.YES, "traction, brake, drag and rolling are its own")
 
 
 def _newtons(seen: set[str], own: dict[str, float], stated_kg: float | None) -> Row:
     if "mass" in own or "traction_force" in seen or stated_kg is not None:
-        return Row("forces in N", State.YES, "by its own mass")
+        return Row("forces in N", Mark.YES, "by its own mass")
     mend = "report mass (kg) in parameters(), or state it: mass_kg in COLUMNS.yaml, or --mass-kg"
-    return Row("forces in N", State.NOTE, "given in m/s^2, as no mass is stated", mend)
+    return Row("forces in N", Mark.NOTE, "given in m/s^2, as no mass is stated", mend)
 
 
 def _gears(seen: set[str]) -> Row:
     reported = [name for name in ("gear", "engine_speed") if name in seen]
     if reported:
-        return Row("gears", State.YES, f"{', '.join(reported)} beside what is recorded, where it is")
+        return Row("gears", Mark.YES, f"{', '.join(reported)} beside what is recorded, where it is")
     says = "driving in another gear than was recorded is not seen"
-    return Row("gears", State.NOTE, says, "report gear and engine_speed (rad/s) in inside()")
+    return Row("gears", Mark.NOTE, says, "report gear and engine_speed (rad/s) in inside()")
 
 
 def _time(s: Simulator) -> Row:
@@ -129,15 +129,15 @@ def _time(s: Simulator) -> Row:
     whole = passes * min(each) * TEN_MINUTES_S / s.dt
     says = f"{whole:.0f} s of this simulator for a drive of ten minutes, {1e3 * min(each):.2g} ms a step"
     if whole < SLOW_S:
-        return Row("time", State.YES, says if whole >= 1.0 else "under 1 s of it for a drive of ten minutes")
+        return Row("time", Mark.YES, says if whole >= 1.0 else "under 1 s of it for a drive of ten minutes")
     mend = "compile step() with numba, give it a rollout() of whole drives, or export it as an FMU"
-    return Row("time", State.NOTE, says, mend)
+    return Row("time", Mark.NOTE, says, mend)
 
 
 def _learned(s: Simulator) -> Row:
     """The statement that a simulator without parameters and forces counts as learned: its errors are known
     only from its own recordings."""
     if getattr(s, "reference", ()):
-        return Row("own errors", State.YES, "known from the recordings in its `reference`")
+        return Row("own errors", Mark.YES, "known from the recordings in its `reference`")
     says = "without parameters and forces it counts as learned, and its own errors count as the truck's"
-    return Row("own errors", State.NOTE, says, "give recordings that it was made from as `reference`")
+    return Row("own errors", Mark.NOTE, says, "give recordings that it was made from as `reference`")

@@ -10,7 +10,7 @@ from typing import get_args
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
-from deeptruck_model.mismatch.mechanisms.others import PARAMETERS, SENSOR_ERRORS
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS, SENSOR_ERRORS
 from deeptruck_model.mismatch.mechanisms.record import Family
 
 ROOT = "mismatch"
@@ -18,7 +18,7 @@ UNKNOWN = "unknown"
 FAMILIES = get_args(Family)
 FAMILY: dict[str, str] = {
     **{s.name: s.family for s in SENSOR_ERRORS.values()},
-    **{p.name: p.family for p in PARAMETERS.values()},
+    **{p.name: p.family for p in PARAMETER_ERRORS.values()},
     **{m.effect: m.family for m in LIBRARY.values()},
 }
 NAMES = {family: tuple(sorted(name for name in FAMILY if FAMILY[name] == family)) for family in FAMILIES}

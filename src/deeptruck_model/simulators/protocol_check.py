@@ -34,7 +34,7 @@ OFTEN = 300  # times that 'mismatch' drives along all recordings side by side: 3
 TEN_MINUTES_S = 600.0
 
 
-class State(StrEnum):
+class Mark(StrEnum):
     """Whether a requirement is met; `note` is for one that only some tools have."""
 
     YES = "yes"
@@ -47,7 +47,7 @@ class Row:
     """One line of the table: `mend` is the remedy if something is missing."""
 
     about: str
-    state: State
+    state: Mark
     says: str
     mend: str = ""
 
@@ -65,26 +65,26 @@ def examine(simulator: Simulator) -> list[Row]:
     rows: list[Row] = []
     for about, probe in PROBES:
         row = _row(about, probe, simulator)
-        same = next((r for r in rows if r.state is row.state is State.NO and r.says == row.says), None)
+        same = next((r for r in rows if r.state is row.state is Mark.NO and r.says == row.says), None)
         rows.append(row if same is None else replace(row, says=f"as at {same.about}", mend=""))
     return rows
 
 
 def missing(rows: Sequence[Row]) -> list[Row]:
     """The rows that prevent the use of the simulator."""
-    return [row for row in rows if row.state is State.NO]
+    return [row for row in rows if row.state is Mark.NO]
 
 
 def _row(about: str, probe: Callable[[Simulator], str], simulator: Simulator) -> Row:
     try:
-        return Row(about, State.YES, probe(simulator))
+        return Row(about, Mark.YES, probe(simulator))
     except MissingError as what:
-        return Row(about, State.NO, *what.args)
+        return Row(about, Mark.NO, *what.args)
     except NotedError as what:
-        return Row(about, State.NOTE, *what.args)
+        return Row(about, Mark.NOTE, *what.args)
     except Exception as error:  # of somebody else's code
         said = str(error) if isinstance(error, InputError) else repr(error)
-        return Row(about, State.NO, reading.plain(said, reading.MOST_SAID), "mend what is said there")
+        return Row(about, Mark.NO, reading.plain(said, reading.MOST_SAID), "mend what is said there")
 
 
 def start(simulator: Simulator, *speeds: float) -> Any:

@@ -12,9 +12,9 @@ import pytest
 from deeptruck_model import mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import identifiable
-from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
+from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS
 from deeptruck_model.recordings import Recording
-from deeptruck_model.simulators.protocol_check import State
+from deeptruck_model.simulators.protocol_check import Mark
 
 
 def rows(simulator: Any) -> dict[str, Any]:
@@ -23,22 +23,22 @@ def rows(simulator: Any) -> dict[str, Any]:
 
 def test_of_a_physics_truck_everything_is_identifiable() -> None:
     found = rows(trucks.load("trucksim"))
-    assert {row.state for row in found.values()} == {State.YES}
-    assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as an added force: none"
+    assert {row.state for row in found.values()} == {Mark.YES}
+    assert found["refitted"].says == f"{', '.join(REFIT_PARAMETERS)}; as an added force: none"
 
 
 def test_a_parameter_at_its_upper_bound_is_refitted_too() -> None:
     found = rows(trucks.load("trucksim").with_parameters({"torque_gain": 3.0}))
-    assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as an added force: none"
+    assert found["refitted"].says == f"{', '.join(REFIT_PARAMETERS)}; as an added force: none"
 
 
 def test_of_a_truck_that_reports_nothing_the_rest_is_guessed(shuttle: Path) -> None:
     truck = simulators.load(f"python:{shuttle.stem}:make")
     assert rows(truck)["forces in N"].says == "by its own mass"
-    assert rows(truck)["forces"].state is State.NOTE
+    assert rows(truck)["forces"].state is Mark.NOTE
     truck.parameters = dict  # type: ignore[method-assign]
     found = rows(truck)
-    assert {row.state for row in found.values()} == {State.NOTE}
+    assert {row.state for row in found.values()} == {Mark.NOTE}
     assert "m/s^2" in found["forces in N"].says and "counts as learned" in found["own errors"].says
 
 
@@ -57,26 +57,26 @@ def test_half_of_the_forces_and_parameters_that_do_nothing_are_missing(shuttle: 
             "\n\ndef half(): return Half(BODY)\n"
         )
     found = rows(simulators.load(f"python:{shuttle.stem}:half"))
-    assert found["forces"].state is State.NO and "not brake_force" in found["forces"].says
-    assert found["refitted"].state is State.NO and "changes nothing" in found["refitted"].says
+    assert found["forces"].state is Mark.NO and "not brake_force" in found["forces"].says
+    assert found["refitted"].state is Mark.NO and "changes nothing" in found["refitted"].says
 
 
 @pytest.mark.parametrize(
     ("name", "factor", "state"),
     [
-        ("traction_force", 1e-3, State.NOTE),
-        ("traction_force", -1.0, State.NOTE),
-        ("brake_force", 1e-3, State.NOTE),
-        ("mass", 1e-3, State.NOTE),
-        ("brake_force", -1.0, State.YES),  # what holds back counts by its size
+        ("traction_force", 1e-3, Mark.NOTE),
+        ("traction_force", -1.0, Mark.NOTE),
+        ("brake_force", 1e-3, Mark.NOTE),
+        ("mass", 1e-3, Mark.NOTE),
+        ("brake_force", -1.0, Mark.YES),  # what holds back counts by its size
     ],
 )
-def test_forces_that_do_not_add_up_are_noted(name: str, factor: float, state: State) -> None:
+def test_forces_that_do_not_add_up_are_noted(name: str, factor: float, state: Mark) -> None:
     truck = trucks.load("trucksim")
     own = truck.inside
     truck.inside = lambda at: {n: x * (factor if n == name else 1.0) for n, x in own(at).items()}  # type: ignore[method-assign]
     row = rows(truck)["forces"]
-    assert row.state is state and ("add up to" in row.says) == (state is State.NOTE)
+    assert row.state is state and ("add up to" in row.says) == (state is Mark.NOTE)
 
 
 class Limited:
@@ -149,4 +149,4 @@ def test_the_time_of_a_comparison_follows_that_of_a_step(shuttle: Path) -> None:
 
     truck.step = slow  # type: ignore[method-assign]
     (row,) = (row for row in identifiable.rows(truck) if row.about == "time")
-    assert row.state is State.NOTE and "ms a step" in row.says and "numba" in row.mend
+    assert row.state is Mark.NOTE and "ms a step" in row.says and "numba" in row.mend

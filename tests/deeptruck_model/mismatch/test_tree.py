@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.residual import sensitivity
 from deeptruck_model.mismatch.tree import FAMILY, ROOT, UNKNOWN, Tree
 
@@ -40,4 +40,4 @@ def test_a_credible_set_is_the_smallest_that_holds_its_mass() -> None:
 
 def test_every_name_that_can_be_found_has_a_family() -> None:
     assert set(LIBRARY) <= set(FAMILY)
-    assert set(PARAMETERS) == set(sensitivity.PARAMETERS) <= set(FAMILY)
+    assert set(PARAMETER_ERRORS) == set(sensitivity.REFIT_PARAMETERS) <= set(FAMILY)

@@ -13,7 +13,7 @@ import pytest
 from deeptruck_model import trucks
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import protocol_check
-from deeptruck_model.simulators.protocol_check import State
+from deeptruck_model.simulators.protocol_check import Mark
 
 SHUTTLE = TruckInterface("shuttle", fuel=False)
 
@@ -57,7 +57,7 @@ def changed(**methods: Callable[..., Any]) -> Any:
 
 
 def not_ok(simulator: Any) -> dict[str, protocol_check.Row]:
-    return {r.about: r for r in protocol_check.examine(simulator) if r.state is not State.YES}
+    return {r.about: r for r in protocol_check.examine(simulator) if r.state is not Mark.YES}
 
 
 def step_of(change: Callable[..., Any]) -> Callable[..., Any]:
@@ -163,7 +163,7 @@ def test_what_ends_every_drive_is_said_once() -> None:
 )
 def test_each_fault_is_found(methods: dict[str, Any], about: str, says: str) -> None:
     rows = not_ok(changed(**methods))
-    assert about in rows and rows[about].state is State.NO, rows
+    assert about in rows and rows[about].state is Mark.NO, rows
     assert re.search(says, rows[about].says) and rows[about].mend
 
 
@@ -176,5 +176,5 @@ def test_what_only_some_need_is_noted() -> None:
     bare.interface, bare.dt = TruckInterface("b", brake_unit=None, grade=False, fuel=False), 0.5
     rows = not_ok(bare)
     assert set(rows) == {"dt", "brake command", "grade", "command of NaN", "inside", "parameters"}
-    assert all(row.state is State.NOTE and row.mend for row in rows.values())
+    assert all(row.state is Mark.NOTE and row.mend for row in rows.values())
     assert not protocol_check.missing(list(rows.values()))

@@ -49,7 +49,7 @@ from deeptruck_nodes.topics import (
     Topic,
 )
 
-PARAMETERS = "parameters.yaml"  # in the folder of a run
+PARAMETERS_FILE = "parameters.yaml"  # in the folder of a run
 EVERY = 0.1  # s between two batches
 KNOWN = tuple(sorted({name for topic in TOPICS.values() for name in (*topic.publishers, *topic.subscribers)}))
 LEVEL_NAMES = {value: name for name, value in LEVELS.items()}
@@ -223,7 +223,7 @@ def _what_runs() -> str:
     """Simulator or vehicle, policy and folder of the run, from its parameters; empty if started by hand."""
     folder = os.environ.get("ROS_LOG_DIR", "")
     try:
-        sections = yaml.safe_load((Path(folder) / PARAMETERS).read_text()) if folder else {}
+        sections = yaml.safe_load((Path(folder) / PARAMETERS_FILE).read_text()) if folder else {}
     except (OSError, yaml.YAMLError):
         return ""
     of = {node: section.get("ros__parameters", {}) for node, section in sections.items()}

@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.fit_result import Refitted
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, candidate_term, confined, merge
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, conditions
-from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.mechanisms.record import Mechanism
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.posterior.posterior import Posterior
@@ -221,7 +221,7 @@ def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -
     if given is None:
         return Refitted(change, (low, high))
     value, *ci95 = (given * (1.0 + x) for x in (change, low, high))
-    return Refitted(change, (low, high), value, PARAMETERS[parameter].unit, (ci95[0], ci95[1]))
+    return Refitted(change, (low, high), value, PARAMETER_ERRORS[parameter].unit, (ci95[0], ci95[1]))
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ class SensorError:
     needs: str
 
 
-PARAMETERS = {
+PARAMETER_ERRORS = {
     p.name: p
     for p in (
         Parameter(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
-from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.posterior.events import Event
 from deeptruck_model.mismatch.report.wording import (
     BESIDE_MISSING,
@@ -309,7 +309,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         if f.kind is Kind.SENSOR:
             yield f"Repair it at its sensor or clock before you record more: {f.says}."
         elif f.kind is Kind.PARAMETER and not v.validated:
-            yield f"Check the simulator's {PARAMETERS[f.effect].says}: {f.says}."
+            yield f"Check the simulator's {PARAMETER_ERRORS[f.effect].says}: {f.says}."
         elif "recording" in f.depends_on and not v.validated:
             yield (
                 f"{opened(spoken(f.effect))} may differ from drive to drive: if so, set the simulator's "
@@ -337,7 +337,9 @@ def _refitted(v: Verdict) -> str:
     """The parameters that a correction also changes, as a subordinate clause."""
     changes = v.fit.corrected_parameters if v.fit is not None else {}
     large = [
-        f"{PARAMETERS[n].says} by {100 * x:+.0f} %" for n, x in changes.items() if abs(x) >= WORTH_SAYING
+        f"{PARAMETER_ERRORS[n].says} by {100 * x:+.0f} %"
+        for n, x in changes.items()
+        if abs(x) >= WORTH_SAYING
     ]
     return f", which also changes {', '.join(large)}" if large else ""
 

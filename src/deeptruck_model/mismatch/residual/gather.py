@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.residual.command_response import RUNS, command_res
 from deeptruck_model.mismatch.residual.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence
 from deeptruck_model.mismatch.residual.forced import Grid, accelerations, forced
 from deeptruck_model.mismatch.residual.other_gear import other_gear, with_predicted_gears
-from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS, sensitivities
+from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS, sensitivities
 from deeptruck_model.mismatch.residual.shift_moment import (
     at_another_moment,
     of_a_sample_sooner,
@@ -72,7 +72,8 @@ def passes(simulator: Simulator) -> int:
     perturbed inputs (several rows in one batch), with each parameter lower and higher, and with every command
     changed."""
     own = simulator.parameters()
-    return 4 + 2 * sum(bool(own.get(name)) for name in PARAMETERS) + len(RUNS) * len(simulator.interface.u)
+    moved = sum(bool(own.get(name)) for name in REFIT_PARAMETERS)
+    return 4 + 2 * moved + len(RUNS) * len(simulator.interface.u)
 
 
 class _Progress:

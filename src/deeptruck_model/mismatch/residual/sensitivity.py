@@ -19,7 +19,7 @@ from deeptruck_model.simulators import Run, Simulator
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
+REFIT_PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
 STEP = 0.04  # relative step of a parameter for its sensitivity
 HALVINGS = 12  # of a change that a simulator refuses
 SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
@@ -56,7 +56,7 @@ def sensitivities(
     """Change of the simulated acceleration for a 100 % change of each parameter, linearised. `ran` is called
     after the two runs of a parameter."""
     out: dict[str, Array] = {}
-    for name in PARAMETERS:
+    for name in REFIT_PARAMETERS:
         below, above = _steps(simulator, name)
         if below < above:
             out[name] = _rerun_slope(simulator, prepared, grid, evidence, name, below, above)

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.correction.model import Made
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import Where
-from deeptruck_model.mismatch.mechanisms.others import PARAMETERS
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.mechanisms.road import ROAD_GRADE
 from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
@@ -171,10 +171,10 @@ def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
     sizes = {"relative_error": Size(change, "1", ci95)}
     if name in c.parameters:
         value, a, b = (c.parameters[name] * (1.0 + x) for x in (change, *ci95))
-        sizes = {name: Size(value, PARAMETERS[name].unit, (a, b))} | sizes
+        sizes = {name: Size(value, PARAMETER_ERRORS[name].unit, (a, b))} | sizes
     force = np.nan_to_num(search.e.sensitivity[name]) * change
-    f = _finding(c, named, Kind.PARAMETER, wording.of_parameter(PARAMETERS[name].says, change), force)
-    manoeuvre = PARAMETERS[name].manoeuvre
+    f = _finding(c, named, Kind.PARAMETER, wording.of_parameter(PARAMETER_ERRORS[name].says, change), force)
+    manoeuvre = PARAMETER_ERRORS[name].manoeuvre
     return replace(f, parameters=sizes, depends_on=("all driving",), separating_manoeuvre=manoeuvre)
 
 

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.mechanisms import variant
 from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
+from deeptruck_model.mismatch.residual.sensitivity import REFIT_PARAMETERS
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
 
@@ -68,7 +68,7 @@ def test_sensitivities_are_the_answers_of_other_trucks(drives: list[Recording], 
     sure = own.valid & (own.doubt(0.02) < 1.5) & (other.doubt(0.02) < 1.5)
     expected = -0.02 * own.sensitivity["mass"]
     assert np.corrcoef((other.residual - own.residual)[sure], expected[sure])[0, 1] > 0.99
-    assert set(own.sensitivity) == set(PARAMETERS)
+    assert set(own.sensitivity) == set(REFIT_PARAMETERS)
 
 
 class Drag(BlackBox):
@@ -130,7 +130,7 @@ def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], o
 
     for name in ("engine", "brake"):
         assert np.corrcoef(asked[name][asked.valid], seconds(own[name])[asked.valid])[0, 1] > 0.9
-    assert set(asked.sensitivity) == set(PARAMETERS)
+    assert set(asked.sensitivity) == set(REFIT_PARAMETERS)
 
 
 def test_a_truck_whose_brake_was_not_recorded(drives: list[Recording]) -> None:
