@@ -125,7 +125,7 @@ FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
         "_io", "_imports", "_terminal", "checks", "constants", "errors", "files", "vehicle_kinds",
-        "curve_file", "recordings.tables.table_file", "recordings.tables.csv_text",
+        "recordings.tables.curve_file", "recordings.tables.table_file", "recordings.tables.csv_text",
         "recordings.tables.mat_file", "recordings.tables.row_keys", "recordings.ranges",
         "outside.reference", "outside.saved", "outside.truck",
     )

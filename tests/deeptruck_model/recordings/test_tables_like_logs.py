@@ -12,9 +12,9 @@ import pytest
 import yaml
 from driven_tables import COLUMNS, drive, speed, table, with_channels
 
-from deeptruck_model.curve_file import read_curve
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table, suggest_columns
+from deeptruck_model.recordings.tables.curve_file import read_curve
 from deeptruck_model.recordings.tables.table_file import read_table
 
 

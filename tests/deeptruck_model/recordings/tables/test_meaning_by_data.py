@@ -14,10 +14,10 @@ from driven_tables import COLUMNS, drive, speed, table, with_channels
 from pyarrow import parquet
 from scipy.io import savemat
 
-from deeptruck_model.curve_file import read_curve
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table, suggest_columns
 from deeptruck_model.recordings.resample import Series, uniform
+from deeptruck_model.recordings.tables.curve_file import read_curve
 from deeptruck_model.signals import TruckInterface
 
 Array = np.ndarray[Any, np.dtype[np.float64]]

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 
 from deeptruck_model._io.json_data import to_json
-from deeptruck_model.curve_file import read_curve
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
 from deeptruck_model.recordings.tables.csv_text import BLANK, RAGGED, UNCLOSED, Format
+from deeptruck_model.recordings.tables.curve_file import read_curve
 from deeptruck_model.recordings.tables.table_file import (
     ABOVE,
     BELOW,
