@@ -29,13 +29,13 @@ from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.progress import (
     Log,
     adam_tensors,
-    git_hash,
     load_checkpoint,
     restore_adam,
     save_checkpoint,
 )
 from deeptruck_cacc.training.road import Road, Traffic, detach
 from deeptruck_cacc.training.settings import AnalyticConfig, settled
+from deeptruck_model.deep.card import git_hash
 from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
@@ -187,7 +187,7 @@ class _Run:
             **self.identity,
             "seed": self.config.seed + k,
             "reward": asdict(self.reward),
-            "git": git_hash(),
+            "git": git_hash() or "unknown",
             "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
         }
         return self.policy.policy(k, self.simulator.interface, dict(self.seen), card)

@@ -27,10 +27,11 @@ from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.training import paths, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
-from deeptruck_cacc.training.progress import Log, git_hash, load_checkpoint, save_checkpoint
+from deeptruck_cacc.training.progress import Log, load_checkpoint, save_checkpoint
 from deeptruck_cacc.training.return_baselines import HIDDEN, baseline
 from deeptruck_cacc.training.settings import TrpoConfig
 from deeptruck_cacc.training.stacked import StackedMlp
+from deeptruck_model.deep.card import git_hash
 from deeptruck_model.simulators import Simulator
 
 
@@ -178,6 +179,6 @@ class _Run:
             **self.identity,
             "seed": self.seeds[k],
             "reward": {n: x if np.isfinite(x) else None for n, x in asdict(self.env.reward).items()},
-            "git": git_hash(),
+            "git": git_hash() or "unknown",
             "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
         }
