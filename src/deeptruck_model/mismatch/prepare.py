@@ -10,6 +10,8 @@ import numpy as np
 
 from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import (
+    BRAKING,
+    STANDING,
     Prepared,
     each_once,
     learned,
@@ -33,6 +35,7 @@ from deeptruck_model.simulators import Simulator
 OWN_ROAD = "by their positions {} meet no other drive: if they did, check latitude and longitude"
 NO_PLACE = "positions of {} are missing or do not fit the speed: their place on the road is not known"
 LEFT_OUT = "rows that were marked"
+BRAKES_ACT = "the truck is off the simulator as by brakes, which were not recorded"
 OUTSIDE_TRAINING = "the simulator has learned from no driving at such speeds, commands and slopes"
 OTHER_GEAR = (
     "the simulator drives in another gear than was recorded or follows from the engine speed, or is in gear "
@@ -121,12 +124,12 @@ def prepare_drives(
             faults = [*faults, *scaled]
             whole = _corrected(simulator, drives, faults, measured)
     aligned = on_one_road([learned(simulator, p) for p in whole])
-    outside = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, aligned, strict=True))
-    if outside:
-        rejected = sorted([*rejected, checks.Rejection(OUTSIDE_TRAINING, outside)], key=lambda r: -r.samples)
     kept = tuple(_without(p, without) for p in aligned)
-    if marked := sum(int((p.valid & ~q.valid).sum()) for p, q in zip(aligned, kept, strict=True)):
-        rejected = sorted([*rejected, checks.Rejection(LEFT_OUT, marked)], key=lambda r: -r.samples)
+    left_out = {rule: sum(p.left_out[rule] for p in whole) for rule in (STANDING, BRAKING)}
+    for rule, before, after in ((OUTSIDE_TRAINING, whole, aligned), (LEFT_OUT, aligned, kept)):
+        left_out[rule] = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(before, after, strict=True))
+    rejected += [checks.Rejection(rule, samples) for rule, samples in left_out.items() if samples]
+    rejected.sort(key=lambda r: -r.samples)
     aligned = kept
     fitted = list(compress(aligned, to_fit))
     useless = unusable(fitted, rejected)
@@ -145,10 +148,13 @@ def left_to_compare(drives: PreparedDrives, e: Evidence) -> tuple[PreparedDrives
     drives = replace(drives, missing=missing)
     if e.other_gear:
         drives = replace(drives, rejected=(*drives.rejected, checks.Rejection(OTHER_GEAR, e.other_gear)))
+    braked_s = 0.0 if e.hidden is None else float(e.hidden.sum()) * e.dt
+    if braked_s:
+        found = checks.Rejection(BRAKES_ACT, round(braked_s / drives.prepared[0].dt))
+        drives = replace(drives, rejected=(*drives.rejected, found))
     seconds = float((e.valid & ~e.held_out).sum()) * e.dt
     if seconds < Limits.least_driving_s:
-        braked = 0.0 if e.hidden is None else float(e.hidden.sum()) * e.dt
-        lost = {CHECK_GEAR: e.other_gear * drives.prepared[0].dt, RECORD_BRAKE: braked}
+        lost = {CHECK_GEAR: e.other_gear * drives.prepared[0].dt, RECORD_BRAKE: braked_s}
         why = max(lost, key=lambda cure: lost[cure]) if any(lost.values()) else RECORD_MORE
         drives = replace(drives, useless=f"only {seconds:.0f} s of driving {why}")
     return drives, e

@@ -4,14 +4,15 @@ held out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.checks.compatibility import how_without
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
@@ -194,6 +195,9 @@ def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection])
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+STANDING = "the truck stands or rolls too slowly to be compared"
+BRAKING = "the truck slows as by brakes, which were not recorded"
+RETARDS = 0.1  # of the largest command, below zero: more than the friction of an engine that is dragged
 RECOVERY_S = 1.0  # in which a learned simulator recovers from driving outside its training domain
 
 
@@ -211,6 +215,7 @@ class Prepared:
     speed_noise: float
     measured_acceleration: bool
     road: Array | None = None  # metres along the roads that all drives share (n,), by positions
+    left_out: Mapping[str, int] = field(default_factory=dict)  # samples by reason, but for invalid ones
 
     @property
     def dt(self) -> float:
@@ -251,9 +256,11 @@ def prepare(
     observed = observed_acceleration(speed, accelerometer, dt)
     filled |= {"speed": smooth, "acceleration": observed}
     dead = widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < LEAST_SPEED)
+    braking = np.zeros_like(dead)
     if recording.interface.brake_unit is None:
-        slowing = gaussian_filter1d(observed, max(1.0, 1.0 / dt)) < NO_COASTING
-        dead |= widen(slowing, round(2.0 / dt), round(3.0 / dt))
+        slows = gaussian_filter1d(observed + _along_gravity(recording), max(1.0, 1.0 / dt)) < NO_COASTING
+        braking = widen(slows & ~_retards(filled["engine_command"]), round(2.0 / dt), round(3.0 / dt)) & ~dead
+        dead |= braking
     dead[: round(Limits.settle_s / dt)] = True
     dead[len(dead) - round(1.0 / dt) :] = True
     whole = replace(recording, channels=filled)
@@ -262,7 +269,24 @@ def prepare(
     u = whole.u
     if BRAKE in interface.u and recording.interface.brake_unit is None:
         u = np.column_stack([u, np.zeros(len(recording))])
-    return Prepared(recording, u, whole.w, y, observed, ~dead, noise, measured_acceleration)
+    standing = smooth < LEAST_SPEED
+    return Prepared(
+        recording, u, whole.w, y, observed, ~dead, noise, measured_acceleration,
+        left_out={STANDING: int(standing.sum()), BRAKING: int(braking.sum())},
+    )  # fmt: skip
+
+
+def _along_gravity(r: Recording) -> Array:
+    """Deceleration by the slope of the road (n,), m/s^2, as recorded or felt; 0 where unknown."""
+    unknown = np.full(len(r), np.nan)
+    slope = r.channels.get("grade", unknown)
+    return GRAVITY * np.nan_to_num(np.where(np.isfinite(slope), slope, r.channels.get(FELT, unknown)))
+
+
+def _retards(command: Array) -> Mask:
+    """Samples (n,) in which the engine or motor is asked to slow the truck, so that braking has a recorded
+    cause."""
+    return command < -RETARDS * np.max(np.abs(command), initial=0.0)
 
 
 def learned(simulator: Simulator, p: Prepared) -> Prepared:

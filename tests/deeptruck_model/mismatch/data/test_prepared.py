@@ -44,6 +44,25 @@ def test_holes_are_filled_and_kept_out(drives: list[Recording]) -> None:
     assert (drives[0].channels["grade"][800:805] == drives[0].w[800:805, 0]).all()
 
 
+@pytest.mark.parametrize(
+    ("command", "slope", "kept"), [(0.0, 0.0, False), (0.0, 0.06, True), (-0.5, 0.0, True)]
+)
+def test_slowing_with_a_recorded_cause_is_compared(
+    drives: list[Recording], command: float, slope: float, kept: bool
+) -> None:
+    rate = np.where(np.arange(1000) < 500, 0.0, -0.6)
+    channels = {
+        "speed": 25.0 + np.cumsum(rate) * 0.1 * (np.arange(1000) < 700),
+        "acceleration": rate,
+        "engine_command": np.where(rate < 0.0, command, 1.0),
+        "grade": np.full(1000, slope),
+    }
+    interface = replace(drives[0].interface, brake_unit=None, fuel=False)
+    p = prepared.prepare(Recording("stop", 0.1, channels, interface), False)
+    assert p.valid[520:680].all() == kept == p.valid[520:680].any()
+    assert (p.left_out[prepared.BRAKING] > 200) is not kept
+
+
 def test_quantum_is_the_step_of_a_channel() -> None:
     rng = np.random.default_rng(0)
     x = np.round(np.cumsum(rng.normal(size=500)) / 0.5) * 0.5
