@@ -36,10 +36,11 @@ Array = np.ndarray[Any, Any]
 TRAINERS = ("A06", "A07", "A08")
 JUDGED = ("A01", "A03", "A04", "A05", "A09", "A10", "A11", "A13", "A14", "B17")
 WINTER = "B17"
+TOGETHER = (("A01", "A03", "A05", "A09", "A11"), ("A04", "A10", "A13", "A14"))  # fitted, held out
 HORIZON_S, SETTLE_S, WINDOW_S = 40.0, 5.0, 10.0
 STEP_M, NEAR_M = 20.0, 6000.0  # as in mismatch/roads/stretches.py: shorter spans agree by chance
 LEAST_ALIKE = 0.9  # correlation from which two spans of NEAR_M are one road
-HEADS = "trip | km | first line | correlation | left over | speed error, m/s"
+HEADS = "trip | km | compared | first line | correlation | left over | speed error, m/s"
 HARD = 2.0  # m/s^2, mean over a second: the motor's -87 N m and resistance slow by less
 KM = (0.0, 1.0, 4.0, 10.0, 50.0)
 FREE = "grade of the trips | rms, m/s | median, m/s | without hard stops: rms"
@@ -51,9 +52,8 @@ def trip(name: str, folder: Path) -> list[Recording]:
     return whole_log(harness.DATA / "bmw_i3" / f"Trip{name}.csv", LAYOUTS / "bmw_i3.yaml", folder / name)
 
 
-def judged(name: str, simulator: Simulator, pieces: Sequence[Recording]) -> str:
-    """A row: the first half of a trip fitted and the second held out, both without slope and heights."""
-    fit, held = ([withhold(r) for r in part] for part in split(pieces, (0.5, 0.5, 0.0))[:2])
+def judged(name: str, simulator: Simulator, fit: Sequence[Recording], held: Sequence[Recording]) -> str:
+    """What the tool says of fitted recordings, and what its correction does along held-out ones."""
     found = find_mismatch(simulator, fit, held)
     v, e = found.verdict, found.evidence
     line = v["headline"]
@@ -67,13 +67,16 @@ def judged(name: str, simulator: Simulator, pieces: Sequence[Recording]) -> str:
             means = [x[use][:count].reshape(-1, k).mean(axis=1) for x in (felt, sum(named))]
             correlation = f"{np.corrcoef(means)[0, 1]:.2f}"
     fit_ = v["fit"] or {}
-    errors = [(fit_.get(part) or {}).get("speed_rmse") for part in ("before", "after")]
+    offered = {"as_given": "before", "parameters_only": "parameters_only"}.get(fit_.get("offered"), "after")
+    errors = [(fit_.get(part) or {}).get("speed_rmse") for part in ("before", "after", offered)]
     parts = (v.get("budget") or {}).get("parts", ())
     left = next((p["share"] for p in parts if p["part"] == "left_over"), None)
-    km = sum(float(np.nansum(r.channels["speed"])) * r.dt for r in pieces) / 1000.0
+    km = sum(float(np.nansum(r.channels["speed"])) * r.dt for r in (*fit, *held)) / 1000.0
+    compared = "-" if v["data"]["compared"] is None else f"{v['data']['compared']:.0%}"
     print(f"{name}: {line}", flush=True)
     speed = " -> ".join("-" if x is None else f"{x:.2f}" for x in errors)
-    return f"{name} | {km:.1f} | {line} | {correlation} | {'-' if left is None else f'{left:.0%}'} | {speed}"
+    left_over = "-" if left is None else f"{left:.0%}"
+    return f"{name} | {km:.1f} | {compared} | {line} | {correlation} | {left_over} | {speed}"
 
 
 def free_errors(model: Simulator | Plain, pieces: Sequence[Recording]) -> Array:
@@ -222,7 +225,12 @@ def main() -> None:
                 free_row("none, on roads that another trip drove", free_errors(simulators["none"], level))
             )
             rows.append(free_row("accelerometer of another trip there", free_errors(felt, again)))
-        table = [judged(t, simulators["none"], pieces) for t, pieces in unseen.items()]
+        table = []
+        for name, pieces in unseen.items():
+            halves = split([withhold(r) for r in pieces], (0.5, 0.5, 0.0))[:2]
+            table.append(judged(name, simulators["none"], *halves))
+        fit, held = ([r for t in part for r in unseen[t]] for part in TOGETHER)
+        table.append(judged(" ".join(TOGETHER[0]) + ", slope given", felt, fit, held))
     lines_ = [
         *harness.heading("An electric car: `bmw_i3`"),
         ABOVE,
@@ -250,7 +258,8 @@ MIDDLE = """Slope, heights and positions withheld from the tool, which has the a
 simulator without slope. The first half of a trip is fitted, the second held out. The correlation is that of
 10 s means of the force named road_grade with the slope that the drive's own accelerometer felt: it shows that
 the force is that slope, not how right the sensor is. Free runs are along the held-out half, as given ->
-corrected."""
+corrected -> what is offered. Of the last row the simulator takes the slope, whole trips are fitted, and
+{held} are held out.""".format(held=", ".join(TOGETHER[1]))
 BELOW = """The friction brake is not recorded: a hard stop has no cause in the inputs, and all err there. By
 hand:
 

@@ -120,7 +120,9 @@ def felt_slope(recordings: Sequence[Recording]) -> FeltSlope | None:
     pitch = _pitch(pieces)
     if pitch is None:
         return None
-    felt = [p.in_cells(p.beyond - pitch[0] * p.pulling - pitch[1] * p.slowing) for p in pieces]
+    # what is turned reads less of everything; of a body that pitches the accelerometer reads more of dv/dt
+    scale = 1.0 + min(0.5 * (pitch[0] + pitch[1]), 0.0)
+    felt = [p.in_cells((p.beyond - pitch[0] * p.pulling - pitch[1] * p.slowing) / scale) for p in pieces]
     known = sum(int(np.isfinite(x).sum()) for x in felt)
     if known * STEP_M < 1000.0 * LEAST_KM:
         return None

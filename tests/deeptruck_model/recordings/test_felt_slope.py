@@ -52,6 +52,14 @@ def test_the_slope_is_what_the_accelerometer_reads_beyond_the_speed() -> None:
     assert np.mean(found.pitch) == pytest.approx(0.03, abs=0.005)
 
 
+def test_a_turned_accelerometer_gives_the_slope_by_its_share_of_the_speed() -> None:
+    r, slope = recording("specific_force")
+    r.channels["specific_force"] *= np.cos(np.radians(30.0))
+    found = felt_slope([r])
+    assert found is not None
+    assert np.polyfit(slope, found.of[0].grade, 1)[0] == pytest.approx(1.0, abs=0.06)
+
+
 def test_elevation_settles_the_bias() -> None:
     with_heights, slope = recording("specific_force", "elevation", bias=0.2)
     without, _ = recording("specific_force", bias=0.2)

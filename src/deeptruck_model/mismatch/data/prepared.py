@@ -197,7 +197,6 @@ Mask = NDArray[np.bool_]
 
 STANDING = "the truck stands or rolls too slowly to be compared"
 BRAKING = "the truck slows as by brakes, which were not recorded"
-RETARDS = 0.1  # of the largest command, below zero: more than the friction of an engine that is dragged
 RECOVERY_S = 1.0  # in which a learned simulator recovers from driving outside its training domain
 
 
@@ -259,7 +258,8 @@ def prepare(
     braking = np.zeros_like(dead)
     if recording.interface.brake_unit is None:
         slows = gaussian_filter1d(observed + _along_gravity(recording), max(1.0, 1.0 / dt)) < NO_COASTING
-        braking = widen(slows & ~_retards(filled["engine_command"]), round(2.0 / dt), round(3.0 / dt)) & ~dead
+        unasked = filled["engine_command"] >= 0.0  # below, the motor is asked to slow the truck
+        braking = widen(slows & unasked, round(2.0 / dt), round(3.0 / dt)) & ~dead
         dead |= braking
     dead[: round(Limits.settle_s / dt)] = True
     dead[len(dead) - round(1.0 / dt) :] = True
@@ -281,12 +281,6 @@ def _along_gravity(r: Recording) -> Array:
     unknown = np.full(len(r), np.nan)
     slope = r.channels.get("grade", unknown)
     return GRAVITY * np.nan_to_num(np.where(np.isfinite(slope), slope, r.channels.get(FELT, unknown)))
-
-
-def _retards(command: Array) -> Mask:
-    """Samples (n,) in which the engine or motor is asked to slow the truck, so that braking has a recorded
-    cause."""
-    return command < -RETARDS * np.max(np.abs(command), initial=0.0)
 
 
 def learned(simulator: Simulator, p: Prepared) -> Prepared:

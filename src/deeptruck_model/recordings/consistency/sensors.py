@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
@@ -27,6 +28,8 @@ WINDOW_S, SLOW_S = 2.0, 10.0  # over which rates of change are taken, those of h
 LEAST = 10  # windows that do not overlap
 VARIED, STILL = 0.1, 0.1  # m/s^2, standard deviation of dv/dt that shows an accelerometer; share of it
 CORRELATED, SCALE = 0.7, (0.67, 1.5)
+STEADY_MEAN_S, FILTERED_S = 30.0, 0.5  # over which a high-pass filter shows; by which one is late
+TURNED = 0.9  # of dv/dt: less is more than the body's pitch and a scale error; turned by 26 degrees
 CLIPPED = 0.005  # share of samples at one end of the range
 HAS_GRAVITY = 0.5  # of g times the slope of the road
 # m/s^2, sd of what a sensor and dv/dt differ by in means over SLOW_S: a slope of 0.3 % on a road and pitch;
@@ -197,7 +200,14 @@ def _accelerometer(recordings: Sequence[Recording], name: str) -> Iterator[Doubt
             f"{name} does not follow the speed, it is {by}: take another axis, {without}",
         )
         return
-    elif not SCALE[0] < found.slope < SCALE[1]:
+    clipped = _clipped(recordings, name, found)
+    filtered = _filtered(recordings, name, found)
+    scaled = not SCALE[0] < abs(found.slope) < SCALE[1]
+    if clipped is not None:
+        yield Doubt(name, f"{name} {clipped}, {without}", wrong=scaled)
+    if filtered is not None:
+        yield Doubt(name, f"{name} {filtered}, {without}", wrong=scaled)
+    if found.slope > 0.0 and scaled and clipped is None and filtered is None:
         g = (" (m/s^2 read as g)" if abs(found.slope / GRAVITY - 1) < 0.1
              else " (g read as m/s^2)" if abs(found.slope * GRAVITY - 1) < 0.1 else "")  # fmt: skip
         yield Doubt(
@@ -205,6 +215,10 @@ def _accelerometer(recordings: Sequence[Recording], name: str) -> Iterator[Doubt
             f"{name} is {by}{g}: give it its unit or 'scale: {1 / found.slope:.4g}', {without}",
             True,
             found.slope,
+        )
+    elif name == "specific_force" and SCALE[0] < found.slope < TURNED and filtered is None:
+        yield Doubt(
+            name, f"{name} is {by}, as of a sensor that is turned: the slope from it is scaled by that"
         )
     if abs(found.offset) > OFFSET:
         tilt = degrees_of_tilt(found.offset)
@@ -217,16 +231,46 @@ def _accelerometer(recordings: Sequence[Recording], name: str) -> Iterator[Doubt
             f"{tilt:.1f} degrees{also}: correct it by 'offset', {without}",
         )
 
-    measured = [r.channels[name] for r in recordings if name in r.channels and FROM_SPEED not in r.notes]
+
+def _clipped(recordings: Sequence[Recording], name: str, found: Accelerometer) -> str | None:
+    """That an accelerometer is at an end of its range for some time; None if it is not."""
+    measured = [
+        r.channels[name]
+        for r in recordings
+        if name in r.channels and (name != "acceleration" or FROM_SPEED not in r.notes)
+    ]
     reading = np.concatenate([np.zeros(0), *measured])
     reading = reading[np.isfinite(reading)]
     for end in (reading.min(), reading.max()) if len(reading) else ():
         if (share := float(np.mean(reading == end))) > CLIPPED and abs(end) > abs(found.offset) + 2 * VARIED:
-            yield Doubt(
-                name,
-                f"{name} is at {end:.3g} m/s² in {share:.1%} of its samples: its range is too small, and "
-                f"what lies beyond is not known; record it with a larger one, {without}",
+            return (
+                f"is at {end:.3g} m/s² in {share:.1%} of its samples: its range is too small, and "
+                "what lies beyond is not known; record it with a larger one"
             )
+    return None
+
+
+def _filtered(recordings: Sequence[Recording], name: str, found: Accelerometer) -> str | None:
+    """That a filter has taken what is fast or what is slow from an accelerometer; None if neither."""
+    rise, mean = _windows(recordings, STEADY_MEAN_S, "speed", name)
+    use = np.isfinite(rise) & np.isfinite(mean)
+    if use.sum() > LEAST:
+        d, a = rise[use] - rise[use].mean(), (mean[use] - mean[use].mean()) / found.slope
+        gain = float(d @ a / (d @ d))
+        error = float(np.std(a - gain * d) / np.sqrt(d @ d))
+        if gain + 2.0 * error < 0.5:
+            return (
+                f"follows the speed over {WINDOW_S:g} s and not over {STEADY_MEAN_S:g} s: a filter has "
+                "taken what is slow, the road's slope too; record it without"
+            )
+    longest = max((r for r in recordings if name in r.channels), key=len)
+    width = WINDOW_S / 4.0 / longest.dt
+    speed, reading = (np.nan_to_num(longest.channels[c]) for c in ("speed", name))
+    rate = gaussian_filter1d(np.diff(speed, prepend=speed[:1]) / longest.dt, width)
+    late_s = late(rate, gaussian_filter1d((reading - found.offset) / found.slope, width), longest.dt)[0]
+    if late_s > FILTERED_S:
+        return f"is {late_s:.1f} s behind the derivative of speed, as by a filter: record it without"
+    return None
 
 
 def late(speed: Array, other: Array, dt: float) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from driven_tables import COLUMNS, drive, speed, table, with_channels
+from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, ranges, suggest_columns
@@ -73,6 +74,27 @@ def test_a_clipped_accelerometer_is_reported() -> None:
     t = 0.1 * np.arange(3000)
     felt = np.clip(np.gradient(speed(t), t), -0.7, 0.7)
     assert any("its range is too small" in line for line in said(specific_force=felt))
+    (line,) = said(specific_force=np.clip(felt, -0.25, 0.25))  # which makes it half of dv/dt
+    assert "its range is too small" in line
+
+
+def test_a_filtered_or_turned_accelerometer_is_reported() -> None:
+    t = 0.1 * np.arange(6000)
+    v = 15.0 + 8.0 * np.sin(t / 27.0) + 2.0 * np.sin(t / 3.0)
+    rate = np.gradient(v, t)
+    felt, late = rate + 0.2 * np.sin(t / 31.0), np.zeros(6000)
+    for k in range(1, 6000):
+        late[k] = late[k - 1] + (felt[k] - late[k - 1]) * 0.1 / 1.5
+
+    def reads(x: Any) -> list[str]:
+        return said(speed=v, acceleration=rate, specific_force=x)
+
+    assert reads(felt) == []
+    assert any("behind the derivative of speed, as by a filter" in line for line in reads(late))
+    assert any(
+        "a filter has taken what is slow" in line for line in reads(felt - gaussian_filter1d(felt, 60))
+    )
+    assert any("as of a sensor that is turned" in line for line in reads(0.8 * felt))
 
 
 def test_speed_is_held_against_places() -> None:
