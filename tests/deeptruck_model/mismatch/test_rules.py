@@ -47,7 +47,7 @@ STEERING: dict[str, dict[str, str]] = {
         "correction/model.py": "FOLDS LOWEST",
         "posterior/kernels.py": "TINY",
         "roads/next_pass.py": "AHEAD",
-        "posterior/posterior.py": "MOST_KNOTS MOST_PLACES PLACE_M",
+        "posterior/posterior.py": "LASTING MOST_KNOTS MOST_PLACES PLACE_M",
         "posterior/relinearise.py": "SETTLED",
         "posterior/sampler.py": "BURN_IN LEAST_POWER MOST_KNOWN",
         "residual/components.py": "ALIKE ASK_EVERY_S KNOTS LOOK_BACK_S",

@@ -174,7 +174,11 @@ def _anything(search: Regression) -> Array:
     carriers = np.stack([np.full(len(e), ALL_THE_TIME), *known], axis=1)
     over = np.stack([f for n in VARIABLES if n in e.signals for f in _functions(e[n], search.rows)], axis=1)
     products = (carriers[:, :, None] * over[:, None, :]).reshape(len(e), -1)
-    return np.concatenate([carriers, products], axis=1) / 2.0
+    out = np.concatenate([carriers, products], axis=1) / 2.0
+    if search.parameters:  # whose forces have names
+        own = np.nan_to_num(np.stack([e.sensitivity[p] for p in search.parameters], axis=1))
+        out -= own @ np.linalg.lstsq(own[search.rows], out[search.rows], rcond=None)[0]
+    return out
 
 
 def _functions(x: Array, rows: NDArray[np.intp]) -> list[Array]:

@@ -38,7 +38,8 @@ RIDGE = 1e-6  # of the mean square of columns, so that copies share a force
 FEW = 12  # draws, beside whose mean the noise is fitted
 CHUNK = 4096  # rows that are whitened at once
 DRIFT_ODDS = 0.3  # prior odds of each of these: hardly two drives are alike
-FORM_ERROR = 0.1  # of the residual's standard deviation, which no form of a mechanism is exact to
+FORM_ERROR = 0.1  # of the residual's lasting standard deviation, which no form of a mechanism is exact to
+LASTING = 3  # rows, which noise does not outlast
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 SLOPE = "slope"  # part of the kernel of a slope that was not recorded: hardly a road has none
 NO_NAME = (SLOW, PLACE, EACH_DRIVE)  # blocks that are no mechanism
@@ -80,6 +81,11 @@ class Posterior:
     def probability(self, name: str) -> float:
         """Probability that a name acts; zero if there is no such block."""
         return float(self.inside(name).mean()) if any(k.name == name for k in self.of) else 0.0
+
+    def nameless(self) -> float:
+        """Probability that no mechanism and no parameter acts."""
+        named = [j for j, k in enumerate(self.of) if k.name not in (*NO_NAME, UNKNOWN)]
+        return float((~self.draws.inside[:, named].any(axis=1)).mean())
 
     def part(self, name: str, part: str) -> float:
         """Probability that a part of a name's forces acts; zero if there is none."""
@@ -181,14 +187,24 @@ def posterior(
 
 def _form_error(search: Regression) -> Array:
     """What no form of a mechanism is exact to (n, k): functions of common signals, which together have a
-    share of the residual's standard deviation (model discrepancy as in Kennedy and O'Hagan, J. R. Stat. Soc.
-    B 63, 2001). Without it the larger an effect is, the surer would be what only resembles it."""
+    share of the residual's lasting standard deviation (model discrepancy as in Kennedy and O'Hagan, J. R.
+    Stat. Soc. B 63, 2001). Without it the larger an effect is, the surer would be what only resembles it."""
     anything = next(k.features for k in kernels(search) if k.name == UNKNOWN)
     rows = search.rows
     own = float(np.sqrt(np.mean(np.sum(anything[rows] ** 2, axis=1)))) if len(rows) else 0.0
-    size = FORM_ERROR * float(np.std(search.e.residual[rows])) if len(rows) else 0.0
+    size = FORM_ERROR * _lasting(search)
     out: Array = np.nan_to_num(anything) * (size / max(own, 1e-12))
     return out
+
+
+def _lasting(search: Regression) -> float:
+    """Standard deviation (m/s^2) of what of the residual outlasts LASTING rows: the root of its
+    autocovariance."""
+    known = np.zeros(len(search.e), dtype=bool)
+    known[search.rows] = True
+    both = known[LASTING:] & known[:-LASTING]
+    y = search.e.residual - (search.e.residual[known].mean() if known.any() else 0.0)
+    return float(np.sqrt(max(np.mean((y[LASTING:] * y[:-LASTING])[both]), 0.0))) if both.any() else 0.0
 
 
 def gains(search: Regression) -> dict[str, float]:

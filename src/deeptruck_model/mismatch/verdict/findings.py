@@ -122,7 +122,7 @@ def _of_drift(c: Compared, rules: Rules, *, good_enough: bool) -> list[Finding]:
 def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
     """The largest unnamed part, if the simulator's error exceeds the tolerance and nothing else was found: a
     slow or accumulating part, one that changes within seconds, or one that follows recorded channels without
-    being a mechanism. Its probability is that of the last, since a mechanism that was missed is none."""
+    being a mechanism. Its probability is that no name acts: what several names share is no nameless force."""
     b = c.budget
     unexplained = b.force(LEFT_OVER, c.given.residual)
     each = {
@@ -132,7 +132,8 @@ def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
     }
     part = max(each, key=lambda part: each[part][0])
     share, force = each[part]
-    return [_nameless(c, part, c.posterior.probability(UNKNOWN), share, force)] if b.parts else []
+    p = c.posterior.nameless()
+    return [_nameless(c, part, p, share, force)] if b.parts and p >= rules.named else []
 
 
 def _nameless(c: Compared, part: str, p: float, share: float, force: Array) -> Finding:

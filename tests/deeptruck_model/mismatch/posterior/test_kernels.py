@@ -109,3 +109,12 @@ def test_the_order_of_forms_does_not_matter() -> None:
     for one, other in zip(*made, strict=True):
         assert (one.part, one.chance) == (other.part, other.chance)
         np.testing.assert_array_equal(one.features, other.features)
+
+
+def test_what_no_name_explains_holds_no_force_of_a_parameter() -> None:
+    rows, e = search().rows, search().e
+    free = named(k.UNKNOWN).features[rows]
+    for force in e.sensitivity.values():
+        own = force[rows]
+        power = np.linalg.norm(free, axis=0) * np.linalg.norm(own)
+        assert np.abs(own @ free).max() < 1e-3 * power.max()

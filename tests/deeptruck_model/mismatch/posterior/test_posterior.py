@@ -12,7 +12,13 @@ from small_drives import FORCES, N, evidence, posterior_of, regression
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import kernels
-from deeptruck_model.mismatch.posterior.posterior import Posterior, gains, posterior, without_roads
+from deeptruck_model.mismatch.posterior.posterior import (
+    Posterior,
+    _lasting,
+    gains,
+    posterior,
+    without_roads,
+)
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
@@ -148,3 +154,10 @@ def test_roads_of_a_simulators_own_recordings_are_none_of_its_errors() -> None:
     assert without_roads(e).residual.std() < 0.3 * e.residual.std()
     bare = replace(e, signals={k: x for k, x in e.signals.items() if k not in (FELT, FELT_SD)})
     assert without_roads(bare).residual.std() < 0.5 * e.residual.std()
+
+
+def test_the_error_of_forms_is_a_share_of_what_lasts_and_not_of_noise() -> None:
+    slow = 0.2 * np.sin(np.arange(N) / 100.0)
+    noise, both = (_lasting(regression(evidence(force, noise=0.3))) for force in (0.0, slow))
+    assert noise < 0.05
+    assert both == pytest.approx(np.std(slow), rel=0.15)

@@ -137,3 +137,4 @@ def test_what_changes_within_seconds_is_said_as_such() -> None:
     (f,) = findings(c, None, None, 1.0, RULES.visible)
     assert (f.says, f.separating_manoeuvre) == (wording.DRIFT["left_over"], wording.RECORD_FAST)
     assert f.share_of_error == pytest.approx(c.budget.share("left_over") - c.budget.persistent)
+    assert f.probability == round(c.posterior.nameless(), 3) >= 0.5
