@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import inf
-from typing import Literal, get_args
 
 from deeptruck_cacc.environments import scenes
 from deeptruck_model.errors import InputError
@@ -21,10 +20,8 @@ ANALYTIC = {
 TRPO = {
     "seed": (0, inf), "iterations": (1, inf), "environments": (1, inf), "path": (2, inf), "gamma": (0, 1),
     "gae_lambda": (0, 1), "target_kl": (0, inf), "log_std": (-10, 10), "validate_every": (1, inf),
-    "seeds": (1, inf), "curvature_share": (0, 1), "value_share": (0, 1), "value_rate": (0, MOST_RATE),
-    "value_batch": (1, inf), "value_passes": (0, inf),
+    "seeds": (1, inf), "curvature_share": (0, 1),
 }  # fmt: skip
-BaselineName = Literal["linear", "linear-before", "network"]
 
 
 @dataclass(frozen=True)
@@ -89,25 +86,12 @@ class TrpoConfig:
     """`Reward.paper()`: the plain squares that the paper prints, and alpha_crash 100; else `Reward`'s own"""
     validate_every: int = 10
     """iterations between validations and checkpoints"""
-    baseline: BaselineName = "linear"
-    """of returns: RLLab's of the batch itself or of the one before, or a network with the value settings"""
     curvature_share: float = 0.1
     """share of the states on which the curvature is estimated"""
-    value_share: float = 0.25
-    """share of the states, drawn anew for each pass, from which the value is learned"""
-    value_rate: float = 1e-3
-    """Adam's step for the value networks"""
-    value_batch: int = 200
-    """states of one of its updates, for each seed"""
-    value_passes: int = 10
-    """as sb3-contrib's"""
 
     def __post_init__(self) -> None:
         """Raises InputError for an invalid value."""
         check(self, TRPO)
-        if self.baseline not in get_args(BaselineName):
-            known = ", ".join(get_args(BaselineName))
-            raise InputError(f"there is no baseline '{self.baseline}'; known: {known}")
 
 
 Config = AnalyticConfig | TrpoConfig

@@ -28,11 +28,13 @@ from deeptruck_cacc.training import paths, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.progress import Log, load_checkpoint, save_checkpoint
-from deeptruck_cacc.training.return_baselines import HIDDEN, baseline
+from deeptruck_cacc.training.return_baselines import expected_returns
 from deeptruck_cacc.training.settings import TrpoConfig
 from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_model.deep.card import git_hash
 from deeptruck_model.simulators import Simulator
+
+HIDDEN = (25, 25, 25)
 
 
 def train(
@@ -68,7 +70,6 @@ class _Run:
         generators = [torch.Generator().manual_seed(seed) for seed in self.seeds]
         mean = self.actor.fresh(generators, 0.01)
         self.policy = Gaussian(self.actor, mean, torch.full((config.seeds, 2), config.log_std))
-        self.baseline = baseline(config, width, generators)
         self.best, self.best_score = mean.clone(), [float("inf")] * config.seeds
         self.exam = validation.exam(config.seed, simulator.dt, late=config.scene == "late")
 
@@ -105,7 +106,7 @@ class _Run:
         config = self.config
         rngs = [np.random.default_rng([seed, iteration]) for seed in self.seeds]
         seen, actions, rewards = self._drive(rngs)
-        values = self.baseline.values(seen, rewards)
+        values = expected_returns(seen, rewards, config.gamma)
         advantages = paths.advantage(rewards, values, config.gamma, config.gae_lambda)
         flat = advantages.flatten(1)
         flat = (flat - flat.mean(dim=1, keepdim=True)) / (flat.std(dim=1, keepdim=True) + 1e-8)
@@ -113,7 +114,6 @@ class _Run:
         some = paths.draw(rngs, states.shape[1], config.curvature_share)
         most_kl = config.target_kl * (1 - iteration / config.iterations)
         self.policy = improve(self.policy, states, actions.flatten(1, 2), flat, some, most_kl)
-        self.baseline.learn(seen, advantages + values[..., :-1], rngs)
         return rewards.sum(dim=2).double().numpy()
 
     def _drive(self, rngs: list[np.random.Generator]) -> paths.Paths:
@@ -150,7 +150,6 @@ class _Run:
 
     def _checkpoint(self, done: int) -> None:
         tensors = {"mean": self.policy.mean, "log_std": self.policy.log_std, "best": self.best}
-        tensors |= self.baseline.tensors()
         facts = {**self.identity, "done": done, "best_score": self.best_score}
         save_checkpoint(self.out, tensors, facts)
 
@@ -162,7 +161,6 @@ class _Run:
         tensors, facts = found
         self.policy = Gaussian(self.actor, tensors["mean"], tensors["log_std"])
         self.best, self.best_score = tensors["best"], facts["best_score"]
-        self.baseline.restore(tensors)
         return int(facts["done"])
 
     def _save(self) -> MlpPolicy:

@@ -24,7 +24,6 @@ OUTSIDE = 0.1  # share of the samples
 HELD_ENOUGH = 0.75  # of the points, by intervals that were to hold 90 %
 KEY = "trained_on"  # of the manifest
 SHOWN = 3  # names in a line
-BY_CHANCE_S = 10.0  # shorter pieces of a coarse sensor may be alike to the last digit
 OPTIMISTIC = "its errors there are optimistic"
 
 

@@ -80,7 +80,7 @@ def test_another_process_gives_the_same(tmp_path):
         (["--set", "window=-5"], "window is -5; it must be at least 3"),
         (["--set", "seeds=0"], "seeds is 0; it must be at least 1"),
         (["--trainer", "trpo", "--set", "gamma=2"], "gamma is 2; it must be 0 to 1"),
-        (["--trainer", "trpo", "--set", "value_share=NaN"], "value_share is nan; it must be 0 to 1"),
+        (["--trainer", "trpo", "--set", "curvature_share=NaN"], "curvature_share is nan; it must be 0 to 1"),
     ],
 )
 def test_bad_settings_are_one_line(monkeypatch, capsys, tmp_path, options, says):

@@ -29,7 +29,6 @@ torch.set_num_threads(1)
 QUICK = analytic.AnalyticConfig(seeds=2, rollouts=6, iterations=6, window=40, validate_every=3)
 QUICK_TRPO = TrpoConfig(iterations=4, environments=5, path=80, validate_every=2)
 SEEDS = TrpoConfig(seeds=2, iterations=4, environments=5, path=60, validate_every=2)
-NETWORK, BEFORE = (replace(SEEDS, baseline=name) for name in ("network", "linear-before"))
 LATE = replace(QUICK, scene="late")
 
 
@@ -183,7 +182,7 @@ def test_a_trained_policy_does_not_ask_for_both_pedals(trained):
 @pytest.mark.usefixtures("quick_exam")
 @pytest.mark.parametrize(
     ("trainer", "quick"),
-    [("analytic", QUICK), ("analytic", LATE), *(("trpo", c) for c in (QUICK_TRPO, SEEDS, NETWORK, BEFORE))],
+    [("analytic", QUICK), ("analytic", LATE), ("trpo", QUICK_TRPO), ("trpo", SEEDS)],
 )
 def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
     whole = train(toy, tmp_path / "whole", trainer=trainer, config=quick)
