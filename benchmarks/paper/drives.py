@@ -90,11 +90,11 @@ def singles(truck: DeepTruck) -> list[DeepTruck]:
     ]
 
 
-def field_drives(name: str, *, as_driven: bool = False) -> tuple[Recording, Recording]:
+def field_drives(name: str) -> tuple[Recording, Recording]:
     """The first 85 percent of a field truck's driving, and the remainder, with the brake command as in the
-    paper, or `as_driven`."""
+    paper."""
     whole = drive_of(name, FIELD[name].minutes, TRAIN_SEED, FIELD[name].cycle)
-    if FIELD[name].gated_brake and not as_driven:
+    if FIELD[name].gated_brake:
         on = (whole.channels[COMMAND] > trucks.load(name).parameters()["brake_gate"]).astype(float)
         whole = substituted(replace(whole, channels={**whole.channels, SWITCH: on, COMMAND: on}))
     edge = round(0.85 * len(whole))

@@ -142,23 +142,18 @@ def data_folder() -> Path:
     return Path(os.environ.get("DEEPTRUCK_REAL_DATA", default))
 
 
-RECORDED_CARS = {"human": 5, "acc": 6}  # cars of each recording, in their order on the road
-
-
-def recorded_leaders(name: str, seconds: float = 80.0, *, car: int = 0) -> Array:
+def recorded_leaders(name: str, seconds: float = 80.0) -> Array:
     """Speeds (batch, T + 1) at 10 Hz of recorded leaders: 'human' (fhwa_pav) or 'acc' (openacc).
 
-    Contiguous pieces above 5 m/s of one car, the first car being 1; without `car`, of the first vehicle
-    (human) or of the last car under ACC. Raises InputError if the recording is absent or holds no such piece.
+    Contiguous pieces above 5 m/s of the first vehicle (human) or of the last car under ACC. Raises InputError
+    if the recording is absent or holds no such piece.
     """
     files = {
-        "human": ("fhwa_pav/data_example.csv", 0, f"Speed{car or 1}"),
-        "acc": ("openacc/short_setting_dynamic_part1.csv", 5, f"Speed{car or 6}"),
+        "human": ("fhwa_pav/data_example.csv", 0, "Speed1"),
+        "acc": ("openacc/short_setting_dynamic_part1.csv", 5, "Speed6"),
     }
     if name not in files:
         raise InputError(f"there is no recorded leader '{name}'; known: {', '.join(files)}")
-    if not 0 <= car <= RECORDED_CARS[name]:
-        raise InputError(f"there is no car {car} of '{name}'; it has {RECORDED_CARS[name]}")
     path, skip, column = data_folder() / files[name][0], *files[name][1:]
     try:
         with path.open(encoding="latin-1") as file:

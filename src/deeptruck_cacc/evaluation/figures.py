@@ -44,21 +44,21 @@ def error_bands(trace: Trace, path: Path) -> None:
 
 
 @styled()
-def field_run(trace: Trace, path: Path, interface: TruckInterface, row: int = 0) -> None:
-    """One rollout as in the paper's field figures: speeds, time gap, commands in the units of `interface`,
-    acceleration, grade."""
+def field_run(trace: Trace, path: Path, interface: TruckInterface) -> None:
+    """The first rollout as in the paper's field figures: speeds, time gap, commands in the units of
+    `interface`, acceleration, grade."""
     figure = Figure(figsize=(WIDTH_IN, 8.2))
     axes = figure.subplots(6, 1, sharex=True)
     t = trace.time
-    wanted = trace.scene.time_gap[row]
-    axes[0].plot(t, trace["leader_speed"][:, row], color=RECORDED, label="leader")
-    axes[0].plot(t, trace["speed"][:, row], color=MODELLED, label="truck")
+    wanted = trace.scene.time_gap[0]
+    axes[0].plot(t, trace["leader_speed"][:, 0], color=RECORDED, label="leader")
+    axes[0].plot(t, trace["speed"][:, 0], color=MODELLED, label="truck")
     axes[1].axhline(wanted, color=GUIDE, label="requested")
-    axes[1].plot(t, trace["time_gap_error"][:, row] + wanted, color=MODELLED)
-    axes[2].plot(t, trace["acceleration"][:, row], color=MODELLED)
-    axes[3].plot(t, trace["engine_command"][:, row], color=MODELLED)
-    axes[4].plot(t, trace["brake_command"][:, row], color=MODELLED)
-    axes[5].plot(t, 100 * trace.scene.grade[row], color=RECORDED)
+    axes[1].plot(t, trace["time_gap_error"][:, 0] + wanted, color=MODELLED)
+    axes[2].plot(t, trace["acceleration"][:, 0], color=MODELLED)
+    axes[3].plot(t, trace["engine_command"][:, 0], color=MODELLED)
+    axes[4].plot(t, trace["brake_command"][:, 0], color=MODELLED)
+    axes[5].plot(t, 100 * trace.scene.grade[0], color=RECORDED)
     engine, brake = (printed(interface.unit(name)) for name in ("engine_command", "brake_command"))
     labels = ("speed\n[m/s]", "time gap\n[s]", "acceleration\n[m/s²]", f"engine\n[{engine}]",
               f"brake\n[{brake}]", "grade\n[%]")  # fmt: skip

@@ -176,8 +176,6 @@ def test_recorded_leaders_where_the_data_is_present():
     np.testing.assert_allclose(scene.leader_speed, speeds[:, 0])
     with pytest.raises(InputError, match="known: human, acc"):
         hard_scenes.recorded_leaders("robot")
-    with pytest.raises(InputError, match="no car 6 of 'human'; it has 5"):
-        hard_scenes.recorded_leaders("human", car=6)
 
 
 def test_a_learning_curve_is_drawn_up_to_a_line_cut_short(tmp_path):
