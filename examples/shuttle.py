@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 INTERFACE = TruckInterface("shuttle", engine_unit="N m", brake_unit="percent", grade=True, fuel=False)
 AIR_DENSITY, GRAVITY = 1.2, 9.81  # kg/m^3, m/s^2
-LEVER = 4.0  # N at the road for one N m of the engine
+PER_NM = 4.0  # N at the road for one N m of the engine
 FULL_BRAKE = 6.0  # m/s^2
 BODY = {"mass": 20000.0, "drag_area": 6.0, "rolling_resistance": 0.006, "torque_gain": 1.0, "brake_gain": 1.0}
 
@@ -41,7 +41,7 @@ class Shuttle:
     def step(self, state: Array, u: Array, w: Array) -> tuple[Array, Array]:
         """One step under u (batch, 2) on the slope w (batch, 1): the new state, and y (batch, 2)."""
         b = self.body
-        engine = LEVER * b["torque_gain"] * u[:, 0] / b["mass"]
+        engine = PER_NM * b["torque_gain"] * u[:, 0] / b["mass"]
         brake = FULL_BRAKE * b["brake_gain"] * u[:, 1] / 100.0
         drag = 0.5 * AIR_DENSITY * b["drag_area"] / b["mass"] * state**2
         slows = brake + drag + GRAVITY * b["rolling_resistance"]

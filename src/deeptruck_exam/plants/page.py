@@ -31,7 +31,7 @@ def lines(rows: Sequence[Row]) -> list[str]:
         " tool was developed on other seeds of it. Errors are m/s, the median of the seeds, of free runs on"
         " the drive held out; *offered* is the one of the three that the tool hands out. The simulators:"
         " FASTSim's equations solved forwards, one that `train` learned, and a physics truck of the data"
-        " sheet by `new --recordings` and `calibrate-truck`, beside which the drives are logged in the ten"
+        " sheet by `new --recordings` and `calibrate-truck`, with which the drives are logged in the ten"
         " gears of a usual gearbox that its sheet has too, so that the shifting is not foreign.",
         "",
     ]

@@ -23,7 +23,7 @@ from typing import Any
 
 Verdict = Mapping[str, Any]
 NAMES = 33  # that a verdict can give, 'unknown' and 'nothing' among them
-OUTSIDE = 0.1  # of what is left beside the first name: for the names outside its group
+OUTSIDE = 0.1  # of the remaining probability: for the names outside its group
 FAILED = "failed"
 SILENT = 0.9  # the probability of nothing that a silent verdict states
 

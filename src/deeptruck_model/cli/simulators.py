@@ -205,7 +205,7 @@ def _calibrated(found: Calibration) -> Iterator[str]:
         a, b, c = load.printed(unit)
         yield f"{'coast-down':<20} A {a:.4g}, B {b:.4g}, C {c:.4g} ({unit})"
     if found.before is None or found.after is None or found.better is None:
-        yield "note: the held-out recordings are too short for free runs; nothing shows what this is worth"
+        yield "note: the held-out recordings are too short for free runs that show whether this is better"
     else:
         yield (
             f"speed error of free runs of {found.horizon_s:.0f} s on {', '.join(found.held_out)}: "

@@ -59,7 +59,7 @@ def _overlap(recordings: Sequence[Recording], metrics: dict[str, Any]) -> str:
     if metrics["trials"] * horizon <= OVERLAP * driven:
         return ""
     return (
-        f"{metrics['trials']} runs of {horizon:.0f} s from {driven:.0f} s of driving overlap: they are worth "
+        f"{metrics['trials']} runs of {horizon:.0f} s from {driven:.0f} s of driving overlap: they count as "
         f"about {max(1, round(driven / horizon))} independent ones"
     )
 

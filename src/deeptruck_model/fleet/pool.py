@@ -89,7 +89,7 @@ def headline(pooled: Mapping[str, Any]) -> tuple[str, str]:
         first += _nats(tested, " by {} nats of held-out evidence")
         first += _nats(references, ", their siblings have {}")
     else:
-        first = f"none of {len(entries)} trucks stands out from its siblings"
+        first = f"none of {len(entries)} trucks differs from its siblings"
     if differ:
         return first, f"established to differ, at a false discovery rate of {level}: {_named(differ)}"
     needed = max(map(_needed, pooled["classes"].values()), default=0)

@@ -84,7 +84,7 @@ class Rules:
     )
 
     odds: float = _rule(
-        0.02, "1", "prior odds that a mechanism is in, times its chance beside the others", CHOSEN
+        0.02, "1", "prior odds that a mechanism is in, times its chance among the others", CHOSEN
     )
 
     # names

@@ -83,7 +83,7 @@ def test_overlapping_runs_are_noted(
     short = bag("short", 120.0, seed=3)
     code, _, errors = script("evaluate", simulator, short, "--out", tmp_path / "open_loop")
     assert code == 0
-    assert "note: 90 runs of 40 s from 120 s of driving overlap: they are worth about 3 independent" in errors
+    assert "note: 90 runs of 40 s from 120 s of driving overlap: they count as about 3 independent" in errors
 
 
 @pytest.mark.usefixtures("undrawn")

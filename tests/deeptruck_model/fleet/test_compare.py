@@ -84,7 +84,7 @@ def test_what_stands_out_is_said_before_what_is_established(result):
     alike = {n: {**e, "role": "reference", "differs": False} for n, e in found["trucks"].items()}
     nothing = {**found, "trucks": alike, "classes": {}}
     assert pool.headline(nothing) == (
-        "none of 44 trucks stands out from its siblings",
+        "none of 44 trucks differs from its siblings",
         "none is established to differ",
     )
 

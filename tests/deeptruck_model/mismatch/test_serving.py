@@ -161,7 +161,7 @@ def test_rows_are_left_out_and_all_is_compared_again(served: tuple[Any, str, Pat
     assert asked(f"{address}again/../found/")[0] == asked(f"{address}again/99/")[0] == 404
     everything = [{"drive": f"drive{k}", "from": 0.0, "to": 1e9} for k in range(3)]
     asked(f"{address}again", json.dumps(everything).encode())
-    assert result_of(address)["headline"] == "Undetermined: no cause is sure"
+    assert result_of(address)["headline"] == "Undetermined: no cause is established"
     assert content(out) == before
     (folder,) = temporary.iterdir()
     assert folder.name.startswith("deeptruck-again-")

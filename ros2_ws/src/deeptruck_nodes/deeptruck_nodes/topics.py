@@ -135,7 +135,7 @@ LEADER_STATE = Topic(
 MISMATCH_RESIDUAL = Topic(
     "/mismatch/residual", AccelStamped, ("mismatch_monitor", "replay"), ("truck_sim", "recorder"),
     "simulator step",
-    "truck minus simulator, m/s^2: accel.linear.x now, .y over 5 s, .z what the simulator is unsure of",
+    "truck minus simulator, m/s^2: accel.linear.x now, .y over 5 s, .z the simulator's uncertainty",
 )  # fmt: skip
 MISMATCH_NAMES = Topic(
     "/mismatch/names", JointState, ("mismatch_monitor", "replay"), ("recorder",),

@@ -26,7 +26,7 @@ from deeptruck_model.vehicle_kinds import LEAST_SPEED, NO_COASTING
 BRAKE = "brake_command"
 SAME_DRIVES = (
     "few recordings and no other held out: the last 30 % of each was set aside, "
-    "so what is claimed holds for the same drives only"
+    "so the result holds for the same drives only"
 )
 
 

@@ -111,7 +111,7 @@ HEADWIND = Mechanism(
     needs=("drag", "speed"),
     depends_on=("speed", "time"),
     source="SAE J1263 wind correction",
-    manoeuvre="drive the same stretch both ways at two speeds",
+    manoeuvre="drive the same section both ways at two speeds",
     forms={
         "one wind": Form(_wind, grid(wind_m_s=(-12.0, -8.0, -4.0, 4.0, 8.0, 12.0))),
         # linear around calm or around a wind
@@ -206,7 +206,7 @@ ROLLING_RESISTANCE_WARMUP = Mechanism(
     needs=("elapsed",),
     depends_on=("time since start",),
     source="ISO 28580 warm-up times",
-    manoeuvre="repeat the same stretch cold and after an hour",
+    manoeuvre="repeat the same section cold and after an hour",
     forms={
         "in time": Form(
             lambda tau_s: force(-exp(-(ELAPSED / tau_s)), 0.03, "cold_force"),

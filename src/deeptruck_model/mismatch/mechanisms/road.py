@@ -32,7 +32,7 @@ ROAD_GRADE = Mechanism(
     needs=("distance",),
     depends_on=("distance along the road",),
     source="definition of grade",
-    manoeuvre="drive the same stretch in both directions",
+    manoeuvre="drive the same section in both directions",
     forms={
         # where none was recorded it may be the same everywhere; else that is the sensor's zero
         "constant": Form(lambda: SLOPE, lambda e: () if e.has("grade") or e.has(FELT) else ({},)),
@@ -45,12 +45,12 @@ ROAD_GRADE = Mechanism(
 ROAD_SURFACE = Mechanism(
     "road_surface",
     "air_tyres_road",
-    says="the road rolls harder, in stretches or on whole drives",
+    says="the road rolls harder, on sections or on whole drives",
     equation="F = -m c(x), c >= 0, or one c in each recording",
     needs=("distance",),
     depends_on=("distance along the road", "recording"),
     source="rolling resistance of road textures: MIRIAM project",
-    manoeuvre="drive the same stretch in both directions",
+    manoeuvre="drive the same section in both directions",
     forms={
         # another road, or rain
         "each drive": Form(lambda: force(lift(-1.0), WET, sign=0), courses=(each_drive(more_than=2),)),

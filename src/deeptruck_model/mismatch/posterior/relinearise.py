@@ -28,7 +28,11 @@ from deeptruck_model.mismatch.residual.sensitivity import STEP, accepted
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator
 
-FAR, SETTLED, STEPS = 0.05, 0.02, 4  # relative changes of parameters that are worth another linearisation
+FAR, SETTLED, STEPS = (
+    0.05,
+    0.02,
+    4,
+)  # relative changes of parameters from which on another linearisation is needed
 CLOSE, CLOSER_STEPS = 0.005, 10  # the same where parameters are all that is fitted
 
 

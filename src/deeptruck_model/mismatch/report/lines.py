@@ -27,7 +27,7 @@ from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 HEADLINES = {
     Conclusion.NOTHING: "Nothing that matters is missing",
-    Conclusion.UNDETERMINED: "Undetermined: no cause is sure",
+    Conclusion.UNDETERMINED: "Undetermined: no cause is established",
 }
 GOOD_ENOUGH = "the simulator is good enough"
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence

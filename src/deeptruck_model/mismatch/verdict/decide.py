@@ -58,8 +58,8 @@ def tolerance(own: float | None, rules: Rules) -> float:
 
 
 def conclusion(n: Numbers, rules: Rules) -> Conclusion:
-    """The kind of the finding that explains most. Without a finding, or with none that is sure, nothing that
-    matters is missing, unless the simulator's error exceeds the tolerance or is not known."""
+    """The kind of the finding that explains most. Without a finding, or with none that is stated, nothing
+    that matters is missing, unless the simulator's error exceeds the tolerance or is not known."""
     if n.kinds and not (_good_enough(n, rules) and not any(n.sure)):
         return Conclusion(n.kinds[int(np.argmax(n.shares))])
     if _good_enough(n, rules):

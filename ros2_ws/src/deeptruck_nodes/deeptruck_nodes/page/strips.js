@@ -186,7 +186,7 @@ class Strip {
     this.pen.globalAlpha = 1;
   }
 
-  // What the simulator is unsure of, filled; with the monitor's threshold beyond it, dotted.
+  // The simulator's uncertainty, filled; with the monitor's threshold beyond it, dotted.
   _band(data, x) {
     const {t, v} = data("allowed"), pen = this.pen, more = this.band.more();
     pen.fillStyle = pen.strokeStyle = tone(this.band.tone);
