@@ -15,17 +15,18 @@ import yaml
 from deeptruck_exam import worlds
 from deeptruck_exam.cases.absorption import absorb
 from deeptruck_exam.cases.build import DT, Built, build, build_case
-from deeptruck_exam.cases.levels import NOT_RECORDED
+from deeptruck_exam.cases.levels import FELT, NOT_RECORDED, SLOPE_OR_WIND
 from deeptruck_exam.cases.plan import MINUTES, Plan, draw_plan
 from deeptruck_exam.cases.truth import describe
 from deeptruck_exam.folder import CASE
-from deeptruck_exam.laws.law import Array
+from deeptruck_exam.laws.law import GRAVITY, Array
 from deeptruck_exam.laws.series import ou_series
 from deeptruck_exam.worlds import trucks
 from deeptruck_exam.worlds.sensors import Sensors, quantise
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.trucks.accelerometer import Accelerometer
 
 
 @dataclass(frozen=True)
@@ -117,10 +118,17 @@ def measure(built: Built) -> list[dict[str, Array]]:
     sensors = Sensors.draw(worlds.values()["sensors"], rng)
     out = []
     decoy = draw_decoy(built) if plan.level == "decoy" else {}
+    bias = Accelerometer.BIAS * plan.rng(7).standard_normal()
     for k in range(len(plan.drives)):
         true = {name: values[k] for name, values in built.drives.channels.items()}
         true["elevation"] = true["elevation"] + 120.0
+        if plan.level == FELT:
+            gravity = GRAVITY * np.sin(np.arctan(true["grade"]))
+            true["specific_force"] = (1.0 + Accelerometer.PITCH) * true["acceleration"] + gravity + bias
         channels = sensors.record(true, built.truck, DT, rng)
+        if plan.level in SLOPE_OR_WIND:  # dv/dt is what a log of speed gives
+            rate = np.diff(channels["speed"], prepend=channels["speed"][:1]) / DT
+            channels["acceleration"] = rate
         warm = built.truck.ambient_temperature + ou_series(rng, (1, len(true["speed"])), DT, 200.0)[0] * 0.2
         channels["ambient_temperature"] = quantise(warm, 1.0 / 32.0)
         if np.isfinite(built.leader_m[k]).all():

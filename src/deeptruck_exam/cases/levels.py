@@ -24,9 +24,13 @@ LEVELS = (
     "unknown",
     "parameter_error",
     "input_not_recorded",
+    "slope_or_wind",
+    "slope_or_wind_felt",
     "each_drive_differs",
     "nothing_missing",
 )
+FELT = "slope_or_wind_felt"  # with an accelerometer
+SLOPE_OR_WIND = ("slope_or_wind", FELT)
 NOT_RECORDED: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     # an input: the channels that are withheld, and the names that may be given for what it hides
     "brake": (("brake_command",), ()),
@@ -59,6 +63,8 @@ def suitable(level: str) -> list[Effect]:
         some = of_kind("parameter_error")
     elif level == "one_condition":
         some = [e for e in named() if e.gateable and e.name not in ("payload_change", "road_surface")]
+    elif level in SLOPE_OR_WIND:
+        some = [e for e in named() if e.key == "slope_not_recorded" or e.name == "headwind"]
     elif level == "rare":
         some = [e for e in named() if e.gateable or e.name.startswith("command")]
     else:

@@ -8,7 +8,7 @@ import numpy as np
 
 from deeptruck_exam import worlds
 from deeptruck_exam.cases.gates import CONDITIONS
-from deeptruck_exam.cases.levels import choose, hidden_input, mark
+from deeptruck_exam.cases.levels import SLOPE_OR_WIND, choose, hidden_input, mark
 from deeptruck_exam.laws import Effect
 from deeptruck_exam.laws.catalogue import DRIVES, POOL
 from deeptruck_exam.worlds import trucks
@@ -82,7 +82,8 @@ def draw_plan(
     member = np.random.default_rng([77, pool.index(truck), int(rng.integers(DEEP_TRUCKS))])
     values = trucks.draw(truck, worlds.values()["trucks"], member if simulator == "deep" else rng)
     needs_grade = any({"descent", "hills"} & set(e.drives) or e.name.startswith("grade") for e in chosen)
-    grade = not any(e.key == "slope_not_recorded" for e in chosen) and (
+    slopeless = level in SLOPE_OR_WIND or any(e.key == "slope_not_recorded" for e in chosen)
+    grade = not slopeless and (
         truck != "freightliner" or needs_grade or simulator == "deep" or rng.random() < 0.5
     )
     leader = any(e.leader for e in chosen)

@@ -65,6 +65,7 @@ class Sensors:
         one = dict(values["classes"][names[rng.integers(len(names))]])
         faults = {name: rng.uniform(*span) for name, span in {**NO_FAULTS, **one.pop("clock", {})}.items()}
         each = {name: Sensor.draw(v, rng) for name, v in {**values["usual"], **one}.items()}
+        each["specific_force"] = each["acceleration"]
         return Sensors(each, values["pedal_step_percent"], **faults)
 
     def record(self, true: Channels, truck: SimpleNamespace, dt: float, rng: np.random.Generator) -> Channels:
@@ -72,12 +73,13 @@ class Sensors:
         channels = {name: values.copy() for name, values in true.items() if name != "distance"}
         self._stamp(channels, dt, rng)
         percent = truck.reference_torque / 100.0
-        for name, one in self.of.items():
+        of = {name: one for name, one in self.of.items() if name in channels}
+        for name, one in of.items():
             unit = channels[name] if name == "fuel_rate" else _shaking(name, true["speed"], percent)
             channels[name] = _sensed(channels[name], one, unit, dt, rng)
         self._knock(channels, true["distance"], truck, dt, rng)
         self._lose(channels, dt, rng)
-        for name, one in self.of.items():
+        for name, one in of.items():
             step = one.step * (percent if name == "engine_torque" else 1.0)
             channels[name] = quantise(channels[name], step)
         channels["speed"] = np.where(true["speed"] < 0.25, 0.0, np.maximum(channels["speed"], 0.0))
@@ -140,6 +142,6 @@ def quantise(values: Array, step: float) -> Array:
 
 def _shaking(name: str, speed: Array, percent: float) -> Array:
     """Noise factor of a channel, (n,), which increases with speed because the truck vibrates more."""
-    if name == "acceleration":
+    if name in ("acceleration", "specific_force"):
         return 0.5 + 0.5 * np.clip(speed / 18.0, 0.0, 1.4)
     return np.full(len(speed), percent if name == "engine_torque" else 1.0)

@@ -11,7 +11,7 @@ from deeptruck_exam.cases.absorption import retune
 from deeptruck_exam.cases.build import build
 from deeptruck_exam.cases.case import Case, further_drives, make_case, measure, open_truth
 from deeptruck_exam.cases.plan import draw_plan
-from deeptruck_exam.scoring.evaluation import arrays, open_loop, residual
+from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import read
@@ -112,7 +112,7 @@ def test_retuning_without_the_effect_fits_better_and_the_oracle_fits_best(tmp_pa
     nominal = simulator.with_parameters(truth["nominal_parameters"])
     wrong = nominal.with_parameters({"mass": 1.2 * truth["nominal_parameters"]["mass"]})
     tuned = wrong.with_parameters(retune(wrong, {"mass": wrong.parameters()["mass"]}, recordings))
-    error = [np.std(residual(s, u, w, y)) for s in (wrong, tuned)]
+    error = [np.std((y - simulators.forced_run(s, u, w, y).y)[:, 1:, 0]) for s in (wrong, tuned)]
     assert error[1] < error[0]
     with np.load(case.folder / "truth" / "drives.npz") as kept:
         extra = kept["extra"]
@@ -160,6 +160,17 @@ def test_a_withheld_input_is_in_no_recording_and_hides_no_other_truth(tmp_path, 
     for name in channels[truth["not_recorded"]]:
         assert not np.isfinite(recording.channels.get(name, np.nan)).any()
     assert truth["effects"] == [] and truth["verdict"] == "nothing_missing"
+
+
+@pytest.mark.parametrize("key", ["slope_not_recorded", "steady_wind"])
+def test_an_accelerometer_feels_a_slope_and_no_wind(key):
+    felt = quick("slope_or_wind_felt", effect=key)
+    assert "specific_force" not in measure(quick("slope_or_wind", effect=key))[0]
+    for channels, grade in zip(measure(felt), felt.drives.channels["grade"], strict=True):
+        beyond = channels["specific_force"] - channels["acceleration"]
+        gravity = 9.81 * np.sin(np.arctan(grade))
+        assert "grade" not in channels and abs(np.mean(beyond[50:] - gravity[50:])) < 0.15
+        assert bool(np.std(gravity) > 0.02) is (key == "slope_not_recorded")
 
 
 def test_each_drive_differs_in_its_own_way():
