@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from driven_tables import COLUMNS, drive, speed, table, with_channels
+from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
@@ -155,7 +155,7 @@ ROWS = {
 @pytest.mark.parametrize("name", ROWS)
 def test_a_cure_that_is_followed_gives_what_was_driven(name: str, tmp_path: Path) -> None:
     row = ROWS[name]
-    path = table(tmp_path / "t.csv", row.columns)
+    path = write_csv(tmp_path / "t.csv", row.columns)
     path.write_text(row.spoil(path.read_text()), encoding=row.encoding)
     try:
         done = import_table(path, row.meaning, tmp_path / "refused")

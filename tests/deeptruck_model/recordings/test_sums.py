@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from driven_tables import COLUMNS, drive, table
+from csv_tables import COLUMNS, drive, write_csv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -42,7 +42,7 @@ def test_each_sample_of_a_table_is_used_or_set_aside(
         columns[name][start : start + count] = [cell] * len(columns[name][start : start + count])
     folder = tmp_path_factory.mktemp("faulty")
     try:
-        done = import_table(table(folder / "t.csv", columns), MEANING, folder / "bag")
+        done = import_table(write_csv(folder / "t.csv", columns), MEANING, folder / "bag")
     except InputError as error:
         assert "\n" not in str(error)
         return

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from driven_tables import COLUMNS, drive, speed, table, with_channels
+from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table, suggest_columns
@@ -34,7 +34,7 @@ def two_trucks(folder: Path, stagger: float) -> Path:
     v = np.where(np.arange(200) % 2, 90 + 5 * np.sin(t / 9), 3.6 * speed(t))
     stamps = np.where(np.arange(200) % 2, t - 0.5 + stagger, t)
     names = np.where(np.arange(200) % 2, "T-202", "T-101")
-    return table(
+    return write_csv(
         folder / "trucks.csv", {"t": stamps, "Vehicle": names, "v": v, "Speed (km/h)": np.round(v, 2)}
     )
 
@@ -66,7 +66,7 @@ def test_two_vehicles_without_a_column_that_names_them(tmp_path: Path) -> None:
     columns = drive()
     columns["v"][1::2] = 95.0
     with pytest.raises(InputError, match="as where rows of several vehicles take turns"):
-        import_table(table(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag")
+        import_table(write_csv(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag")
 
 
 def test_a_leader_of_two_vehicles_is_refused(tmp_path: Path) -> None:
@@ -76,7 +76,9 @@ def test_a_leader_of_two_vehicles_is_refused(tmp_path: Path) -> None:
 
 def test_a_switch_or_gear_letter_is_no_vehicle(tmp_path: Path) -> None:
     columns = {**drive(), "Gear": np.where(np.arange(600) // 7 % 2, "D", "N")}
-    assert len(import_table(table(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag").recordings) == 1
+    assert (
+        len(import_table(write_csv(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag").recordings) == 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -94,7 +96,7 @@ def test_a_clock_that_goes_back_begins_a_piece(
 ) -> None:
     columns = {**drive(), "t": [stamps(k) for k in range(600)]}
     meaning = {**COLUMNS, "time": {"column": "t", "unit": "iso"}}
-    done = import_table(table(tmp_path / "t.csv", columns), meaning, tmp_path / "bag")
+    done = import_table(write_csv(tmp_path / "t.csv", columns), meaning, tmp_path / "bag")
     assert [len(r) for r in done.recordings] == pieces
     np.testing.assert_allclose(speeds(done.recordings), columns["v"] / 3.6, rtol=1e-9)
     account = done.recordings[0].account
@@ -104,7 +106,7 @@ def test_a_clock_that_goes_back_begins_a_piece(
 def test_trips_that_begin_again_at_zero(tmp_path: Path) -> None:
     columns = {**drive(), "Trip": np.arange(600) // 200 + 1}
     columns["t"] = columns["t"] % 20
-    done = import_table(table(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag")
+    done = import_table(write_csv(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag")
     assert [len(r) for r in done.recordings] == [200, 200, 200]
 
 
@@ -115,8 +117,11 @@ def test_rows_in_no_order_are_refused_and_sorting_them_helps(tmp_path: Path) -> 
     meaning = {**COLUMNS, "channels": {"engine_command": COLUMNS["channels"]["engine_command"],
                                        "speed": COLUMNS["channels"]["speed"]}}  # fmt: skip
     with pytest.raises(InputError, match="they are in no order; export them in the order of their time"):
-        import_table(table(tmp_path / "a.csv", shuffled), meaning, tmp_path / "a")
-    assert len(import_table(table(tmp_path / "b.csv", columns), meaning, tmp_path / "b").recordings[0]) == 600
+        import_table(write_csv(tmp_path / "a.csv", shuffled), meaning, tmp_path / "a")
+    assert (
+        len(import_table(write_csv(tmp_path / "b.csv", columns), meaning, tmp_path / "b").recordings[0])
+        == 600
+    )
 
 
 def test_a_few_stray_swapped_and_doubled_stamps_are_counted(tmp_path: Path) -> None:
@@ -125,7 +130,7 @@ def test_a_few_stray_swapped_and_doubled_stamps_are_counted(tmp_path: Path) -> N
     columns["t"][100], columns["t"][101] = columns["t"][101], columns["t"][100]
     columns["t"][500] = columns["t"][499]
     columns["v"][100], columns["v"][101] = columns["v"][101], columns["v"][100]
-    (r,) = import_table(table(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag").recordings
+    (r,) = import_table(write_csv(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag").recordings
     assert r.account is not None and r.account.balanced
     reasons = {reason: entry.count for reason, entry in r.account.total.aside.items()}
     assert reasons == {"stamped far off their neighbours": 1, "with a repeated time": 1}
@@ -145,7 +150,7 @@ def test_clocks_without_marks(tmp_path: Path, form: str, key: str) -> None:
     begin = datetime(2026, 5, 4, 9, 58, 30)
     columns = drive(1200)
     columns["t"] = [(begin + timedelta(seconds=k * step)).strftime(form) for k in range(1200)]
-    path = table(tmp_path / "t.csv", {"UTC time": columns.pop("t"), **columns})
+    path = write_csv(tmp_path / "t.csv", {"UTC time": columns.pop("t"), **columns})
     by_hand = {**COLUMNS, "time": {"column": "UTC time", "unit": "s"}}
     with pytest.raises(InputError, match=re.escape(f'format: "{key}"')):
         import_table(path, by_hand, tmp_path / "bag")
@@ -157,7 +162,9 @@ def test_clocks_without_marks(tmp_path: Path, form: str, key: str) -> None:
 def test_units_behind_the_numbers(tmp_path: Path) -> None:
     columns = drive()
     units = {"t": "", "v": " kilometer_per_hour", "gas": " percent", "brake": " %", "a": "m/s^2"}
-    path = table(tmp_path / "t.csv", {n: [f"{x}{units[n]}" for x in values] for n, values in columns.items()})
+    path = write_csv(
+        tmp_path / "t.csv", {n: [f"{x}{units[n]}" for x in values] for n, values in columns.items()}
+    )
     done = import_table(path, COLUMNS, tmp_path / "bag")
     np.testing.assert_allclose(speeds(done.recordings), columns["v"] / 3.6, rtol=1e-9)
     wrong = with_channels(speed={"column": "v", "unit": "mph"})
@@ -171,7 +178,7 @@ def test_words_for_states(tmp_path: Path) -> None:
     pressed = columns["brake"] > 0
     columns |= {"brakePressed": pressed, "Brake switch": np.where(pressed, "ON", "OFF")}
     columns["gear"] = np.where(columns["t"] < 5, "N", "D")
-    path = table(tmp_path / "t.csv", columns)
+    path = write_csv(tmp_path / "t.csv", columns)
     for switch in ("brakePressed", "Brake switch"):
         meaning = with_channels(brake_switch={"column": switch}, gear={"column": "gear"})
         (r,) = import_table(path, meaning, tmp_path / switch).recordings
@@ -200,7 +207,7 @@ def test_blanks_as_separators(tmp_path: Path) -> None:
 )
 def test_a_preamble_of_any_width(tmp_path: Path, above: list[str]) -> None:
     columns = drive()
-    path = table(
+    path = write_csv(
         tmp_path / "t.csv",
         {
             "timestamp_s": columns["t"],
@@ -244,6 +251,6 @@ def test_one_value_a_row(tmp_path: Path) -> None:
 def test_a_value_that_is_held_has_its_own_rate(tmp_path: Path) -> None:
     columns = drive()
     columns["v"] = np.repeat(columns["v"][::10], 10)
-    (r,) = import_table(table(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag").recordings
+    (r,) = import_table(write_csv(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag").recordings
     assert r.dt == 1.0 and np.abs(r.channels["acceleration"]).max() < 1.5
     assert any("speed is renewed every 10 rows" in note for note in r.notes)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven_tables import COLUMNS, drive, speed, table, with_channels
+from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.errors import InputError
@@ -169,7 +169,7 @@ def test_drop_outs_of_speed_are_set_aside_and_counted(tmp_path: Path, code: floa
     columns = drive()
     for start in (180, 380, 580):
         columns["v"][start : start + count // 3] = code
-    done = import_table(table(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag")
+    done = import_table(write_csv(tmp_path / "t.csv", columns), COLUMNS, tmp_path / "bag")
     values = np.concatenate([r.channels["speed"] for r in done.recordings])
     gained = np.concatenate([r.channels["acceleration"] for r in done.recordings])
     assert np.nanmin(values) > 7.0 and np.nanmax(np.abs(gained)) < 1.5
@@ -212,7 +212,7 @@ def test_codes_for_not_available_are_no_commands(tmp_path: Path) -> None:
     columns |= {"demand": np.where(columns["gas"] == 102, 130, columns["gas"])}
     for engine in ("gas", "demand"):
         meaning = with_channels(engine_command={"column": engine, "unit": "percent"})
-        done = import_table(table(tmp_path / f"{engine}.csv", columns), meaning, tmp_path / engine)
+        done = import_table(write_csv(tmp_path / f"{engine}.csv", columns), meaning, tmp_path / engine)
         (r,) = done.recordings
         for command in ("engine_command", "brake_command"):
             assert np.isnan(r.channels[command]).sum() == 60 and np.nanmax(r.channels[command]) < 91
@@ -222,7 +222,7 @@ def test_codes_for_not_available_are_no_commands(tmp_path: Path) -> None:
 @pytest.mark.parametrize("cure", [{"scale": -1}, None])
 def test_the_cures_of_a_turned_accelerometer_cure(tmp_path: Path, cure: dict[str, Any] | None) -> None:
     columns = drive()
-    path = table(tmp_path / "t.csv", {**columns, "a": -columns["a"]})
+    path = write_csv(tmp_path / "t.csv", {**columns, "a": -columns["a"]})
     with pytest.raises(InputError, match=r"wrong sign.*'scale: -1', or leave acceleration out"):
         import_table(path, with_channels(acceleration=ACCELERATION), tmp_path / "bag")
     assert not (tmp_path / "bag").exists()
@@ -235,7 +235,7 @@ def test_what_is_proposed_is_turned_and_a_lateral_sensor_is_not_proposed(tmp_pat
     columns = drive()
     headers = {"Time (s)": columns["t"], "Speed (km/h)": columns["v"], "LatAcc (g)": np.sin(columns["t"]),
                "Acc (m/s2)": -columns["a"], "Acceleration 2 (m/s2)": np.cos(columns["t"])}  # fmt: skip
-    found = suggest_columns(table(tmp_path / "t.csv", headers))
+    found = suggest_columns(write_csv(tmp_path / "t.csv", headers))
     one = found.taken("acceleration")
     assert one is not None and one.field.path == "Acc (m/s2)" and "scale: -1" in one.line
     (other,) = [c for c in found.candidates["acceleration"] if c is not one]
@@ -247,7 +247,7 @@ def test_what_is_proposed_is_turned_and_a_lateral_sensor_is_not_proposed(tmp_pat
 
 def test_the_tilt_of_an_accelerometer_is_cured_by_its_offset(tmp_path: Path) -> None:
     columns = drive()
-    path = table(tmp_path / "t.csv", {**columns, "a": columns["a"] + 0.5})
+    path = write_csv(tmp_path / "t.csv", {**columns, "a": columns["a"] + 0.5})
     (r,) = import_table(path, with_channels(acceleration=ACCELERATION), tmp_path / "a").recordings
     assert r.account is not None and any("correct it by 'offset'" in line for line in r.account.remarks)
     cured = with_channels(acceleration={**ACCELERATION, "offset": -0.5})

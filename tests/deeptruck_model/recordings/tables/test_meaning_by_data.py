@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
-from driven_tables import COLUMNS, drive, speed, table, with_channels
+from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
 from pyarrow import parquet
 from scipy.io import savemat
 
@@ -65,7 +65,7 @@ def read(yaml_text: str) -> dict[str, Any]:
     ids=["French", "Turkish", "VECTO", "components", "letters", "one pedal", "torque without offset"],
 )  # fmt: skip
 def test_what_is_proposed(columns: dict[str, Any], proposed: dict[str, Any], tmp_path: Path) -> None:
-    found = suggest_columns(table(tmp_path / "drive.csv", columns))
+    found = suggest_columns(write_csv(tmp_path / "drive.csv", columns))
     meaning = read(found.text())
     assert meaning["time"] == {"column": next(iter(columns)), "unit": "s"}
     for channel, column in proposed.items():
@@ -89,7 +89,7 @@ def test_what_is_proposed(columns: dict[str, Any], proposed: dict[str, Any], tmp
     ids=["tenths", "cm/s", "raw bytes", "two of one unit"],
 )  # fmt: skip
 def test_what_nothing_supports_is_asked(columns: dict[str, Any], asked: str, tmp_path: Path) -> None:
-    text = suggest_columns(table(tmp_path / "drive.csv", columns)).text()
+    text = suggest_columns(write_csv(tmp_path / "drive.csv", columns)).text()
     assert any(line.strip().startswith("#") and asked in line for line in text.splitlines())
     assert read(text)["time"]["unit"] == "s"
 
@@ -97,18 +97,18 @@ def test_what_nothing_supports_is_asked(columns: dict[str, Any], asked: str, tmp
 def test_two_speeds_that_disagree_are_both_named(tmp_path: Path) -> None:
     late = np.interp(T - 2.0, T, V)
     columns = {**TIME, "GPS Speed (km/h)": np.round(late, 2), "Speed (OBD)(km/h)": V}
-    found = suggest_columns(table(tmp_path / "drive.csv", columns))
+    found = suggest_columns(write_csv(tmp_path / "drive.csv", columns))
     assert read(found.text())["channels"]["speed"]["column"] == "Speed (OBD)(km/h)"
     assert any("GPS Speed (km/h) differs" in line and "2 s late" in line for line in found.doubts)
     columns["GPS Speed (km/h)"] = np.round(V + 0.1, 2)
-    doubts = suggest_columns(table(tmp_path / "same.csv", columns)).doubts
+    doubts = suggest_columns(write_csv(tmp_path / "same.csv", columns)).doubts
     assert not [line for line in doubts if "differs" in line]
 
 
 def test_the_names_of_vehicles_are_no_channels(tmp_path: Path) -> None:
     """A column called 'name' has signals only if some of its cells are those of a channel."""
     columns = {**TIME, "name": ["lorry"] * 600, "value": np.arange(600), "Speed (km/h)": V}
-    assert suggest_columns(table(tmp_path / "drive.csv", columns)).pivot is None
+    assert suggest_columns(write_csv(tmp_path / "drive.csv", columns)).pivot is None
 
 
 Rows = dict[str, Any]
@@ -131,7 +131,7 @@ def test_rows_that_are_written_again_are_set_aside(
     again: Callable[[Rows], Rows], count: int, tmp_path: Path
 ) -> None:
     rows = {name: D[name] for name in ("t", "v", "gas", "brake")}
-    (r,) = import_table(table(tmp_path / "drive.csv", again(rows)), COLUMNS, tmp_path / "bag").recordings
+    (r,) = import_table(write_csv(tmp_path / "drive.csv", again(rows)), COLUMNS, tmp_path / "bag").recordings
     assert r.account is not None and r.account.total.aside["that repeat earlier rows"].count == count
     assert len(r) == 600 and r.channels["speed"] == pytest.approx(speed(T), abs=0.01)
 
@@ -142,10 +142,10 @@ def test_a_value_held_for_a_varying_number_of_rows_is_read_where_it_is_renewed(t
     at = np.maximum(np.searchsorted(renewed, np.arange(1200), side="right") - 1, 0)
     v = np.round(3.6 * speed(0.1 * np.r_[0, renewed][at + (renewed[0] <= np.arange(1200))]), 2)
     rows = {"t": t, "v": v, "gas": 0 * t, "brake": 0 * t}
-    (r,) = import_table(table(tmp_path / "drive.csv", rows), COLUMNS, tmp_path / "bag").recordings
+    (r,) = import_table(write_csv(tmp_path / "drive.csv", rows), COLUMNS, tmp_path / "bag").recordings
     assert 0.9 < r.dt < 1.2 and np.nanmax(np.abs(r.channels["acceleration"])) < 1.5
     coarse = {"t": T, "v": np.round(V), "gas": D["gas"], "brake": D["brake"]}
-    (r,) = import_table(table(tmp_path / "coarse.csv", coarse), COLUMNS, tmp_path / "coarse").recordings
+    (r,) = import_table(write_csv(tmp_path / "coarse.csv", coarse), COLUMNS, tmp_path / "coarse").recordings
     assert r.dt == 0.1  # a sensor that reads whole km/h is not held
 
 
@@ -159,7 +159,7 @@ def test_zero_while_positions_move_on_is_no_speed(tmp_path: Path) -> None:
     rows["v"] *= 3.6
     assert lat[-1] > rows["lat"][-1]
     places = {n: {"column": n[:3], "unit": "deg"} for n in ("latitude", "longitude")}
-    found = import_table(table(tmp_path / "drive.csv", rows), with_channels(**places), tmp_path / "bag")
+    found = import_table(write_csv(tmp_path / "drive.csv", rows), with_channels(**places), tmp_path / "bag")
     account = found.recordings[0].account
     assert account is not None
     assert account.channels["speed"].aside["zero while positions move on"].count == 120
@@ -217,7 +217,7 @@ def test_channels_described_above_the_table_of_a_vbo_file(tmp_path: Path) -> Non
 
 def test_a_leader_of_which_the_speed_drops_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     v = np.where((T >= 20) & (T < 21), 0.0, V / 3.6)
-    path = table(tmp_path / "leader.csv", {"time": T, "speed": np.round(v, 3)})
+    path = write_csv(tmp_path / "leader.csv", {"time": T, "speed": np.round(v, 3)})
     t, bridged = read_curve(path, "time", "speed")
     assert len(t) == 590 and bridged.min() > 7.0
     assert "10 that jump to a number for no value and back, bridged" in capsys.readouterr().err
@@ -248,7 +248,7 @@ def test_what_is_refused_says_the_key(
     meaning = with_channels(**channels)
     meaning["time"] = {"column": "t", "unit": "iso"} if isinstance(rows["t"], list) else meaning["time"]
     with pytest.raises(InputError, match=says):
-        import_table(table(tmp_path / "drive.csv", rows), meaning, tmp_path / "bag")
+        import_table(write_csv(tmp_path / "drive.csv", rows), meaning, tmp_path / "bag")
 
 
 def test_names_listed_above_rows_without_a_header(tmp_path: Path) -> None:
