@@ -126,7 +126,7 @@ FLOOR = tuple(
     for name in (
         "_io", "_imports", "_terminal", "checks", "constants", "errors", "files", "vehicle_kinds",
         "recordings.tables.curve_file", "recordings.tables.table_file", "recordings.tables.csv_text",
-        "recordings.tables.mat_file", "recordings.tables.row_keys", "recordings.ranges",
+        "recordings.tables.row_keys", "recordings.ranges",
         "outside.reference", "outside.saved", "outside.truck",
     )
 )  # fmt: skip

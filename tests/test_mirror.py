@@ -82,13 +82,13 @@ THROUGH = {  # files without a test of their name, by room and by the test that 
         "deeptruck_model/recordings/test_bad_bags.py": "bag_file bag_storage mcap_chunks message_definitions",
         "deeptruck_model/recordings/test_recording.py": "recording_figure",
         "deeptruck_model/recordings/test_resample.py": "interpolate",
-        "deeptruck_model/checks/test_calls.py": "given",
     },
     "deeptruck_model.recordings.consistency": {
         "deeptruck_model/recordings/tables/test_table_suggestion.py": "proposals",
     },
     "deeptruck_model.recordings.tables": {
-        "deeptruck_model/recordings/tables/test_table_file.py": "mat_file row_keys",
+        "deeptruck_model/recordings/test_importing.py": "samples",
+        "deeptruck_model/recordings/tables/test_table_file.py": "row_keys",
         "deeptruck_model/recordings/tables/test_table_suggestion.py": "row_clock table_form",
     },
     "deeptruck_model.simulators": {

@@ -28,7 +28,7 @@ from deeptruck_model.deep.remarks import is_deep
 from deeptruck_model.pages.document import Part, Picture, Table, document
 from deeptruck_model.pages.style import MODELLED, RECORDED, WIDTH_IN, png, styled
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.given import Drives, drives
+from deeptruck_model.recordings.several import Drives, drives
 from deeptruck_model.signals import CHANNELS, SPEED, printed, sensible
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 

@@ -37,7 +37,7 @@ from deeptruck_model.deep.resume import differences, identity_in, identity_of
 from deeptruck_model.deep.truck import DeepTruck, load_directory
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.given import Drives, drives
+from deeptruck_model.recordings.several import Drives, drives
 from deeptruck_model.simulators import read_manifest
 
 Observer = Callable[[int, TruckNetwork], None]

@@ -11,7 +11,7 @@ from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.prepare import Span
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.given import check_paths_apart, drives
+from deeptruck_model.recordings.several import check_paths_apart, drives
 from deeptruck_model.recordings.splits import refuse_shared
 from deeptruck_model.simulators import Simulator, completed
 

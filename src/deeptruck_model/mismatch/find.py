@@ -27,7 +27,7 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import joined
 from deeptruck_model.mismatch.verdict.conclude import conclude, useless
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.given import Drives
+from deeptruck_model.recordings.several import Drives
 from deeptruck_model.simulators import MinimalSimulator, Simulator
 
 

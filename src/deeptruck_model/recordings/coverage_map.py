@@ -22,9 +22,9 @@ from deeptruck_model._io.results import COVERAGE
 from deeptruck_model.errors import InputError
 from deeptruck_model.pages.document import Folded, Picture, Table, document
 from deeptruck_model.pages.style import MODELLED, WIDTH_IN, plain_log, png, styled
-from deeptruck_model.recordings.given import Drives, drives
 from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.several import Drives, drives
 from deeptruck_model.signals import Said, Speed, printed, sensible, shown, speed_unit
 
 Array = NDArray[np.float64]

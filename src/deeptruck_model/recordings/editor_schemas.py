@@ -31,7 +31,7 @@ _KINDS: dict[str, Schema] = {
     "field": {"anyOf": [_TEXT, {"type": "array", "items": _TEXT, "minItems": 1, "maxItems": 2}]},
     "scale": {**_NUMBER, "not": {"const": 0}},
     "offset": _NUMBER,
-    "late_s": {"type": "number", "minimum": -columns.LATEST_S, "maximum": columns.LATEST_S},
+    "late_s": {"type": "number", "minimum": -topic_map.LATEST_S, "maximum": topic_map.LATEST_S},
     "density": {"anyOf": [{"type": "number", "minimum": m, "maximum": 10 * m} for m in (0.3, 300.0)]},
 }
 

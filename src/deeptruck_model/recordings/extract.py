@@ -17,20 +17,20 @@ from deeptruck_model.checks import Clock, calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
 from deeptruck_model.recordings.bag_source import EXTRA_KEY, INTERFACE_KEY, NOTES_KEY, BagSource
-from deeptruck_model.recordings.clocks import Clocks
+from deeptruck_model.recordings.clocks import REORDER_NS, Clocks, Part, Queue
 from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.obeyed import Obedience, no_load, with_engaged
-from deeptruck_model.recordings.ordering import REORDER_NS, Part, Queue
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Received, Resampler, Series
 from deeptruck_model.recordings.topic_map import (
     DEFAULT_TOPICS,
+    DRIVEN_BY,
     EXTRA_TOPIC,
     NO_SPEED,
     Source,
     TopicMap,
-    driver,
     load,
+    stated,
 )
 from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
@@ -87,7 +87,7 @@ def read(
             interface,
             Clocks(clock, mixed=mixed_clocks),
         )
-    by = None if topic_map is None else driver(topic_map)
+    by = None if topic_map is None else stated(topic_map, DRIVEN_BY)
     return found if by is None else [replace(r, interface=replace(r.interface, driven_by=by)) for r in found]
 
 

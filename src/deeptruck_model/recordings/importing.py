@@ -24,20 +24,14 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.consistency import sensors
-from deeptruck_model.recordings.extract import SIDEWAYS, read
+from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import with_slope
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, HELD, LATCHED, period
 from deeptruck_model.recordings.recording import TABLE_NOTE, Recording
 from deeptruck_model.recordings.resample import Series, count_derived, uniform
-from deeptruck_model.recordings.tables import row_keys
-from deeptruck_model.recordings.tables.columns import Column, Columns, load_columns
-from deeptruck_model.recordings.tables.csv_text import RAGGED
-from deeptruck_model.recordings.tables.header_words import fits, header, sibling, spelled
-from deeptruck_model.recordings.tables.row_keys import key_of, only, widened
-from deeptruck_model.recordings.tables.row_times import timed
-from deeptruck_model.recordings.tables.table_file import TextTable, read_table
-from deeptruck_model.recordings.topic_map import slope_source
-from deeptruck_model.recordings.units import conversion
+from deeptruck_model.recordings.tables.columns import Columns, load_columns
+from deeptruck_model.recordings.tables.samples import read_samples
+from deeptruck_model.recordings.topic_map import stated
 from deeptruck_model.signals import CHANNELS, SLOPE_FROM, TruckInterface, channel_of, check_slope_source
 
 Array = NDArray[np.float64]
@@ -95,7 +89,7 @@ def import_table(
     import_checks.check(table, columns, out, overwrite=overwrite, clock=clock)
     if import_checks.is_bag(table, columns):
         recordings = read(table, topic_map=columns, clock=clock, msg=msg)
-        source = slope_from or slope_source(columns)
+        source = slope_from or stated(columns, SLOPE_FROM)
         recordings = _of_what_is_there(_with_slope(recordings, source, recordings[0].account))
         write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
@@ -115,32 +109,10 @@ def import_table(
 
 
 def _recordings(path: Path, meaning: Columns, slope_from: str | None) -> list[Recording]:
-    table = read_table(path, meaning.form)
-    account = table.account
-    if meaning.pivot:
-        table = widened(table, *meaning.pivot, meaning.time.columns)
-    table = only(table, meaning.only)
-    for name in meaning.time.columns:
-        table.column(name)
-    headers = {name: header(name) for name in table.columns}
-    if not meaning.only:
-        speeds = [table.values(meaning.channels["speed"].name)[0]]
-        if key := key_of(table, speeds, {name: one.words for name, one in headers.items()}):
-            raise InputError(f"{path}: {key}: take one by {key.line}")
-        if row_keys.take_turns(speeds[0]):
-            raise InputError(
-                f"{path}: speed goes back and forth from row to row, as where rows of several vehicles take "
-                "turns: export a column that says of which one a row is, and take one by 'only'"
-            )
-    if not meaning.time.columns:
-        table = table.below_units(meaning.channels["speed"].name)
-        if RAGGED in account.total.aside:
-            account.remarks.append("rows are the clock: what lies behind one that was left out is too early")
-    table, time, begins = timed(table, meaning.time)
+    table = read_samples(path, meaning)
+    time, values, account = table.time, table.values, table.account
     notes = [f"{TABLE_NOTE}{path.name}", *meaning.notes]
-    values = {channel: _values(table, channel, column) for channel, column in meaning.channels.items()}
-    _check_pedals(table, meaning, values)
-    cuts = begins + [
+    cuts = table.begins + [
         time_of
         for channel, step in meaning.split_at.items()
         for time_of in _jumps(time, values[channel], step)
@@ -171,7 +143,7 @@ def _recordings(path: Path, meaning: Columns, slope_from: str | None) -> list[Re
     inside = np.zeros(len(time), dtype=bool)
     for start, end in account.spans:
         inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)
-    table.without(~inside, "outside the pieces, where speed is missing or has a single sample")
+    table.set_aside(~inside, "outside the pieces, where speed is missing or has a single sample")
     return _noted(recordings, account)
 
 
@@ -179,41 +151,6 @@ def _noted(recordings: list[Recording], account: Account) -> list[Recording]:
     """Recordings with notes on what was omitted, which the bag then contains too."""
     said = [line.strip() for line in islice(account.lines(), 1, None)]
     return [replace(r, notes=tuple(dict.fromkeys((*r.notes, *said)))) for r in recordings]
-
-
-def _check_pedals(table: TextTable, meaning: Columns, values: Mapping[str, Array]) -> None:
-    """Raises InputError if one column is given for both commands, drives above zero and brakes below."""
-    engine, brake = (meaning.channels.get(name) for name in HELD)
-    if engine is None or brake is None or engine.name != brake.name or engine.part or brake.part:
-        return
-    raw = table.values(engine.name)[0]
-    if np.nanmin(raw) < 0.0 < np.nanmax(raw):
-        raise InputError(
-            f"{table.path}: '{engine.name}' drives above zero and brakes below: give engine_command "
-            "'part: positive' and brake_command 'part: negative', without 'scale: -1'"
-        )
-
-
-def _values(table: TextTable, channel: str, column: Column) -> Array:
-    """The channel (n,) in its canonical unit. Raises InputError for cells of another unit, and for one
-    component of a velocity in place of the whole."""
-    values = table.numbers(column.name, channel)
-    if column.across:
-        values = np.hypot(values, table.numbers(column.across, channel))
-    elif channel == "speed" and (other := sibling(column.name, table.columns)):
-        sideways = column(table.values(other)[0])
-        if np.isfinite(sideways).any() and (rms := float(np.sqrt(np.nanmean(sideways**2)))) > SIDEWAYS:
-            raise InputError(
-                f"{table.path}: '{column.name}' is given for speed, but '{other}' moves too ({rms:.1f} m/s): "
-                f"it is one component; take the norm of both by 'column: [{column.name}, {other}]'"
-            )
-    written = spelled(table.unit_in_cells(column.name), column.name)
-    if written and fits(channel, written) and conversion(channel, written) != column.convert:
-        raise InputError(
-            f"{table.path}: cells of '{column.name}' are in {written}, and COLUMNS has another unit for "
-            f"{channel}: give it unit: {written}"
-        )
-    return column(values)
 
 
 def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -51,10 +51,12 @@ class Taken:
 
 @dataclass(frozen=True)
 class Source(Taken):
-    """The origin of a channel: `field` of the messages on `topic`."""
+    """The origin of a channel: `field` of the messages on `topic`, or that column of a table, whose stamps
+    are `late_s` late."""
 
     topic: str
     field: str
+    late_s: float = 0.0
 
 
 def _named(topic: str, *channels: str) -> dict[str, Source]:
@@ -89,6 +91,7 @@ DRIVEN_BY = "driven_by"  # the key by which topic maps and COLUMNS say that a pe
 EXTRA = "extra"  # the key of channels under names of their own, in topic maps and in COLUMNS
 EXTRA_TOPIC = "/extra"
 EXTRA_NAME = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
+LATEST_S = 10.0  # later than this a column is not late but of another drive
 LARGEST = 1e12  # of a factor, an offset or a time in a YAML file
 
 
@@ -102,37 +105,17 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
         data = load_yaml(Path(topic_map))
         with reading.of(topic_map):
             return load(data)
-    entries, gated = dict(topic_map), gated_brake.is_asked(topic_map)
-    check_driver(entries.pop(DRIVEN_BY, None))
-    check_slope_source(entries.pop(SLOPE_FROM, None))
-    extra = extra_of(entries.pop(EXTRA, {}), "the topic map")
-    if gated:
-        entries[gated_brake.COMMAND] = entries[gated_brake.SWITCH]
-    if unknown := [channel for channel in entries if channel not in CHANNELS]:
-        raise InputError(
-            f"unknown channel '{unknown[0]}' in the topic map; {near(unknown[0], list(CHANNELS))}, or put it "
-            f"under '{EXTRA}'"
-        )
-    sources = {channel: _source(channel, entry) for channel, entry in entries.items()}
-    sources |= {name: _extra(name, entry) for name, entry in extra.items()}
-    if gated:
-        unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
-        sources[gated_brake.COMMAND] = replace(sources[gated_brake.COMMAND], convert=unit, gates=True)
-    return sources
+    named = dict(topic_map)
+    check_driver(named.pop(DRIVEN_BY, None))
+    check_slope_source(named.pop(SLOPE_FROM, None))
+    extra = named.pop(EXTRA, {})
+    return _TOPICS.channels(named, extra)
 
 
-def driver(topic_map: TopicMap | str | Path) -> str | None:
-    """Who drove, according to the topic map; None if it does not say. Raises InputError as `load` does."""
+def stated(topic_map: TopicMap | str | Path, key: str) -> str | None:
+    """What a topic map that `load` took says under DRIVEN_BY or SLOPE_FROM; None if it does not say."""
     data = load_yaml(Path(topic_map)) if isinstance(topic_map, str | Path) else topic_map
-    found = data.get(DRIVEN_BY)
-    check_driver(found)
-    return None if found is None else str(found)
-
-
-def slope_source(topic_map: TopicMap | str | Path) -> str | None:
-    """What a derived grade is from, according to the topic map; None if it does not say."""
-    data = load_yaml(Path(topic_map)) if isinstance(topic_map, str | Path) else topic_map
-    return check_slope_source(data.get(SLOPE_FROM))
+    return None if data.get(key) is None else str(data[key])
 
 
 def facts(topic_map: TopicMap | str | Path) -> Mapped:
@@ -161,54 +144,116 @@ def load_yaml(path: Path) -> dict[str, Any]:
     return reading.yaml_mapping(path, "see docs/recordings.md for an example")
 
 
-def extra_of(entries: Any, where: str) -> dict[str, Any]:
-    """Additional channels under the user's names. Raises InputError for a name that is taken or empty."""
-    if not isinstance(entries, Mapping):
-        raise InputError(f"{EXTRA} of {where} needs names, as in {{oil_temperature: ...}}")
-    for name in entries:
-        if not re.match(EXTRA_NAME, str(name)):
-            raise InputError(f"{EXTRA} of {where}: '{name}' is no name; use letters, digits and _")
-        if name in CHANNELS or name.startswith(("driver_", "engaged")):
-            raise InputError(f"{EXTRA} of {where}: '{name}' is a channel of its own; give it another name")
-    return dict(entries)
+@dataclass(frozen=True)
+class Entries:
+    """The entries of channels in one kind of file: their keys, those that are `needed`, as the `example`
+    shows, and whether each must state its unit."""
+
+    where: str
+    keys: Mapping[str, str]
+    needed: tuple[str, ...]
+    example: str
+    units: bool
+
+    def channels(self, named: Mapping[str, Any], extra: Any) -> dict[str, Source]:
+        """The channels, and those of `extra` under the user's own names. Raises InputError for names, keys
+        or units that are not known, and for an entry that leaves nothing of its channel."""
+        gated = gated_brake.is_asked(named)
+        found = {
+            channel: self._one(channel, entry)
+            for channel, entry in named.items()
+            if not (gated and channel == gated_brake.COMMAND)
+        }
+        if gated:
+            unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
+            found[gated_brake.COMMAND] = replace(found[gated_brake.SWITCH], convert=unit, gates=True)
+        return found | self._extra(extra)
+
+    def _one(self, channel: str, entry: Any) -> Source:
+        if channel not in CHANNELS:
+            known = near(channel, list(CHANNELS))
+            raise InputError(
+                f"unknown channel '{channel}' in {self.where}; {known}, or put it under '{EXTRA}'"
+            )
+        if isinstance(entry, Source):
+            return entry  # of a topic map that was loaded before
+        self._check(channel, entry)
+        unit = entry.get("unit")
+        if unit is None and self.units and CHANNELS[channel].unit != "1":
+            raise InputError(
+                f"'{channel}' of {self.where} needs a unit, as in {{column: {entry['column']}, unit: ...}}"
+            )
+        convert = None
+        if unit is not None or self.units:
+            convert = conversion(channel, None if unit is None else str(unit), entry.get("density"))
+        return self._made(channel, entry, convert)
+
+    def _extra(self, entries: Any) -> dict[str, Source]:
+        """Channels under the user's names, which are carried as they are written."""
+        if not isinstance(entries, Mapping):
+            raise InputError(f"{EXTRA} of {self.where} needs names, as in {{oil_temperature: ...}}")
+        found = {}
+        for name, entry in entries.items():
+            if not re.match(EXTRA_NAME, str(name)):
+                raise InputError(f"{EXTRA} of {self.where}: '{name}' is no name; use letters, digits and _")
+            if name in CHANNELS or name.startswith(("driver_", "engaged")):
+                raise InputError(
+                    f"{EXTRA} of {self.where}: '{name}' is a channel of its own; give it another name"
+                )
+            if len(self.needed) == 1 and not isinstance(entry, Mapping):
+                entry = {self.needed[0]: entry}
+            if isinstance(entry, Mapping) and (unit := {"unit", "density"} & set(entry)):
+                raise InputError(
+                    f"{EXTRA} of {self.where}: '{name}' is carried as it is written; give it no {unit.pop()}"
+                )
+            self._check(name, entry)
+            found[name] = self._made(name, entry, None)
+        return found
+
+    def _check(self, channel: str, entry: Any) -> None:
+        if isinstance(entry, Mapping):  # first: a misspelt key is what makes another missing
+            check_keys(entry, self.keys, f"'{channel}' of {self.where}")
+        if not isinstance(entry, Mapping) or not set(self.needed) <= set(entry):
+            raise InputError(
+                f"'{channel}' of {self.where} needs {' and '.join(self.needed)}, as in {self.example}"
+            )
+
+    def _made(self, channel: str, entry: Mapping[str, Any], convert: Conversion | None) -> Source:
+        scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
+        if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
+            raise InputError(f"channel '{channel}': scale {scale:g} and offset {offset:g} leave no values")
+        part = str(entry.get("part", ""))
+        if part and (part not in PARTS or channel not in ("engine_command", "brake_command")):
+            raise InputError(f"part of '{channel}' must be positive or negative, of a command, not {part!r}")
+        source = self.needed[-1]
+        named = entry[source] if isinstance(entry[source], list) else [entry[source]]
+        if not 1 <= len(named) <= 2:
+            raise InputError(f"{source} of '{channel}' is one name, or two for the norm of a vector")
+        late_s = number(entry, "late_s", 0.0, channel)
+        if not abs(late_s) <= LATEST_S:
+            raise InputError(
+                f"late_s of '{channel}' must be at most {LATEST_S:g} s either way, not {late_s:g}"
+            )
+        return Source(
+            str(entry.get("topic", "")),
+            str(named[0]),
+            late_s,
+            convert=convert,
+            scale=scale,
+            offset=offset,
+            across=str(named[1]) if len(named) > 1 else "",
+            part=part,
+        )
 
 
-def _extra(name: str, entry: Any) -> Source:
-    if isinstance(entry, Mapping) and {"unit", "density"} & set(entry):
-        raise InputError(f"topic map: '{name}' is carried as it is written; give it no unit")
-    return _source(name, entry)
+_TOPICS = Entries("the topic map", ENTRY_KEYS, ("topic", "field"), "{topic: /odom, field: data}", units=False)
 
 
-def _source(channel: str, entry: Any) -> Source:
-    if isinstance(entry, Source):
-        return entry
-    if not isinstance(entry, Mapping) or not {"topic", "field"} <= set(entry):
-        raise InputError(f"topic map: '{channel}' needs topic and field, as in {{topic: /odom, field: data}}")
-    unknown = set(entry) - set(ENTRY_KEYS)
+def check_keys(data: Mapping[str, Any], keys: Iterable[str], where: str) -> None:
+    """Raises InputError, with the nearest known key, for an unknown one."""
+    unknown = sorted(str(key) for key in set(data) - set(keys))
     if unknown:
-        raise InputError(f"topic map: '{channel}' has unknown keys: {', '.join(sorted(map(str, unknown)))}")
-    unit = entry.get("unit")
-    convert = conversion(channel, unit, entry.get("density")) if unit is not None else None
-    path, steps = taken(channel, entry, "field")
-    return Source(str(entry["topic"]), path, convert=convert, **steps)
-
-
-def taken(channel: str, entry: Mapping[str, Any], source: str) -> tuple[str, dict[str, Any]]:
-    """The path or column under the key `source` of an entry, and the steps of `Taken` but for the unit.
-
-    Raises InputError for values that leave nothing of the channel.
-    """
-    scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
-    if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
-        raise InputError(f"channel '{channel}': scale {scale:g} and offset {offset:g} leave no values")
-    part = str(entry.get("part", ""))
-    if part and (part not in PARTS or channel not in ("engine_command", "brake_command")):
-        raise InputError(f"part of '{channel}' must be positive or negative, of a command, not {part!r}")
-    named = entry[source] if isinstance(entry[source], list) else [entry[source]]
-    if not 1 <= len(named) <= 2:
-        raise InputError(f"{source} of '{channel}' is one name, or two for the norm of a vector")
-    across = str(named[1]) if len(named) > 1 else ""
-    return str(named[0]), {"scale": scale, "offset": offset, "part": part, "across": across}
+        raise InputError(f"{where} has unknown keys: {', '.join(unknown)}; {near(unknown[0], sorted(keys))}")
 
 
 def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:

@@ -142,7 +142,7 @@ def test_what_lacks_is_said(here: Path, script: Script) -> None:
     [
         (None, "topics.yaml cannot be read: it does not exist"),
         ("- speed\n", "topics.yaml must hold 'key: value' pairs"),
-        ("speed: {topic: /v}\n", "topics.yaml: topic map: 'speed' needs topic and field"),
+        ("speed: {topic: /v}\n", "topics.yaml: 'speed' of the topic map needs topic and field"),
         ("grade: {topic: /g, field: data}\n", "topics.yaml: the topic map has no 'speed'"),
     ],
 )

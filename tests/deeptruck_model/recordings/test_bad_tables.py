@@ -33,8 +33,16 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
         {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v", "unit": "rpm"}}},
         "does not fit",
     ),
-    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v"}}}, "'speed' needs a unit"),
-    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": {"speed": {"unit": "m/s"}}}, "'speed' needs a column"),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v"}}},
+        "'speed' of COLUMNS needs a unit",
+    ),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": {"speed": {"unit": "m/s"}}},
+        "'speed' of COLUMNS needs column",
+    ),
     *(
         (
             "v\n1\n2\n",
@@ -48,7 +56,7 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
             ("late_s", float("nan"), "late_s of 'speed' must be at most 10 s either way, not nan"),
             ("late_s", float("-inf"), "late_s of 'speed' must be at most 10 s either way, not -inf"),
             ("late_s", 10.5, "late_s of 'speed' must be at most 10 s either way, not 10.5"),
-            ("late", 1.0, "channel 'speed' has unknown keys: late; did you mean late_s?"),
+            ("late", 1.0, "'speed' of COLUMNS has unknown keys: late; did you mean late_s?"),
         )
     ),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "seperator": ";"}, "unknown keys: seperator"),
@@ -56,7 +64,7 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     (
         "v\n1\n2\n",
         {"time": {"rate_hz": 1}, "channels": {"speed": {"colum": "v", "unit": "m/s"}}},
-        "channel 'speed' has unknown keys: colum",
+        "'speed' of COLUMNS has unknown keys: colum",
     ),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "delimiter": ";;"}, "one character"),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "skip_rows": -1}, "skip_rows"),

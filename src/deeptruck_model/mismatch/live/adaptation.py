@@ -33,8 +33,8 @@ from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.given import Drives
-from deeptruck_model.recordings.given import drives as known
+from deeptruck_model.recordings.several import Drives
+from deeptruck_model.recordings.several import drives as known
 from deeptruck_model.simulators import MinimalSimulator, Simulator, completed
 from deeptruck_model.vehicle_kinds import STEEPEST
 

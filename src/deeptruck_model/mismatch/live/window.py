@@ -8,7 +8,7 @@ from copy import copy
 
 import numpy as np
 
-from deeptruck_model.recordings.ordering import REORDER_NS
+from deeptruck_model.recordings.clocks import REORDER_NS
 from deeptruck_model.recordings.resample import Received
 
 

@@ -6,19 +6,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from deeptruck_model._io import reading
-from deeptruck_model._io.reading import near
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import gated_brake, topic_map
+from deeptruck_model.recordings import topic_map
 from deeptruck_model.recordings.tables.csv_text import Format
-from deeptruck_model.recordings.topic_map import EXTRA, Taken, extra_of, load_yaml, number, taken
-from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
-from deeptruck_model.signals import CHANNELS, SLOPE_FROM, check_driver, check_slope_source
+from deeptruck_model.recordings.topic_map import EXTRA, Entries, Source, check_keys, load_yaml, number
+from deeptruck_model.recordings.units import DIESEL_DENSITY, conversion
+from deeptruck_model.signals import SLOPE_FROM, check_driver, check_slope_source
 from deeptruck_model.vehicle_kinds import check_vehicle
 
 TIME_UNITS = {
@@ -53,16 +52,8 @@ ENTRY_KEYS = {
     "late_s": "how late it is stamped, s; negative: how early",
 }
 FASTEST_HZ = 5000.0  # of a table without a clock
-LATEST_S = 10.0  # later than this a column is not late but of another drive
 SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
-
-
-@dataclass(frozen=True)
-class Column(Taken):
-    """One channel: its source column, and the delay of its stamps."""
-
-    name: str
-    late_s: float = 0.0
+_COLUMNS = Entries("COLUMNS", ENTRY_KEYS, ("column",), "{column: v, unit: m/s}", units=True)
 
 
 @dataclass(frozen=True)
@@ -80,7 +71,7 @@ class Clock:
 class Columns:
     """A checked COLUMNS.yaml. `split_at` maps a channel to the step (SI) at which a new piece begins."""
 
-    channels: dict[str, Column]
+    channels: dict[str, Source]
     time: Clock
     form: Format
     split_at: dict[str, float] = field(default_factory=dict)
@@ -104,20 +95,9 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         with reading.of(columns):
             return load_columns(data)
     data = dict(columns)
-    _known(data, set(KEYS), "COLUMNS")
+    check_keys(data, KEYS, "COLUMNS")
     channels = data.get("channels")
-    notes: list[str] = []
-    named = channels.items() if isinstance(channels, Mapping) else ()
-    gated = gated_brake.is_asked(channels)
-    parsed = {
-        channel: _column(channel, entry, notes)
-        for channel, entry in named
-        if not (gated and channel == gated_brake.COMMAND)
-    }
-    if gated:
-        unit = conversion(gated_brake.COMMAND, gated_brake.UNIT)
-        parsed[gated_brake.COMMAND] = replace(parsed[gated_brake.SWITCH], convert=unit, gates=True)
-    parsed |= {n: _extra(n, e) for n, e in extra_of(data.get(EXTRA, {}), "COLUMNS").items()}
+    parsed = _COLUMNS.channels(channels if isinstance(channels, Mapping) else {}, data.get(EXTRA, {}))
     if "speed" not in parsed:
         raise InputError("COLUMNS needs 'channels' with at least 'speed: {column: ..., unit: m/s}'")
     delimiter = data.get("delimiter")
@@ -141,7 +121,7 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         conceal=_conceal(data.get("conceal") or (), parsed),
         name=str(data["name"]) if "name" in data else None,
         grade_window_m=window,
-        notes=tuple(notes),
+        notes=_assumed(channels),
         vehicle=data.get("vehicle"),
         mass_kg=data.get("mass_kg"),
         driven_by=data.get("driven_by"),
@@ -149,6 +129,17 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         pivot=_pivot(data.get("pivot")),
         slope_from=check_slope_source(data.get(SLOPE_FROM)),
     )
+
+
+def _assumed(channels: Any) -> tuple[str, ...]:
+    """A note if the fuel is given by volume without its density."""
+    fuel = channels.get("fuel_rate")
+    if not isinstance(fuel, Mapping) or "density" in fuel:
+        return ()
+    of_water = conversion("fuel_rate", str(fuel["unit"]), 1.0)
+    if conversion("fuel_rate", str(fuel["unit"])) == of_water:
+        return ()
+    return (f"fuel_rate by volume with diesel's {DIESEL_DENSITY} g/cm^3, as no density is given",)
 
 
 def _only(entry: Any) -> dict[str, str]:
@@ -165,54 +156,9 @@ def _pivot(entry: Any) -> tuple[str, str] | None:
     return str(entry["name"]), str(entry["value"])
 
 
-def _known(data: Mapping[str, Any], keys: set[str], where: str) -> None:
-    unknown = sorted(str(key) for key in set(data) - keys)
-    if unknown:
-        raise InputError(f"{where} has unknown keys: {', '.join(unknown)}; {near(unknown[0], sorted(keys))}")
-
-
-def _column(channel: str, entry: Any, notes: list[str]) -> Column:
-    if channel not in CHANNELS:
-        known = near(channel, list(CHANNELS))
-        raise InputError(f"unknown channel '{channel}' in COLUMNS; {known}, or put it under '{EXTRA}'")
-    if isinstance(entry, Mapping):
-        _known(
-            entry, set(ENTRY_KEYS), f"channel '{channel}'"
-        )  # first: a misspelt key is what makes another missing
-    if not isinstance(entry, Mapping) or "column" not in entry:
-        raise InputError(f"channel '{channel}' needs a column, as in {{column: v, unit: m/s}}")
-    unit = entry.get("unit")
-    if unit is None and CHANNELS[channel].unit != "1":
-        raise InputError(f"channel '{channel}' needs a unit, as in {{column: {entry['column']}, unit: ...}}")
-    convert = conversion(channel, None if unit is None else str(unit), entry.get("density"))
-    if channel == "fuel_rate" and "density" not in entry and convert != conversion(channel, str(unit), 1.0):
-        notes.append(f"fuel_rate by volume with diesel's {DIESEL_DENSITY} g/cm^3, as no density is given")
-    return _checked(channel, entry, convert)
-
-
-def _checked(channel: str, entry: Mapping[str, Any], convert: Conversion) -> Column:
-    _known(entry, set(ENTRY_KEYS), f"channel '{channel}'")
-    if "column" not in entry:
-        raise InputError(f"channel '{channel}' needs a column, as in {{column: v}}")
-    name, steps = taken(channel, entry, "column")
-    late_s = number(entry, "late_s", 0.0, channel)
-    if not abs(late_s) <= LATEST_S:
-        raise InputError(f"late_s of '{channel}' must be at most {LATEST_S:g} s either way, not {late_s:g}")
-    return Column(name, late_s, convert=convert, **steps)
-
-
-def _extra(name: str, entry: Any) -> Column:
-    """An extra column, without conversion of units. `entry` is the column's name, or a mapping as for a
-    channel, but without a unit. Raises InputError for a unit."""
-    entry = entry if isinstance(entry, Mapping) else {"column": entry}
-    if unit := {"unit", "density"} & set(entry):
-        raise InputError(f"'{name}' of {EXTRA} is carried as it is written; give it no {unit.pop()}")
-    return _checked(name, entry, Conversion("", 1.0))
-
-
 def _time(entry: Any) -> Clock:
     if isinstance(entry, Mapping):
-        _known(entry, {"column", "unit", "format", "rate_hz"}, "'time' of COLUMNS")
+        check_keys(entry, {"column", "unit", "format", "rate_hz"}, "'time' of COLUMNS")
     if isinstance(entry, Mapping) and set(entry) == {"rate_hz"}:
         rate = number(entry, "rate_hz", 0.0, "time")
         if not 0 < rate <= FASTEST_HZ:
@@ -260,10 +206,10 @@ def _rows(value: Any) -> int:
     return value
 
 
-def _splits(entry: Any, channels: Mapping[str, Column]) -> dict[str, float]:
+def _splits(entry: Any, channels: Mapping[str, Source]) -> dict[str, float]:
     if not isinstance(entry, Mapping):
         raise InputError("split_at needs steps, as in {speed_step: 2.5, elevation_step: 4.0}")
-    _known(entry, set(SPLITS), "split_at")
+    check_keys(entry, SPLITS, "split_at")
     for step, channel in SPLITS.items():
         if step in entry and channel not in channels:
             raise InputError(f"split_at has {step}, but no column is named for '{channel}'")
@@ -272,7 +218,7 @@ def _splits(entry: Any, channels: Mapping[str, Column]) -> dict[str, float]:
     return {SPLITS[step]: float(entry[step]) for step in entry}
 
 
-def _conceal(entry: Any, channels: Mapping[str, Column]) -> tuple[str, ...]:
+def _conceal(entry: Any, channels: Mapping[str, Source]) -> tuple[str, ...]:
     if not isinstance(entry, str | list | tuple):
         raise InputError("conceal needs a list of channels, as in [grade]")
     names = [entry] if isinstance(entry, str) else [str(name) for name in entry]

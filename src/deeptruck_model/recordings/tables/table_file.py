@@ -8,9 +8,10 @@ from __future__ import annotations
 import csv as text_csv
 import difflib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -21,13 +22,13 @@ from pyarrow import parquet
 from deeptruck_model._io import reading
 from deeptruck_model._io.account import Account
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.tables import mat_file
 from deeptruck_model.recordings.tables.csv_text import BLANK, SAMPLED, CsvText, Format
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-PARQUET = (".parquet", ".pq")
+PARQUET, MAT = (".parquet", ".pq"), ".mat"
+MOST_IN_A_MATRIX = 64  # columns of a MAT file's matrix
 SHOWN = 12  # columns that an error lists
 MOST_ABOVE, MOST_BELOW = 3, 10  # rows of units above the numbers, of totals below them
 MOST_WITHOUT_KEY = 0.1  # of the rows; where more have no time, the column or its unit is mistaken
@@ -262,8 +263,7 @@ def read_table(
     place: Callable[[int], str] = _parquet_row
     try:
         if is_typed(path):
-            of_mat = path.suffix.lower() == mat_file.SUFFIX
-            table, left_out = mat_file.read(path) if of_mat else (_parquet(path), [])
+            table, left_out = _mat(path) if path.suffix.lower() == MAT else (_parquet(path), [])
             if left_out:
                 account.remarks.append(f"of another length than the others, left out: {', '.join(left_out)}")
             names = list(table.column_names)
@@ -290,7 +290,7 @@ def read_table(
 
 def is_typed(path: Path) -> bool:
     """Whether a table has types and no text: Parquet, also in parts below a folder, or MAT."""
-    return path.suffix.lower() in (*PARQUET, mat_file.SUFFIX) or path.is_dir()
+    return path.suffix.lower() in (*PARQUET, MAT) or path.is_dir()
 
 
 def in_parts(path: Path) -> bool:
@@ -306,6 +306,64 @@ def check_table(path: Path) -> None:
 
 def _parquet(path: Path) -> pa.Table:
     return parquet.read_table(path, page_checksum_verification=True)
+
+
+def _mat(path: Path) -> tuple[pa.Table, list[str]]:
+    """The vectors of a file of version 4 to 7 as columns, those of structures as STRUCTURE.FIELD, and the
+    names of vectors that are left out.
+
+    Structures with a `time` of their own (Structure With Time of Simulink, exported timeseries) share one
+    column `time`, the union of theirs; a signal is blank in rows that are not its own. Without such, vectors
+    of the most frequent length are used. Raises InputError for a file of version 7.3 (which is HDF5), a
+    damaged one, and one without numeric vectors.
+    """
+    from scipy.io import loadmat
+
+    try:
+        held = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except Exception as error:  # whatever a damaged byte leads the library to
+        raise InputError(
+            f"{path} cannot be read as a MAT file ({reading.plain(str(error), 120)}); save it with '-v7', or "
+            "as CSV"
+        ) from None
+    of_time: list[tuple[NDArray[Any], dict[str, NDArray[Any]]]] = []
+    others: dict[str, NDArray[Any]] = {}
+    for key, value in held.items():
+        vectors = {} if key.startswith("__") else dict(_vectors(key, value))
+        clock = next((name for name in vectors if name.lower() == f"{key}.time".lower()), "")
+        if clock:
+            of_time.append((vectors.pop(clock).astype(float), vectors))
+        else:
+            others |= vectors
+    if not of_time and not others:
+        raise InputError(f"{path} holds no vector of numbers; save time and signals as vectors")
+    columns: dict[str, NDArray[Any]] = {}
+    lengths = [len(values) for values in others.values()]
+    rows = max(set(lengths), key=lambda length: (lengths.count(length), length)) if lengths else 0
+    if of_time:
+        columns["time"] = np.unique(np.concatenate([time for time, _ in of_time]))
+        rows = len(columns["time"])
+    for time, vectors in of_time:
+        for name, values in vectors.items():
+            if len(values) == len(time):
+                columns[name] = np.full(rows, np.nan)
+                columns[name][np.searchsorted(columns["time"], time)] = values
+    columns |= {name: values for name, values in others.items() if len(values) == rows}
+    names = [*others, *(name for _, vectors in of_time for name in vectors)]
+    table = pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
+    return table, [name for name in names if name not in columns]
+
+
+def _vectors(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    if hasattr(value, "_fieldnames"):
+        for inner in value._fieldnames:
+            yield from _vectors(f"{name}.{inner}", getattr(value, inner))
+    elif not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
+        return
+    elif value.ndim == 1 and len(value) > 1:
+        yield name, value
+    elif value.ndim == 2:
+        yield from ((f"{name}[{k + 1}]", value[:, k]) for k in range(min(value.shape[1], MOST_IN_A_MATRIX)))
 
 
 _GROUPED = r"^\s*[-+]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?\s*$"  # 1,300 and 1,300.5
