@@ -2,7 +2,7 @@
 
 Every operator, comparison, boundary, constant, condition and statement of the core is changed, one at a
 time, and the core's tests run against it in a forked process. A mutant that no test notices is a survivor.
-Survivors that change nothing a truck could notice are listed in docs/can_bridge.md with the reason, and in
+Survivors that change nothing a truck could notice are listed with the reason in
 mutants_alike.py. Exit code 1 when any other survives.
 
 A whole run writes docs/results/bridge_mutation.md with a digest of the core; CI refuses a core that differs
