@@ -124,7 +124,7 @@ def test_an_outside_simulator_is_corrected_kept_and_loaded_again(shuttle: Path) 
     found.corrected.save(Path("better"))
     better = simulators.load("better")
     assert better.parameters()["brake_gain"] == pytest.approx(0.75, rel=0.03)
-    shuttle.write_text(shuttle.read_text().replace("LEVER = 4.0", "LEVER = 4.5"))
+    shuttle.write_text(shuttle.read_text().replace("PER_NM = 4.0", "PER_NM = 4.5"))
     with pytest.raises(InputError, match="SHA-256"):
         simulators.load("better")
 
