@@ -204,9 +204,11 @@ def apply(
         lambda: folders.applicable(directory, refit=refit) and None,
     )
     from deeptruck_model.mismatch import apply as apply_correction
+    from deeptruck_model.mismatch import read
+    from deeptruck_model.mismatch.report.lines import contains
 
     apply_correction(directory, out, refit=refit, overwrite=overwrite)
-    print(f"simulator in {out}")
+    print(f"simulator in {out}", *contains(read(directory), refit=refit), sep="\n")
 
 
 def adapt(

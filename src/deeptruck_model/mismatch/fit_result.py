@@ -12,6 +12,7 @@ from deeptruck_model._io.json_data import SPARSE, stored
 from deeptruck_model.mismatch.folders import AS_GIVEN
 from deeptruck_model.mismatch.roads.next_pass import NextPass
 from deeptruck_model.mismatch.rules import Limits
+from deeptruck_model.mismatch.strength import Strength
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -98,6 +99,10 @@ class FitResult:
     # relative changes of its parameters
     corrected_parameters: Mapping[str, float] = field(
         default_factory=dict, metadata=stored(key="refitted", sparse=True)
+    )
+    # strengths of the forces that it adds, by effect, along the fitted drives
+    corrected_forces: Mapping[str, Strength] = field(
+        default_factory=dict, metadata=stored(key="added", sparse=True)
     )
     # whether sizes are those of least speed error, not the most probable ones
     output_error: bool = field(default=False, metadata=SPARSE)

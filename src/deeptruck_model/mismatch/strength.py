@@ -42,3 +42,12 @@ class Strength:
     unit: str
     one_way: bool
     share_of_time: float = field(metadata=stored(digits=3))
+
+
+def strength(e: Evidence, force: NDArray[np.float64]) -> Strength:
+    """The strength of a force (n,), m/s^2, where it is largest."""
+    on = acts(force, visible(e), e.dt)
+    part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
+    one_way = bool(abs(part.mean()) > 0.5 * np.abs(part).mean())
+    value = float(part.mean() if one_way else np.sqrt(np.mean(part**2)))
+    return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)))

@@ -21,7 +21,8 @@ from deeptruck_model.mismatch.report.wording import (
 )
 from deeptruck_model.mismatch.result import Answer, Conclusion, Finding, Kind, Size, Verdict
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN, Node
+from deeptruck_model.mismatch.strength import Strength
+from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, UNKNOWN, Node
 from deeptruck_model.signals import Said, Speed
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
@@ -133,8 +134,7 @@ def _size(f: Finding) -> Iterator[str]:
                 what = "" if name == "value" else f"{name.replace('_', ' ')} "
                 yield Said(what, interval(x, 1.0, x.unit))
     if f.strength is not None:
-        mean, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
-        yield f"{digits(f.strength.value)} {f.strength.unit} ({mean}) where it is largest, {time} of the time"
+        yield acting(f.strength)
 
 
 def interval(x: Size, scale: float, unit: str, *, sign: bool = False) -> str:
@@ -234,20 +234,51 @@ def refitted(v: Verdict) -> Iterator[str]:
     )  # fmt: skip
 
 
-def off(v: Verdict) -> Iterator[str]:
-    """The parameters whose interval in the refit excludes the given value, unless the correction is offered
-    or findings state them; whether or not anything is offered."""
-    if v.fit is None or v.offered == CORRECTION:
+def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
+    """Each part of the offered simulator, or of the `refit`, with its size, and whether the first finding's
+    name is none of them; without an offer the parameters whose interval in the refit excludes the given
+    value, unless findings state them."""
+    if v.fit is None:
+        return
+    offered = REFIT if refit else v.offered
+    if offered == CORRECTION:
+        changed = [(n, x) for n, x in v.fit.corrected_parameters.items() if abs(x) >= WORTH_SAYING]
+        added = [(n, x) for n, x in v.fit.corrected_forces.items() if x.value]
+        parts = [f"{spoken(n)} {100.0 * x:+.0f} %" for n, x in changed]
+        parts += [f"{spoken(n)} {acting(x)}" for n, x in added]
+        yield f"The correction contains: {'; '.join(parts)}."
+        named, held = _named(v), {n for n, _ in (*changed, *added)}
+        if named and not any(named in (n, FAMILY.get(n)) for n in held):
+            yield (
+                f"None of them is {spoken(named)}, which the first line names: they reproduce the force on "
+                "such drives, and do not say what causes it."
+            )
         return
     stated = {f.effect for f in v.findings if f.kind is Kind.PARAMETER}
-    each = [
+    parts = [
         f"{spoken(name)} {100 * r.change:+.0f} % ({100 * r.change_ci95[0]:+.0f} to "
         f"{100 * r.change_ci95[1]:+.0f})"
         for name, r in v.fit.refit.items()
-        if name not in stated and r.change_ci95[0] * r.change_ci95[1] > 0.0 and abs(r.change) >= WORTH_SAYING
+        if abs(r.change) >= WORTH_SAYING
+        and (offered == REFIT or (name not in stated and r.change_ci95[0] * r.change_ci95[1] > 0.0))
     ]
-    if each:
-        yield f"Fitted to these drives, parameters differ from the given ones: {', '.join(each)}."
+    if parts:
+        differ = "Fitted to these drives, parameters differ from the given ones"
+        yield f"{'Refitted parameters' if offered == REFIT else differ}: {'; '.join(parts)}."
+
+
+def _named(v: Verdict) -> str:
+    """The name or family that the first line gives as a cause in the truck; empty if there is none."""
+    f = v.findings[0] if v.findings else None
+    if f is None or f.kind is Kind.SENSOR or f.effect == UNKNOWN or v.kind is Conclusion.NOTHING:
+        return ""
+    return f.effect if f.stated == ROOT else f.stated
+
+
+def acting(x: Strength) -> str:
+    """The strength of a force."""
+    mean, time = "mean" if x.one_way else "rms", percent(x.share_of_time)
+    return f"{digits(x.value)} {x.unit} ({mean}) where it is largest, {time} of the time"
 
 
 def how_probable(v: Verdict) -> Iterator[str]:
@@ -319,7 +350,7 @@ def what_to_do(v: Verdict) -> Iterator[str]:
     if v.validated:
         refit = v.fit is not None and v.fit.offered == REFIT
         repair_first = any(f.kind is Kind.SENSOR for f in v.findings)
-        offered = "the refitted parameters alone" if refit else f"the correction{_refitted(v)}"
+        offered = "the refitted parameters alone" if refit else "the correction"
         yield f"{'Then apply' if repair_first else 'Apply'} {offered}."
     elif v.kind is Conclusion.NOTHING:
         yield "Use the simulator as it is."
@@ -333,17 +364,6 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield "Record what is listed as not recorded, with the signals named there."
 
 
-def _refitted(v: Verdict) -> str:
-    """The parameters that a correction also changes, as a subordinate clause."""
-    changes = v.fit.corrected_parameters if v.fit is not None else {}
-    large = [
-        f"{PARAMETER_ERRORS[n].says} by {100 * x:+.0f} %"
-        for n, x in changes.items()
-        if abs(x) >= WORTH_SAYING
-    ]
-    return f", which also changes {', '.join(large)}" if large else ""
-
-
 def lights(v: Verdict) -> list[Light]:
     """A user's three main questions with their answers."""
     return [Light(QUESTIONS[name], a.answer, a.reason) for name, a in v.advice.items()]
@@ -354,4 +374,4 @@ def lines(v: Verdict) -> list[str]:
     answers = [Said(one.question, f" {one.answer} (", one.reason, ").") for one in lights(v)]
     middle = (*what(v), *how_probable(v), *refitted(v), *what_to_do(v))
     sized = [said] if (said := sizes(v)) else []
-    return [Said(headline(v), "."), *off(v), *sized, *not_recorded(v), *middle, *answers]
+    return [Said(headline(v), "."), *contains(v), *sized, *not_recorded(v), *middle, *answers]

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.budget import Part
 from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import explorer_data, lines
-from deeptruck_model.mismatch.report.wording import ROOT, digits, opened, percent, spoken
+from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
 from deeptruck_model.mismatch.residual.evidence import unit
 from deeptruck_model.mismatch.result import Finding, Verdict
 from deeptruck_model.mismatch.rules import Limits
@@ -48,6 +48,7 @@ def _in_units(content: dict[str, Any], units: str) -> dict[str, Any]:
     per = speed_unit(units)
     sentences = (
         "headline",
+        "contains",
         "sizes",
         "errors_say",
         "what",
@@ -112,6 +113,7 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "style": pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("report.css"),
         "script": pages.shared(pages.PLOT) + _file("explorer.js"),
         "headline": lines.headline(v),
+        "contains": list(lines.contains(v)),
         "sizes": lines.sizes(v),
         "kind": opened(v.kind.replace("_", " ")),
         "not_recorded": list(lines.not_recorded(v)),
@@ -170,13 +172,7 @@ def _finding(f: Finding) -> dict[str, Any]:
             continue  # a form without this point or part
         rows.append((_point(name) or name.replace("_", " "), lines.interval(size, 1.0, size.unit)))
     if f.strength is not None:
-        kind, time = "mean" if f.strength.one_way else "rms", percent(f.strength.share_of_time)
-        rows.append(
-            (
-                "where it is largest",
-                f"{digits(f.strength.value)} {f.strength.unit} ({kind}), {time} of the time",
-            )
-        )
+        rows.append(("force", lines.acting(f.strength)))
     if f.in_drives:
         rows.append(("in the fitted drives", ", ".join(f.in_drives)))
     if f.in_condition:

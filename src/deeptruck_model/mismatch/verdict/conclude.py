@@ -14,9 +14,11 @@ from deeptruck_model.mismatch.folders import AS_GIVEN
 from deeptruck_model.mismatch.posterior.regression import FREE
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.report import wording
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Advice, Answer, Data, Verdict
 from deeptruck_model.mismatch.roads.road import Road, road
+from deeptruck_model.mismatch.strength import Strength, strength
 from deeptruck_model.mismatch.tree import ROOT, Node
 from deeptruck_model.mismatch.unrecorded import contradicted_mass
 from deeptruck_model.mismatch.verdict import decide, where
@@ -64,7 +66,13 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
         c.events,
         tuple(where.segments(e, forces)),
         tuple(where.regimes(e, error)),
-        replace(fit, offered=offered, validated=offered != AS_GIVEN, next_pass=ahead),
+        replace(
+            fit,
+            offered=offered,
+            validated=offered != AS_GIVEN,
+            next_pass=ahead,
+            corrected_forces=_forces(e, made),
+        ),
         Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean())),
         (*c.drives.caveats, *_caveats(c), *_mass(c, made)),
         c.drives.missing,
@@ -98,6 +106,16 @@ def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
         is_corrected=bool(fit.corrected),
         missing=[m.input for m in c.drives.missing],
     )
+
+
+def _forces(e: Evidence, made: Made) -> dict[str, Strength]:
+    """The strength of each force that the correction adds, along the fitted drives."""
+    sizes = {t.effect: np.array(t.coefficients) for t in made.corrected.terms}
+    return {
+        name: strength(e, np.nan_to_num(t.columns) @ sizes[name])
+        for t in made.recipe.terms
+        if (name := t.mechanism.effect) in sizes
+    }
 
 
 def _caveats(c: Compared) -> list[str]:

@@ -25,7 +25,7 @@ from deeptruck_model.mismatch.result import Bound, Finding, Kind, Size
 from deeptruck_model.mismatch.roads.road import Road
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.sizes import sizes_of
-from deeptruck_model.mismatch.strength import Strength, acts, visible
+from deeptruck_model.mismatch.strength import strength, visible
 from deeptruck_model.mismatch.tree import EACH_DRIVE, FAMILY, LEFT_OVER, PLACE, ROOT, SLOW, UNKNOWN, Tree
 from deeptruck_model.mismatch.unrecorded import names_behind
 from deeptruck_model.mismatch.verdict.where import PRINTED
@@ -210,7 +210,7 @@ def _finding(c: Compared, named: Named, kind: Kind, says: str, force: Array) -> 
         round(tree.families[family], 3),
         rivals,
         evidence_nats=round(named.nats, 1),
-        strength=_strength(e, force),
+        strength=strength(e, force),
         force=force,
         in_drives=_drives(e, force),
     )
@@ -267,12 +267,3 @@ def _share(f: Finding, budget: Budget) -> float | None:
     if f.share_of_error is not None:
         return f.share_of_error
     return next((p.share for p in budget.parts if p.part == f.family), None)
-
-
-def _strength(e: Evidence, force: Array) -> Strength:
-    """The strength of a force (n,), m/s^2, where it is largest."""
-    on = acts(force, visible(e), e.dt)
-    part = e.newtons(force)[on] / e.mass * e.unit.scale if on.any() else np.zeros(1)
-    one_way = bool(abs(part.mean()) > 0.5 * np.abs(part).mean())
-    value = float(part.mean() if one_way else np.sqrt(np.mean(part**2)))
-    return Strength(value, e.unit.name, one_way, float(on.sum() / max(e.valid.sum(), 1)))

@@ -105,8 +105,31 @@ def test_one_set_of_parameters_is_said(offered: str) -> None:
     )  # fmt: skip
     said = " ".join(lines.lines(Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)))
     assert ("mass +17 % (+8 to +26)" in said) is (offered != CORRECTION)
-    assert ("mass by +32 %" in said) is (offered == CORRECTION)
+    assert ("mass +32 %" in said) is (offered == CORRECTION)
     assert "refitted alone 0.6" in said
+
+
+def test_the_parts_of_the_correction_are_said_and_whether_the_name_above_is_one() -> None:
+    force = {"headwind": Strength(-310.0, "N", one_way=True, share_of_time=0.8)}
+    fit = FitResult(
+        ("d",), 40.0, 3, ("headwind", "mass"), validated=True, offered=CORRECTION,
+        corrected_parameters={"mass": 0.32, "drag_area": 0.001}, corrected_forces=force,
+    )  # fmt: skip
+    v = Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)
+    parts = (
+        "The correction contains: mass +32 %; headwind -310 N (mean) where it is largest, 80 % of the time."
+    )
+    first, *said = lines.lines(v)
+    assert first.startswith("Payload change is missing") and said[0] == parts
+    assert said[1].startswith("None of them is payload change, which the first line names")
+    for inside in ("payload_change", "load"):  # the name, or the family that is stated
+        f = replace(PAYLOAD, stated=inside)
+        own = replace(
+            v, findings=(f,), fit=replace(fit, corrected_forces={"payload_change": force["headwind"]})
+        )
+        assert not any("None of them" in line for line in lines.lines(own))
+    assert list(lines.contains(replace(v, fit=replace(fit, offered=AS_GIVEN)))) == []
+    assert "contains" not in str(list(lines.contains(v, refit=True)))
 
 
 def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
