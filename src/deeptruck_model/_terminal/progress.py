@@ -105,7 +105,7 @@ def progress(
     first: str, every_s: float = A_MINUTE_S, quiet_s: float = QUIET_S
 ) -> Iterator[Callable[[str], None]]:
     """A function that reports on stderr which step begins; a terminal shows the `first` one at once, a log
-    those after `quiet_s`."""
+    those after `quiet_s`, and in between one line every `every_s`. 'driving, 5 %' goes on with 'driving'."""
     console = Console(stderr=True)
     if console.is_terminal:
         columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
@@ -121,8 +121,9 @@ def progress(
 
     def say(step: str) -> None:
         nonlocal now
+        begins = _begun(step) != _begun(now)
         now = step
-        if time.monotonic() - begun > quiet_s:
+        if begins and time.monotonic() - begun > quiet_s:
             line(step)
 
     ended = threading.Event()
@@ -138,6 +139,12 @@ def progress(
     finally:
         ended.set()
         reminder.join()
+
+
+def _begun(step: str) -> str:
+    """The step without how much of it is done."""
+    name, _, done = step.rpartition(", ")
+    return name if done.endswith("%") else step
 
 
 @contextmanager

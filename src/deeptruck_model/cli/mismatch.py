@@ -135,7 +135,7 @@ def _show(found: Mismatch, out: Path, units: str) -> None:
 
     print(*summary(found, units), sep="\n")
     print(f"report: {out / 'report.html'}")
-    if found.result.validated:
+    if found.result.validated and not found.result.data.doubts:
         print(f"    {folders.apply_command(out)}")
     for caveat in found.result.caveats:
         print(f"note: {caveat}")

@@ -28,7 +28,7 @@ from deeptruck_model.mismatch.roads.one_road import on_a_road_of_its_own, on_one
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.unrecorded import NotRecorded, braking, inputs
 from deeptruck_model.recordings import Recording
-from deeptruck_model.recordings.consistency import gears
+from deeptruck_model.recordings.consistency import gears, sensors
 from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Simulator
 
@@ -66,7 +66,8 @@ class Span:
 @dataclass(frozen=True)
 class PreparedDrives:
     """The usable recordings, in their original order, the problems found, and the inputs `missing` in them.
-    `useless` is the reason why nothing can be compared, or None."""
+    `useless` is the reason why nothing can be compared, or None; `doubts` are about inputs and speed, which
+    must be settled before anything that follows is believed."""
 
     prepared: tuple[Prepared, ...]
     held_out: tuple[bool, ...]
@@ -75,6 +76,7 @@ class PreparedDrives:
     caveats: tuple[str, ...]
     missing: tuple[NotRecorded, ...]
     useless: str | None
+    doubts: tuple[str, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -102,6 +104,8 @@ def prepare_drives(
     gears.check(simulator, [*recordings, *held_out])
     mass_known = mass_kg is not None or "mass" in simulator.parameters()
     missing = inputs([*recordings, *held_out], mass_known=mass_known)
+    asked = ("speed", *simulator.interface.u, *simulator.interface.w)
+    doubts = tuple(sensors.of_inputs([*recordings, *held_out], asked))
     recordings, lacking = with_inputs(simulator, with_felt_slope(simulator, recordings))
     held_out, of_held_out = with_inputs(simulator, with_felt_slope(simulator, held_out))
     lacking += of_held_out
@@ -138,7 +142,9 @@ def prepare_drives(
     lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(aligned)) else []
     lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(aligned)) else []
     remarks = (*lacking, *twice, *caveats, *lost)
-    return PreparedDrives(aligned, tuple(flags), tuple(faults), tuple(rejected), remarks, missing, useless)
+    return PreparedDrives(
+        aligned, tuple(flags), tuple(faults), tuple(rejected), remarks, missing, useless, doubts
+    )
 
 
 def left_to_compare(drives: PreparedDrives, e: Evidence) -> tuple[PreparedDrives, Evidence]:

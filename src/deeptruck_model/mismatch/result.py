@@ -157,6 +157,7 @@ class Data:
     rejected: tuple[Rejection, ...] = ()
     recorded: int = field(default=0, metadata=stored(later=True))
     compared: float = field(default=0.0, metadata=stored(digits=4, later=True))
+    doubts: tuple[str, ...] = field(default=(), metadata=SPARSE)  # of inputs and speed, to settle first
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,18 @@ def test_a_long_step_is_repeated(capsys: pytest.CaptureFixture[str]) -> None:
             said += capsys.readouterr().err
 
 
+def test_a_log_gets_one_line_for_a_step_however_often_it_says_how_far_it_is(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with progress("reading", quiet_s=-1.0) as say:
+        for k in range(100):
+            say(f"driving, {k}%")
+        say("writing the report")
+    assert [line.partition(": ")[2] for line in capsys.readouterr().err.splitlines()] == [
+        "driving, 0%", "writing the report"
+    ]  # fmt: skip
+
+
 def test_a_full_disk_is_said_by_whoever_writes_and_by_nobody_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -181,3 +181,15 @@ def test_too_little_driving_is_said_with_its_cause() -> None:
     other, _ = left_of(replace(e, other_gear=3000))
     assert "only 50 s of driving in the gear that was recorded" in str(other.useless)
     assert other.rejected[-1] == checks.Rejection(OTHER_GEAR, 3000)
+
+
+def test_pedals_that_are_swapped_are_doubted_and_what_the_simulator_is_not_driven_with_is_not() -> None:
+    sound = drives(TRUCK, 2)
+    pedals = [
+        {"engine_command": r.channels["brake_command"], "brake_command": r.channels["engine_command"]}
+        for r in sound
+    ]
+    swapped = [replace(r, channels=r.channels | own) for r, own in zip(sound, pedals, strict=True)]
+    (doubt,) = prepare_drives(TRUCK, swapped, [], Rules()).doubts
+    assert doubt.endswith("are the two swapped?")
+    assert prepare_drives(TRUCK, sound, [], Rules()).doubts == ()

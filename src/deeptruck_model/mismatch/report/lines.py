@@ -14,6 +14,7 @@ from deeptruck_model.mismatch.report.wording import (
     FELT_SLOPE,
     FELT_STEP,
     ROOT,
+    SETTLE,
     digits,
     opened,
     percent,
@@ -53,16 +54,23 @@ def headline(v: Verdict) -> str:
     simulator is good enough."""
     if not v.findings:
         besides = f", but for {_count(len(v.events), 'event')} of seconds" if v.events else ""
-        step = f": {_next_step(v)}" if v.validated else ""
+        step = f": {_next_step(v)}" if v.validated or v.data.doubts else ""
         return HEADLINES.get(v.kind, HEADLINES[Conclusion.UNDETERMINED]) + besides + step
     f = v.findings[0]
     if v.kind is Conclusion.NOTHING:
-        return HEADLINES[v.kind] + (f"; better still: {_next_step(v)}" if v.validated else "")
+        return HEADLINES[v.kind] + _better_still(v)
     if _good_enough(v):
         own = next((one for one in v.findings if one.effect == UNKNOWN and one.in_drives), None)
         what = Said(_in_drives(own or f), f"; otherwise {GOOD_ENOUGH}")
-        return Said(opened(what), f"; better still: {_next_step(v)}" if v.validated else "")
+        return Said(opened(what), _better_still(v))
     return Said(opened(Said(_larger(v), _in_drives(f))), f": {_next_step(v)}")
+
+
+def _better_still(v: Verdict) -> str:
+    """What to do although the simulator is good enough; empty if nothing is."""
+    if v.data.doubts:
+        return f"; but first {SETTLE}"
+    return f"; better still: {_next_step(v)}" if v.validated else ""
 
 
 def _good_enough(v: Verdict) -> bool:
@@ -156,8 +164,10 @@ def _count(count: int, noun: str) -> str:
 
 def _what(f: Finding) -> str:
     """The most probable statement."""
-    if f.effect == UNKNOWN or f.kind is Kind.SENSOR:
+    if f.effect == UNKNOWN or (f.kind is Kind.SENSOR and f.stated == f.effect):
         return f.says
+    if f.kind is Kind.SENSOR and f.stated != ROOT:
+        return f"a sensor is wrong, most probably ({percent(f.probability)}) as {f.says}"
     name = spoken(f.effect if f.stated in (ROOT, f.effect) else f.stated)
     if f.says == FELT_SLOPE and f.stated == f.effect:
         return f.says
@@ -171,10 +181,12 @@ def _what(f: Finding) -> str:
 
 def _next_step(v: Verdict) -> str:
     """The next step in a few words."""
+    if v.data.doubts:
+        return SETTLE
     if v.validated and v.fit is not None:
         return "apply the refitted parameters" if v.fit.offered == REFIT else "apply the correction"
     if any(f.kind is Kind.SENSOR for f in v.findings):
-        return "repair the sensor"
+        return "repair the sensor" if v.findings[0].stated != ROOT else "see what to do"
     if v.findings[0].effect == UNKNOWN:
         return v.findings[0].separating_manoeuvre
     if v.findings[0].says == FELT_SLOPE:
@@ -310,13 +322,18 @@ def cause(f: Finding) -> str:
         share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
         probable = f": probability {percent(f.probability)}" if f.stated != ROOT else ""
         return f"{opened(f.says)}{probable}{share}."
-    if f.kind is Kind.SENSOR:
+    if f.kind is Kind.SENSOR and f.stated == f.effect:
         return f"{opened(spoken(f.effect))}: {f.says}."
     split = f"{spoken(f.effect)} {percent(f.probability)}"
     if f.credible_set:
         split += f"; else {', '.join(map(spoken, f.credible_set))}"
     beside = f"; {BESIDE_MISSING[f.missing_input]}" if f.missing_input else ""
     return f"{opened(spoken(f.family))}, {percent(f.family_probability)}: {split}{beside}."
+
+
+def doubtful(v: Verdict) -> Iterator[str]:
+    """One line for each doubt about an input, which comes before anything that was found with it."""
+    yield from (f"Doubtful input: {doubt}" for doubt in v.data.doubts)
 
 
 def not_recorded(v: Verdict) -> Iterator[str]:
@@ -338,7 +355,8 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield Said(opened(v.advice["data"].reason), ".")
     for f in v.findings:
         if f.kind is Kind.SENSOR:
-            yield f"Repair it at its sensor or clock before you record more: {f.says}."
+            sure = "Repair it at its sensor or clock" if f.stated != ROOT else "Check this"
+            yield f"{sure} before you record more: {f.says}."
         elif f.kind is Kind.PARAMETER and not v.validated:
             yield f"Check the simulator's {PARAMETER_ERRORS[f.effect].says}: {f.says}."
         elif "recording" in f.depends_on and not v.validated:
@@ -347,7 +365,9 @@ def what_to_do(v: Verdict) -> Iterator[str]:
                 "parameters for each, or estimate what a drive has of its own from its first minutes by "
                 "'deeptruck-model adapt'."
             )
-    if v.validated:
+    if v.data.doubts:
+        yield f"{opened(SETTLE)} and compare again; apply nothing before."
+    elif v.validated:
         refit = v.fit is not None and v.fit.offered == REFIT
         repair_first = any(f.kind is Kind.SENSOR for f in v.findings)
         offered = "the refitted parameters alone" if refit else "the correction"
@@ -374,4 +394,4 @@ def lines(v: Verdict) -> list[str]:
     answers = [Said(one.question, f" {one.answer} (", one.reason, ").") for one in lights(v)]
     middle = (*what(v), *how_probable(v), *refitted(v), *what_to_do(v))
     sized = [said] if (said := sizes(v)) else []
-    return [Said(headline(v), "."), *contains(v), *sized, *not_recorded(v), *middle, *answers]
+    return [Said(headline(v), "."), *doubtful(v), *contains(v), *sized, *not_recorded(v), *middle, *answers]

@@ -116,11 +116,11 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "contains": list(lines.contains(v)),
         "sizes": lines.sizes(v),
         "kind": opened(v.kind.replace("_", " ")),
-        "not_recorded": list(lines.not_recorded(v)),
+        "not_recorded": [*lines.doubtful(v), *lines.not_recorded(v)],
         "what": list(lines.what(v)),
         "how_probable": [*lines.how_probable(v), *lines.refitted(v)],
         "what_to_do": list(lines.what_to_do(v)),
-        "command": command if v.validated else "",
+        "command": command if v.validated and not v.data.doubts else "",
         "lights": lines.lights(v),
         "budget": [_part(p) for p in v.budget.parts if p.share >= LEAST_SHARE or p.part == LEFT_OVER]
         if v.budget is not None

@@ -40,6 +40,8 @@ COUNTS_AS_LEARNED = (
 WITHOUT_MASS = "forces are given per kilogram (m/s^2), as no mass is known; state it by --mass-kg"
 TOO_SHORT = "too few unbroken windows for a budget: record drives without gaps"
 FAULTY = "a sensor or clock is wrong: it was corrected here, but repair it before you record more"
+MAYBE_FAULTY = "a sensor or clock may be wrong, which these drives do not show: check it"
+SETTLE = "settle the doubtful input"
 ENOUGH = "every input that matters was recorded or stated"
 NOT_DRIVEN = "no held-out recording is long enough for a free run"
 NOT_SIGNIFICANT = f"{folders.NOT_SIGNIFICANT}; record more drives to hold out"
@@ -99,9 +101,20 @@ def better(before: float, after: float, *, refit: bool) -> str:
     )
 
 
-def after_repair(better: str) -> str:
-    """The benefit of a correction that was fitted with a corrected sensor."""
-    return Said(better, ", with the sensor corrected: repair it first")
+def after_repair(better: str, *, sure: bool) -> str:
+    """The benefit of a correction that was fitted with a corrected sensor, which is `sure` to be wrong or
+    may be."""
+    return Said(better, f", with the sensor corrected: {'repair' if sure else 'check'} it first")
+
+
+def doubtful(doubts: Sequence[str]) -> str:
+    """What contradicts an input."""
+    return "; ".join(doubts)
+
+
+def after_settling(better: str) -> str:
+    """The benefit of a correction that was fitted to doubtful input."""
+    return Said(better, f": first {SETTLE}, and compare again")
 
 
 PARTS = {

@@ -34,7 +34,7 @@ def useless(drives: PreparedDrives) -> Verdict:
     return Verdict(
         decide.uncompared(faulty=bool(found)),
         found,
-        data=Data(drives.rejected, drives.samples),
+        data=Data(drives.rejected, drives.samples, doubts=drives.doubts),
         caveats=(*drives.caveats, why),
         not_recorded=drives.missing,
         advice={
@@ -73,7 +73,7 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
             next_pass=ahead,
             corrected_forces=_forces(e, made),
         ),
-        Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean())),
+        Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean()), c.drives.doubts),
         (*c.drives.caveats, *_caveats(c), *_mass(c, made)),
         c.drives.missing,
         c.budget,
@@ -105,6 +105,7 @@ def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
         bare=fit.without_exogenous.after if fit.without_exogenous is not None else None,
         is_corrected=bool(fit.corrected),
         missing=[m.input for m in c.drives.missing],
+        doubts=c.drives.doubts,
     )
 
 

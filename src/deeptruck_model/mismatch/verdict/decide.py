@@ -27,7 +27,7 @@ class Numbers:
     free of gaps). The `own` error of a learned simulator on its held-out recordings (None if it is not
     learned or not known). Which simulators are significantly `better` than the one as given; the error of the
     corrected one without signals beyond the protocol (`bare`, None if it needs none); whether anything `is
-    corrected`, and which inputs are `missing`.
+    corrected`, which inputs are `missing`, and `doubts` about those that are there.
     """
 
     kinds: Sequence[Kind] = ()
@@ -43,6 +43,7 @@ class Numbers:
     bare: float | None = None
     is_corrected: bool = False
     missing: Sequence[str] = ()
+    doubts: Sequence[str] = ()
 
     @property
     def error(self) -> float:
@@ -65,6 +66,11 @@ def conclusion(n: Numbers, rules: Rules) -> Conclusion:
     if _good_enough(n, rules):
         return Conclusion.NOTHING
     return Conclusion.UNDETERMINED
+
+
+def _sensor_is_wrong(n: Numbers) -> bool:
+    """Whether a sensor is stated to be wrong, and not only most probably so."""
+    return any(kind is Kind.SENSOR and sure for kind, sure in zip(n.kinds, n.sure, strict=True))
 
 
 def _good_enough(n: Numbers, rules: Rules) -> bool:
@@ -100,8 +106,10 @@ def advice(n: Numbers, kind: Conclusion, rules: Rules) -> Mapping[str, Advice]:
 def _data(n: Numbers) -> Advice:
     if not np.isfinite(n.added_up):
         return Advice(Answer.NO, wording.TOO_SHORT)
+    if n.doubts:
+        return Advice(Answer.UNSURE, wording.doubtful(n.doubts))
     if Kind.SENSOR in n.kinds:
-        return Advice(Answer.UNSURE, wording.FAULTY)
+        return Advice(Answer.UNSURE, wording.FAULTY if _sensor_is_wrong(n) else wording.MAYBE_FAULTY)
     if n.missing:
         return Advice(Answer.UNSURE, wording.not_recorded(n.missing))
     return Advice(Answer.YES, wording.ENOUGH)
@@ -127,8 +135,10 @@ def _apply(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
     if offer != AS_GIVEN:
         refit = offer == REFIT
         better = wording.better(n.given, n.parameters_only if refit else n.corrected, refit=refit)
+        if n.doubts:
+            return Advice(Answer.UNSURE, wording.after_settling(better))
         if Kind.SENSOR in n.kinds:
-            return Advice(Answer.UNSURE, wording.after_repair(better))
+            return Advice(Answer.UNSURE, wording.after_repair(better, sure=_sensor_is_wrong(n)))
         return Advice(Answer.YES, better)
     if kind is Conclusion.NOTHING or not n.is_corrected:
         return Advice(Answer.NO, wording.NOTHING_CORRECTED)

@@ -133,7 +133,8 @@ def _of_rest(c: Compared, rules: Rules) -> list[Finding]:
     part = max(each, key=lambda part: each[part][0])
     share, force = each[part]
     p = c.posterior.nameless()
-    return [_nameless(c, part, p, share, force)] if b.parts and p >= rules.named else []
+    large = b.speed_rmse * float(np.sqrt(max(share, 0.0))) >= rules.drift
+    return [_nameless(c, part, p, share, force)] if b.parts and large and p >= rules.named else []
 
 
 def _nameless(c: Compared, part: str, p: float, share: float, force: Array) -> Finding:

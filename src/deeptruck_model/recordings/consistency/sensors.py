@@ -6,8 +6,9 @@ and is `wrong` if training on the channel would give a different truck.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,15 @@ SPEEDS = {  # what speed is multiplied by where it is read so
     1.9438: "knots read as m/s",
     1 / 1.9438: "m/s read as knots",
 }
+SLOPES = {  # what gravity has to a slope that is read so
+    -1.0: "uphill is positive: give it 'scale: -1'",
+    0.573: "percent read as degrees, or a speed in mph read as km/h? Give both their units",
+    1.745: "degrees read as percent, or a speed in km/h read as mph? Give both their units",
+}
+OTHER_SLOPE = "is it of this road, on this clock and in its unit?"
+NEAR_SLOPE = 0.15  # relative: wheels and engine turn with the truck
+WEIGHTED = 0.25  # by which gravity may seem to differ, as engine and tyres are not known; and standard errors
+LEAST_DRIVEN, DRIVEN_SD = 60, 4.0  # windows without brakes
 LATEST_S = 5.0  # by which one speed may be later than another
 WITHOUT = "or leave acceleration out, and it is derived from speed"
 
@@ -91,13 +101,32 @@ def doubts(recordings: Sequence[Recording]) -> list[Doubt]:
         _accelerometers,
         _speed_by_places,
         _speed_by_distance,
-        _grade_by_height,
+        _grade,
         _engine_speed,
         _ratios,
         _commands,
         _fastest,
     )
     return [doubt for check in checks for doubt in check(recordings)]
+
+
+def of_inputs(recordings: Sequence[Recording], channels: Collection[str]) -> list[str]:
+    """The doubts about `channels`, which a truck is driven with and judged by, with what to do: one of each
+    channel, with the sources in which it is doubted if not in all, or of what all of them show together."""
+    sources = {n: list(r) for n, r in groupby(recordings, lambda r: r.name.partition("#")[0])}
+    found: dict[str, dict[str, str]] = {}
+    for name, pieces in sources.items():
+        for doubt in doubts(pieces):
+            found.setdefault(doubt.channel, {}).setdefault(name, doubt.says)
+    together = {doubt.channel: doubt.says for doubt in doubts(recordings)} if len(sources) > 1 else {}
+    out = []
+    for channel in channels:
+        one = found.get(channel, {})
+        if 0 < len(one) < 0.5 * len(sources):
+            out.append(f"{', '.join(one)}: {next(iter(one.values()))}")
+        elif one or channel in together:
+            out.append(together.get(channel) or next(iter(one.values())))
+    return out
 
 
 @dataclass(frozen=True)
@@ -358,6 +387,40 @@ def metres_of(name: str) -> float:
     """Unit of a column of distance travelled, in m, by its name; 0 for any other column."""
     named = header(name)
     return LENGTHS.get(named.unit, 0.0) if named.words & TRAVELLED and not named.words & LEADER else 0.0
+
+
+def _grade(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """The doubt from heights; where there is none, that from the motion."""
+    yield from list(_grade_by_height(recordings)) or _grade_by_motion(recordings)
+
+
+def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    """The slope by its share in dv/dt, which gravity makes -g: robust least squares with engine command, its
+    power, speed and its square, while no brake acts."""
+    names = ("grade", "engine_command", "brake_command", "speed")
+    rise, grade, engine, brake, speed = _windows(recordings, WINDOW_S, "speed", *names)
+    fall = GRAVITY * np.sin(np.arctan(grade))
+    use = np.isfinite(rise + fall + engine) & (speed > DRIVING_M_S) & ~(brake > 0.0)
+    if use.sum() < LEAST_DRIVEN or not fall[use].std() or not engine[use].std():
+        return
+    rise, fall, engine, speed = rise[use], fall[use], engine[use], speed[use]
+    X = np.stack([fall, engine, engine / speed, engine > 0.0, speed, speed**2, np.ones(len(speed))], axis=1)
+    X = X / np.abs(X).max(axis=0)
+    w = np.ones(len(rise))
+    for _ in range(8):  # gear changes must not decide
+        b = np.linalg.lstsq(X * np.sqrt(w)[:, None], rise * np.sqrt(w), rcond=None)[0]
+        e = rise - X @ b
+        w = 1.0 / (1.0 + (e / max(2.0 * 1.4826 * float(np.median(np.abs(e))), 1e-9)) ** 2)
+    covariance = np.linalg.pinv((X * w[:, None]).T @ X) * np.average(e**2, weights=w)
+    factor, sd = (float(x / np.abs(fall).max()) for x in (-b[0], np.sqrt(covariance[0, 0])))
+    if abs(factor - 1.0) > WEIGHTED + DRIVEN_SD * sd:
+        why = min(SLOPES, key=lambda known: abs(factor / known - 1.0))
+        says = SLOPES[why] if abs(factor / why - 1.0) < NEAR_SLOPE + DRIVEN_SD * sd else OTHER_SLOPE
+        yield Doubt(
+            "grade",
+            f"the truck feels {factor:.2f} (+- {2.0 * sd:.2f}) times the recorded grade in its speed: {says}",
+            factor=1.0 / factor,
+        )
 
 
 def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Doubt]:

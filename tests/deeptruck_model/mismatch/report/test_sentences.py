@@ -139,6 +139,31 @@ def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
     assert list(lines.what_to_do(v)) == ["Apply the refitted parameters alone."]
 
 
+def test_a_doubtful_input_comes_before_everything_that_was_found_with_it() -> None:
+    fit = FitResult(("d",), 40.0, 3, (), validated=True, offered=REFIT)
+    for kind in (Conclusion.PHYSICS, Conclusion.NOTHING):
+        v = Verdict(kind, (PAYLOAD,), fit=fit, data=Data(doubts=("are the two swapped?",)))
+        first, second, *rest = lines.lines(v)
+        assert first.endswith("settle the doubtful input.")
+        assert second == "Doubtful input: are the two swapped?"
+        assert "Settle the doubtful input and compare again; apply nothing before." in rest
+        assert not any(line.startswith("Apply ") for line in rest)
+
+
+def test_a_sensor_that_is_only_most_probable_is_not_said_to_be_wrong() -> None:
+    bias = replace(
+        PAYLOAD, kind=Kind.SENSOR, effect="grade_bias", family="sensors", stated="mismatch",
+        says="the recorded grade is offset", probability=0.45, family_probability=0.5,
+        credible_set=("rolling_resistance",),
+    )  # fmt: skip
+    v = Verdict(Conclusion.SENSOR, (bias,))
+    assert lines.headline(v) == "Grade bias is most probable (45 %): see what to do"
+    assert lines.cause(bias) == "Sensors, 50 %: grade bias 45 %; else rolling resistance."
+    assert next(iter(lines.what_to_do(v))).startswith("Check this before you record more")
+    stated = replace(v, findings=(replace(bias, stated="grade_bias"),))
+    assert lines.headline(stated) == "The recorded grade is offset: repair the sensor"
+
+
 def test_what_is_stated_beside_a_good_simulator_is_said_with_it_and_a_larger_part_too() -> None:
     f = replace(PAYLOAD, effect="shift_interruption", family="engine_driveline", share_of_error=0.21)
     f = replace(f, stated="shift_interruption", depends_on=("gear",))

@@ -76,7 +76,13 @@ def lights(numbers: Numbers) -> dict[str, tuple[Answer, str]]:
             Answer.UNSURE,
             wording.FAULTY,
         ),
-        (replace(PHYSICS, kinds=[Kind.PHYSICS, Kind.SENSOR], shares=[1, 0]), Answer.UNSURE, wording.FAULTY),
+        (
+            replace(PHYSICS, kinds=[Kind.PHYSICS, Kind.SENSOR], shares=[1, 0], sure=[True, True]),
+            Answer.UNSURE,
+            wording.FAULTY,
+        ),
+        (replace(PHYSICS, kinds=[Kind.SENSOR], sure=[False]), Answer.UNSURE, wording.MAYBE_FAULTY),
+        (replace(RIGHT, doubts=["pedals are swapped"]), Answer.UNSURE, "pedals are swapped"),
     ],
 )
 def test_data_are_enough_where_every_input_is_known(numbers: Numbers, answer: Answer, reason: str) -> None:
@@ -130,13 +136,18 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
                 corrected=0.2,
             ),
             Answer.UNSURE,
-            wording.after_repair(wording.better(0.5, 0.2, refit=False)),
+            wording.after_repair(wording.better(0.5, 0.2, refit=False), sure=True),
+        ),
+        (
+            replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2, doubts=["pedals are swapped"]),
+            Answer.UNSURE,
+            wording.after_settling(wording.better(0.5, 0.2, refit=False)),
         ),
         (replace(PHYSICS, corrected=0.4, parameters_only=0.6), Answer.UNSURE, wording.NOT_SIGNIFICANT),
         (replace(PHYSICS, corrected=0.6, parameters_only=0.4), Answer.UNSURE, wording.NOT_SIGNIFICANT),
         (replace(PHYSICS, corrected=0.5, parameters_only=0.5), Answer.NO, wording.NOT_BETTER),
         (replace(PHYSICS, is_corrected=False), Answer.NO, wording.NOTHING_CORRECTED),
-        (Numbers([Kind.PHYSICS], [1.0], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
+        (Numbers([Kind.PHYSICS], [1.0], [True], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
         (
             replace(RIGHT, better=frozenset({CORRECTION}), is_corrected=True),
             Answer.NO,

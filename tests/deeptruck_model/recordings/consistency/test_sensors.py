@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from csv_tables import COLUMNS, drive, speed, with_channels, write_csv
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, ranges, suggest_columns
 from deeptruck_model.recordings.consistency import sensors, units
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.trucks import driving_cycles
 
 ACCELERATION = {"column": "a", "unit": "m/s^2"}
 INTERFACE = TruckInterface("truck", "percent", "percent")
@@ -53,6 +58,33 @@ def test_another_axis_stands_still_or_does_not_follow() -> None:
     assert "stands still at 0.05 m/s²" in line
     sideways = said(acceleration=np.sin(0.1 * np.arange(3000) / 1.3))
     assert len(sideways) == 1 and "does not follow the speed" in sideways[0]
+
+
+def hilly(read: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda grade: grade) -> Recording:
+    """A truck on hills, with its slope as it was `read`."""
+    truck = trucks.load("trucksim")
+    drive = driving_cycles.drive(truck, seconds=2400, seed=3)
+    channels = {name: x for name, x in drive.channels.items() if name != "elevation"}
+    return replace(drive, channels={**channels, "grade": read(channels["grade"])})
+
+
+@pytest.mark.parametrize(
+    ("read", "says"),
+    [
+        (lambda grade: -grade, "uphill is positive: give it 'scale: -1'"),
+        (lambda grade: np.tan(np.radians(100.0 * grade)), "percent read as degrees"),
+        (lambda grade: np.degrees(np.arctan(grade)) / 100.0, "degrees read as percent"),
+        (lambda grade: 0.1 * grade, "on this clock and in its unit?"),
+    ],
+)
+def test_sign_and_factor_of_a_slope_are_seen_in_the_motion(read: Any, says: str) -> None:
+    (doubt,) = sensors.doubts([hilly(read)])
+    assert doubt.channel == "grade" and says in doubt.says
+    assert sensors.doubts([hilly()]) == []
+    assert sensors.of_inputs([hilly(read)], ("grade",)) == [doubt.says]
+    sound = [replace(hilly(), name=name) for name in "abc"]
+    (alone,) = sensors.of_inputs([*sound, replace(hilly(read), name="odd")], ("grade",))
+    assert alone.startswith("odd: ") and sensors.of_inputs([hilly(read)], ("speed",)) == []
 
 
 def test_tilt_and_gravity_are_found_by_the_grade() -> None:
