@@ -16,8 +16,8 @@ from deeptruck_model.mismatch.correction.model import correct
 from deeptruck_model.mismatch.correction.validate import validate
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.found import Mismatch
-from deeptruck_model.mismatch.mechanisms import Mechanism
-from deeptruck_model.mismatch.mechanisms.own import checked
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
+from deeptruck_model.mismatch.mechanisms.own import check_signals, checked
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.events import without_events
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
@@ -111,6 +111,7 @@ def compared(
 
     say("driving the simulator along the recordings")
     e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=rules, mass_kg=mass_kg, say=say)
+    check_signals(mechanisms, LIBRARY.values(), e)
     drives, e = left_to_compare(drives, replace(e, own=mechanisms))
     if drives.useless:
         return drives

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import runpy
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
 
 from deeptruck_model.checks import calls
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.mechanisms.record import Family, Form, Mechanism
+from deeptruck_model.mismatch.mechanisms.record import Curve, Family, Form, Mechanism
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.signals import CHANNELS
 
 KINDS = ("missing_physics", "measurement_fault")
 MEND = "a file of mechanisms is Python with MECHANISMS = (Mechanism(...), ...), see docs/mismatch.md"
@@ -65,6 +68,55 @@ def checked(given: Any) -> tuple[Mechanism, ...]:
     if len({m.effect for m in mechanisms}) < len(mechanisms):
         raise InputError("two mechanisms have one name; give each its own")
     return mechanisms
+
+
+def check_signals(own: Iterable[Mechanism], package: Iterable[Mechanism], e: Evidence) -> None:
+    """Raises InputError if a mechanism of the user's names a signal that nobody has: neither the recordings
+    and the simulator, nor any mechanism of the package."""
+    known = {*e.signals, *CHANNELS, *(name for m in package for name in signals(m, e))}
+    for m in own:
+        for name in signals(m, e) - known:
+            near = get_close_matches(name, known, 1)
+            hint = f"; did you mean '{near[0]}'?" if near else f"; there are {', '.join(sorted(e.signals))}"
+            raise InputError(f"the mechanism '{m.effect}' asks for '{name}', which is no signal{hint}")
+
+
+def signals(m: Mechanism, e: Evidence) -> set[str]:
+    """The signals that a mechanism needs, and those in its forms."""
+    out = set(m.needs)
+    for form in m.forms.values():
+        out |= set(form.needs)
+        if isinstance(form, Curve):
+            out |= form.carrier.signals() | form.of.signals()
+            continue
+        if callable(form.constants) and not e.has(*out):
+            continue  # its constants may depend on them
+        for constants in form.constants(e) if callable(form.constants) else form.constants:
+            out |= frozenset[str]().union(*(c.expression.signals() for c in form.made(constants)))
+            break
+    return out
+
+
+def not_compared(
+    own: Sequence[Mechanism], package: Iterable[Mechanism], compared: Collection[Mechanism], e: Evidence
+) -> Iterator[str]:
+    """Which mechanisms were not `compared` and why: a line for each of the user's, one for all others."""
+    for m in own:
+        lacking = sorted(name for name in signals(m, e) if not e.has(name))
+        if lacking:
+            part = "" if m not in compared else " as a whole"
+            yield (
+                f"your mechanism '{m.effect}' was not compared{part}: of {' and '.join(lacking)} less than "
+                "half of the samples are known"
+            )
+    others: dict[str, list[str]] = {}
+    for m in package:
+        lacking = [name for name in m.needs if not e.has(name)]
+        if m not in compared and lacking:
+            others.setdefault(" and ".join(lacking), []).append(m.effect)
+    if others:
+        each = "; ".join(f"without {names}: {', '.join(effects)}" for names, effects in others.items())
+        yield f"mechanisms that were not compared, as their signals were not recorded: {each}"
 
 
 def _problems(m: Mechanism) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -33,7 +34,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 JITTER_RUNS = 6
-DRIVING = "driving the simulator along the recordings, {share:.0%}"
+DRIVING = "driving the simulator along the recordings{about}, {share:.0%}"
+SLOW_S = 30.0  # of driving, from which its length is said beforehand
 IMPOSSIBLE = (
     "the simulator answers with more than {most:g} m/s^2 in {share:.2g} % of samples, as no vehicle does; "
     "see 'deeptruck-model check-simulator'"
@@ -77,15 +79,22 @@ def passes(simulator: Simulator) -> int:
 
 
 class _Progress:
-    """Says how much of the driving is done."""
+    """Says how much of the driving is done, and beforehand how long it takes, by the second passes: the first
+    may compile."""
 
     def __init__(self, say: Callable[[str], None], total: int) -> None:
         self._say, self._total, self._done = say, total, 0
+        self._ended: list[float] = []
+        self._about = ""
 
     def more(self, count: int) -> None:
         """So many passes more are done."""
+        self._ended.append(time.monotonic())
         self._done = min(self._done + count, self._total)
-        self._say(DRIVING.format(share=self._done / self._total))
+        if len(self._ended) == 2:
+            seconds = (self._ended[1] - self._ended[0]) / count * self._total
+            self._about = f" for about {seconds:.0f} s" if seconds > SLOW_S else ""
+        self._say(DRIVING.format(about=self._about, share=self._done / self._total))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.model import Made
 from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.own import not_compared
 from deeptruck_model.mismatch.posterior.regression import FREE
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.report import wording
@@ -74,7 +76,12 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
             corrected_forces=_forces(e, made),
         ),
         Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean()), c.drives.doubts),
-        (*c.drives.caveats, *_caveats(c), *_mass(c, made)),
+        (
+            *not_compared(e.own, LIBRARY.values(), c.search.library, e),
+            *c.drives.caveats,
+            *_caveats(c),
+            *_mass(c, made),
+        ),
         c.drives.missing,
         c.budget,
         witnesses(c.search, c.drives.prepared, c.budget),

@@ -72,7 +72,7 @@ SLOPES = {  # what gravity has to a slope that is read so
 OTHER_SLOPE = "is it of this road, on this clock and in its unit?"
 NEAR_SLOPE = 0.15  # relative: wheels and engine turn with the truck
 WEIGHTED = 0.25  # by which gravity may seem to differ, as engine and tyres are not known; and standard errors
-LEAST_DRIVEN, DRIVEN_SD = 60, 4.0  # windows without brakes
+LEAST_DRIVEN, DRIVEN_SD, BLOCKS = 60, 4.0, 10  # windows without brakes; parts that are left out in turn
 LATEST_S = 5.0  # by which one speed may be later than another
 WITHOUT = "or leave acceleration out, and it is derived from speed"
 
@@ -405,14 +405,15 @@ def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
         return
     rise, fall, engine, speed = rise[use], fall[use], engine[use], speed[use]
     X = np.stack([fall, engine, engine / speed, engine > 0.0, speed, speed**2, np.ones(len(speed))], axis=1)
+    scale = float(np.abs(fall).max())
     X = X / np.abs(X).max(axis=0)
     w = np.ones(len(rise))
     for _ in range(8):  # gear changes must not decide
-        b = np.linalg.lstsq(X * np.sqrt(w)[:, None], rise * np.sqrt(w), rcond=None)[0]
-        e = rise - X @ b
+        e = rise - X @ _solved(X, rise, w)
         w = 1.0 / (1.0 + (e / max(2.0 * 1.4826 * float(np.median(np.abs(e))), 1e-9)) ** 2)
-    covariance = np.linalg.pinv((X * w[:, None]).T @ X) * np.average(e**2, weights=w)
-    factor, sd = (float(x / np.abs(fall).max()) for x in (-b[0], np.sqrt(covariance[0, 0])))
+    blocks = np.arange(len(w)) * BLOCKS // len(w)  # windows that follow one another are not independent
+    each = [-_solved(X, rise, w * (blocks != k))[0] / scale for k in range(BLOCKS)]
+    factor, sd = float(-_solved(X, rise, w)[0] / scale), float(np.sqrt(BLOCKS - 1.0) * np.std(each))
     if abs(factor - 1.0) > WEIGHTED + DRIVEN_SD * sd:
         why = min(SLOPES, key=lambda known: abs(factor / known - 1.0))
         says = SLOPES[why] if abs(factor / why - 1.0) < NEAR_SLOPE + DRIVEN_SD * sd else OTHER_SLOPE
@@ -421,6 +422,12 @@ def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
             f"the truck feels {factor:.2f} (+- {2.0 * sd:.2f}) times the recorded grade in its speed: {says}",
             factor=1.0 / factor,
         )
+
+
+def _solved(X: Array, y: Array, weights: Array) -> Array:
+    """Weighted least squares of y (n,) on the columns of X."""
+    root = np.sqrt(weights)
+    return np.asarray(np.linalg.lstsq(X * root[:, None], y * root, rcond=None)[0])
 
 
 def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Doubt]:

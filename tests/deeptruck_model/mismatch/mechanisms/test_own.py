@@ -90,3 +90,15 @@ def test_a_name_of_the_tool_is_refused(file: Path) -> None:
         file.write_text(FILE.replace("crane_drag", name))
         with pytest.raises(InputError, match="is a name of the tool"):
             find_mismatch(TRUCK, [], mechanisms=LIBRARY.read(file))
+
+
+def test_a_signal_that_nobody_has_is_refused_and_one_that_was_not_recorded_is_said(file: Path) -> None:
+    drives = [drive(k) for k in range(3)]
+    file.write_text(FILE.replace('Signal("extra: crane_up")', 'Signal("extra: crane_upp")'))
+    with pytest.raises(InputError, match=r"'crane_drag' asks for 'extra: crane_upp'.*mean 'extra: crane_up'"):
+        find_mismatch(TRUCK, drives[:2], drives[2:], mechanisms=LIBRARY.read(file))
+    file.write_text(FILE.replace('("extra: crane_up",)', '("gap",)'))
+    found = find_mismatch(TRUCK, drives[:2], drives[2:], mechanisms=LIBRARY.read(file))
+    first, second, *_ = found.result.caveats
+    assert first.startswith("your mechanism 'crane_drag' was not compared: of gap less than half")
+    assert second.startswith("mechanisms that were not compared") and "without gap" in second
