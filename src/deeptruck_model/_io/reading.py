@@ -187,8 +187,11 @@ def _why(error: BaseException) -> str:
 
 
 def near(name: str, known: Sequence[str]) -> str:
-    """The end of an error message: the known names nearest to `name`, else the first known names."""
-    guesses = difflib.get_close_matches(name[:80], known, n=3, cutoff=0.6)
+    """The end of an error message: the known names that begin as `name` does, else the nearest, else
+    the first known names."""
+    stem = name.rstrip("s")
+    begins = [one for one in known if len(stem) > 2 and one.startswith(stem)]
+    guesses = begins[:SHOWN] or difflib.get_close_matches(name[:80], known, n=3, cutoff=0.6)
     if guesses:
         return f"did you mean {' or '.join(guesses)}?"
     more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""

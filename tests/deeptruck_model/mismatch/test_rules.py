@@ -84,7 +84,9 @@ STEERING: dict[str, dict[str, str]] = {
         "mechanisms/symbols.py": "ACTS CRAWL_SPEED OMEGA",
     },
     "what a page shows": {
-        "report/lines.py": "LARGE MOST_DRIVES WORTH_SAYING",
+        "report/lines.py": "LARGE MOST_DRIVES WIDE WORTH_SAYING",
+        "report/over_speed.py": "LEAST_S PRESSED",
+        "residual/gather.py": "SLOW_S",
         "report/explorer_data.py": "AROUND_S",
         "report/page.py": "LEAST LEAST_SHARE",
         "verdict/where.py": "SMALL",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from deeptruck_model.mismatch.budget import Part
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
@@ -33,6 +34,7 @@ HEADLINES = {
 }
 GOOD_ENOUGH = "the simulator is good enough"
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
+WIDE = 0.3  # of the budget: an interval from which its middle says nothing
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
 SPEED_UNIT = "m/s"
 MOST_DRIVES = 6  # whose sizes are in the headline
@@ -61,9 +63,9 @@ def headline(v: Verdict) -> str:
         return HEADLINES[v.kind] + _better_still(v)
     if _good_enough(v):
         own = next((one for one in v.findings if one.effect == UNKNOWN and one.in_drives), None)
-        what = Said(_in_drives(own or f), f"; otherwise {GOOD_ENOUGH}")
+        what = Said(_in_drives(v, own or f), f"; otherwise {GOOD_ENOUGH}")
         return Said(opened(what), _better_still(v))
-    return Said(opened(Said(_larger(v), _in_drives(f))), f": {_next_step(v)}")
+    return Said(opened(Said(_larger(v), _in_drives(v, f))), f": {_next_step(v)}")
 
 
 def _better_still(v: Verdict) -> str:
@@ -80,23 +82,38 @@ def _good_enough(v: Verdict) -> bool:
     return sound and good is not None and good.answer is Answer.YES
 
 
-def _in_drives(f: Finding) -> str:
+def _share(v: Verdict, f: Finding) -> str:
+    """The share of the error of a finding's part of the budget."""
+    parts = v.budget.parts if v.budget is not None else ()
+    part = next((p for p in parts if p.share == f.share_of_error), None)
+    return percent(f.share_of_error or 0.0) if part is None else share_of(part)
+
+
+def share_of(p: Part) -> str:
+    """The share of a part of the budget; its interval where that is too wide for one number."""
+    if p.high - p.low > WIDE:
+        return f"{100.0 * p.low:.0f} to {100.0 * p.high:.0f} %"
+    return percent(p.share)
+
+
+def _in_drives(v: Verdict, f: Finding) -> str:
     """A finding with the drives in which it acts and its share of the error."""
     drives = ", ".join(_drive(f, name) for name in f.in_drives)
     what = f"in {drives} alone of the fitted drives, {_what(f)}" if drives else _what(f) + _by_drive(f)
-    share = f", {percent(f.share_of_error)} of the squared error" if f.share_of_error is not None else ""
+    share = f", {_share(v, f)} of the squared error" if f.share_of_error is not None else ""
     where = Said(", mostly where ", f.in_condition) if f.in_condition else ""
     return Said(what, where, share)
 
 
 def _larger(v: Verdict) -> str:
-    """A part of the budget that is larger than the first finding and is covered by no finding."""
+    """A part of the budget that no finding covers, and that its interval too shows to be larger than the first
+    one's."""
     share, parts = v.findings[0].share_of_error, v.budget.parts if v.budget is not None else ()
     stated = {f.family for f in v.findings} | {LEFT_OVER, UNKNOWN}
-    other = max((p for p in parts if p.part not in stated), key=lambda p: p.share, default=None)
-    if other is None or share is None or other.share <= share:
+    other = max((p for p in parts if p.part not in stated), key=lambda p: p.low, default=None)
+    if other is None or share is None or other.low <= share:
         return ""
-    return f"the largest part is {spoken(other.part)}, {percent(other.share)}, of which no name is certain; "
+    return f"the largest part is {spoken(other.part)}, {share_of(other)}, of which no name is certain; "
 
 
 def _drive(f: Finding, name: str) -> str:
@@ -207,7 +224,7 @@ def what(v: Verdict) -> Iterator[str]:
         )  # fmt: skip
     b = v.budget
     if b is not None and b.parts:
-        large = [f"{spoken(p.part)} {percent(p.share)}" for p in b.parts if p.share >= LARGE]
+        large = [f"{spoken(p.part)} {share_of(p)}" for p in b.parts if p.share >= LARGE]
         yield Said(
             "Along the fitted drives the simulator is off by ", Speed(b.speed_rmse),
             f" after up to {b.horizon_s:.0f} s. Shares of the squared error: {', '.join(large)}."
@@ -325,8 +342,10 @@ def cause(f: Finding) -> str:
     if f.kind is Kind.SENSOR and f.stated == f.effect:
         return f"{opened(spoken(f.effect))}: {f.says}."
     split = f"{spoken(f.effect)} {percent(f.probability)}"
-    if f.credible_set:
-        split += f"; else {', '.join(map(spoken, f.credible_set))}"
+    own = [n for n in f.credible_set if FAMILY.get(n, n) == f.family]
+    split += f"; else {', '.join(map(spoken, own))}" if own else ""
+    if others := [n for n in f.credible_set if n not in own]:
+        split += f"; or, of another part, {', '.join(map(spoken, others))}"
     beside = f"; {BESIDE_MISSING[f.missing_input]}" if f.missing_input else ""
     return f"{opened(spoken(f.family))}, {percent(f.family_probability)}: {split}{beside}."
 

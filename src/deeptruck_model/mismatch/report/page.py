@@ -14,7 +14,7 @@ from deeptruck_model.mismatch import folders
 from deeptruck_model.mismatch.budget import Part
 from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.prepare import LEFT_OUT
-from deeptruck_model.mismatch.report import explorer_data, lines
+from deeptruck_model.mismatch.report import explorer_data, lines, over_speed
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
 from deeptruck_model.mismatch.residual.evidence import unit
 from deeptruck_model.mismatch.result import Finding, Verdict
@@ -38,7 +38,7 @@ def html(found: Mismatch, command: str = "", *, served: bool = False, units: str
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    content = {**_in_units(_content(found, command), units), "served": served}
+    content = {**_in_units(_content(found, command, units), units), "served": served}
     content["script"] += _file("again.js") if served else ""
     return environment.from_string(_file("report.html.jinja")).render(content)
 
@@ -107,7 +107,7 @@ def _file(name: str) -> str:
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def _content(found: Mismatch, command: str) -> dict[str, Any]:
+def _content(found: Mismatch, command: str, units: str) -> dict[str, Any]:
     v, e = found.result, found.evidence
     return {
         "style": pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("report.css"),
@@ -144,6 +144,8 @@ def _content(found: Mismatch, command: str) -> dict[str, Any]:
         "where": _where(v),
         "events": bool(v.events),
         "has_data": e is not None,
+        "over_speed": over_speed.figure(e, units) if e is not None else "",
+        "force_unit": e.unit.name if e is not None else "",
         "data": explorer_data.text(found, e) if e is not None else "",
     }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -60,10 +61,14 @@ def test_another_axis_stands_still_or_does_not_follow() -> None:
     assert len(sideways) == 1 and "does not follow the speed" in sideways[0]
 
 
+@cache
+def _on_hills() -> Recording:
+    return driving_cycles.drive(trucks.load("trucksim"), seconds=2400, seed=3)
+
+
 def hilly(read: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda grade: grade) -> Recording:
     """A truck on hills, with its slope as it was `read`."""
-    truck = trucks.load("trucksim")
-    drive = driving_cycles.drive(truck, seconds=2400, seed=3)
+    drive = _on_hills()
     channels = {name: x for name, x in drive.channels.items() if name != "elevation"}
     return replace(drive, channels={**channels, "grade": read(channels["grade"])})
 
