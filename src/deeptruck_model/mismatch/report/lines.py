@@ -106,8 +106,7 @@ def _in_drives(v: Verdict, f: Finding) -> str:
 
 
 def _larger(v: Verdict) -> str:
-    """A part of the budget that no finding covers, and that its interval too shows to be larger than the first
-    one's."""
+    """A part of the budget that no finding covers, all of whose interval is above the first one's share."""
     share, parts = v.findings[0].share_of_error, v.budget.parts if v.budget is not None else ()
     stated = {f.family for f in v.findings} | {LEFT_OVER, UNKNOWN}
     other = max((p for p in parts if p.part not in stated), key=lambda p: p.low, default=None)
