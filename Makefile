@@ -46,7 +46,7 @@ test: setup
 test-long: setup
 	$(BIN)/python -m pytest -m "long and not hours" --durations=10
 
-# What neither has the time for: a thousand damaged files for every reader, eight hours of the whole chain.
+# What neither has the time for: a thousand damaged files for every reader, eleven hours of the whole chain.
 test-hours: setup
 	$(BIN)/python -m pytest -m hours
 

@@ -1,4 +1,4 @@
-"""Eight hours of the whole chain in lock-step (radar, controller, bridge, bus, truck), with figures by hour.
+"""Eleven hours of the whole chain in lock-step (radar, controller, bridge, bus, truck), with figures by hour.
 
 `python tests/truck_bridge/test_hours.py [--hours 2] [--vehicle trucksim] [DRIVE ...]` prints the table.
 """
@@ -57,6 +57,8 @@ class Drive:
 DRIVES = {
     "following": Drive(Sine(18.0, 2.0, 60.0)),
     "traffic": Drive(Random(12.0, 25.0, 0.5)),
+    "waves": Drive(Sine(20.0, 1.2, 15.0), hardest=-1.5),  # whose leader brakes by 0.5 m/s^2
+    "hard traffic": Drive(Random(2.0, 22.0, 1.0), hardest=-2.0, least_time_gap=1.2),  # by 1 m/s^2
     "stop and go": Drive(StopAndGo(), hardest=-1.5, least_time_gap=1.2),
     "hills": Drive(Sine(18.0, 2.0, 60.0), "sine:grade=0.03,length=2000"),
     "losses": Drive(
@@ -150,12 +152,14 @@ def _memory_mib() -> float:
     [
         ("following", "trucksim"),
         ("traffic", "volvo"),
+        ("waves", "volvo"),
+        ("hard traffic", "freightliner"),
         ("stop and go", "freightliner"),
         ("hills", "trucksim"),
         ("losses", "volvo"),
     ],
 )
-def test_eight_hours_of_the_whole_chain(name: str, vehicle: str) -> None:
+def test_hours_of_the_whole_chain(name: str, vehicle: str) -> None:
     """Each 96 min."""
     plan = DRIVES[name]
     for hour in drive(name, vehicle, 1.6):

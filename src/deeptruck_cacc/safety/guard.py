@@ -168,7 +168,9 @@ class Guard:
         if self.shield is None:
             self.acted = np.zeros(len(engine), bool)
             return engine, brake
-        engine, brake = self.shield.filter(*self._tracker.radar, self._last_seen.speed, engine, brake)
+        measured = (*self._tracker.radar, self._last_seen.speed)
+        engine, brake = self.shield.gentle(*measured, engine, brake)
+        engine, brake = self.shield.filter(*measured, engine, brake, seen.get("grade", np.nan))
         self.acted = self.shield.acted
         return engine, brake
 

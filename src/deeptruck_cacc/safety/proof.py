@@ -86,7 +86,9 @@ def rollouts(promise: Promise, genes: Array, steps: int = 300, *, shielded: bool
     leader = _Leader(first, first, nothing, nothing, nothing, first)
     shield = Shield(p, 0.0, 1.0)
     # the promise includes knowing how hot the brakes are
-    shield._seen = Bounds(gap, first, speed, heat.copy(), first, nothing, nothing, nothing, nothing)
+    shield._seen = Bounds.unknown(batch)._replace(
+        gap=gap, leader=first, speed=speed, heat=heat.copy(), slow_leader=first, unseen_s=nothing
+    )
     pull, wish, blind, noise = np.split(genes[:, 5:], 4, axis=1)
     least, acted, earliest = np.full(batch, np.inf), np.zeros(batch), np.full(batch, -np.inf)
     for k in range(steps):

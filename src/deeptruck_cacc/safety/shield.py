@@ -38,8 +38,13 @@ class Promise:
     least_braking_share: float = 0.4  # of `braking`, however hot
     stop_heat: float = 1.2  # heat of a stop as a share of v^2/2: above 1 by the slope it may stand on
     strongest_braking: float = 7.5  # m/s^2: the fastest the brakes can heat, which the tyres limit
-    bite: float = 0.0  # share of the brake command up to which the brakes give nothing
+    bite: float = 0.0  # share of the brake command up to which the brakes give nothing on the level
     brake_gain: float = 7.5  # m/s^2 for each share beyond, the most they give
+    descent_share: float = (
+        0.0  # by which they give more for each unit of descent: brakes that keep a deceleration
+    )
+    steepest: float = 0.03  # descent that is meant where the slope is not known
+    grade_error: float = 0.01  # of a slope that is: the pitch of a truck that brakes
     release_s: float = 0.3  # s, time constant of their release: FMVSS 121 S5.3.4, 5 psi within 0.55 s
     # They cool by 1.23 + 0.0256 V an hour, V in mile/h: Myers, Ashkenas and Johnson (1980), FHWA-RD-79-116
     cooling_at_rest: float = 3.4e-4  # 1/s
@@ -48,6 +53,9 @@ class Promise:
     speed_error: float = 0.1  # m/s, radar and wheels
     dt: float = 0.1  # s between calls
     soft_m: float = 1.5  # m before the limit where the engine is cut and the brake comes in gently
+    soft_s: float = (
+        0.3  # s, time constant of that distance to the limit: a radar's noise is no cause to brake
+    )
     closing: float = 0.5  # m/s, by which the truck may be faster than its leader in ordinary following
     ease_m: float = (
         10.0  # m before the limit where, behind a leader that is not seen, `mild_braking` comes in
@@ -55,6 +63,8 @@ class Promise:
     ease_s: float = 0.5  # s, in which the engine is then taken back, and given back whatever took it
     mild_braking: float = 0.6  # m/s^2, as which the truck then slows down on the level
     mild_brake: float = 0.08  # share of the brake command by which it does
+    yield_s: float = 6.0  # s, time constant with which the room before the limit may shrink to `soft_m`
+    yielding: float = 1.5  # m/s^2, the hardest braking that this asks for
     bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,
     bridged_time_gap: float = 2.8  # s, from this time gap on (5 to 29 m/s)
 
@@ -98,13 +108,16 @@ class Bounds(NamedTuple):
     unseen_s: Array  # s, since it was
     eased: Array  # share of the engine command that was taken back
     pressed: Array  # share of the brake command that may still be in the brakes
+    slack: Array  # m to the limit, through a filter of `soft_s`; NaN for none yet
 
     @classmethod
     def unknown(cls, batch: int) -> Bounds:
         """Bounds before the first measurement."""
         nothing = np.zeros(batch)
         never = np.full(batch, np.inf)
-        return cls(nothing, nothing, np.full(batch, 40.0), nothing, nothing, nothing, never, nothing, nothing)
+        unknown = np.full(batch, np.nan)
+        fast = np.full(batch, 40.0)
+        return cls(nothing, nothing, fast, nothing, nothing, nothing, never, nothing, nothing, unknown)
 
 
 @dataclass
@@ -137,9 +150,16 @@ class Shield:
             self._seen = self._seen._replace(heat=heat, pressed=pressed)
 
     def filter(
-        self, gap: Array, leader_speed: Array, speed: Array, engine: Array, brake: Array
+        self,
+        gap: Array,
+        leader_speed: Array,
+        speed: Array,
+        engine: Array,
+        brake: Array,
+        grade: Array | float = np.nan,
     ) -> tuple[Array, Array]:
-        """Commands to send, each (batch,). NaN in gap or speeds is 'not measured', in a command 'no command'.
+        """Commands to send, each (batch,). NaN in gap, speeds or grade is 'not measured', in a command
+        'no command'.
 
         It brakes if nothing was ever measured.
         """
@@ -147,7 +167,10 @@ class Shield:
         seen = self._bounds(gap, leader_speed, speed)
         slack = seen.gap - p.needed_gap(seen.speed, seen.leader, seen.heat, p.dt)
         missing = ~(np.isfinite(engine) & np.isfinite(brake))
-        limit = np.clip(1.0 - slack / p.soft_m, 0.0, 1.0) ** 2 * self.brake_high
+        past = np.where(np.isfinite(seen.slack), seen.slack, slack)
+        smooth = past + min(p.dt / p.soft_s, 1.0) * (slack - past)
+        near = 1.0 - np.clip(np.maximum(smooth, slack) / p.soft_m, 0.0, 1.0)
+        limit = near**2 * self.brake_high
         limit = np.where(slack < 0, self.brake_high, limit)
         mild = p.mild_brake * self.brake_high
         asked = np.where(missing, mild, brake)  # no command: slow down gently
@@ -155,7 +178,6 @@ class Shield:
         limit = np.maximum(limit, np.where(easing, np.minimum(2.0 - 2.0 * slack / p.ease_m, 1.0) * mild, 0.0))
         sent_brake = np.clip(np.maximum(asked, limit), 0.0, self.brake_high)
         # not a cut: a policy that follows at the limit would get its engine on and off
-        near = 1.0 - np.clip(slack / p.soft_m, 0.0, 1.0)
         eased = np.maximum(near, np.clip(seen.eased + np.where(easing, p.dt, -p.dt) / p.ease_s, 0.0, 1.0))
         left = 1.0 - eased
         throttled = self.engine_low + left * (np.maximum(engine, self.engine_low) - self.engine_low)
@@ -164,10 +186,12 @@ class Shield:
         self.braking = slack < 0
         self.acted = missing | (sent_brake > asked) | (sent_engine != engine)
         left_over = seen.pressed * np.exp(-p.dt / p.release_s)
-        pressed = np.maximum(sent_brake / self.brake_high, left_over)
+        share = sent_brake / self.brake_high
+        downhill = np.where(np.isfinite(grade), p.grade_error - grade, p.steepest)
+        pressed = np.maximum(np.where(share > 0, share + p.descent_share * downhill, 0.0), left_over)
         self._spared = p.heat_after(seen.heat, left_over, seen.speed), left_over
         heat = p.heat_after(seen.heat, pressed, seen.speed)
-        self._seen = seen._replace(heat=heat, eased=eased, pressed=pressed)
+        self._seen = seen._replace(heat=heat, eased=eased, pressed=pressed, slack=smooth)
         return sent_engine, sent_brake
 
     def steady_gap(self, speed: Array) -> Array:
@@ -177,6 +201,32 @@ class Shield:
         heat = np.zeros(len(speed)) if self._seen is None else self._seen.heat
         slow, fast = np.maximum(speed - p.speed_error, 0.0), speed + p.speed_error + p.closing
         return p.needed_gap(fast, slow, heat, p.dt) + p.gap_error + 2 * p.soft_m
+
+    def gentle(
+        self, gap: Array, leader_speed: Array, speed: Array, engine: Array, brake: Array
+    ) -> tuple[Array, Array]:
+        """Commands with which the room before the limit shrinks in `yield_s` or slower, so that the shield
+        need not brake; each (batch,).
+
+        For any policy, by nominal pedals. It asks for `yielding` at most, and only behind a leader that is
+        seen.
+        """
+        p, old = self.promise, self._seen
+        if old is None or len(old.gap) != len(gap):
+            return engine, brake
+        fast, slow = speed + p.speed_error, np.maximum(leader_speed - p.speed_error, 0.0)
+        needed = p.needed_gap(fast, slow, old.heat, p.dt)
+        for_speed = p.needed_gap(fast + 0.5, slow, old.heat, p.dt) - needed  # m for 0.5 m/s more
+        slowing = np.minimum((slow - old.slow_leader) / p.track_s, 0.0)
+        room = gap - p.gap_error - needed - p.soft_m
+        shrinks = speed - leader_speed - slow / p.leader_braking * slowing
+        pull = (room / p.yield_s - shrinks) * 0.5 / np.maximum(for_speed, 0.1)
+        asked = np.clip(np.nan_to_num(-pull), 0.0, p.yielding)
+        share = np.interp(asked, [0.0, p.mild_braking], [p.bite, p.mild_brake])
+        share += np.maximum(asked - p.mild_braking, 0.0) / p.brake_gain
+        least = np.where(asked > 0, share, 0.0) * self.brake_high
+        left = 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0)
+        return self.engine_low + left * (engine - self.engine_low), np.maximum(brake, least)
 
     def _bounds(self, gap: Array, leader_speed: Array, speed: Array) -> Bounds:
         """Bounds from this step's measurements and the last bounds.
@@ -208,4 +258,5 @@ class Shield:
             np.where(received, 0.0, old.unseen_s + p.dt),
             old.eased,
             old.pressed,
+            old.slack,
         )

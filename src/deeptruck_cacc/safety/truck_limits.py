@@ -22,6 +22,7 @@ from deeptruck_model.simulators import Simulator, load
 Array = NDArray[np.float64]
 PREPARE_S, STOP_S = 4.0, 14.0
 NO_BRAKING = 0.02  # m/s^2
+MILD = 0.1  # share of the brake command about which following brakes
 ROTATING = (
     1.1  # wheels and driveline take part in a stop and heat the brakes too: 3 to 8 % of the pool's trucks
 )
@@ -87,12 +88,32 @@ def _with_small_commands(promise: Promise, simulator: Simulator, grade: float, r
     shares: Array = np.linspace(0.0, 0.5, 26)
     level, steep = (_slowing(simulator, shares, slope) for slope in (0.0, grade))
     mild = np.interp(promise.mild_braking, np.maximum.accumulate(level.max(axis=1)), shares)
-    added = np.maximum((level - level[0]).max(axis=1), (steep - steep[0]).max(axis=1))
-    bite = float(shares[max(int(np.argmax(added > NO_BRAKING)) - 1, 0)])
-    beyond = shares - bite
-    usable = beyond > 0.1 - 1e-9  # below it, what else brakes would count most
-    gain = float((added[usable] / beyond[usable]).max()) * ROTATING * (1 + reserve)
-    return replace(promise, mild_brake=float(mild), bite=bite, brake_gain=gain)
+    added, on_descent = ((table - table[0]).max(axis=1) for table in (level, steep))
+    bite, gain = _line_above(shares, added)
+    more = max(float((on_descent - added)[shares > 0.1].max()), 0.0)
+    return replace(
+        promise,
+        mild_brake=float(mild),
+        bite=bite,
+        brake_gain=gain * ROTATING * (1 + reserve),
+        descent_share=more / gain / abs(grade),
+        steepest=abs(grade),
+    )
+
+
+def _line_above(shares: Array, added: Array) -> tuple[float, float]:
+    """Bite and gain of the line above what the brakes add (m/s^2) at all shares that is lowest at MILD."""
+    bites: Array = np.arange(0.0, MILD / 2, 0.002)
+    gains = np.array([_gain(shares - bite, added) for bite in bites])
+    best = int(np.argmin(gains * (MILD - bites)))
+    return float(bites[best]), float(gains[best])
+
+
+def _gain(beyond: Array, added: Array) -> float:
+    """Least gain for which gain * beyond is no less than added, inf if there is none."""
+    if (added[beyond <= 0] > NO_BRAKING).any():
+        return np.inf
+    return float((np.maximum(added - NO_BRAKING, 0.0)[beyond > 0] / beyond[beyond > 0]).max())
 
 
 def _heat_constants(truck: Mapping[str, float], reserve: float) -> dict[str, float]:

@@ -206,12 +206,66 @@ def test_before_the_limit_the_engine_is_taken_back_and_not_cut():
 
 def test_at_its_steady_gap_it_is_at_rest():
     for speed in (5.0, 15.0, 28.0):
-        shield = Shield(PROMISE, 0.0, 100.0)
-        gap, faster = shield.steady_gap(column(speed)), column(speed + PROMISE.closing)
-        shield.filter(gap - 1.4, column(speed), faster, column(800.0), column(0.0))
-        assert not shield.acted[0]
-        shield.filter(gap - 1.6, column(speed), faster, column(800.0), column(0.0))
-        assert shield.acted[0]
+        for nearer, acts in ((1.4, False), (1.6, True)):
+            shield = Shield(PROMISE, 0.0, 100.0)
+            gap, faster = shield.steady_gap(column(speed)), column(speed + PROMISE.closing)
+            shield.filter(gap - nearer, column(speed), faster, column(800.0), column(0.0))
+            assert shield.acted[0] == acts
+
+
+def test_a_reading_that_is_too_near_by_noise_alone_does_not_brake():
+    """2.5 m before the limit, then once 1 m nearer: within `soft_m`, its mean over `soft_s` is not."""
+    needed = PROMISE.needed_gap(column(20.1), column(19.9), column(0.0), PROMISE.dt) + PROMISE.gap_error
+    shield, sent = Shield(PROMISE, 0.0, 100.0), []
+    for room in (2.5, 1.3, 2.5, 1.3, 1.3, 1.3, 1.3, 1.3):
+        _, brake = shield.filter(needed + room, column(20.0), column(20.0), column(0.0), column(0.0))
+        sent.append(float(brake[0]))
+    assert sent[:4] == [0.0] * 4 and 0.0 < sent[-1] < 100.0 * (0.2 / 1.5) ** 2
+
+
+@pytest.mark.parametrize(("leader", "room", "asked"), [(18.0, 4.5, 1.26), (19.9, 6.0, 0.0), (15.0, 4.5, 1.5)])
+def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, room, asked):
+    """At 20 m/s: (shrinking - (room - soft_m) / yield_s) / (dG/dv), at most `yielding`, by formula."""
+    shield = Shield(PROMISE, 0.0, 100.0)
+    speeds = column(leader), column(20.0)
+    needed = PROMISE.needed_gap(column(20.1), column(leader - 0.1), column(0.0), PROMISE.dt)
+    gap, commands = needed + PROMISE.gap_error + room, (column(800.0), column(0.0))
+    np.testing.assert_array_equal(shield.gentle(gap, *speeds, *commands), commands)  # nothing known yet
+    for _ in range(30):
+        shield.filter(column(500.0), *speeds, *commands)
+    engine, brake = shield.gentle(gap, *speeds, *commands)
+    more = PROMISE.needed_gap(column(20.6), column(leader - 0.1), column(0.0), PROMISE.dt) - needed
+    wanted = np.clip((20.0 - leader - (room - PROMISE.soft_m) / PROMISE.yield_s) * 0.5 / more, 0.0, 1.5)
+    beyond = np.maximum(wanted - PROMISE.mild_braking, 0.0) / PROMISE.brake_gain
+    share = PROMISE.mild_brake * np.minimum(wanted / PROMISE.mild_braking, 1.0) + beyond
+    assert brake == pytest.approx(100.0 * share) and (brake > 0) == (asked > 0)
+    assert engine == pytest.approx(800.0 * (1.0 - np.minimum(wanted / PROMISE.mild_braking, 1.0)))
+
+
+def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_not_at_all():
+    def asked(braking, seen=1.0):
+        shield, commands = Shield(PROMISE, 0.0, 100.0), (column(0.0), column(0.0))
+        for k in range(20):
+            leader = column(18.0 + 0.1 * braking * (20 - k))
+            shield.filter(column(500.0), leader, column(20.0), *commands)
+        gap = PROMISE.needed_gap(column(20.1), column(17.9), column(0.0), PROMISE.dt) + 10.0
+        return float(shield.gentle(seen * gap, column(18.0), column(20.0), *commands)[1][0])
+
+    assert asked(2.0) > asked(0.0) > 0.0
+    assert asked(2.0, np.nan) == 0.0
+
+
+def test_brakes_that_keep_a_deceleration_heat_more_downhill():
+    """By `descent_share` for each unit of a measured slope and its error; the steepest if unknown."""
+    promise, sent = replace(PROMISE, descent_share=1.5), {}
+    for grade, brake in ((np.nan, 10.0), (-0.02, 10.0), (0.02, 10.0), (-0.02, 0.0)):
+        shield = Shield(promise, 0.0, 100.0)
+        shield.filter(column(500.0), column(20.0), column(20.0), column(0.0), column(brake), column(grade))
+        sent[str(grade), brake] = float(shield._seen.heat[0]) / (0.1 * 7.5 * 20.1)
+    assert sent["nan", 10.0] == pytest.approx(0.1 + 1.5 * 0.03)
+    assert sent["-0.02", 10.0] == pytest.approx(0.1 + 1.5 * 0.03)
+    assert sent["0.02", 10.0] == pytest.approx(0.1 - 1.5 * 0.01)
+    assert sent["-0.02", 0.0] == 0.0
 
 
 def test_it_acts_where_it_adds_a_brake_alone_and_not_where_the_policy_brakes_as_hard():
