@@ -217,7 +217,8 @@ class Shield:
         fast, slow = speed + p.speed_error, np.maximum(leader_speed - p.speed_error, 0.0)
         needed = p.needed_gap(fast, slow, old.heat, p.dt)
         for_speed = p.needed_gap(fast + 0.5, slow, old.heat, p.dt) - needed  # m for 0.5 m/s more
-        slowing = np.minimum((slow - old.slow_leader) / p.track_s, 0.0)
+        # a leader that brakes harder is left to the limit, and another leader is no braking
+        slowing = np.clip((slow - old.slow_leader) / p.track_s, -p.yielding, 0.0)
         room = gap - p.gap_error - needed - p.soft_m
         shrinks = speed - leader_speed - slow / p.leader_braking * slowing
         pull = (room / p.yield_s - shrinks) * 0.5 / np.maximum(for_speed, 0.1)
