@@ -63,7 +63,7 @@ class Promise:
     ease_s: float = 0.5  # s, in which the engine is then taken back, and given back whatever took it
     mild_braking: float = 0.6  # m/s^2, as which the truck then slows down on the level
     mild_brake: float = 0.08  # share of the brake command by which it does
-    yield_s: float = 6.0  # s, time constant with which the room before the limit may shrink to `soft_m`
+    yield_s: float = 9.0  # s, time constant with which the room before the limit may shrink to `soft_m`
     yielding: float = 1.5  # m/s^2, the hardest braking that this asks for
     bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,
     bridged_time_gap: float = 2.8  # s, from this time gap on (5 to 29 m/s)
@@ -170,8 +170,8 @@ class Shield:
         past = np.where(np.isfinite(seen.slack), seen.slack, slack)
         smooth = past + min(p.dt / p.soft_s, 1.0) * (slack - past)
         near = 1.0 - np.clip(np.maximum(smooth, slack) / p.soft_m, 0.0, 1.0)
+        near = np.where(slack < 0, 1.0, near)
         limit = near**2 * self.brake_high
-        limit = np.where(slack < 0, self.brake_high, limit)
         mild = p.mild_brake * self.brake_high
         asked = np.where(missing, mild, brake)  # no command: slow down gently
         easing = (seen.unseen_s > 0) & (slack < p.ease_m)
