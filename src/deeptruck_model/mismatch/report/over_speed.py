@@ -38,9 +38,11 @@ def figure(e: Evidence, units: str = "m/s") -> str:
     out = [f'<path class="axis" d="M{at(0.0, 0.0)} L{at(1.05 * fastest, 0.0)}"/>']
     for name, bins in binned.items():
         upper, lower = ([at(speed, q[k]) for speed, *q in bins] for k in (2, 0))
-        middle = " ".join(at(speed, median) for speed, _, median, _ in bins)
+        middle = [at(speed, median) for speed, _, median, _ in bins]
         out.append(f'<polygon class="band {SERIES[name]}" points="{" ".join([*upper, *lower[::-1]])}"/>')
-        out.append(f'<polyline class="line {SERIES[name]}" points="{middle}"/>')
+        out.append(f'<polyline class="line {SERIES[name]}" points="{" ".join(middle)}"/>')
+        for x, y in (place.split(",") for place in middle):  # of a single bin there is no line
+            out.append(f'<circle class="{SERIES[name]}" cx="{x}" cy="{y}" r="3"/>')
     for force in {low, 0.0, high}:
         x, y = at(0.0, force).split(",")
         out.append(f'<text x="{float(x) - 6.0:.0f}" y="{y}" text-anchor="end">{digits(force)}</text>')
