@@ -115,8 +115,9 @@ def test_what_is_missing_is_named_while_driving(start: Callable[..., Any], tmp_p
     assert stamps == [91, 121, 151]  # the first stamp of a lock-step run is 1 s
     last = named(heard(tmp_path / "bag", "/mismatch/names"))[-1]
     families = {family: [last[n] for n in own] for family, own in NAMES.items()}
-    assert [last[family] for family in families] == pytest.approx([sum(p) for p in families.values()])
-    assert Rules.named <= sum(map(sum, families.values())) + last["unknown"] + last["nothing"] < 1.0 + 1e-6
+    for family, own in families.items():  # several may act together, so that it is no sum
+        assert max(own) - 1e-6 <= last[family] <= min(sum(own), 1.0) + 1e-6
+    assert max(last["unknown"], last["nothing"]) <= 1.0 - Rules.named
     assert last["mass"] + last["payload_change"] > 0.5 and last["mass"] <= last["load"]
     shares = named(heard(tmp_path / "bag", "/mismatch/budget"))[-1]
     error, horizon = shares.pop("speed_rmse"), shares.pop("horizon_s")
