@@ -103,7 +103,7 @@ def _with_small_commands(promise: Promise, simulator: Simulator, grade: float, r
 
 def _line_above(shares: Array, added: Array) -> tuple[float, float]:
     """Bite and gain of the line above what the brakes add (m/s^2) at all shares that is lowest at MILD."""
-    bites: Array = np.arange(0.0, MILD / 2, 0.002)
+    bites = np.arange(0.0, MILD / 2, 0.002)
     gains = np.array([_gain(shares - bite, added) for bite in bites])
     best = int(np.argmin(gains * (MILD - bites)))
     return float(bites[best]), float(gains[best])
