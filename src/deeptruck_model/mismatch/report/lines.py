@@ -189,9 +189,10 @@ def _what(f: Finding) -> str:
         return f.says
     if f.stated == ROOT:
         return f"{name} is most probable ({percent(f.probability)})"
+    likely = f", most probably {spoken(f.effect)} ({percent(f.probability)})"
     if f.kind is Kind.PARAMETER:
-        return f"{name} of the simulator is wrong" if f.stated == f.effect else f"an error in {name}"
-    what = f"{name} is missing" if f.stated == f.effect else f"an effect in {name} is missing"
+        return f"{name} of the simulator is wrong" if f.stated == f.effect else f"an error in {name}{likely}"
+    what = f"{name} is missing" if f.stated == f.effect else f"an effect in {name} is missing{likely}"
     return f"{what} ({BESIDE_MISSING[f.missing_input]})" if f.missing_input else what
 
 

@@ -177,6 +177,10 @@ def test_what_is_stated_beside_a_good_simulator_is_said_with_it_and_a_larger_par
     wide = replace(off, budget=Budget(40.0, 9, 0.5, (replace(load, low=0.01, high=0.96), rest)))
     assert "load" not in lines.headline(wide) and "load 1 to 96 %" in " ".join(lines.what(wide))
     assert "load" not in lines.headline(smaller)
+    family = replace(f, stated=f.family, probability=0.88)
+    assert lines.headline(replace(smaller, findings=(family,))).startswith(
+        "An effect in engine and driveline is missing, most probably shift interruption (88 %), 21 % of"
+    )
     good = replace(off, advice={"simulator": Advice(Answer.YES, "off by 0.1 m/s")})
     assert lines.headline(good) == (
         "Shift interruption is missing, 21 % of the squared error; otherwise the simulator is good enough"
