@@ -87,7 +87,7 @@ def test_a_policy_file_keeps_it_and_one_of_before_has_none():
 
 
 def test_the_shield_hears_the_reading_itself(toy):
-    """The filter hardly moves for one reading 0.8 m nearer; the shield must act on it there and then."""
+    """The filter hardly moves for one reading beyond the limit; the shield must act on it there and then."""
     features = FeatureMap.default(power=True)
     layers = [(np.zeros((2, len(features.names))), np.zeros(2))]
     driver = guard(MlpPolicy(layers, features, ActionScale.of(toy), toy.interface))
@@ -99,7 +99,7 @@ def test_the_shield_hears_the_reading_itself(toy):
     for _ in range(50):
         driver.act({**seen, "gap": needed + 0.3})
         assert not driver.acted.any()
-    driver.act({**seen, "gap": needed - 0.5})
+    driver.act({**seen, "gap": needed - p.soft_m - 0.1})
     assert driver.acted.all()
 
 

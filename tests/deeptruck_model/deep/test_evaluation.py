@@ -75,7 +75,7 @@ def test_writes_figures_and_metrics(truck, drive, tmp_path):
     assert [b["name"].rpartition(" ")[0] for b in metrics["baselines"]] == ["constant", "physics truck"]
     evaluate(truck, [drive(60, seed=7)], tmp_path / "more", count=40, horizon_s=10, named="truck:mine")
     again = (tmp_path / "more" / "evaluation.html").read_text()
-    assert "by truck:mine." in again and "worth about 6 independent ones." in again
+    assert "by truck:mine." in again and "count as about 6 independent ones." in again
     assert text.count("data:image/png;base64,") == 3 and "<script" not in text
 
 

@@ -401,7 +401,7 @@ def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     rise, grade, engine, brake, speed = _windows(recordings, WINDOW_S, "speed", *names)
     fall = GRAVITY * np.sin(np.arctan(grade))
     use = np.isfinite(rise + fall + engine) & (speed > DRIVING_M_S) & ~(brake > 0.0)
-    if use.sum() < LEAST_DRIVEN or not fall[use].std() or not engine[use].std():
+    if use.sum() < LEAST_DRIVEN or not all(x[use].std() for x in (rise, fall, engine)):
         return
     rise, fall, engine, speed = rise[use], fall[use], engine[use], speed[use]
     X = np.stack([fall, engine, engine / speed, engine > 0.0, speed, speed**2, np.ones(len(speed))], axis=1)
