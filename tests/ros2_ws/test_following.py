@@ -62,7 +62,7 @@ def test_behind_a_slower_radar_it_drives_as_behind_one_of_ten_readings_a_second(
     lost = RadarErrors(dropout_rate=0.03, dropout_s=6.0)
     engines, gaps = (np.array(x) for x in drive(truck, leader, 60.0, every, RadarErrors()))
     assert np.abs(gaps - drive(truck, leader, 60.0, 1, RadarErrors())[1]).max() < 0.5
-    # the shield cuts the engine at the first reading that shows the leader brake: a jolt of 0.15 m/s^2
+    # the shield cuts the engine at the first reading that shows the leader brake: a jolt of 0.13 m/s^2
     assert np.abs(np.diff(engines)).max() < 0.25 * ActionScale.of(truck).engine_high
     fast, slow = (drive(truck, "constant:speed=20", 60.0, n, lost) for n in (1, every))
     assert min(slow[1]) > min(fast[1]) - 0.5
