@@ -101,6 +101,12 @@ def better(before: float, after: float, *, refit: bool) -> str:
     )
 
 
+def worse_bare(before: float, after: float, bare: float) -> str:
+    """The correction is better only along drives with signals that others lack."""
+    only = " only with signals that others lack: without them it is "
+    return Said(better(before, after, refit=False), only, Speed(bare))
+
+
 def after_repair(better: str, *, sure: bool) -> str:
     """The benefit of a correction that was fitted with a corrected sensor, which is `sure` to be wrong or
     may be."""

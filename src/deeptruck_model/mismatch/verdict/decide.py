@@ -85,16 +85,21 @@ def uncompared(*, faulty: bool) -> Conclusion:
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
     """Of the simulators that are significantly better than the one as given, with or without a name, the one
     with the least error along held-out drives. The correction only if it is better than the refit alone, and
-    than the one as given without signals that others lack. If nothing is missing, it must reduce the error by
-    as much as a drift must make to be a finding."""
+    without signals that others lack no worse than the one as given. If nothing is missing, it must reduce the
+    error by as much as a drift must make to be a finding."""
     errors = {REFIT: n.parameters_only, CORRECTION: n.corrected}
     better = {name: x for name, x in errors.items() if name in n.better}
-    if n.corrected > n.parameters_only or (n.bare is not None and n.bare > n.given):
+    if n.corrected > n.parameters_only or _worse_bare(n, rules):
         better.pop(CORRECTION, None)
     best = min(better, key=lambda name: better[name], default=AS_GIVEN)
     if kind is Conclusion.NOTHING and not n.given - errors.get(best, n.given) > rules.drift:
         return AS_GIVEN
     return best
+
+
+def _worse_bare(n: Numbers, rules: Rules) -> bool:
+    """Whether the correction without signals beyond the protocol is worse than the simulator as given."""
+    return n.bare is not None and rules.better * n.bare > n.given
 
 
 def advice(n: Numbers, kind: Conclusion, rules: Rules) -> Mapping[str, Advice]:
@@ -142,6 +147,8 @@ def _apply(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
         return Advice(Answer.YES, better)
     if kind is Conclusion.NOTHING or not n.is_corrected:
         return Advice(Answer.NO, wording.NOTHING_CORRECTED)
+    if CORRECTION in n.better and n.bare is not None and _worse_bare(n, rules):
+        return Advice(Answer.UNSURE, wording.worse_bare(n.given, n.corrected, n.bare))
     if min(n.parameters_only, n.corrected) < n.given:
         return Advice(Answer.UNSURE, wording.NOT_SIGNIFICANT)
     return Advice(Answer.NO, wording.NOT_BETTER)

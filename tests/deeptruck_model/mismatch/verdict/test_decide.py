@@ -145,6 +145,16 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
         ),
         (replace(PHYSICS, corrected=0.4, parameters_only=0.6), Answer.UNSURE, wording.NOT_SIGNIFICANT),
         (replace(PHYSICS, corrected=0.6, parameters_only=0.4), Answer.UNSURE, wording.NOT_SIGNIFICANT),
+        (
+            replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2, bare=0.6),
+            Answer.UNSURE,
+            wording.worse_bare(0.5, 0.2, 0.6),
+        ),
+        (
+            replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2, bare=0.505),
+            Answer.YES,
+            wording.better(0.5, 0.2, refit=False),
+        ),
         (replace(PHYSICS, corrected=0.5, parameters_only=0.5), Answer.NO, wording.NOT_BETTER),
         (replace(PHYSICS, is_corrected=False), Answer.NO, wording.NOTHING_CORRECTED),
         (Numbers([Kind.PHYSICS], [1.0], [True], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
