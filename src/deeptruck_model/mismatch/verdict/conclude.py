@@ -77,9 +77,9 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
         ),
         Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean()), c.drives.doubts),
         (
-            *not_compared(e.own, LIBRARY.values(), c.search.library, e),
             *c.drives.caveats,
             *_caveats(c),
+            *not_compared(e.own, LIBRARY.values(), c.search.library, e),
             *_mass(c, made),
         ),
         c.drives.missing,
