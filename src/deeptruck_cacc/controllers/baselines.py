@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.approach import approach
-from deeptruck_cacc.controllers.law import Law, Perception, Seen
+from deeptruck_cacc.controllers.law import LEAST_SPEED, Law, Perception, Seen
 from deeptruck_cacc.controllers.mpc import mpc
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Observation
@@ -94,9 +94,10 @@ class Baseline:
             self._past = np.zeros(len(grade)), np.zeros(len(grade)), np.zeros(len(grade))
         correction, wanted, at_end = self._past
         # The acceleration requested one slow constant ago is what the slow ego rate should show now. What a
-        # pedal at its end (1: engine, -1: brake) does not give is no error of the map.
+        # pedal at its end (1: engine, -1: brake) does not give is no error of the map, nor what a truck that
+        # is held at rest does not.
         off = wanted - seen.acceleration
-        off = np.where(off * at_end > 0, 0.0, off)
+        off = np.where((off * at_end > 0) | (seen.speed < LEAST_SPEED), 0.0, off)
         correction = np.clip(correction + self.correction_per_s * self.dt * off, -1.0, 1.0)
         now = np.clip(np.minimum(self.law(seen), self._closing_in(seen)), *self.comfort)
         wanted = wanted + self.dt / self._perceive.slow_s * (now - wanted)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import Observation
-from deeptruck_cacc.controllers.scaling import ACCELERATION_UNIT, FeatureMap, paper_signals
+from deeptruck_cacc.controllers.scaling import ACCELERATION_UNIT, FeatureMap, observed
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,8 @@ class Perception:
 
     def __call__(self, observation: Observation) -> tuple[Seen, Array]:
         """The inputs of a law and the grade, each (batch,)."""
-        signals = paper_signals(observation)
+        signals = observed(observation)
+        signals[:, 3] *= np.maximum(signals[:, 1], LEAST_SPEED)  # else a truck that stands wants no gap
         if self._memory is None or len(self._memory) != len(signals):
             self._memory = self._features.start(len(signals))
         features, self._memory = self._features(signals, self._memory)

@@ -208,8 +208,8 @@ class Shield:
         """Commands with which the room before the limit shrinks in `yield_s` or slower, so that the shield
         need not brake; each (batch,).
 
-        For any policy, by nominal pedals. It asks for `yielding` at most, and only behind a leader that is
-        seen.
+        For any policy. It asks the brakes alone, as if there were no drag, for `yielding` at most, and only
+        behind a leader that is seen.
         """
         p, old = self.promise, self._seen
         if old is None or len(old.gap) != len(gap):
@@ -223,8 +223,7 @@ class Shield:
         shrinks = speed - leader_speed - slow / p.leader_braking * slowing
         pull = (room / p.yield_s - shrinks) * 0.5 / np.maximum(for_speed, 0.1)
         asked = np.clip(np.nan_to_num(-pull), 0.0, p.yielding)
-        share = np.interp(asked, [0.0, p.mild_braking], [p.bite, p.mild_brake])
-        share += np.maximum(asked - p.mild_braking, 0.0) / p.brake_gain
+        share = p.bite + asked / p.brake_gain  # at low speed there is no drag
         least = np.where(asked > 0, share, 0.0) * self.brake_high
         left = 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0)
         return self.engine_low + left * (engine - self.engine_low), np.maximum(brake, least)

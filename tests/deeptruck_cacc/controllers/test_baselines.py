@@ -29,3 +29,19 @@ def test_what_an_engine_at_its_end_does_not_give_is_not_summed_up() -> None:
         engine, _ = driver.act({**{n: np.array([x]) for n, x in far.items()}, "speed": np.array([20.0])})
     assert engine[0] == driver.pedals.scale.engine_high
     assert driver._past is not None and driver._past[0][0] < 0.3
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_truck_that_stands_nearer_than_wanted_brakes(name: str) -> None:
+    """A time gap is that of 0.5 m/s there: 12 s are 6 m, as the guard asks for."""
+    driver = baseline(name, simulators.load("truck:trucksim").interface)
+    standing = {"leader_speed": 0.0, "speed": 0.0, "gap": 3.4, "target_time_gap": 12.0}
+    engine, brake = driver.act({n: np.array([x]) for n, x in standing.items()})
+    assert engine[0] == driver.pedals.scale.engine_low and brake[0] > 0.0
+
+
+def test_what_a_truck_that_is_held_does_not_give_is_not_summed_up() -> None:
+    driver = baseline("acc", simulators.load("truck:trucksim").interface)
+    held = {"leader_speed": 1.0, "speed": 0.0, "gap": 8.0, "target_time_gap": 12.0}
+    engines = [driver.act({n: np.array([x]) for n, x in held.items()})[0][0] for _ in range(100)]
+    assert engines[0] > driver.pedals.scale.engine_low and np.ptp(engines) == 0.0

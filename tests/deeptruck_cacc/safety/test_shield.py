@@ -236,8 +236,7 @@ def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, roo
     engine, brake = shield.gentle(gap, *speeds, *commands)
     more = PROMISE.needed_gap(column(20.6), column(leader - 0.1), column(0.0), PROMISE.dt) - needed
     wanted = np.clip((20.0 - leader - (room - PROMISE.soft_m) / PROMISE.yield_s) * 0.5 / more, 0.0, 1.5)
-    beyond = np.maximum(wanted - PROMISE.mild_braking, 0.0) / PROMISE.brake_gain
-    share = PROMISE.mild_brake * np.minimum(wanted / PROMISE.mild_braking, 1.0) + beyond
+    share = np.where(wanted > 0, PROMISE.bite + wanted / PROMISE.brake_gain, 0.0)
     assert brake == pytest.approx(100.0 * share) and (brake > 0) == (asked > 0)
     assert engine == pytest.approx(800.0 * (1.0 - np.minimum(wanted / PROMISE.mild_braking, 1.0)))
 
