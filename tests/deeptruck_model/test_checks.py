@@ -93,6 +93,8 @@ def test_a_bag_that_cannot_be_used_is_one_line(tmp_path: Path) -> None:
     (cut / "metadata.yaml").unlink()
     torn = bag_of(tmp_path / "torn")
     (torn / "metadata.yaml").write_text("rosbag2_bagfile_information: {custom_data: [")
+    (tmp_path / "several").mkdir()
+    bag_of(tmp_path / "several" / "a")
     lost = bag_of(tmp_path / "lost")
     (lost / "lost_0.mcap").unlink()
     says = {
@@ -100,7 +102,8 @@ def test_a_bag_that_cannot_be_used_is_one_line(tmp_path: Path) -> None:
         "drive.csv": "needs 'deeptruck-model import'",
         "false.mcap": "cannot be read as a bag",
         "empty": "is empty, it holds no bag",
-        "other": "is no bag",
+        "other": "is no bag: it has no",
+        "several": "is no bag, but a folder of 1; give these: .*several/[*]",
         "cut": "is not a finished bag",
         "torn": "metadata.yaml is damaged",
         "lost": "has lost lost_0.mcap",

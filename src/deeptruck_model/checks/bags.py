@@ -150,6 +150,8 @@ def _check_folder(path: Path) -> None:
         )
     if any(path.glob("*.db3")):  # a database is whole at any time
         return
+    if inside := list(path.glob(f"*/{METADATA}")):
+        raise InputError(f"{path} is no bag, but a folder of {len(inside)}; give these: {path / '*'}")
     raise InputError(
         f"{path} is no bag: it has no {METADATA} and no .mcap or .db3 file; give the folder of a bag"
     )

@@ -106,11 +106,12 @@ def _in_drives(v: Verdict, f: Finding) -> str:
 
 
 def _larger(v: Verdict) -> str:
-    """A part of the budget that no finding covers, all of whose interval is above the first one's share."""
-    share, parts = v.findings[0].share_of_error, v.budget.parts if v.budget is not None else ()
+    """A part of the budget that no finding covers, all of whose interval is above the first one's share;
+    none above a sensor, whose fault is removed from the budget."""
+    f, parts = v.findings[0], v.budget.parts if v.budget is not None else ()
     stated = {f.family for f in v.findings} | {LEFT_OVER, UNKNOWN}
     other = max((p for p in parts if p.part not in stated), key=lambda p: p.low, default=None)
-    if other is None or share is None or other.low <= share:
+    if other is None or f.kind is Kind.SENSOR or other.low <= max(f.share_of_error or 0.0, LARGE):
         return ""
     return f"the largest part is {spoken(other.part)}, {share_of(other)}, of which no name is certain; "
 
