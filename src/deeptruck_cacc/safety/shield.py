@@ -40,9 +40,8 @@ class Promise:
     strongest_braking: float = 7.5  # m/s^2: the fastest the brakes can heat, which the tyres limit
     bite: float = 0.0  # share of the brake command up to which the brakes give nothing on the level
     brake_gain: float = 7.5  # m/s^2 for each share beyond, the most they give
-    descent_share: float = (
-        0.0  # by which they give more for each unit of descent: brakes that keep a deceleration
-    )
+    # Brakes that keep a deceleration give more on a descent:
+    descent_share: float = 0.0  # of the command, for each unit of descent
     steepest: float = 0.03  # descent that is meant where the slope is not known
     grade_error: float = 0.01  # of a slope that is: the pitch of a truck that brakes
     release_s: float = 0.3  # s, time constant of their release: FMVSS 121 S5.3.4, 5 psi within 0.55 s
@@ -53,9 +52,7 @@ class Promise:
     speed_error: float = 0.1  # m/s, radar and wheels
     dt: float = 0.1  # s between calls
     soft_m: float = 1.5  # m before the limit where the engine is cut and the brake comes in gently
-    soft_s: float = (
-        0.3  # s, time constant of that distance to the limit: a radar's noise is no cause to brake
-    )
+    soft_s: float = 0.3  # s, time constant of that distance, so that a radar's noise does not brake
     closing: float = 0.5  # m/s, by which the truck may be faster than its leader in ordinary following
     ease_m: float = (
         10.0  # m before the limit where, behind a leader that is not seen, `mild_braking` comes in
@@ -63,7 +60,9 @@ class Promise:
     ease_s: float = 0.5  # s, in which the engine is then taken back, and given back whatever took it
     mild_braking: float = 0.6  # m/s^2, as which the truck then slows down on the level
     mild_brake: float = 0.08  # share of the brake command by which it does
-    yield_s: float = 9.0  # s, time constant with which the room before the limit may shrink to `soft_m`
+    # The room before the limit may shrink to `soft_m` with this time constant; with 4 and 6 s the truck
+    # braked harder behind random leaders.
+    yield_s: float = 9.0  # s
     yielding: float = 1.5  # m/s^2, the hardest braking that this asks for
     bridged_s: float = 3.0  # s, for which a steady leader may vanish without more than `mild_braking`,
     bridged_time_gap: float = 2.8  # s, from this time gap on (5 to 29 m/s)

@@ -29,7 +29,7 @@ AGAINST = ("brake_force", "drag_force", "rolling_force")
 APART, APART_M_S2 = 0.5, 0.05  # that forces may be off: rotating masses in low gears, and a step's delay
 STEP = 0.2  # relative change of a parameter
 TIMED_S, TEN_MINUTES_S, SLOW_S = 20.0, 600.0, 20.0  # of the drives that are timed; what a user waits for
-DRIVES = 6
+DRIVES = 6  # that the stated time is for
 AGAIN, FREE_RUNS = 1.5, 4.0  # passes along all drives, of one linearisation, and of free runs: counted
 
 

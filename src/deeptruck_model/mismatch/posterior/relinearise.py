@@ -28,11 +28,8 @@ from deeptruck_model.mismatch.residual.sensitivity import STEP, accepted
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.simulators import Simulator
 
-FAR, SETTLED, STEPS = (
-    0.05,
-    0.02,
-    4,
-)  # relative changes of parameters from which on another linearisation is needed
+FAR, SETTLED = 0.05, 0.02  # relative changes of parameters from which on another linearisation is needed
+STEPS = 4
 CLOSE, CLOSER_STEPS = 0.005, 10  # the same where parameters are all that is fitted
 
 
