@@ -109,9 +109,9 @@ def test_one_case_from_drives_to_page(tmp_path, monkeypatch):
     before, _, after = results["free_run_speed_rmse"].values()
     assert after < 0.5 * before
     least = {kind: seeds[0]["stop"]["min_gap_m"] for kind, seeds in results["recipes"]["trusting"].items()}
-    # The shield keeps 2 m with each; the corrected simulator teaches what the true one does, the old one not.
-    assert least["corrected"] == pytest.approx(least["true"], abs=0.05) and min(least.values()) > 2.0
-    assert abs(least["old"] - least["true"]) > 0.1
+    assert min(least.values()) > 2.0  # the shield keeps 2 m with each policy
+    # The corrected simulator teaches what the true one does; the old one teaches something else.
+    assert abs(least["corrected"] - least["true"]) < 0.25 * abs(least["old"] - least["true"])
     assert "runs that end below 2 m" in (out / "benefit.md").read_text()
     assert json.loads((out / "benefit.json").read_text())["payload"]["found"] == results["found"]
     assert (out / "benefit.png").stat().st_size > 10_000
