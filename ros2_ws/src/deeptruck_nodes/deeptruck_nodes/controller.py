@@ -42,12 +42,12 @@ class Controller(DeeptruckNode):
         self._received = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._said: set[str] = set()  # reasons for which samples were refused
         self._command = self.publish_on(COMMAND)
+        self.listen_to(ENGAGED, self._on_engaged)  # first: after a delay it is read before a command is sent
         self.listen_to(ROAD, self._on_road)
         self.listen_to(ROAD_AHEAD, self._on_road_ahead)
         self.listen_to(RADAR_RANGE, self._on_range)
         self.listen_to(RADAR_TWIST, self._on_radar_twist)
         self.listen_to(TWIST, self._on_twist)
-        self.listen_to(ENGAGED, self._on_engaged)
 
     def close(self) -> None:
         say(run_summary.hazards(self._following.counts))

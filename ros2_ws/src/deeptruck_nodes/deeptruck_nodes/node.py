@@ -14,7 +14,7 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException, ParameterException
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor, TimeoutObject
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
@@ -213,7 +213,9 @@ def _last_words(text: str) -> int:
 def _spin(node: DeeptruckNode, stop: _Stop) -> None:
     lifeline, executor = Lifeline(), SingleThreadedExecutor()
     executor.add_node(node)
-    going = False
+    # A new number makes the executor begin with the first subscription again, and where messages are always
+    # waiting the last one starves; with one object it takes each that is ready in turn.
+    going, pause = False, TimeoutObject(0.0)
     while not (stop.asked or node.finished or lifeline.is_cut()):
         if going:
             wait = node.tick()
@@ -224,7 +226,8 @@ def _spin(node: DeeptruckNode, stop: _Stop) -> None:
                 if lifeline.may_go():
                     going, wait = True, 0.0
                     node.begin()
-        executor.spin_once(timeout_sec=max(0.0, min(wait, IDLE)))
+        pause.timeout = max(0.0, min(wait, IDLE))
+        executor.spin_once(timeout_sec=pause)
     while node.lingers():
         executor.spin_once(timeout_sec=IDLE)
     executor.remove_node(node)
