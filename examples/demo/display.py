@@ -57,10 +57,6 @@ def _table(progress: Sequence[Progress]) -> Table:
     for number, p in enumerate(progress, 1):
         seconds = time.monotonic() - p.begun if p.state == "running" and p.begun else p.seconds
         took = "kept" if p.state == "kept" else f"{seconds:.0f} s" if seconds else ""
-        says = _escaped(p.says) if p.state == "running" else ""
+        says = p.says.replace("[", r"\[") if p.state == "running" else ""
         table.add_row(SIGNS[p.state], f"{number}/{len(progress)}", p.step.title, took, says)
     return table
-
-
-def _escaped(text: str) -> str:
-    return text.replace("[", r"\[")

@@ -187,7 +187,7 @@ def _beside(
     for f in findings:
         strength = f.get("strength") or {}
         force = _kilonewton(strength["value"]) if strength.get("unit") == "N" else ""
-        rows.append(("found", _words(f["effect"]), _percent(f["probability"]), force))
+        rows.append(("found", _words(f["effect"]), f"{100 * f['probability']:.0f} %", force))
     return rows
 
 
@@ -212,10 +212,6 @@ def _words(name: str) -> str:
 
 def _kilonewton(newton: float) -> str:
     return f"{abs(newton) / 1000:.1f} kN {'against' if newton < 0 else 'with'} the motion"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
 
 
 def _real(out: Path) -> dict[str, Any]:

@@ -26,10 +26,6 @@ class Carrier:
     convert: Callable[[float], float] | None = None
 
 
-def _grade(pitch_deg: float) -> float:
-    return math.tan(math.radians(pitch_deg))
-
-
 CARRIERS: tuple[Carrier, ...] = (
     Carrier("speed", "CCVS1", "WheelBasedVehicleSpeed"),
     Carrier("speed", "EBC2", "FrontAxleSpeed"),
@@ -45,7 +41,7 @@ CARRIERS: tuple[Carrier, ...] = (
     Carrier("fuel_rate", "LFE1", "EngineFuelRate"),
     Carrier("gear", "ETC2", "CurrentGear"),
     Carrier("brake_switch", "CCVS1", "BrakeSwitch"),
-    Carrier("grade", "VDS", "Pitch", convert=_grade),
+    Carrier("grade", "VDS", "Pitch", convert=lambda pitch_deg: math.tan(math.radians(pitch_deg))),
     Carrier("elevation", "VDS", "Altitude"),
     Carrier("ambient_temperature", "AMB", "AmbientAirTemperature"),
     Carrier("latitude", "VP", "Latitude"),

@@ -43,7 +43,10 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
         )
     if text.startswith("baseline:"):
         return baseline(text.removeprefix("baseline:"), interface or TruckInterface("trucksim"))
-    policy = _planner(text.removeprefix(PLANNER)) if text.startswith(PLANNER) else _learned(Path(text))
+    if text.startswith(PLANNER):
+        policy = _planner(text.removeprefix(PLANNER))
+    else:
+        policy = load_onnx(Path(text)) if text.endswith(SUFFIX) else load_trained(Path(text))
     if interface is not None and (interface.u, interface.engine_unit, interface.brake_unit) != (
         policy.interface.u,
         policy.interface.engine_unit,
@@ -54,10 +57,6 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
             "give one made with a simulator of this truck"
         )
     return policy
-
-
-def _learned(path: Path) -> Policy:
-    return load_onnx(path) if path.name.endswith(SUFFIX) else load_trained(path)
 
 
 def _planner(simulator: str) -> Policy:

@@ -110,16 +110,12 @@ def check(config: Config, limits: Mapping[str, tuple[float, float]]) -> None:
     wrong = [
         _outside(name, values[name], *reach)
         for name, reach in limits.items()
-        if not _in(values[name], *reach)
+        if not reach[0] <= values[name] <= reach[1]  # nor NaN
     ]
     if config.scene not in scenes.DRAWERS:
         wrong.append(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
     if wrong:
         raise InputError("; ".join(wrong))
-
-
-def _in(value: float, least: float, most: float) -> bool:
-    return least <= value <= most  # nor NaN
 
 
 def _outside(name: str, value: float, least: float, most: float) -> str:

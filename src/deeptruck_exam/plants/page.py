@@ -47,13 +47,9 @@ def lines(rows: Sequence[Row]) -> list[str]:
 
 
 def _cells(simulator: str, concealed: str, rows: Sequence[Row]) -> list[str]:
-    said = Counter(_said(r) for r in rows)
+    said = Counter(" ".join(r["said"]) or str(r["verdict"]) for r in rows)
     words = "; ".join(f"{what}{f' ({n})' if n > 1 else ''}" for what, n in said.most_common())
     return [simulator, concealed, words, right(rows), *(_median(rows, name) for name in ERRORS)]
-
-
-def _said(row: Row) -> str:
-    return " ".join(row["said"]) or str(row["verdict"])
 
 
 def right(rows: Sequence[Row]) -> str:

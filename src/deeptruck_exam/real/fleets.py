@@ -136,7 +136,7 @@ def _judge(fleet: Fleet, data: Path, out: Path, updates: int) -> list[Row]:
         trainers, rest, _ = split(log, (0.5, 0.5, 0.0))
         logs = [[r] for r in sorted(filter(_driven, rest), key=len)[-MOST_DRIVES:]]
     simulator = trained(trainers, out / "simulator", updates)
-    drives = [drive for drive in logs if max(map(_seconds, drive)) >= fleet.least_s]
+    drives = [drive for drive in logs if max(len(r) * r.dt for r in drive) >= fleet.least_s]
     if len(drives) < 2:
         print(f"{fleet.name}: skipped, fewer than two drives of {fleet.least_s:g} s")
         return []
@@ -147,10 +147,6 @@ def _judge(fleet: Fleet, data: Path, out: Path, updates: int) -> list[Row]:
 def _driven(recording: Recording) -> bool:
     """Whether most samples of every input are valid; a simulator needs all inputs."""
     return float(np.isfinite(np.hstack([recording.u, recording.w])).all(axis=1).mean()) > MOSTLY
-
-
-def _seconds(recording: Recording) -> float:
-    return len(recording) * recording.dt
 
 
 def _written(drive: Sequence[Recording], bag: Path) -> str:

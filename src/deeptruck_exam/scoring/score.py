@@ -139,7 +139,7 @@ def overlap(truth: Mapping[str, Any], verdict: Verdict) -> float | None:
     if not true:
         return None
     both = sum(_common(true[name], found.get(name, [])) for name in true)
-    either = sum(_length(spans) for spans in (*true.values(), *found.values())) - both
+    either = sum(end - start for spans in (*true.values(), *found.values()) for start, end in spans) - both
     return both / either if either > 0.0 else 0.0
 
 
@@ -172,10 +172,6 @@ def _spans(segments: Sequence[Mapping[str, Any]]) -> dict[str, Spans]:
                 union.append((start, end))
         out[name] = union
     return out
-
-
-def _length(spans: Spans) -> float:
-    return sum(end - start for start, end in spans)
 
 
 def _common(left: Spans, right: Spans) -> float:

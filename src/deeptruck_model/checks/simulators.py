@@ -103,9 +103,8 @@ def deep_simulator(text: str) -> SimulatorFacts:
 def manifest(path: Path) -> dict[str, Any]:
     """The manifest of a simulator directory. Raises InputError if it is missing, damaged or unknown."""
     if not path.exists():
-        raise InputError(
-            f"{path} does not exist; give a simulator directory, {_trucks()}, {FORM} or {FMU_FORM}"
-        )
+        known = ", ".join(f"truck:{name}" for name in trucks())
+        raise InputError(f"{path} does not exist; give a simulator directory, {known}, {FORM} or {FMU_FORM}")
     if path.suffix == ".py":
         raise InputError(f"{path} is a Python file; give it as python:{path.stem}:FACTORY from its folder")
     if not (path / MANIFEST).exists():
@@ -121,16 +120,8 @@ def manifest(path: Path) -> dict[str, Any]:
 
 def trucks() -> tuple[str, ...]:
     """Names of the reference trucks."""
-    names = (entry.name for entry in _pool().iterdir())
+    names = (entry.name for entry in (resources.files("deeptruck_model") / "trucks" / "pool").iterdir())
     return tuple(sorted(name.removesuffix(".yaml") for name in names if name.endswith(".yaml")))
-
-
-def _trucks() -> str:
-    return ", ".join(f"truck:{name}" for name in trucks())
-
-
-def _pool() -> Any:
-    return resources.files("deeptruck_model") / "trucks" / "pool"
 
 
 def _physics_truck(text: str, name: str, overrides: str | None) -> SimulatorFacts:

@@ -74,16 +74,14 @@ def compare(
 
 
 def _beside(first: Side, side: Side, given: Mapping[str, float]) -> Compared:
-    found = _on_one_clock(first, side) if side.bag == first.bag else offset(first, side)
+    if side.bag == first.bag:  # a simulator along it
+        found = Offset(0.0, _correlation(first, side, 0.0), By.ONE_BAG)
+    else:
+        found = offset(first, side)
     if side.name in given:
         found = Offset(given[side.name], _correlation(first, side, given[side.name]), By.GIVEN)
     difference = statistics.difference(first, side, found.seconds)
     return Compared(side, found, road(first, side), statistics.of(side), difference)
-
-
-def _on_one_clock(first: Side, side: Side) -> Offset:
-    """Zero offset for a simulator along the bag with which it is compared."""
-    return Offset(0.0, _correlation(first, side, 0.0), By.ONE_BAG)
 
 
 def _correlation(first: Side, side: Side, offset_s: float) -> float:

@@ -171,7 +171,8 @@ def baselines(runs: Trials, interface: TruckInterface, simulated: object = None)
     which is not its own baseline.
     """
     found = [_named(CONSTANT, statistics(replace(runs, modelled=_held(runs))))]
-    drawn = [_physics(runs, interface, name) for name in trucks.pool() if not _same(simulated, name)]
+    itself = simulated.specification.name if isinstance(simulated, PhysicsTruck) else ""
+    drawn = [_physics(runs, interface, name) for name in trucks.pool() if name != itself]
     known = [x for x in drawn if x is not None]
     return [*found, *sorted(known, key=lambda x: float(x["speed"]["rmse"]))[:1]]
 
@@ -185,10 +186,6 @@ def _held(runs: Trials) -> np.ndarray[Any, np.dtype[np.float64]]:
     held = np.repeat(runs.modelled[:, :1], runs.modelled.shape[1], axis=1)
     held[:, :, ACCELERATION] = 0.0
     return held
-
-
-def _same(simulated: object, name: str) -> bool:
-    return isinstance(simulated, PhysicsTruck) and simulated.specification.name == name
 
 
 def _physics(runs: Trials, interface: TruckInterface, name: str) -> dict[str, Any] | None:

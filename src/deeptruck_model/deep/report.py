@@ -170,15 +170,10 @@ def error_figure(runs: Trials) -> Figure:
         axis.plot(runs.time, mean[:, j], color=MODELLED, label="mean")
         axis.axhline(0, color="0.6", lw=0.5)
         axis.set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
-    _legend_above(axes[0])
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)  # above, where it covers no curve
     axes[-1].set_xlabel("time since the start of the run [s]")
     figure.align_ylabels(axes)
     return figure
-
-
-def _legend_above(axis: Any) -> None:
-    """Put the legend above the axes, where it covers no curve."""
-    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
 
 @styled()

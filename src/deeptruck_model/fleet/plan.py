@@ -125,7 +125,7 @@ def trucks(table: Path | None) -> dict[str, Truck]:
 def simulators(text: str, kinds: Sequence[str]) -> dict[str, str]:
     """The simulator of each class: one for all, or from a YAML file with lines `class: SIM`. Raises
     InputError if a class has none, or if a simulator does not exist."""
-    if not _is_mapping(text):
+    if ":" in text or Path(text).suffix not in (".yaml", ".yml"):
         checks.simulator(text)
         return dict.fromkeys(kinds, text)
     by_class = {str(k): str(v) for k, v in reading.yaml_mapping(Path(text), "write 'class: SIM'").items()}
@@ -135,10 +135,6 @@ def simulators(text: str, kinds: Sequence[str]) -> dict[str, str]:
     for kind in kinds:
         checks.simulator(by_class[kind])
     return {kind: by_class[kind] for kind in kinds}
-
-
-def _is_mapping(text: str) -> bool:
-    return ":" not in text and Path(text).suffix in (".yaml", ".yml")
 
 
 def mapping(path: Path | None, columns: bool) -> dict[str, Any] | None:

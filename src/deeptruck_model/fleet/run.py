@@ -42,7 +42,7 @@ class Workers:
             yield
             return
         with sweeps.cluster(self.count, self.address):
-            for found in self.run(_code_of, [None]):
+            for found in self.run(lambda _: code(), [None]):
                 if found != code():
                     raise InputError(
                         f"the Ray workers have deeptruck {found}, this machine {code()}; install one version"
@@ -59,10 +59,6 @@ class Workers:
         return sweeps.run(
             work, jobs, workers=self.count, engine=ENGINES[self.engine], lost=lost, address=self.address
         )
-
-
-def _code_of(nothing: None) -> str:
-    return code()
 
 
 @dataclass(frozen=True)

@@ -242,7 +242,8 @@ def _table(recording: dict[str, Any], units: str) -> Table:
     shown, per = {**SHOWN_IN, "m/s": units}, {"ratio": 100.0, "m/s": speed_unit(units)}
     rows = [
         (name, shown.get(facts["unit"], printed(facts["unit"])),
-         *(_text(facts[key], per.get(facts["unit"], 1.0)) for key in ("min", "mean", "max")),
+         *("" if (x := facts[key]) is None else sensible(per.get(facts["unit"], 1.0) * x)
+           for key in ("min", "mean", "max")),
          f"{100 * facts['nan_share']:.1f}")
         for name, facts in recording["channels"].items()
     ]  # fmt: skip
@@ -250,10 +251,6 @@ def _table(recording: dict[str, Any], units: str) -> Table:
         name=recording["name"], seconds=recording["duration_s"], rate=1 / recording["dt"]
     )
     return Table(says, ("channel", "unit", "least", "mean", "most", "invalid, %"), tuple(rows))
-
-
-def _text(value: float | None, per: float) -> str:
-    return "" if value is None else sensible(per * value)
 
 
 @dataclass(frozen=True)

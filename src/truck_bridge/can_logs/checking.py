@@ -179,7 +179,8 @@ def lines(found: Checked) -> Iterator[str]:
     yield f"{found.frames} frames in {found.seconds:.1f} s{pauses}"
     yield from found.account.lines()
     yield from unread(found.broken)
-    yield f"received for {found.vehicle}: {_listed(found.received)}"
+    received = ", ".join(f"{name} {count}" for name, count in found.received.most_common())
+    yield f"received for {found.vehicle}: {received or 'nothing'}"
     yield f"could have been engaged for {found.engaged_s:.1f} s"
     if len(found.radii) > 1:
         middle = statistics.median(found.radii)
@@ -192,10 +193,6 @@ def lines(found: Checked) -> Iterator[str]:
         yield f"never engaged because: {', '.join(name for name, _ in found.obstacles.most_common())}"
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in found.driver_s.items())
     yield f"the driver acted: {times or 'never'}"
-
-
-def _listed(counts: Counter[str]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.most_common()) or "nothing"
 
 
 def _timed(counts: Counter[str], times: Times) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import itertools
 import math
 import os
 import re
@@ -22,7 +23,7 @@ from deeptruck_model import files
 from deeptruck_model._io.account import Account
 from truck_bridge import log_files
 from truck_bridge.bus import open_bus
-from truck_bridge.can_logs.frames import Frame, Kind
+from truck_bridge.can_logs.frames import Kind
 from truck_bridge.can_logs.reader import every, read
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import ADDRESS_CLAIMED, Identifier
@@ -113,11 +114,11 @@ def replay(
     does.
     """
     frames = read(path, account, channel=of)
-    first = next(frames)
+    first = next(frames)  # before anything is opened, so that a damaged log opens nothing
     bus = open_bus(interface, channel)
     count, start = 0, time.monotonic()
     try:
-        for frame in _all(first, frames):
+        for frame in itertools.chain([first], frames):
             if not commands and Identifier.of(frame.can_id).pgn in COMMAND_PGNS:
                 continue
             time.sleep(max(0.0, start + (frame.time - first.time) / speed - time.monotonic()))
@@ -152,12 +153,6 @@ def _outline_of_silence(path: Path) -> bytes | int:
         with _writing(_logger(like, new=True), like):
             pass
         return _outline(like)
-
-
-def _all(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
-    """All frames; reading starts before anything is opened, so that a damaged log opens nothing."""
-    yield first
-    yield from rest
 
 
 @contextmanager

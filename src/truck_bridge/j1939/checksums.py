@@ -12,13 +12,9 @@ KINDS = (NONE, TSC1, XBR)
 COUNTERS = {NONE: 0, TSC1: 8, XBR: 16}  # how many values the counter takes
 
 
-def _sum(can_id: int, data: bytes) -> int:
-    return sum(data[:7]) + (data[7] & 0x0F) + sum(can_id.to_bytes(4, "big"))
-
-
 def checksum(kind: str, can_id: int, data: bytes) -> int:
     """Checksum nibble of a frame whose counter is already in place."""
-    total = _sum(can_id, data)
+    total = sum(data[:7]) + (data[7] & 0x0F) + sum(can_id.to_bytes(4, "big"))
     if kind == TSC1:
         return (((total >> 6) & 0x03) + (total >> 3) + total) & 0x07
     if kind == XBR:

@@ -85,7 +85,8 @@ def report(data: bytes) -> Report | None:
     for at in range(2, 2 + 4 * codes, 4):
         four = data[at : at + 4]
         if (code := _code(four)).spn not in NO_SPN:
-            counts[code] = _count(four)
+            count = four[3] & 0x7F
+            counts[code] = -1 if count == NO_COUNT else count
     lamps = {name: (data[0] >> bit) & 3 for name, bit in LAMPS.items()}
     return Report({name: state == ON for name, state in lamps.items() if state in (OFF, ON)}, counts)
 
@@ -98,11 +99,6 @@ def _code(four: bytes) -> Code:
         return Code(spn, fmi)
     old = (first << 11 | second << 3 | third >> 5, second << 11 | first << 3 | third >> 5)
     return Code(spn, fmi, tuple(other for other in dict.fromkeys(old) if other != spn))
-
-
-def _count(four: bytes) -> int:
-    count = four[3] & 0x7F
-    return -1 if count == NO_COUNT else count
 
 
 def vehicle_number(data: bytes) -> str | None:
