@@ -69,7 +69,6 @@ STEERING: dict[str, dict[str, str]] = {
     },
     "what a recorded signal means": {
         "data/speed_unit.py": "FEWEST GEARS_AT_MOST MOSTLY NEAR SAME",
-        "data/units.py": "NEAR",
         "identifiable.py": "APART APART_M_S2 SLOW_S",
         "roads/slow_force.py": "BRAKE_S BRAKING SLOWEST",
         "residual/effective_mass.py": "BRAKED RELEASED_S",

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.consistency import sensors
-from deeptruck_model.recordings.consistency.sensors import SPEEDS
+from deeptruck_model.recordings.consistency.sensors import ACCELEROMETERS, SPEEDS
 from deeptruck_model.recordings.not_recorded import unrecorded_braking
 from deeptruck_model.signals import channel_of
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
@@ -272,8 +271,9 @@ def _late(channel: str, lag_s: float) -> str:
 def _scaled(channel: str, factor: float) -> str:
     """Sentence that a channel is wrong because speed changes `factor` times as much."""
     fits = f"{'speed' if channel == 'acceleration' else 'acceleration'} fits the commands better"
-    taken = units.likely(factor, SPEEDS | units.ACCELEROMETERS)
-    return f"speed changes {factor:.3f} times as much as the accelerometer says: {taken or fits}"
+    taken = sensors.factor_of(factor, SPEEDS | ACCELEROMETERS)
+    why = f"{taken} is off by as much: check the units in COLUMNS.yaml" if taken else fits
+    return f"speed changes {factor:.3f} times as much as the accelerometer says: {why}"
 
 
 def corrected(r: Recording, faults: Sequence[SensorFault]) -> Recording:

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data import units
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.data.prepared import Prepared, fed
 from deeptruck_model.mismatch.roads.one_road import driven_by_positions
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.recordings.consistency.sensors import SPEEDS
+from deeptruck_model.recordings.consistency.sensors import SPEEDS, factor_of
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, forced_run
 from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED
@@ -41,10 +40,10 @@ def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
     scale = _scale(simulator, first) if first is not None else None
     if first is None or scale is None or 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
         return
-    if unit := units.likely(scale, SPEEDS):
+    if unit := factor_of(scale, SPEEDS):
         raise InputError(
             f"speed of '{first.recording.name}' is {scale:.3g} times what its engine speed gives by the "
-            f"simulator's gear; {unit}"
+            f"simulator's gear; {unit} is off by as much: check the units in COLUMNS.yaml"
         )
 
 

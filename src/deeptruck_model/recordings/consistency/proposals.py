@@ -4,7 +4,7 @@ doubtful.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 Values = Callable[[Candidate], tuple[Array, Array] | None]
 
 APART_M_S = 0.5  # rms: speeds of two sources that differ by more are both named
+ONE_UNIT = (0.85, 1.18)  # of a value over what others give; units differ by 1.15 (mph, knot) and more
+TOP_GEAR = 2.8  # rad of the crankshaft for a metre: fewer no road vehicle has in its highest gear
+LEAST_MOVING = 30  # samples, to judge by engine speed
 COMPARED = (
     "speed", "acceleration", "specific_force", "engine_command", "brake_command", "grade", "elevation",
     "engine_speed", "latitude", "longitude",
@@ -111,6 +114,64 @@ def _followed(one: Candidate, found: sensors.Accelerometer | None) -> Candidate:
         turned = f"{one.why}; turned, as it has {by}"
         return replace(one, scale=-one.scale, offset=-one.offset, follows=True, why=turned)
     return replace(one, follows=True, why=f"{one.why}; {by}")
+
+
+def unit_of(
+    channel: str, units: Sequence[str], column: Series, known: Mapping[str, list[tuple[str, Series]]]
+) -> tuple[str, str]:
+    """The unit among `units` in which a column of speed, acceleration or grade agrees with columns of known
+    units, and the reason; '' if there is none.
+
+    `known` are the columns of other channels in SI, with their names; those of a distance travelled have
+    their own.
+    """
+    for what, others in _partners(channel, known):
+        found = [unit for unit in units if unit and _agrees(channel, unit, column, others)]
+        if len(found) == 1:
+            return found[0], f"{found[0]} by agreement with {what}"
+    for what, engine in known.get("engine_speed", []) if channel == "speed" else ():
+        moving = (column.values > 0.4 * np.nanmax(column.values)) & (engine.values > 0.0)
+        left = [unit for unit in units if unit != "m/s"]
+        turns = engine.values[moving] / column.values[moving]
+        if moving.sum() >= LEAST_MOVING and len(left) == 1 and np.quantile(turns, 0.05) < TOP_GEAR:
+            return left[0], f"no m/s by the engine speed in '{what}', so {left[0]}"
+    return "", ""
+
+
+def _partners(
+    channel: str, known: Mapping[str, list[tuple[str, Series]]]
+) -> Iterator[tuple[str, dict[str, Series]]]:
+    """What a channel can be compared with, and the columns for it."""
+    speeds = known.get("speed", [])
+    if channel == "speed":
+        yield from ((f"'{name}'", {sensors.OTHER_SPEED: one}) for name, one in speeds)
+        for name, one in known.get("acceleration", []):
+            yield f"the acceleration in '{name}'", {"acceleration": one}
+        for name, several in known.items():
+            if sensors.metres_of(name):
+                yield f"the distance in '{name}'", {name: several[0][1]}
+        for north, east in zip(known.get("latitude", []), known.get("longitude", []), strict=False):
+            yield f"the positions in '{north[0]}'", {"latitude": north[1], "longitude": east[1]}
+    elif channel == "acceleration":
+        yield from ((f"the speed in '{name}'", {"speed": one}) for name, one in speeds)
+    elif channel == "grade":
+        for name, height in known.get("elevation", []):
+            for _, speed in speeds:
+                yield f"the height in '{name}'", {"elevation": height, "speed": speed}
+
+
+def _agrees(channel: str, unit: str, column: Series, others: Mapping[str, Series]) -> bool:
+    """Whether a column in this unit is about what the others give."""
+    read = Series(column.time, conversion(channel, unit)(column.values))
+    try:
+        drives = uniform({**others, channel: read}, name="proposed", interface=TruckInterface("proposed"))
+    except InputError:
+        return False
+    least, most = ONE_UNIT
+    return any(
+        least < one.factor < most and not one.correlation < sensors.CORRELATED
+        for one in sensors.comparisons(drives, channel)
+    )
 
 
 def _recordings(chosen: Mapping[str, Candidate], values: Values) -> list[Recording]:

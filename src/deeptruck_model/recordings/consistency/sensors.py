@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 WINDOW_S, SLOW_S = 2.0, 10.0  # over which rates of change are taken, those of heights and places
-LEAST = 10  # windows that do not overlap
+LEAST, LEAST_SLOW = 10, 8  # windows that do not overlap, of WINDOW_S and of SLOW_S
 VARIED, STILL = 0.1, 0.1  # m/s^2, standard deviation of dv/dt that shows an accelerometer; share of it
 CORRELATED, SCALE = 0.7, (0.67, 1.5)
 STEADY_MEAN_S, FILTERED_S = 30.0, 0.5  # over which a high-pass filter shows; by which one is late
@@ -48,12 +48,13 @@ ALIKE, MOST_GEARS, OF_TIME = (
 )  # relative width of a ratio; gears that hold this share of the time
 RATIOS = (2.0, 110.0)  # rad/m, engine speed over speed: below a car's top gear, above a truck's first
 LENGTHS = {"m": 1.0, "km": 1000.0, "mi": 1609.344, "ft": 0.3048}
+OTHER_SPEED = "another speed"  # name of a second speed that is compared
 TRAVELLED = frozenset(("distance", "odometer", "trip", "total", "mileage"))
 LEAST_ENGINE_RPM = 400.0  # diesel engines idle at 500 to 800 rpm, those of trucks/pool at 600
 FASTEST_TRUCK = 36.0  # m/s, 130 km/h: no truck is driven faster
 AIR_BRAKE_BAR = 15.0  # compressors of trucks are set to 8 to 13 bar
 PRESSED, BOTH_SHARE = 0.2, 0.1  # of a command's largest value; of the time in which the brake is pressed
-NEAR_UNIT = 0.02  # relative
+NEAR_UNIT = 0.02  # relative, as tyres differ
 SPEEDS = {  # what speed is multiplied by where it is read so
     3.6: "km/h read as m/s",
     1 / 3.6: "m/s read as km/h",
@@ -63,6 +64,10 @@ SPEEDS = {  # what speed is multiplied by where it is read so
     1 / 1.6093: "mph read as km/h",
     1.9438: "knots read as m/s",
     1 / 1.9438: "m/s read as knots",
+}
+ACCELEROMETERS = {  # the same, compared with an accelerometer that is read so
+    1 / 9.80665: "an accelerometer in m/s^2 read as g",
+    9.80665: "an accelerometer in g read as m/s^2",
 }
 SLOPES = {  # what gravity has to a slope that is read so
     -1.0: "uphill is positive: give it 'scale: -1'",
@@ -99,8 +104,7 @@ def doubts(recordings: Sequence[Recording]) -> list[Doubt]:
     """The doubts about one source's pieces; each channel is compared with the others."""
     checks = (
         _accelerometers,
-        _speed_by_places,
-        _speed_by_distance,
+        _speed,
         _grade,
         _engine_speed,
         _ratios,
@@ -348,7 +352,44 @@ def factor_of(factor: float, taken: Mapping[float, str]) -> str:
     return next((what for known, what in taken.items() if abs(factor / known - 1.0) < NEAR_UNIT), "")
 
 
-def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+@dataclass(frozen=True)
+class Comparison:
+    """A channel is `factor` times what `by` gives; `correlation` is that of the two, NaN if it was not
+    looked at. `otherwise` is the cure apart from a scale or unit."""
+
+    by: str
+    factor: float
+    correlation: float = np.nan
+    otherwise: str = ""
+
+
+def comparisons(recordings: Sequence[Recording], channel: str) -> Iterator[Comparison]:
+    """Speed, acceleration or grade against each other channel that gives it too."""
+    if channel == "grade":
+        yield from _grade_by_height(recordings)
+        return
+    derived = any(FROM_SPEED in r.notes for r in recordings)
+    found = None if derived else accelerometer(recordings)
+    if found is not None and found.slope:
+        factor = found.slope if channel == "acceleration" else 1.0 / found.slope
+        by = "the derivative of speed gives" if channel == "acceleration" else "acceleration gives"
+        yield Comparison(by, factor, found.correlation)
+    if channel == "speed":
+        yield from _speed_by_speed(recordings)
+        yield from _speed_by_places(recordings)
+        yield from _speed_by_distance(recordings)
+
+
+def _speed_by_speed(recordings: Sequence[Recording]) -> Iterator[Comparison]:
+    _, speed, other = _windows(recordings, WINDOW_S, "speed", "speed", OTHER_SPEED)
+    use = np.isfinite(speed) & np.isfinite(other)
+    speed, other = speed[use], other[use]
+    if len(speed) >= LEAST and speed.std() and other.std():
+        factor = float(speed @ other / (other @ other))
+        yield Comparison("another speed gives", factor, float(np.corrcoef(speed, other)[0, 1]))
+
+
+def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Comparison]:
     north, speed, latitude = _windows(recordings, SLOW_S, "latitude", "speed", "latitude")
     (east,) = _windows(recordings, SLOW_S, "longitude")
     if len(east) != len(north):
@@ -356,31 +397,34 @@ def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     east_m, north_m = metres_per_degree(latitude)
     pace = np.hypot(north * north_m, east * east_m)
     moving = (speed > DRIVING_M_S) & (pace > MOVING_M_S)
-    if moving.sum() < LEAST:
-        return
-    factor = float(np.median(speed[moving] / pace[moving]))
-    yield from _speed_factor(factor, "latitude and longitude give", "leave the places out")
+    if moving.sum() >= LEAST_SLOW:
+        yield Comparison(
+            "latitude and longitude give",
+            float(np.median(speed[moving] / pace[moving])),
+            otherwise="leave the places out",
+        )
 
 
-def _speed_factor(factor: float, by: str, otherwise: str) -> Iterator[Doubt]:
-    """The doubt for a speed that is `factor` times the value from other channels."""
-    if SCALE[0] ** 0.25 < factor < SCALE[1] ** 0.25:
-        return
-    what = factor_of(factor, SPEEDS)
-    why = f" ({what}): give it its unit" if what else f": correct it by 'scale: {1 / factor:.4g}'"
-    yield Doubt("speed", f"speed is {factor:.3f} times what {by}{why}, or {otherwise}", bool(what), factor)
-
-
-def _speed_by_distance(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    """Doubts from channels under user-defined names that state a length, such as trip_km."""
+def _speed_by_distance(recordings: Sequence[Recording]) -> Iterator[Comparison]:
+    """By channels under user-defined names that state a length, such as trip_km."""
     for name in dict.fromkeys(c for r in recordings for c in r.channels if c not in CHANNELS):
         if not (metres := metres_of(name)):
             continue
         rise, speed = _windows(recordings, SLOW_S, name, "speed")
         moving = (speed > DRIVING_M_S) & (metres * rise > MOVING_M_S)
-        if moving.sum() >= LEAST:
+        if moving.sum() >= LEAST_SLOW:
             factor = float(np.sum(speed[moving]) / np.sum(metres * rise[moving]))
-            yield from _speed_factor(factor, f"'{name}' gives", f"leave '{name}' out")
+            yield Comparison(f"'{name}' gives", factor, otherwise=f"leave '{name}' out")
+
+
+def _speed(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+    for one in (*_speed_by_places(recordings), *_speed_by_distance(recordings)):
+        if SCALE[0] ** 0.25 < one.factor < SCALE[1] ** 0.25:
+            continue
+        what = factor_of(one.factor, SPEEDS)
+        why = f" ({what}): give it its unit" if what else f": correct it by 'scale: {1 / one.factor:.4g}'"
+        says = f"speed is {one.factor:.3f} times what {one.by}{why}, or {one.otherwise}"
+        yield Doubt("speed", says, bool(what), one.factor)
 
 
 def metres_of(name: str) -> float:
@@ -391,7 +435,16 @@ def metres_of(name: str) -> float:
 
 def _grade(recordings: Sequence[Recording]) -> Iterator[Doubt]:
     """The doubt from heights; where there is none, that from the motion."""
-    yield from list(_grade_by_height(recordings)) or _grade_by_motion(recordings)
+    for one in _grade_by_height(recordings):
+        says = f"grade is {one.factor:.3g} times what {one.by} (correlation {one.correlation:.2f})"
+        if one.correlation < -CORRELATED:
+            yield Doubt("grade", f"{says}: uphill is positive, give it 'scale: -1'", factor=-1.0)
+            return
+        if one.correlation > CORRELATED and not 0.33 < one.factor < 3.0:
+            cure = f"give it its unit (ratio, percent, deg), or 'scale: {1 / one.factor:.3g}'"
+            yield Doubt("grade", f"{says}: {cure}", factor=one.factor)
+            return
+    yield from _grade_by_motion(recordings)
 
 
 def _grade_by_motion(recordings: Sequence[Recording]) -> Iterator[Doubt]:
@@ -430,24 +483,13 @@ def _solved(X: Array, y: Array, weights: Array) -> Array:
     return np.asarray(np.linalg.lstsq(X * root[:, None], y * root, rcond=None)[0])
 
 
-def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Doubt]:
+def _grade_by_height(recordings: Sequence[Recording]) -> Iterator[Comparison]:
     climb, speed, grade = _windows(recordings, SLOW_S, "elevation", "speed", "grade")
     use = np.isfinite(climb) & np.isfinite(grade) & (speed > DRIVING_M_S)
-    rise = climb[use] / speed[use]
-    grade = grade[use]
-    if len(rise) < LEAST or rise.std() < 0.005 or not grade.std():
-        return
-    correlation = float(np.corrcoef(rise, grade)[0, 1])
-    factor = float(grade @ rise / (rise @ rise))
-    says = f"grade is {factor:.3g} times what height over distance gives (correlation {correlation:.2f})"
-    if correlation < -CORRELATED:
-        yield Doubt("grade", f"{says}: uphill is positive, give it 'scale: -1'", factor=-1.0)
-    elif correlation > CORRELATED and not 0.33 < factor < 3.0:
-        yield Doubt(
-            "grade",
-            f"{says}: give it its unit (ratio, percent, deg), or 'scale: {1 / factor:.3g}'",
-            factor=factor,
-        )
+    rise, grade = climb[use] / speed[use], grade[use]
+    if len(rise) >= LEAST_SLOW and rise.std() >= 0.005 and grade.std():
+        factor = float(grade @ rise / (rise @ rise))
+        yield Comparison("height over distance gives", factor, float(np.corrcoef(rise, grade)[0, 1]))
 
 
 def _engine_speed(recordings: Sequence[Recording]) -> Iterator[Doubt]:

@@ -24,11 +24,11 @@ from deeptruck_model.recordings.channel_words import (
     named_channels,
     units_by_range,
 )
-from deeptruck_model.recordings.consistency.proposals import settled
+from deeptruck_model.recordings.consistency.proposals import settled, unit_of
 from deeptruck_model.recordings.consistency.sensors import metres_of
-from deeptruck_model.recordings.consistency.units import TRAVELLED, fitting
 from deeptruck_model.recordings.message_types import Role
 from deeptruck_model.recordings.ranges import RAW_TORQUE
+from deeptruck_model.recordings.resample import Series
 from deeptruck_model.recordings.survey import Field
 from deeptruck_model.recordings.tables.csv_text import Format
 from deeptruck_model.recordings.tables.header_words import (
@@ -458,20 +458,24 @@ def _grows(values: Array) -> bool:
 
 def _compared(meanings: list[_Meaning], clock: RowClock, columns: list[TableColumn]) -> list[_Meaning]:
     """Meanings whose unit was undecided, with the one that agrees with columns of known units."""
-    travelled = [
-        (plain(c.name), metres * c.values[:LOOKED_AT]) for c in columns if (metres := metres_of(c.name))
-    ]
     if clock.seconds is None:
         return meanings
+    seconds, at = np.unique(clock.seconds, return_index=True)
+    at = at[np.isfinite(seconds)]
+    seconds = seconds[: len(at)]
+    travelled = {
+        c.name: [(plain(c.name), Series(seconds, c.values[at]))] for c in columns if metres_of(c.name)
+    }
     for channel in ("speed", "acceleration", "speed", "grade"):  # each by those before
-        known: dict[str, list[tuple[str, Array]]] = {TRAVELLED: travelled}
+        known = dict(travelled)
         for one in meanings:
             if one.unit and one.role is Role.MEASURED:
-                values = conversion(one.channel, one.unit)(one.column.values[:LOOKED_AT])
-                known.setdefault(one.channel, []).append((plain(one.column.name), values))
+                values = conversion(one.channel, one.unit)(one.column.values[at])
+                named = (plain(one.column.name), Series(seconds, values))
+                known[one.channel] = [*known.get(one.channel, []), named]
         for k, one in enumerate(meanings):
             if one.channel == channel and len(one.units) > 1:
-                unit, why = fitting(channel, one.units, one.column.values[:LOOKED_AT], clock.seconds, known)
+                unit, why = unit_of(channel, one.units, Series(seconds, one.column.values[at]), known)
                 meanings[k] = (
                     replace(one, units=[unit], said=f"no unit is stated, {why}: check") if unit else one
                 )

@@ -17,7 +17,9 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, ranges, suggest_columns
-from deeptruck_model.recordings.consistency import sensors, units
+from deeptruck_model.recordings.consistency import sensors
+from deeptruck_model.recordings.consistency.proposals import unit_of
+from deeptruck_model.recordings.resample import Series
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import driving_cycles
 
@@ -293,10 +295,13 @@ def test_the_tilt_of_an_accelerometer_is_cured_by_its_offset(tmp_path: Path) -> 
 
 
 def test_the_unit_of_a_speed_agrees_with_places_though_the_receiver_showed_zero() -> None:
-    t = 0.1 * np.arange(900)
+    t = 0.1 * np.arange(1800)
     v, north = speed(t), 50 + np.cumsum(speed(t)) * 0.1 / 111_195.0
     v[300:400] = 0.0
-    known = {"latitude": [("lat", north)], "longitude": [("lon", np.full(900, 8.0))]}
+    known = {
+        "latitude": [("lat", Series(t, north))],
+        "longitude": [("lon", Series(t, np.full(1800, 8.0)))],
+    }
     for unit, factor in (("m/s", 1.0), ("km/h", 3.6)):
-        found, why = units.fitting("speed", ["m/s", "km/h", "mph"], factor * v, t, known)
+        found, why = unit_of("speed", ["m/s", "km/h", "mph"], Series(t, factor * v), known)
         assert found == unit and "the positions in 'lat'" in why

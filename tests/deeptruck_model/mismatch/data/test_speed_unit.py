@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data import checks, speed_unit, units
+from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.rules import Rules
-from deeptruck_model.recordings.consistency.sensors import SPEEDS
+from deeptruck_model.recordings.consistency.sensors import ACCELEROMETERS, SPEEDS, factor_of
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
 from deeptruck_model.trucks import driving_cycles
@@ -108,5 +108,5 @@ def test_what_does_not_tell_is_not_asked() -> None:
     ("scale", "cause"), [(3.598, "km/h read as m/s"), (9.79, "accelerometer in g"), (1.04, ""), (3.4, "")]
 )
 def test_a_factor_is_named_by_its_cause(scale: float, cause: str) -> None:
-    said = units.likely(scale, SPEEDS | units.ACCELEROMETERS)
+    said = factor_of(scale, SPEEDS | ACCELEROMETERS)
     assert cause in said and bool(said) == bool(cause)
