@@ -4,121 +4,63 @@ test that runs it through something else."""
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 TESTS = Path(__file__).parent
 SOURCE = TESTS.parent / "src"
-THROUGH = {  # files without a test of their name, by room and by the test that runs them
-    "deeptruck_cacc.controllers": {
-        "deeptruck_cacc/controllers/test_planner.py": "signed_pedal",
-    },
-    "deeptruck_cacc.evaluation": {
-        "deeptruck_cacc/evaluation/test_evaluation.py": "overview page",
-    },
-    "deeptruck_exam.cases": {
-        "deeptruck_exam/cases/test_cases.py": "deep_trucks gates truth",
-    },
-    "deeptruck_exam.laws": {
-        "deeptruck_exam/laws/test_catalogue.py": (
-            "air brakes commands driveline engine load road sensors series tyres unknown"
-        ),
-    },
-    "deeptruck_exam.plants": {
-        "deeptruck_exam/plants/test_plants.py": "simulators",
-    },
-    "deeptruck_exam.worlds": {
-        "deeptruck_exam/worlds/test_worlds.py": "drive drivers",
-    },
-    "deeptruck_model._imports": {
-        "deeptruck_model/checks/test_calls.py": "lazy",
-        "deeptruck_model/test_checks.py": "entry_points",
-    },
-    "deeptruck_model._io": {
-        "readers/test_readers.py": "log_kinds reading",
-    },
-    "deeptruck_model.checks": {
-        "deeptruck_model/test_checks.py": "bags compatibility simulators",
-    },
-    "deeptruck_model.cli": {
-        "deeptruck_model/cli/test_topics.py": "inputs",
-        "deeptruck_model/fleet/test_compare.py": "fleet",
-    },
-    "deeptruck_model.compare": {
-        "deeptruck_model/compare/test_comparison.py": "naming",
-    },
-    "deeptruck_model.deep": {
-        "deeptruck_model/deep/test_training.py": "card preparation",
-    },
-    "deeptruck_model.deep.kernels": {
-        "deeptruck_model/deep/test_truck.py": "inference layers",
-    },
-    "deeptruck_model.files": {
-        "deeptruck_model/files/test_results.py": "places",
-    },
-    "deeptruck_model.fmu": {
-        "deeptruck_model/fmu/test_foreign.py": "description variables",
-    },
-    "deeptruck_model.mismatch": {
-        "deeptruck_model/fleet/test_compare.py": "evidence_by_name",
-        "deeptruck_model/mismatch/test_find.py": "called",
-        "deeptruck_model/mismatch/verdict/test_findings.py": "sizes strength",
-        "deeptruck_model/mismatch/test_flow.py": "excluded",
-    },
-    "deeptruck_model.mismatch.expression": {
-        "deeptruck_model/mismatch/expression/test_expression.py": "memory places",
-    },
-    "deeptruck_model.mismatch.mechanisms": {
-        "deeptruck_model/mismatch/mechanisms/test_mechanisms.py": (
-            "brakes commands driveline engine engine_drag load road"
-        ),
-    },
-    "deeptruck_model.mismatch.residual": {
-        "deeptruck_model/mismatch/residual/test_residual.py": "shift_moment",
-    },
-    "deeptruck_model.pages": {
-        "deeptruck_model/compare/test_comparison.py": "document style",
-    },
-    "deeptruck_model.recordings": {
-        "deeptruck_model/recordings/test_bad_bags.py": "bag_file bag_storage mcap_chunks message_definitions",
-        "deeptruck_model/recordings/test_recording.py": "recording_figure",
-        "deeptruck_model/recordings/test_resample.py": "interpolate",
-    },
-    "deeptruck_model.recordings.consistency": {
-        "deeptruck_model/recordings/tables/test_table_suggestion.py": "proposals",
-    },
-    "deeptruck_model.recordings.tables": {
-        "deeptruck_model/recordings/test_importing.py": "samples",
-        "deeptruck_model/recordings/tables/test_table_file.py": "row_keys",
-        "deeptruck_model/recordings/tables/test_table_suggestion.py": "row_clock table_form",
-    },
-    "deeptruck_model.simulators": {
-        "deeptruck_model/simulators/test_protocol_check.py": "protocol",
-    },
-    "deeptruck_model.trucks": {
-        "deeptruck_model/trucks/test_reference.py": (
-            "brakes engine forces gearbox kernel parameters road start"
-        ),
-    },
-    "truck_bridge": {
-        "truck_bridge/test_active_faults.py": "fault_watch",
-        "truck_bridge/test_vehicles.py": "channels units",
-    },
-    "truck_bridge.can_logs": {
-        "truck_bridge/test_can_logs.py": "decoding faults importing pieces text_logs trc_logs whole",
-    },
-    "truck_bridge.emulator": {
-        "truck_bridge/emulator/test_ecus.py": "messages sender",
-    },
-    "truck_bridge.j1939": {
-        "truck_bridge/j1939/test_checksums_and_ids.py": "ids",
-    },
-    "truck_bridge.safety": {
-        "safety/test_frames.py": "core",
-    },
-    "truck_bridge.vehicles": {
-        "truck_bridge/test_vehicles.py": "loading schema vehicle",
-    },
-}
+# Files without a test of their name: their room, they, and the test that runs them.
+THROUGH = """
+deeptruck_cacc.controllers: signed_pedal | deeptruck_cacc/controllers/test_planner.py
+deeptruck_cacc.evaluation: overview page | deeptruck_cacc/evaluation/test_evaluation.py
+deeptruck_exam.cases: deep_trucks gates truth | deeptruck_exam/cases/test_cases.py
+deeptruck_exam.laws: air brakes commands driveline engine load | deeptruck_exam/laws/test_catalogue.py
+deeptruck_exam.laws: road sensors series tyres unknown | deeptruck_exam/laws/test_catalogue.py
+deeptruck_exam.plants: simulators | deeptruck_exam/plants/test_plants.py
+deeptruck_exam.worlds: drive drivers | deeptruck_exam/worlds/test_worlds.py
+deeptruck_model._imports: lazy | deeptruck_model/checks/test_calls.py
+deeptruck_model._imports: entry_points | deeptruck_model/test_checks.py
+deeptruck_model._io: log_kinds reading | readers/test_readers.py
+deeptruck_model.checks: bags compatibility simulators | deeptruck_model/test_checks.py
+deeptruck_model.cli: inputs | deeptruck_model/cli/test_topics.py
+deeptruck_model.cli: fleet | deeptruck_model/fleet/test_compare.py
+deeptruck_model.compare: naming | deeptruck_model/compare/test_comparison.py
+deeptruck_model.deep: card preparation | deeptruck_model/deep/test_training.py
+deeptruck_model.deep.kernels: inference layers | deeptruck_model/deep/test_truck.py
+deeptruck_model.files: places | deeptruck_model/files/test_results.py
+deeptruck_model.fmu: description variables | deeptruck_model/fmu/test_foreign.py
+deeptruck_model.mismatch: evidence_by_name | deeptruck_model/fleet/test_compare.py
+deeptruck_model.mismatch: called | deeptruck_model/mismatch/test_find.py
+deeptruck_model.mismatch: sizes strength | deeptruck_model/mismatch/verdict/test_findings.py
+deeptruck_model.mismatch: excluded | deeptruck_model/mismatch/test_flow.py
+deeptruck_model.mismatch.expression: memory places | deeptruck_model/mismatch/expression/test_expression.py
+deeptruck_model.mismatch.mechanisms: brakes commands | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
+deeptruck_model.mismatch.mechanisms: driveline engine | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
+deeptruck_model.mismatch.mechanisms: engine_drag load | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
+deeptruck_model.mismatch.mechanisms: road | deeptruck_model/mismatch/mechanisms/test_mechanisms.py
+deeptruck_model.mismatch.residual: shift_moment | deeptruck_model/mismatch/residual/test_residual.py
+deeptruck_model.pages: document style | deeptruck_model/compare/test_comparison.py
+deeptruck_model.recordings: bag_file bag_storage | deeptruck_model/recordings/test_bad_bags.py
+deeptruck_model.recordings: mcap_chunks message_definitions | deeptruck_model/recordings/test_bad_bags.py
+deeptruck_model.recordings: recording_figure | deeptruck_model/recordings/test_recording.py
+deeptruck_model.recordings: interpolate | deeptruck_model/recordings/test_resample.py
+deeptruck_model.recordings.consistency: proposals | deeptruck_model/recordings/tables/test_table_suggestion.py
+deeptruck_model.recordings.tables: samples | deeptruck_model/recordings/test_importing.py
+deeptruck_model.recordings.tables: row_keys | deeptruck_model/recordings/tables/test_table_file.py
+deeptruck_model.recordings.tables: row_clock | deeptruck_model/recordings/tables/test_table_suggestion.py
+deeptruck_model.recordings.tables: table_form | deeptruck_model/recordings/tables/test_table_suggestion.py
+deeptruck_model.simulators: protocol | deeptruck_model/simulators/test_protocol_check.py
+deeptruck_model.trucks: brakes engine forces gearbox | deeptruck_model/trucks/test_reference.py
+deeptruck_model.trucks: kernel parameters road start | deeptruck_model/trucks/test_reference.py
+truck_bridge: fault_watch | truck_bridge/test_active_faults.py
+truck_bridge: channels units | truck_bridge/test_vehicles.py
+truck_bridge.can_logs: decoding faults importing pieces | truck_bridge/test_can_logs.py
+truck_bridge.can_logs: text_logs trc_logs whole | truck_bridge/test_can_logs.py
+truck_bridge.emulator: messages sender | truck_bridge/emulator/test_ecus.py
+truck_bridge.j1939: ids | truck_bridge/j1939/test_checksums_and_ids.py
+truck_bridge.safety: core | safety/test_frames.py
+truck_bridge.vehicles: loading schema vehicle | truck_bridge/test_vehicles.py
+"""
 
 
 def imported(path: Path) -> set[str]:
@@ -142,14 +84,9 @@ def test_every_source_file_has_a_test_or_is_run_by_one_that_is_listed() -> None:
             mirrored = TESTS / place.parent / f"test_{place.name.strip('_')}.py"
             if path.name[:2] != "__" and module not in own and not mirrored.exists():
                 alone.add(module)
-    listed = {
-        f"{room}.{name}"
-        for room, through in THROUGH.items()
-        for names in through.values()
-        for name in names.split()
-    }
+    rows = [re.split(": | [|] ", line) for line in THROUGH.strip().splitlines()]
+    listed = {f"{room}.{name}" for room, names, _ in rows for name in names.split()}
     missing = sorted(alone - listed)
     assert not missing, f"write a test of their name, or list the test that runs them: {missing}"
     assert not [m for m in listed if not (SOURCE / m.replace(".", "/")).with_suffix(".py").exists()]
-    tests = {test for through in THROUGH.values() for test in through}
-    assert not [test for test in tests if not (TESTS / test).exists()]
+    assert not [test for _, _, test in rows if not (TESTS / test).exists()]

@@ -12,105 +12,54 @@ from csv_tables import SPEED, write_csv
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table
 
-BAD: list[tuple[str, dict[str, Any], str]] = [
-    ("v\n1\n2\n", {"channels": SPEED}, "needs 'time"),
-    ("v\n1\n2\n", {"time": {"rate_hz": 0}, "channels": SPEED}, "rate_hz of 'time' must be positive"),
-    ("v\n1\n2\n", {"time": {"rate_hz": 1}}, "needs 'channels' with at least 'speed"),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": {"gap": {"column": "v", "unit": "m"}}},
-        "at least 'speed",
-    ),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": {**SPEED, "mass": {"column": "v"}}},
-        "unknown channel 'mass'",
-    ),
-    ("w\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "no column 'v'; there is: w"),
-    ("v\n1\n2\n", {"time": {"column": "t"}, "channels": SPEED}, "no column 't'"),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v", "unit": "rpm"}}},
-        "does not fit",
-    ),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v"}}},
-        "'speed' of COLUMNS needs a unit",
-    ),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": {"speed": {"unit": "m/s"}}},
-        "'speed' of COLUMNS needs column",
-    ),
-    *(
-        (
-            "v\n1\n2\n",
-            {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v", "unit": "m/s", key: value}}},
-            match,
-        )
-        for key, value, match in (
-            ("late_s", "1 s", "late_s of 'speed' must be a number, not '1 s'"),
-            ("late_s", True, "late_s of 'speed' must be a number, not True"),
-            ("late_s", None, "late_s of 'speed' must be a number, not None"),
-            ("late_s", float("nan"), "late_s of 'speed' must be at most 10 s either way, not nan"),
-            ("late_s", float("-inf"), "late_s of 'speed' must be at most 10 s either way, not -inf"),
-            ("late_s", 10.5, "late_s of 'speed' must be at most 10 s either way, not 10.5"),
-            ("late", 1.0, "'speed' of COLUMNS has unknown keys: late; did you mean late_s?"),
-        )
-    ),
-    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "seperator": ";"}, "unknown keys: seperator"),
-    ("v\n1\n2\n", {"time": {"colum": "t"}, "channels": SPEED}, "'time' of COLUMNS has unknown keys: colum"),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": {"speed": {"colum": "v", "unit": "m/s"}}},
-        "'speed' of COLUMNS has unknown keys: colum",
-    ),
-    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "delimiter": ";;"}, "one character"),
-    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "skip_rows": -1}, "skip_rows"),
-    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "conceal": ["gap"]}, "conceal names 'gap'"),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": SPEED, "conceal": ["speed"]},
-        "speed cannot be concealed",
-    ),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": SPEED, "split_at": {"elevation_step": 4}},
-        "no column is named",
-    ),
-    (
-        "v\n1\n2\n",
-        {"time": {"rate_hz": 1}, "channels": SPEED, "split_at": {"speed_step": 0}},
-        "must be positive",
-    ),
-    (
-        "t,v\n0,1\n1,2\n",
-        {"time": {"column": "t", "unit": "weeks"}, "channels": SPEED},
-        "unit 'weeks' of 'time'",
-    ),
-    (
-        "t,v\n0,1\n,2\n1,3\n",
-        {"time": {"column": "t"}, "channels": SPEED},
-        "1 rows have no time in 't', first line 3",
-    ),
-    ("v\nx\ny\nz\nx\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "column 'v' holds no numbers"),
-    (
-        "t;v\n0;1,5\n1;1,6\n",
-        {"delimiter": ";", "time": {"column": "t"}, "channels": SPEED},
-        "column 'v' holds no numbers; its first is '1,5': set decimal: \",\"",
-    ),
-    ("v\n1\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "has one row"),
-    ("v\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "is empty"),
-    ("", {"time": {"rate_hz": 1}, "channels": SPEED}, "cannot be read|is empty"),
-    (
-        "Dear reader\nthis, then, is prose\nand, as such, no table\n",
-        {"time": {"rate_hz": 1}, "channels": SPEED},
-        "its header has 1 cell, and none of the 2 rows below has as many; set 'delimiter'",
-    ),
-    ("v\n100\n200\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "is its unit right"),
-    ("v;µ\n1;2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "encoding": "klingon"}, "cannot be read"),
-]
+
+def of_speed(**keys: Any) -> dict[str, Any]:
+    """Columns with other keys of speed."""
+    return {"channels": {"speed": {"column": "v", "unit": "m/s", **keys}}}
+
+
+V = "v\n1\n2\n"
+RATE = {"rate_hz": 1}
+BAD: list[tuple[str, dict[str, Any], str]] = [  # a table, what its columns have but for RATE and SPEED
+    (V, {"time": None}, "needs 'time"),
+    (V, {"time": {"rate_hz": 0}}, "rate_hz of 'time' must be positive"),
+    (V, {"channels": None}, "needs 'channels' with at least 'speed"),
+    (V, {"channels": {"gap": {"column": "v", "unit": "m"}}}, "at least 'speed"),
+    (V, {"channels": {**SPEED, "mass": {"column": "v"}}}, "unknown channel 'mass'"),
+    ("w\n1\n2\n", {}, "no column 'v'; there is: w"),
+    (V, {"time": {"column": "t"}}, "no column 't'"),
+    (V, of_speed(unit="rpm"), "does not fit"),
+    (V, {"channels": {"speed": {"column": "v"}}}, "'speed' of COLUMNS needs a unit"),
+    (V, {"channels": {"speed": {"unit": "m/s"}}}, "'speed' of COLUMNS needs column"),
+    (V, of_speed(late_s="1 s"), "late_s of 'speed' must be a number, not '1 s'"),
+    (V, of_speed(late_s=True), "late_s of 'speed' must be a number, not True"),
+    (V, of_speed(late_s=None), "late_s of 'speed' must be a number, not None"),
+    (V, of_speed(late_s=float("nan")), "late_s of 'speed' must be at most 10 s either way, not nan"),
+    (V, of_speed(late_s=float("-inf")), "late_s of 'speed' must be at most 10 s either way, not -inf"),
+    (V, of_speed(late_s=10.5), "late_s of 'speed' must be at most 10 s either way, not 10.5"),
+    (V, of_speed(late=1.0), "'speed' of COLUMNS has unknown keys: late; did you mean late_s?"),
+    (V, {"seperator": ";"}, "unknown keys: seperator"),
+    (V, {"time": {"colum": "t"}}, "'time' of COLUMNS has unknown keys: colum"),
+    (V, {"channels": {"speed": {"colum": "v", "unit": "m/s"}}}, "'speed' of COLUMNS has unknown keys: colum"),
+    (V, {"delimiter": ";;"}, "one character"),
+    (V, {"skip_rows": -1}, "skip_rows"),
+    (V, {"conceal": ["gap"]}, "conceal names 'gap'"),
+    (V, {"conceal": ["speed"]}, "speed cannot be concealed"),
+    (V, {"split_at": {"elevation_step": 4}}, "no column is named"),
+    (V, {"split_at": {"speed_step": 0}}, "must be positive"),
+    ("t,v\n0,1\n1,2\n", {"time": {"column": "t", "unit": "weeks"}}, "unit 'weeks' of 'time'"),
+    ("t,v\n0,1\n,2\n1,3\n", {"time": {"column": "t"}}, "1 rows have no time in 't', first line 3"),
+    ("v\nx\ny\nz\nx\n", {}, "column 'v' holds no numbers"),
+    ("t;v\n0;1,5\n1;1,6\n", {"delimiter": ";", "time": {"column": "t"}},
+     "column 'v' holds no numbers; its first is '1,5': set decimal: \",\""),
+    ("v\n1\n", {}, "has one row"),
+    ("v\n", {}, "is empty"),
+    ("", {}, "cannot be read|is empty"),
+    ("Dear reader\nthis, then, is prose\nand, as such, no table\n", {},
+     "its header has 1 cell, and none of the 2 rows below has as many; set 'delimiter'"),
+    ("v\n100\n200\n", {}, "is its unit right"),
+    ("v;µ\n1;2\n", {"encoding": "klingon"}, "cannot be read"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "columns", "match"), BAD, ids=[match for _, _, match in BAD])
@@ -119,7 +68,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 ) -> None:
     (tmp_path / "drive.csv").write_text(text)
     with pytest.raises(InputError, match=match) as caught:
-        import_table(tmp_path / "drive.csv", columns, tmp_path / "bag")
+        given = {"time": RATE, "channels": SPEED, **columns}
+        meaning = {key: value for key, value in given.items() if value is not None}
+        import_table(tmp_path / "drive.csv", meaning, tmp_path / "bag")
     assert "\n" not in str(caught.value)
     assert [p.name for p in tmp_path.iterdir()] == ["drive.csv"]
 
@@ -127,11 +78,11 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 def test_a_wrong_encoding_says_so(tmp_path: Path) -> None:
     table = write_csv(tmp_path / "drive.csv", {"v °": [1, 2]}, encoding="latin-1")
     with pytest.raises(InputError, match="is not in utf-8; set 'encoding'"):
-        import_table(table, {"time": {"rate_hz": 1}, "channels": SPEED}, tmp_path / "bag")
+        import_table(table, {"time": RATE, "channels": SPEED}, tmp_path / "bag")
 
 
 def test_files_that_are_not_there(tmp_path: Path) -> None:
-    columns = {"time": {"rate_hz": 1}, "channels": SPEED}
+    columns = {"time": RATE, "channels": SPEED}
     for name in ("drive.csv", "drive.parquet", "drive.log"):
         with pytest.raises(InputError, match="does not exist"):
             import_table(tmp_path / name, columns, tmp_path / "bag")

@@ -18,6 +18,9 @@ NAN = float("nan")
 RIGHT = Numbers(given=0.1, parameters_only=0.1, corrected=0.1, added_up=0.1)
 OFF = replace(RIGHT, given=0.5, parameters_only=0.5, corrected=0.5, added_up=0.5, is_corrected=True)
 PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0], sure=[True])
+BETTER = replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2)
+REFITTED = replace(OFF, better=frozenset({REFIT}), parameters_only=0.2)
+FAULTY = {"kinds": [Kind.SENSOR], "shares": [0.0], "sure": [True]}
 
 
 @pytest.mark.parametrize(
@@ -35,14 +38,12 @@ PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0], sure=[True])
         (replace(OFF, given=0.25, added_up=0.25, own=0.01), Conclusion.NOTHING),  # a floor of what is visible
         (replace(OFF, given=1.1, own=2.0), Conclusion.UNDETERMINED),
         (PHYSICS, Conclusion.PHYSICS),
-        (
-            replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0], sure=[True]),
-            Conclusion.PHYSICS,
-        ),  # there, if it matters or not
+        # there, if it matters or not
+        (replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0], sure=[True]), Conclusion.PHYSICS),
         (replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0], sure=[False]), Conclusion.NOTHING),
         (replace(PHYSICS, sure=[False]), Conclusion.PHYSICS),
         (replace(OFF, kinds=[Kind.PARAMETER], shares=[1.0]), Conclusion.PARAMETER),
-        (replace(OFF, kinds=[Kind.SENSOR], shares=[0.0], sure=[True]), Conclusion.SENSOR),
+        (replace(OFF, **FAULTY), Conclusion.SENSOR),
         (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER], shares=[0.4, 0.6]), Conclusion.PARAMETER),
         (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER], shares=[0.6, 0.4]), Conclusion.PHYSICS),
     ],
@@ -71,11 +72,7 @@ def lights(numbers: Numbers) -> dict[str, tuple[Answer, str]]:
         (RIGHT, Answer.YES, wording.ENOUGH),
         (replace(RIGHT, missing=["gear"]), Answer.UNSURE, wording.not_recorded(["gear"])),
         (replace(RIGHT, added_up=NAN, missing=["gear"]), Answer.NO, wording.TOO_SHORT),
-        (
-            replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0], sure=[True], missing=["gear"]),
-            Answer.UNSURE,
-            wording.FAULTY,
-        ),
+        (replace(RIGHT, **FAULTY, missing=["gear"]), Answer.UNSURE, wording.FAULTY),
         (
             replace(PHYSICS, kinds=[Kind.PHYSICS, Kind.SENSOR], shares=[1, 0], sure=[True, True]),
             Answer.UNSURE,
@@ -100,11 +97,7 @@ def test_data_are_enough_where_every_input_is_known(numbers: Numbers, answer: An
         (replace(PHYSICS, given=0.1), Answer.NO, wording.off_fitted(0.5)),
         (replace(PHYSICS, given=0.1, added_up=0.1), Answer.YES, wording.good_enough(0.1, 40.0)),
         (replace(PHYSICS, given=0.3, added_up=0.3), Answer.YES, wording.good_enough(0.3, 40.0)),
-        (
-            replace(RIGHT, kinds=[Kind.SENSOR], shares=[0.0], sure=[True]),
-            Answer.YES,
-            wording.without_faults(0.1, 40.0),
-        ),
+        (replace(RIGHT, **FAULTY), Answer.YES, wording.without_faults(0.1, 40.0)),
     ],
 )
 def test_whether_it_matters_is_the_light_of_the_simulator(
@@ -116,45 +109,22 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
 @pytest.mark.parametrize(
     ("numbers", "answer", "reason"),
     [
+        (BETTER, Answer.YES, wording.better(0.5, 0.2, refit=False)),
+        (REFITTED, Answer.YES, wording.better(0.5, 0.2, refit=True)),
         (
-            replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2),
-            Answer.YES,
-            wording.better(0.5, 0.2, refit=False),
-        ),
-        (
-            replace(OFF, better=frozenset({REFIT}), parameters_only=0.2),
-            Answer.YES,
-            wording.better(0.5, 0.2, refit=True),
-        ),
-        (
-            replace(
-                OFF,
-                kinds=[Kind.SENSOR],
-                shares=[0.0],
-                sure=[True],
-                better=frozenset({CORRECTION}),
-                corrected=0.2,
-            ),
+            replace(BETTER, **FAULTY),
             Answer.UNSURE,
             wording.after_repair(wording.better(0.5, 0.2, refit=False), sure=True),
         ),
         (
-            replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2, doubts=["pedals are swapped"]),
+            replace(BETTER, doubts=["pedals are swapped"]),
             Answer.UNSURE,
             wording.after_settling(wording.better(0.5, 0.2, refit=False)),
         ),
         (replace(PHYSICS, corrected=0.4, parameters_only=0.6), Answer.UNSURE, wording.NOT_SIGNIFICANT),
         (replace(PHYSICS, corrected=0.6, parameters_only=0.4), Answer.UNSURE, wording.NOT_SIGNIFICANT),
-        (
-            replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2, bare=0.6),
-            Answer.UNSURE,
-            wording.worse_bare(0.5, 0.2, 0.6),
-        ),
-        (
-            replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2, bare=0.505),
-            Answer.YES,
-            wording.better(0.5, 0.2, refit=False),
-        ),
+        (replace(BETTER, bare=0.6), Answer.UNSURE, wording.worse_bare(0.5, 0.2, 0.6)),
+        (replace(BETTER, bare=0.505), Answer.YES, wording.better(0.5, 0.2, refit=False)),
         (replace(PHYSICS, corrected=0.5, parameters_only=0.5), Answer.NO, wording.NOT_BETTER),
         (replace(PHYSICS, is_corrected=False), Answer.NO, wording.NOTHING_CORRECTED),
         (Numbers([Kind.PHYSICS], [1.0], [True], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
@@ -195,11 +165,7 @@ JUST = replace(RIGHT, given=0.25, parameters_only=0.25 - RULES.drift, corrected=
             CORRECTION,
         ),
         (PHYSICS, AS_GIVEN, AS_GIVEN),
-        (
-            replace(PHYSICS, corrected=0.2, parameters_only=0.19),
-            CORRECTION,
-            AS_GIVEN,
-        ),  # refit alone is better
+        (replace(PHYSICS, corrected=0.2, parameters_only=0.19), CORRECTION, AS_GIVEN),  # refit is better
         (replace(PHYSICS, corrected=0.2, bare=0.6), CORRECTION, AS_GIVEN),  # worse where a signal lacks
     ],
 )
