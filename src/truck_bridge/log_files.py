@@ -10,6 +10,7 @@ from pathlib import Path
 
 from deeptruck_model import files
 from deeptruck_model._io.log_kinds import check_measurement, holds_frames
+from deeptruck_model._io.reading import typed
 from deeptruck_model.errors import InputError
 
 TEXT = (".log", ".candump", ".txt", "")
@@ -69,8 +70,8 @@ def _check_frames(path: Path) -> None:
     if suffix in (".csv", ".tsv") and (of_python_can(path) or holds_frames(path)):
         return
     raise InputError(
-        f"{path} is a table, not a CAN log: 'deeptruck-model import {path} --columns COLUMNS.yaml --out BAG' "
-        f"reads tables of signals; give a CAN log here: {KINDS}"
+        f"{path} is a table, not a CAN log: 'deeptruck-model import {typed(path)} --columns COLUMNS.yaml "
+        f"--out BAG' reads tables of signals; give a CAN log here: {KINDS}"
     )
 
 

@@ -9,8 +9,18 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 
 from deeptruck_model._io.json_data import stored
+
+DATES_S = 1e8, 1e11  # a clock between these counts from 1970, not from the start of a drive
+
+
+def moment(time_s: float) -> str:
+    """A time of a source's clock: seconds, or the date in UTC where it counts from 1970."""
+    if not DATES_S[0] <= time_s <= DATES_S[1]:
+        return f"{time_s:.6g} s"
+    return f"{datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%M:%S.%f}"[:-5] + " UTC"
 
 
 @dataclass
@@ -88,7 +98,11 @@ class Account:
         if len(self.sources) > 1:
             yield "  of " + ", ".join(f"{name} ({count})" for name, count in self.sources.items())
         if len(self.spans) > 1:
-            spans = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in self.spans[:6])
+            dated = self.spans[0][0] >= DATES_S[0]
+            spans = ", ".join(
+                f"{moment(start)} to {moment(end)}" if dated else f"{start:.1f} to {end:.1f} s"
+                for start, end in self.spans[:6]
+            )
             more = f" and {len(self.spans) - 6} more" if len(self.spans) > 6 else ""
             yield f"  in {len(self.spans)} pieces: {spans}{more}"
         yield from (f"  {line}" for line in self.channel_lines())

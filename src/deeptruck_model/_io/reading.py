@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import os
+import shlex
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -28,6 +29,14 @@ SAVE_AGAIN = "train or save the simulator again"
 LARGEST = 16 * 2**20  # bytes of a text file that people or our commands write
 DEEPEST = 100  # nested levels of a YAML file
 MOST_NODES = 1_000_000  # values in a YAML file, an alias counted as often as it stands
+
+
+def typed(path: str | Path) -> str:
+    """A path as it is typed into a shell, in double quotes where it has blanks."""
+    text = str(path)
+    if shlex.quote(text) == text:
+        return text
+    return shlex.quote(text) if set(text) & set('"$`\\!') else f'"{text}"'
 
 
 def check_file(path: Path, cure: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import yaml
 
 from deeptruck_model import files
-from deeptruck_model._io.reading import parse_yaml
+from deeptruck_model._io.reading import parse_yaml, typed
 from deeptruck_model.checks.simulators import MANIFEST
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
@@ -146,7 +146,7 @@ def _check_folder(path: Path) -> None:
     if any(path.glob("*.mcap")):
         raise InputError(
             f"{path} is not a finished bag (it has no {METADATA}); "
-            f"if its recorder was killed, mend it with 'deeptruck-model repair {path}'"
+            f"if its recorder was killed, mend it with 'deeptruck-model repair {typed(path)}'"
         )
     if any(path.glob("*.db3")):  # a database is whole at any time
         return

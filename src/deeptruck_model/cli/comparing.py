@@ -60,6 +60,7 @@ def compare(
     from deeptruck_model.compare import compare as compared
     from deeptruck_model.compare import write
     from deeptruck_model.compare.alignment import By
+    from deeptruck_model.compare.naming import ONE_RUN
 
     found = compared(sides, given=given, topic_map=topic_map, clock=clock, msg=msg or ())
     with results.COMPARISON.replacing(out, overwrite=overwrite) as draft:
@@ -71,6 +72,8 @@ def compare(
             typer.echo(
                 f"note: no offset of {c.side.name} was significant: it begins with the first; {SET_ONE}"
             )
+    if any(c.side.simulated for c in found.compared):
+        typer.echo(f"note: {ONE_RUN}")
     typer.echo(f"see {out / 'compare.html'}")
 
 

@@ -19,6 +19,12 @@ def _last(simulator: str) -> str:
     return Path(simulator).name if Path(simulator).exists() else simulator
 
 
+ONE_RUN = (
+    "a simulator runs free to the end of the drive, so that its error adds up; 'mismatch' and 'evaluate' "
+    "give that of free runs of 40 s"
+)
+
+
 def short_names(texts: Sequence[str]) -> list[str]:
     """The last parts of paths if these distinguish the sides, else the full texts."""
     last = [f"{_last(sim)}@{bag.name}" if sim else bag.name for sim, bag in map(split_name, texts)]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from deeptruck_model import pages
 from deeptruck_model.compare.alignment import By, Road
 from deeptruck_model.compare.comparison import Compared, Comparison
+from deeptruck_model.compare.naming import ONE_RUN
 from deeptruck_model.compare.sides import Side
 from deeptruck_model.compare.statistics import APART, NAMES
 from deeptruck_model.signals import channel_of, printed, speed_unit
@@ -68,6 +69,7 @@ def page(comparison: Comparison, units: str = "m/s") -> str:
         sides=[_to_dict(c, shown) for c in comparison.compared[1:]],
         channels=[_panel(name, comparison, shown) for name in _channels(comparison)],
         thinned=_thinned(comparison),
+        one_run=ONE_RUN if any(c.side.simulated for c in comparison.compared) else "",
         drawn=data.replace("<", "\\u003c"),
     )
 

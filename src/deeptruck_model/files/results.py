@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from deeptruck_model._io.reading import typed
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import ledger, places
 from deeptruck_model.files.ledger import LEDGER, Ledger, check_outside
@@ -127,7 +128,7 @@ class Result:
                 elif newer.exists():
                     _note(
                         f"{out} is the older one; the new one is not finished, it is kept as {newer}: "
-                        f"'deeptruck-model repair {newer}' mends it"
+                        f"'deeptruck-model repair {typed(newer)}' mends it"
                     )
 
     def clear(self, folder: Path, *inside: str) -> None:

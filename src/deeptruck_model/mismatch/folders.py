@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_model import files
+from deeptruck_model._io.reading import typed
 from deeptruck_model.errors import InputError
 
 APPLIED = files.Result("a corrected simulator", ("simulator.json", "base/simulator.json"))
@@ -16,12 +17,12 @@ CORRECTED, REFITTED = "simulator", "refitted"  # folders of a run: with forces a
 AS_GIVEN, REFIT, CORRECTION = "as_given", "parameters_only", "correction"  # `fit.offered` of verdict.json
 PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
 NOT_SIGNIFICANT = "the held-out error does not fall significantly"
-FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"
+FIND_FIRST = "run 'deeptruck-model mismatch' first"
 
 
 def apply_command(found: Path, out: Path | None = None) -> str:
     """The command that applies the simulator offered in a result."""
-    return f"deeptruck-model apply {found} --out {out or f'{found}_corrected'}"
+    return f"deeptruck-model apply {typed(found)} --out {typed(out or f'{found}_corrected')}"
 
 
 def applicable(directory: Path, *, refit: bool = False) -> Path:
@@ -69,9 +70,7 @@ def read_verdict(directory: Path) -> dict[str, Any]:
             "give the folder that 'deeptruck-model mismatch' wrote"
         ) from None
     if not isinstance(verdict, dict) or not isinstance(verdict.get("fit"), dict):
-        raise InputError(
-            f"{directory / 'verdict.json'} is damaged; run 'deeptruck-model mismatch --out {directory}' again"
-        )
+        raise InputError(f"{directory / 'verdict.json'} is damaged; run 'deeptruck-model mismatch' again")
     return verdict
 
 
@@ -87,13 +86,11 @@ def check_road(directory: Path) -> None:
             f"{directory} has no profiles, its verdict is '{said}'; see its report.html"
         ) from None
     except (OSError, KeyError, ValueError, csv.Error):
-        raise InputError(
-            f"{directory} has no readable profiles.csv; {FIND_FIRST.format(directory)}"
-        ) from None
+        raise InputError(f"{directory} has no readable profiles.csv; {FIND_FIRST}") from None
     if not found:
         raise InputError(f"in {directory} no {PROFILE} was found, so that there is no slope to take over")
 
 
 def _check_there(directory: Path) -> None:
     if not directory.exists():
-        raise InputError(f"{directory} does not exist; {FIND_FIRST.format(directory)}")
+        raise InputError(f"{directory} does not exist; {FIND_FIRST}")

@@ -115,4 +115,4 @@ def _check_loads(truck: Path) -> None:
         simulators.load(truck)
     except InputError as error:
         what = str(error).rsplit(";", 1)[0]
-        raise InputError(f"{what}; run 'deeptruck-model mismatch --out {truck.parent}' again") from None
+        raise InputError(f"{what}; run 'deeptruck-model mismatch' again") from None

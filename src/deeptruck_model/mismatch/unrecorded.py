@@ -58,7 +58,7 @@ def inputs(recordings: Sequence[Recording], *, mass_known: bool = False) -> tupl
     """Inputs that at least one recording lacks; a mass that the simulator or the user states counts as
     recorded."""
     return tuple(
-        NotRecorded(m.input.name, m.input.hides, m.input.signal)
+        NotRecorded(m.input.name, m.input.hides, m.signal)
         for m in lacking(recordings)
         if not (mass_known and m.input.name == "mass")
     )

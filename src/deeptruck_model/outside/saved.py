@@ -35,7 +35,7 @@ def check(path: Path, manifest: Mapping[str, Any]) -> Reference:
             name = what if file is None else file.name
             raise InputError(
                 f"{name} of SHA-256 {str(was)[:12]} is {str(is_)[:12]} now: accept it with "
-                f"'deeptruck-model check-simulator {path} --accept', or {MAKE_AGAIN}"
+                f"'deeptruck-model check-simulator {reading.typed(path)} --accept', or {MAKE_AGAIN}"
             )
     return reference
 

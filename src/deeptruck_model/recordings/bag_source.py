@@ -81,7 +81,9 @@ class BagSource:
         """Why the bag could not be opened, with a cure."""
         cure = "copy it anew from where it was recorded, or leave it out"
         if isinstance(error, TornError):
-            cure = f"what comes before the damage is kept by 'deeptruck-model repair {self.path}'"
+            cure = (
+                f"what comes before the damage is kept by 'deeptruck-model repair {reading.typed(self.path)}'"
+            )
         elif self.ros1:
             cure = f"one whose end is missing is repaired by 'rosbag reindex {self.path.name}' of ROS 1"
         elif self.path.is_file():
@@ -99,7 +101,8 @@ class BagSource:
         if self.path.is_dir() and not (self.path / METADATA).exists() and not any(self.path.glob("*.db3")):
             raise InputError(
                 f"{self.path} is not a finished bag (it has no {METADATA}); "
-                f"if its recorder was killed, mend it with 'deeptruck-model repair {self.path}'"
+                "if its recorder was killed, mend it with "
+                f"'deeptruck-model repair {reading.typed(self.path)}'"
             )
         for file in self._listed() if self.path.is_dir() else [self.path]:
             if file.suffix in (".mcap", ".db3", ".zstd", ".bag") or file.name == METADATA:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model._io import reading
-from deeptruck_model._io.account import Account
+from deeptruck_model._io.account import Account, moment
 from deeptruck_model.checks import Clock, calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake
@@ -332,10 +332,10 @@ class _Drain:
             fields = [self.sources[channel].field for channel in self.by_topic[topic]]
             named, more = ", ".join(fields[:_LISTED]), len(fields) - _LISTED
             named += f" and {more} more" if more > 0 else ""
-            first = f"at {time[int(np.argmax(blank))]:.6g} s"
+            first = f"at {moment(time[int(np.argmax(blank))])}"
             total.set_aside(f"on {topic} {_NO_NUMBER} {named}", first, int(blank.sum()))
         if len(part.doubled):
-            first = f"at {(int(part.doubled[0]) - (self.start or 0)) / 1e9:.6g} s"
+            first = f"at {moment((int(part.doubled[0]) - (self.start or 0)) / 1e9)}"
             total.set_aside(f"on {topic} with a repeated stamp", first, len(part.doubled))
 
 

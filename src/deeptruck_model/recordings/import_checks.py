@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ def check(
         *_of_source(table, columns, clock),
         lambda: BAG.check(out, overwrite=overwrite),
         lambda: apart(out, table),
-        lambda: files.check_new(sealed(out)) if out.name else None,
+        lambda: _check_sealed(columns, out),
     )
 
 
@@ -48,6 +49,15 @@ def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Calla
         lambda: None if in_parts(table) else check_measurement(table),
         lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),
     ]
+
+
+def _check_sealed(columns: Meaning, out: Path) -> None:
+    """Raises InputError if channels are withheld and their file is there."""
+    withheld = None
+    with suppress(InputError):  # what is wrong with the columns is said by their own check
+        withheld = _mapping(columns).get("conceal")
+    if withheld and out.name:
+        files.check_new(sealed(out))
 
 
 def sealed(out: Path) -> Path:

@@ -18,7 +18,7 @@ from deeptruck_model.vehicle_kinds import NO_COASTING, SURELY_BRAKING
 class Input:
     """An input of the truck: the consequence if it is missing, and where it is found.
 
-    `column` replaces, for tables, the topic at the end of `signal`.
+    `column` replaces, for tables, what follows '; ' in `signal`.
     """
 
     name: str
@@ -59,28 +59,28 @@ INPUTS = (
         "brake",
         "Braking counts as drag, slope or retarder, and no effect of the brakes can be named.",
         "brake pedal position, SPN 521 in EBC1 (PGN 61441); `brake_command` on `/truck/command`",
-        "`brake_command`",
+        "`brake_command` in COLUMNS.yaml",
         _brake,
     ),
     Input(
         "gear",
         "Losses and inertia that differ by gear, and the pauses of gear changes, are averaged.",
         "current gear, SPN 523 in ETC2 (PGN 61445); `gear` on `/truck/status`",
-        "`gear`",
+        "`gear` in COLUMNS.yaml",
         _measured("gear"),
     ),
     Input(
         "slope",
         "The force of a slope, 1 % of the weight for each percent, counts as engine, drag or brake.",
         "pitch or altitude, SPN 583 or 580 in VDS (PGN 65256); `grade` or `elevation` on `/road`",
-        "`grade` or `elevation`",
+        "`grade` or `elevation` in COLUMNS.yaml",
         _measured("grade", "elevation"),
     ),
     Input(
         "mass",
         "Forces are known in m/s² only, not in newtons, and a change of load is taken for other physics.",
         "gross combination weight, SPN 1760 in CVW (PGN 65136); `mass_kg` in COLUMNS.yaml, or `--mass-kg`",
-        "`mass_kg`",
+        "`mass_kg` in COLUMNS.yaml, or `--mass-kg`",
         lambda r: r.interface.mass_kg is not None,
     ),
     Input(
@@ -88,7 +88,7 @@ INPUTS = (
         "The wake of a vehicle ahead lowers the air drag, which counts as tail wind or a smaller drag area.",
         "distance to the vehicle ahead, SPN 1587 in ACC1 (PGN 65135); `gap` on `/radar/range`, or "
         "`--no-vehicle-ahead`",
-        "`gap`",
+        "`gap` in COLUMNS.yaml, or `--no-vehicle-ahead`",
         lambda r: r.no_vehicle_ahead or _measured("gap")(r),
     ),
     Input(
@@ -96,7 +96,7 @@ INPUTS = (
         "Commands that the truck did not follow, as without engagement, are compared as if it had.",
         "actual engine torque, SPN 513 in EEC1 (PGN 61444); `engaged` on `/truck/engaged`, or "
         "`driven_by: person` where a person drove",
-        "`engine_torque`, or `driven_by`",
+        "`engine_torque`, or `driven_by`, in COLUMNS.yaml",
         lambda r: r.obeyed or r.interface.driven_by == PERSON or _measured("engine_torque")(r),
     ),
 )
@@ -118,7 +118,7 @@ class Missing:
         """The signal to record, with its topic, or with its name in COLUMNS.yaml if tables lack it."""
         if not self.in_tables:
             return self.input.signal
-        return f"{self.input.signal.partition('; ')[0]}; {self.input.column} in COLUMNS.yaml"
+        return f"{self.input.signal.partition('; ')[0]}; {self.input.column}"
 
     def to_dict(self) -> dict[str, object]:
         """Plain data for JSON."""

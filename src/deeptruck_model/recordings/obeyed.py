@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Account
+from deeptruck_model._io.account import Account, moment
 from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_model.recordings.interpolate import GAP_S
 from deeptruck_model.recordings.layout import Walker
@@ -117,7 +117,7 @@ class Obedience:
             aside = these & ~np.isnan(given.values)
             if aside.any():
                 tally.read += int(aside.sum())
-                tally.set_aside(reason, f"at {given.time[int(np.argmax(aside))]:.6g} s", int(aside.sum()))
+                tally.set_aside(reason, f"at {moment(given.time[int(np.argmax(aside))])}", int(aside.sum()))
         return Series(time[order], values[order])
 
     def remarks(self) -> list[str]:

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Tally
+from deeptruck_model._io.account import Tally, moment
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import CHANNELS, TruckInterface, channel_of
 from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION
@@ -147,7 +147,7 @@ class Range:
         self.outside += int(these.sum()) if reason == self.reason else 0
         if these.any():
             k = int(np.argmax(these))
-            self.tally.set_aside(reason, f"at {time[k]:.6g} s ({values[k]:.6g})", int(these.sum()))
+            self.tally.set_aside(reason, f"at {moment(time[k])} ({values[k]:.6g})", int(these.sum()))
 
     def _look(self, values: Array, outside: Mask, low: float) -> None:
         size = np.minimum(np.abs(values), self.high)

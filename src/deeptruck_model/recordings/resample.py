@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model._io.account import Account, Tally
+from deeptruck_model._io.account import Account, Tally, moment
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.earth import metres_per_degree
@@ -121,7 +121,7 @@ class Resampler:
         tally.read += int((~np.isnan(part.values)).sum())
         late = int(np.searchsorted(part.time, self._settled, side="right"))
         if late:
-            first, count = f"at {part.time[0]:.6g} s", int((~np.isnan(part.values[:late])).sum())
+            first, count = f"at {moment(part.time[0])}", int((~np.isnan(part.values[:late])).sum())
             tally.set_aside("stamped over a minute before the speed beside them", first, count)
         time, values = one_per_burst(channel, part.time[late:], part.values[late:])
         values = self._range(channel, tally).masked(time, values)
@@ -183,7 +183,7 @@ class Resampler:
         tally.used += int(within.sum())
         if not within.all():
             why = f"between gaps, in pieces shorter than a step of {self.dt:g} s"
-            first = f"at {time[int(np.argmin(within))]:.6g} s"
+            first = f"at {moment(time[int(np.argmin(within))])}"
             tally.set_aside(why if channel == "speed" else NO_SPEED, first, int((~within).sum()))
 
     @property
@@ -413,7 +413,7 @@ def count_derived(account: Account, channel: str, values: Array, start: float, d
     tally, none = account.channel(channel), np.isnan(values)
     tally.read += len(values)
     tally.used += int((~none).sum())
-    tally.set_aside(DERIVED, f"at {start + dt * int(np.argmax(none)):.6g} s", int(none.sum()))
+    tally.set_aside(DERIVED, f"at {moment(start + dt * int(np.argmax(none)))}", int(none.sum()))
 
 
 def derive_acceleration(speed: Array, dt: float) -> Array:

@@ -131,13 +131,16 @@ def _by_drive(f: Finding) -> str:
 
 
 def sizes(v: Verdict) -> str:
-    """Size of each finding with 95 % interval, and its force where it is largest; empty without findings."""
+    """Size of each finding with its 95 % interval, and its force while it acts, which has none; empty without
+    findings."""
     each = []
     for f in v.findings:
         if found := list(_size(f)):
             given = "" if f.stated == f.effect or f.effect == UNKNOWN else "if "
             each.append(Said(f"{given}{spoken(f.effect)}: ", Said.joined(", ", found)))
-    return Said("Sizes with 95 % intervals: ", Said.joined("; ", each), ".") if each else ""
+    fitted = any(x.ci95 is not None for f in v.findings for x in f.parameters.values())
+    head = "Sizes (95 % intervals in brackets): " if fitted else "Sizes: "
+    return Said(head, Said.joined("; ", each), ".") if each else ""
 
 
 def _size(f: Finding) -> Iterator[str]:
@@ -276,12 +279,13 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
         added = [(n, x) for n, x in v.fit.corrected_forces.items() if x.value]
         parts = [f"{spoken(n)} {100.0 * x:+.0f} %" for n, x in changed]
         parts += [f"{spoken(n)} {acting(x)}" for n, x in added]
-        yield f"The correction contains: {'; '.join(parts)}."
+        sizes = ", with the sizes of least speed error" if v.fit.output_error else ""
+        yield f"The correction contains{sizes}: {'; '.join(parts)}."
         named, held = _named(v), {n for n, _ in (*changed, *added)}
         if named and not any(named in (n, FAMILY.get(n)) for n in held):
             yield (
-                f"None of them is {spoken(named)}, which the first line names: they reproduce the force on "
-                "such drives, and do not say what causes it."
+                f"It does not contain {spoken(named)}, which the first line names: it reproduces the motion "
+                "on such drives, and does not say what causes it."
             )
         return
     stated = {f.effect for f in v.findings if f.kind is Kind.PARAMETER}
@@ -308,7 +312,7 @@ def _named(v: Verdict) -> str:
 def acting(x: Strength) -> str:
     """The strength of a force."""
     mean, time = "mean" if x.one_way else "rms", percent(x.share_of_time)
-    return f"{digits(x.value)} {x.unit} ({mean}) where it is largest, {time} of the time"
+    return f"{mean} {digits(x.value)} {x.unit} while it acts, {time} of the time"
 
 
 def how_probable(v: Verdict) -> Iterator[str]:
@@ -322,7 +326,7 @@ def how_probable(v: Verdict) -> Iterator[str]:
             f"{' and '.join(map(spoken, x.names)) or 'no mechanism'} {percent(x.probability)}"
             for x in v.explanations[:MOST_SETS]
         ]
-        yield f"In together: {'; '.join(sets)}."
+        yield f"Sets that act together: {'; '.join(sets)}."
 
 
 def candidates(tree: Sequence[Node]) -> str:
@@ -389,9 +393,8 @@ def what_to_do(v: Verdict) -> Iterator[str]:
         yield f"{opened(SETTLE)} and compare again; apply nothing before."
     elif v.validated:
         refit = v.fit is not None and v.fit.offered == REFIT
-        repair_first = any(f.kind is Kind.SENSOR for f in v.findings)
-        offered = "the refitted parameters alone" if refit else "the correction"
-        yield f"{'Then apply' if repair_first else 'Apply'} {offered}."
+        if any(f.kind is Kind.SENSOR for f in v.findings):
+            yield f"Then apply {'the refitted parameters alone' if refit else 'the correction'}."
     elif v.kind is Conclusion.NOTHING:
         yield "Use the simulator as it is."
     manoeuvres = dict.fromkeys(

@@ -76,9 +76,15 @@ def good_enough(error: float, horizon_s: float) -> str:
     return Said(off(error, horizon_s), ": what is missing hardly matters")
 
 
-def off_fitted(error: float) -> str:
-    """The speed error, m/s, to which the residual along the fitted drives adds up."""
-    return Said("along the fitted drives it is off by ", Speed(error))
+def too_far(error: float, fitted: float, horizon_s: float, least: float, own: float | None = None) -> str:
+    """The speed errors, m/s, along held-out drives and to which the residual along the `fitted` drives adds
+    up, one of which is above `least`, as a clause."""
+    if error > least:
+        return Said(off(error, horizon_s, own), "; good enough is ", Speed(least))
+    return Said(
+        off(error, horizon_s), ", but along the fitted drives by ", Speed(fitted), "; good enough is ",
+        Speed(least), " on both",
+    )  # fmt: skip
 
 
 def without_faults(error: float, horizon_s: float) -> str:

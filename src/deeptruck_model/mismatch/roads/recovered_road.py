@@ -64,7 +64,7 @@ class Roads:
                 place = [float(row[name]) for name in ("time_s", "distance_m", "value")]
                 places_of.setdefault(row["recording"], []).append(place)
         except (OSError, KeyError, TypeError, ValueError):
-            raise InputError(f"{found} has no readable profiles.csv; {FIND_FIRST.format(found)}") from None
+            raise InputError(f"{found} has no readable profiles.csv; {FIND_FIRST}") from None
         slopes = {name: RecoveredSlope(*np.array(places).T) for name, places in places_of.items()}
         twice = [name for name, there in slopes.items() if (np.diff(there.time) <= 0.0).any()]
         if twice:

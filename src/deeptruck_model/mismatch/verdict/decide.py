@@ -123,9 +123,9 @@ def _data(n: Numbers) -> Advice:
 def _simulator(n: Numbers, kind: Conclusion, rules: Rules) -> Advice:
     if not np.isfinite(n.given):
         return Advice(Answer.UNSURE, wording.NOT_DRIVEN)
-    if n.error > tolerance(n.own, rules):
-        worst = wording.off_fitted(n.added_up) if n.given <= tolerance(n.own, rules) else None
-        return Advice(Answer.NO, worst or wording.off(n.given, n.horizon_s, n.own))
+    least = tolerance(n.own, rules)
+    if n.error > least:
+        return Advice(Answer.NO, wording.too_far(n.given, n.added_up, n.horizon_s, least, n.own))
     if kind is Conclusion.NOTHING:
         return Advice(Answer.YES, wording.good(n.given, n.horizon_s))
     if kind is Conclusion.SENSOR:

@@ -74,10 +74,11 @@ def test_sizes_follow_the_first_line() -> None:
     first, second, *_ = lines.lines(Verdict(Conclusion.PARAMETER, (mass, wind, curve)))
     assert first.startswith("Mass of the simulator is wrong")
     assert second == (
-        "Sizes with 95 % intervals: mass: +4,000 kg (+2,000 to +6,000), +20 % (+10 to +30); if headwind: "
-        "wind 4.37 m/s (0.43 to 8.31), -699 N (mean) where it is largest, 82 % of the time; headwind: -699 N "
-        "(mean) where it is largest, 82 % of the time."
+        "Sizes (95 % intervals in brackets): mass: +4,000 kg (+2,000 to +6,000), +20 % (+10 to +30); if "
+        "headwind: wind 4.37 m/s (0.43 to 8.31), mean -699 N while it acts, 82 % of the time; headwind: mean "
+        "-699 N while it acts, 82 % of the time."
     )
+    assert lines.sizes(Verdict(Conclusion.PHYSICS, (replace(curve, parameters={}),))).startswith("Sizes: ")
     assert lines.sizes(Verdict(Conclusion.NOTHING)) == ""
 
 
@@ -116,18 +117,16 @@ def test_the_parts_of_the_correction_are_said_and_whether_the_name_above_is_one(
         corrected_parameters={"mass": 0.32, "drag_area": 0.001}, corrected_forces=force,
     )  # fmt: skip
     v = Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)
-    parts = (
-        "The correction contains: mass +32 %; headwind -310 N (mean) where it is largest, 80 % of the time."
-    )
+    parts = "The correction contains: mass +32 %; headwind mean -310 N while it acts, 80 % of the time."
     first, *said = lines.lines(v)
     assert first.startswith("Payload change is missing") and said[0] == parts
-    assert said[1].startswith("None of them is payload change, which the first line names")
+    assert said[1].startswith("It does not contain payload change, which the first line names")
     for inside in ("payload_change", "load"):  # the name, or the family that is stated
         f = replace(PAYLOAD, stated=inside)
         own = replace(
             v, findings=(f,), fit=replace(fit, corrected_forces={"payload_change": force["headwind"]})
         )
-        assert not any("None of them" in line for line in lines.lines(own))
+        assert not any("does not contain" in line for line in lines.lines(own))
     assert list(lines.contains(replace(v, fit=replace(fit, offered=AS_GIVEN)))) == []
     assert "contains" not in str(list(lines.contains(v, refit=True)))
 
@@ -136,7 +135,9 @@ def test_what_is_offered_is_said_where_nothing_is_missing() -> None:
     fit = FitResult(("d",), 40.0, 3, (), validated=True, offered=REFIT)
     v = Verdict(Conclusion.NOTHING, fit=fit)
     assert lines.headline(v) == "Nothing that matters is missing: apply the refitted parameters"
-    assert list(lines.what_to_do(v)) == ["Apply the refitted parameters alone."]
+    assert list(lines.what_to_do(v)) == []  # the first line says it, and the command follows
+    sensor = replace(PAYLOAD, kind=Kind.SENSOR)
+    assert list(lines.what_to_do(replace(v, findings=(sensor,))))[-1].startswith("Then apply the refitted")
 
 
 def test_a_doubtful_input_comes_before_everything_that_was_found_with_it() -> None:
@@ -236,7 +237,7 @@ def test_speeds_are_converted_as_numbers_before_they_are_rounded() -> None:
     size = Size(8.647, "m/s", (7.155, 10.132))
     assert lines.interval(size, 1.0, "m/s", sign=True) == "+8.65 m/s (+7.16 to +10.1)"
     assert shown(lines.interval(size, 1.0, "m/s", sign=True), "km/h") == "+31.1 km/h (+25.8 to +36.5)"
-    v = Verdict(Conclusion.NOTHING, advice={"data": Advice(Answer.NO, wording.off_fitted(2.0))})
+    v = Verdict(Conclusion.NOTHING, advice={"data": Advice(Answer.NO, wording.too_far(2.0, 2.0, 40.0, 0.3))})
     found = Mismatch(v, None, {}, None, ())
     assert "off by 7.2 km/h" in str(found.verdict_in("km/h")["sentences"])
     assert found.verdict["headline"] in found._repr_html_() and summary(v) == found.verdict["sentences"]
