@@ -105,7 +105,8 @@ def progress(
     first: str, every_s: float = A_MINUTE_S, quiet_s: float = QUIET_S
 ) -> Iterator[Callable[[str], None]]:
     """A function that reports on stderr which step begins; a terminal shows the `first` one at once, a log
-    those after `quiet_s`, and in between one line every `every_s`. 'driving, 5 %' goes on with 'driving'."""
+    the one that runs after `quiet_s` and those that begin later, and one line every `every_s`. 'driving, 5 %'
+    goes on with 'driving'."""
     console = Console(stderr=True)
     if console.is_terminal:
         columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
@@ -129,6 +130,9 @@ def progress(
     ended = threading.Event()
 
     def remind() -> None:
+        if ended.wait(quiet_s):
+            return
+        line(now)
         while not ended.wait(every_s):
             line(f"still {now}")
 

@@ -17,12 +17,12 @@ from deeptruck_model.mismatch.correction.validate import validate
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
-from deeptruck_model.mismatch.mechanisms.own import check_signals, checked
+from deeptruck_model.mismatch.mechanisms.own import check_extras, checked
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.events import without_events
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
 from deeptruck_model.mismatch.prepare import PreparedDrives, Span, left_to_compare, prepare_drives
-from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.gather import COMPARING, gather
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import joined
 from deeptruck_model.mismatch.verdict.conclude import conclude, useless
@@ -57,12 +57,13 @@ def find_mismatch(
     for a mass that is impossible or differs from the simulator's, and for a simulator whose acceleration no
     vehicle has.
     """
-    own = checked(mechanisms)
+    own = checked(mechanisms, LIBRARY.values())
     joined(own)
     truck, to_fit, to_hold_out = called(
         simulator, recordings, held_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
         mass_kg=mass_kg,
     )  # fmt: skip
+    check_extras(own, [*to_fit, *to_hold_out])
     with threadpool_limits(1), steps(say, "checking the data") as say:
         c = compared(
             truck, to_fit, to_hold_out, seed=seed, exclude=exclude, without=without, say=say, rules=rules,
@@ -111,13 +112,12 @@ def compared(
 
     say("driving the simulator along the recordings")
     e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=rules, mass_kg=mass_kg, say=say)
-    check_signals(mechanisms, LIBRARY.values(), e)
     drives, e = left_to_compare(drives, replace(e, own=mechanisms))
     if drives.useless:
         return drives
     e = with_own_error(simulator, e, drives.prepared[0].measured_acceleration, seed)
 
-    say("comparing every mechanism with what the simulator is off by")
+    say(COMPARING)
     search = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
     p, events = without_events(search, seed)
     parameters = dict(simulator.parameters())

@@ -51,12 +51,13 @@ def test_a_long_step_is_repeated(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_log_gets_one_line_for_a_step_however_often_it_says_how_far_it_is(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with progress("reading", quiet_s=-1.0) as say:
+    with progress("reading", quiet_s=0.02) as say:
+        time.sleep(0.5)
         for k in range(100):
             say(f"driving, {k}%")
         say("writing the report")
     assert [line.partition(": ")[2] for line in capsys.readouterr().err.splitlines()] == [
-        "driving, 0%", "writing the report"
+        "reading", "driving, 0%", "writing the report"
     ]  # fmt: skip
 
 

@@ -161,7 +161,7 @@ def test_a_corrected_simulator_that_lost_a_file_is_found_anew(tmp_path: Path, ma
     (tmp_path / "verdict.json").write_text('{"fit": {"validated": true}}')
     if manifest is not None:
         (tmp_path / "simulator" / "simulator.json").write_text(manifest)
-    with pytest.raises(InputError, match=r"; run 'deeptruck-model mismatch --out .*' again$") as said:
+    with pytest.raises(InputError, match=r"; run 'deeptruck-model mismatch' again$") as said:
         mismatch.apply(tmp_path, tmp_path / "sim")
     assert "train" not in str(said.value) and str(tmp_path / "simulator") in str(said.value)
 

@@ -13,8 +13,11 @@ from deeptruck_model.checks import calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.mechanisms.record import Curve, Family, Form, Mechanism
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS
 
+EXTRA, SENSITIVITY = "extra: ", "sensitivity:"  # begins of names: a channel of the user's, a parameter
+DERIVED = frozenset({"rolling", "effective_mass_gain", "gear apart", "place"})  # beside what mechanisms take
 KINDS = ("missing_physics", "measurement_fault")
 MEND = "a file of mechanisms is Python with MECHANISMS = (Mechanism(...), ...), see docs/mismatch.md"
 
@@ -47,7 +50,7 @@ class Library(dict[str, Mechanism]):
             given = runpy.run_path(str(path)).get("MECHANISMS", ())
         except Exception as error:  # of the user's code
             raise InputError(f"{path} cannot be run ({error!r}); {MEND}") from None
-        mechanisms = checked(given)
+        mechanisms = checked(given, self.values())
         if not mechanisms:
             raise InputError(f"{path} has no MECHANISMS; {MEND}")
         for m in mechanisms:
@@ -55,8 +58,9 @@ class Library(dict[str, Mechanism]):
         return mechanisms
 
 
-def checked(given: Any) -> tuple[Mechanism, ...]:
-    """The user's mechanisms. Raises InputError for anything else, and for a record that cannot be used."""
+def checked(given: Any, package: Iterable[Mechanism]) -> tuple[Mechanism, ...]:
+    """The user's mechanisms. Raises InputError for anything else, for a record that cannot be used, and for
+    a signal that neither recordings nor the mechanisms of the `package` have."""
     if isinstance(given, str | Path) or not isinstance(given, Iterable):
         raise InputError(f"mechanisms must be a list of Mechanism(...), not {calls.shown(given)}")
     mechanisms = tuple(given)
@@ -67,31 +71,40 @@ def checked(given: Any) -> tuple[Mechanism, ...]:
             raise InputError(f"the mechanism '{m.effect}' {problem}")
     if len({m.effect for m in mechanisms}) < len(mechanisms):
         raise InputError("two mechanisms have one name; give each its own")
+    known = {*CHANNELS, *DERIVED, *(name for m in package for name in signals(m))}
+    for m in mechanisms:
+        _check_among({x for x in signals(m) if not x.startswith((EXTRA, SENSITIVITY))}, known, m)
     return mechanisms
 
 
-def check_signals(own: Iterable[Mechanism], package: Iterable[Mechanism], e: Evidence) -> None:
-    """Raises InputError if a mechanism of the user's names a signal that nobody has: neither the recordings
-    and the simulator, nor any mechanism of the package."""
-    known = {*e.signals, *CHANNELS, *(name for m in package for name in signals(m, e))}
+def check_extras(own: Iterable[Mechanism], recordings: Iterable[Recording]) -> None:
+    """Raises InputError if a mechanism of the user's names a channel of the user's that no recording has."""
+    recorded = {EXTRA + name for r in recordings for name in r.channels}
     for m in own:
-        for name in signals(m, e) - known:
-            near = get_close_matches(name, known, 1)
-            hint = f"; did you mean '{near[0]}'?" if near else f"; there are {', '.join(sorted(e.signals))}"
-            raise InputError(f"the mechanism '{m.effect}' asks for '{name}', which is no signal{hint}")
+        _check_among({x for x in signals(m) if x.startswith(EXTRA)}, recorded, m)
 
 
-def signals(m: Mechanism, e: Evidence) -> set[str]:
-    """The signals that a mechanism needs, and those in its forms."""
+def _check_among(names: Iterable[str], known: Collection[str], m: Mechanism) -> None:
+    for name in sorted(set(names) - set(known)):
+        near = get_close_matches(name, known, 1)
+        hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(sorted(known))}"
+        raise InputError(f"the mechanism '{m.effect}' asks for '{name}', which is no signal; {hint}")
+
+
+def signals(m: Mechanism, e: Evidence | None = None) -> set[str]:
+    """The signals that a mechanism needs, and those in its forms, as far as these do not depend on `e`."""
     out = set(m.needs)
     for form in m.forms.values():
         out |= set(form.needs)
         if isinstance(form, Curve):
             out |= form.carrier.signals() | form.of.signals()
             continue
-        if callable(form.constants) and not e.has(*out):
-            continue  # its constants may depend on them
-        for constants in form.constants(e) if callable(form.constants) else form.constants:
+        each = form.constants
+        if callable(each):
+            if e is None or not e.has(*out):
+                continue  # its constants may depend on them
+            each = each(e)
+        for constants in each:
             out |= frozenset[str]().union(*(c.expression.signals() for c in form.made(constants)))
             break
     return out

@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 JITTER_RUNS = 6
+COMPARING = "comparing every mechanism with what the simulator is off by"
 DRIVING = "driving the simulator along the recordings{about}, {share:.0%}"
 SLOW_S = 30.0  # of driving, from which its length is said beforehand
 IMPOSSIBLE = (
@@ -94,7 +95,8 @@ class _Progress:
         if len(self._ended) == 2:
             seconds = (self._ended[1] - self._ended[0]) / count * self._total
             self._about = f" for about {seconds:.0f} s" if seconds > SLOW_S else ""
-        self._say(DRIVING.format(about=self._about, share=self._done / self._total))
+        driven = self._done < self._total
+        self._say(DRIVING.format(about=self._about, share=self._done / self._total) if driven else COMPARING)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,22 @@ def test_the_truck_itself_has_no_error(prepared: list[Prepared]) -> None:
     assert np.median(np.abs(errors.speed)) < 0.01
 
 
+@pytest.mark.parametrize("keeps", [True, False])
+def test_a_rollout_is_used_where_it_begins_as_the_steps_do(prepared: list[Prepared], keeps: bool) -> None:
+    """One that does not keep its own response where nothing is fed back goes step by step."""
+    lengths = []
+
+    class Own(type(TRUCK)):  # type: ignore[misc]
+        def rollout(self, u, w, y0, recorded=None, **more):  # type: ignore[no-untyped-def]
+            lengths.append(u.shape[1])
+            return super().rollout(u, w, y0, recorded if keeps else np.nan_to_num(recorded), **more)
+
+    own = Own(TRUCK.specification)
+    expected = free_windows(TRUCK, prepared, 30.0)
+    np.testing.assert_array_equal(free_windows(own, prepared, 30.0).speed, expected.speed)
+    assert len(lengths) == 1 + keeps
+
+
 def test_windows_begin_twice_and_lie_on_valid_driving(prepared: list[Prepared]) -> None:
     blind = prepared[0].valid.copy()
     blind[:700] = False

@@ -76,6 +76,7 @@ def test_one_of_the_users_is_found_and_kept(file: Path, tmp_path: Path) -> None:
         ("MECHANISMS =", "OTHERS =", "has no MECHANISMS"),
         ("Signal(", "Sensor(", "has a form 'up' that cannot be made"),
         ("MECHANISMS = (", "MECHANISMS = (x, ", "cannot be run"),
+        ("extra: crane_up", "engine_sped", "'engine_sped', which is no signal; did you mean 'engine_speed'"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_in_one_line(file: Path, old: str, new: str, says: str) -> None:
