@@ -29,5 +29,5 @@ def test_one_kind_of_result_does_not_replace_another(tmp_path: Path) -> None:
 
 def test_what_is_not_there_is_to_be_found_first(tmp_path: Path) -> None:
     for check in (applicable, check_road):
-        with pytest.raises(InputError, match="nowhere does not exist; run 'deeptruck-model mismatch --out"):
+        with pytest.raises(InputError, match="nowhere does not exist; run 'deeptruck-model mismatch' first"):
             check(tmp_path / "nowhere")
