@@ -108,6 +108,7 @@ class Bounds(NamedTuple):
     eased: Array  # share of the engine command that was taken back
     pressed: Array  # share of the brake command that may still be in the brakes
     slack: Array  # m to the limit, through a filter of `soft_s`; NaN for none yet
+    yielded: Array  # m/s^2, the braking that `gentle` asked for last
 
     @classmethod
     def unknown(cls, batch: int) -> Bounds:
@@ -116,7 +117,9 @@ class Bounds(NamedTuple):
         never = np.full(batch, np.inf)
         unknown = np.full(batch, np.nan)
         fast = np.full(batch, 40.0)
-        return cls(nothing, nothing, fast, nothing, nothing, nothing, never, nothing, nothing, unknown)
+        return cls(
+            nothing, nothing, fast, nothing, nothing, nothing, never, nothing, nothing, unknown, nothing
+        )
 
 
 @dataclass
@@ -207,8 +210,9 @@ class Shield:
         """Commands with which the room before the limit shrinks in `yield_s` or slower, so that the shield
         need not brake; each (batch,).
 
-        For any policy. It asks the brakes alone, as if there were no drag, for `yielding` at most, and only
-        behind a leader that is seen.
+        For any policy. It asks the brakes alone, as if there were no drag, for `yielding` at most. While the
+        leader is not seen it goes on asking for what it did: released meanwhile, the brakes would have to
+        make up for it.
         """
         p, old = self.promise, self._seen
         if old is None or len(old.gap) != len(gap):
@@ -221,7 +225,8 @@ class Shield:
         room = gap - p.gap_error - needed - p.soft_m
         shrinks = speed - leader_speed - slow / p.leader_braking * slowing
         pull = (room / p.yield_s - shrinks) * 0.5 / np.maximum(for_speed, 0.1)
-        asked = np.clip(np.nan_to_num(-pull), 0.0, p.yielding)
+        asked = np.clip(np.where(np.isfinite(pull), -pull, old.yielded), 0.0, p.yielding)
+        self._seen = old._replace(yielded=asked)
         share = p.bite + asked / p.brake_gain  # at low speed there is no drag
         least = np.where(asked > 0, share, 0.0) * self.brake_high
         left = 1.0 - np.clip(asked / p.mild_braking, 0.0, 1.0)
@@ -258,4 +263,5 @@ class Shield:
             old.eased,
             old.pressed,
             old.slack,
+            old.yielded,
         )

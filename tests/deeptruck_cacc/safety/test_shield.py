@@ -241,17 +241,21 @@ def test_the_room_before_the_limit_shrinks_no_faster_than_in_yield_s(leader, roo
     assert engine == pytest.approx(800.0 * (1.0 - np.minimum(wanted / PROMISE.mild_braking, 1.0)))
 
 
-def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_not_at_all():
-    def asked(braking, seen=1.0):
-        shield, commands = Shield(PROMISE, 0.0, 100.0), (column(0.0), column(0.0))
+def test_behind_a_leader_that_brakes_it_gives_way_earlier_and_unseen_goes_on():
+    def asked(braking):
+        shield, commands, nan = Shield(PROMISE, 0.0, 100.0), (column(800.0), column(0.0)), column(np.nan)
         for k in range(20):
             leader = column(18.0 + 0.1 * braking * (20 - k))
             shield.filter(column(500.0), leader, column(20.0), *commands)
         gap = PROMISE.needed_gap(column(20.1), column(17.9), column(0.0), PROMISE.dt) + 10.0
-        return float(shield.gentle(seen * gap, column(18.0), column(20.0), *commands)[1][0])
+        engine, brake = shield.gentle(gap, column(18.0), column(20.0), *commands)
+        for _ in range(5):
+            shield.filter(nan, nan, column(20.0), *commands)
+            unseen = shield.gentle(nan, nan, column(20.0), *commands)
+            np.testing.assert_array_equal(unseen, (engine, brake))
+        return float(brake[0])
 
     assert asked(2.0) > asked(0.0) > 0.0
-    assert asked(2.0, np.nan) == 0.0
 
 
 def test_brakes_that_keep_a_deceleration_heat_more_downhill():
