@@ -16,6 +16,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.pages import local
 from deeptruck_model.recordings import CrashSafeWriter
 from deeptruck_nodes import bag_place, leaders, runs, start_simulation
+from deeptruck_nodes.supervisor import Program
 
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 
@@ -226,3 +227,17 @@ def test_the_leaders_of_the_help_text_exist() -> None:
     """What is shown and what can be parsed are the same kinds, in both directions."""
     section = start_simulation.EXAMPLES.partition("Leaders:")[2].partition("Roads:")[0]
     assert set(re.findall(r"(\w+):\w", section)) == set(leaders.KINDS)
+
+
+@pytest.mark.parametrize(
+    ("name", "bridge", "priority"),
+    [
+        ("leader", {}, 10), ("emulator", {"priority": 3}, 3), ("controller", {"priority": 0}, 0),
+        ("recorder", {}, 0), ("controller", None, 0),
+    ],
+)  # fmt: skip
+def test_what_control_depends_on_has_the_priority_of_the_bridge(
+    name: str, bridge: dict[str, int] | None, priority: int
+) -> None:
+    sections = {} if bridge is None else {"can_bridge": bridge}
+    assert runs._hurried(Program(name, ()), sections).priority == priority

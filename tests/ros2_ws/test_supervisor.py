@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -28,6 +30,22 @@ time.sleep(60)
 """
 
 
+SAYS_ITS_CLASS = """
+import os, threading, time
+from deeptruck_nodes.lifeline import Lifeline
+line, classes, go = Lifeline(), [os.sched_getscheduler(0)], threading.Event()
+def late():
+    go.wait()
+    print(classes[0], os.sched_getscheduler(0), flush=True)
+thread = threading.Thread(target=late)
+thread.start()
+line.ready()
+while not line.may_go(): time.sleep(0.01)
+go.set()
+thread.join()
+"""
+
+
 def test_a_node_that_is_still_imported_ends_without_a_word(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -47,3 +65,18 @@ def test_a_run_that_is_asked_to_end_as_the_last_gets_ready_does_not_go(
     said = capsys.readouterr().out
     assert code == 0 and "stopping" in said and "ready after" not in said
     assert not went.exists()
+
+
+@pytest.mark.parametrize("priority", [0, 10])
+def test_what_has_a_priority_gets_it_when_the_run_goes(tmp_path: Path, priority: int) -> None:
+    program = Program("node", (sys.executable, "-c", SAYS_ITS_CLASS), ends_run=True, priority=priority)
+    with (tmp_path / "lock").open("w") as lock:
+        assert Supervisor(tmp_path, [program], {DOMAIN: "1"}, lock.fileno()).run(240.0) == 0
+    now = os.SCHED_FIFO if priority and may_hurry() else os.SCHED_OTHER
+    assert (tmp_path / "node.log").read_text().split() == [str(os.SCHED_OTHER), str(now)]
+
+
+def may_hurry() -> bool:
+    """Whether this user may have a real-time priority."""
+    asked = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))"
+    return subprocess.run([sys.executable, "-c", asked], capture_output=True, check=False).returncode == 0

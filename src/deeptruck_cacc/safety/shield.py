@@ -212,7 +212,7 @@ class Shield:
 
         For any policy. It asks the brakes alone, as if there were no drag, for `yielding` at most. While the
         leader is not seen it goes on asking for what it did: released meanwhile, the brakes would have to
-        make up for it.
+        compensate later.
         """
         p, old = self.promise, self._seen
         if old is None or len(old.gap) != len(gap):

@@ -27,6 +27,7 @@ RADARS: dict[str, dict[str, float]] = {
 
 
 PAGE = "live_page"
+IN_TIME = ("can_bridge", "controller", "leader", "emulator")  # late, any of them ends control
 SPEAKERS = (
     "can_bridge",
     "controller",
@@ -338,7 +339,7 @@ def _run(
             names = [name for name in sections if name != PAGE]
             nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in names]
             page = stack.enter_context(_watched(sections, file))
-            programs = [*page, *nodes[:1], *others, *nodes[1:]]
+            programs = [*page, *(_hurried(one, sections) for one in [*nodes[:1], *others, *nodes[1:]])]
             supervisor = Supervisor(
                 folder, programs, environment.ros_environment(folder, domain), lock.descriptor
             )
@@ -351,6 +352,14 @@ def _run(
         return code
     finally:
         lock.release()
+
+
+def _hurried(program: Program, sections: Sections) -> Program:
+    """The program with the bridge's priority if control depends on it. The simulated radar and the emulator
+    stand for devices that no other work makes late."""
+    if "can_bridge" not in sections or program.name not in IN_TIME:
+        return program
+    return replace(program, priority=parameters.checked("can_bridge", sections["can_bridge"])["priority"])
 
 
 @contextmanager
