@@ -204,9 +204,11 @@ def felt(recordings: Sequence[Recording], channel: str) -> Felt | None:
 
 
 def _accelerometers(recordings: Sequence[Recording]) -> Iterator[Doubt]:
-    for name in ("acceleration", "specific_force"):
-        if any(name in r.channels for r in recordings):
-            yield from _accelerometer(recordings, name)
+    """Doubts about what was measured: an acceleration may be derived from the speed."""
+    own = [r for r in recordings if FROM_SPEED not in r.notes]
+    for name, pieces in (("acceleration", own), ("specific_force", recordings)):
+        if measured := [r for r in pieces if name in r.channels]:
+            yield from _accelerometer(measured, name)
 
 
 def _accelerometer(recordings: Sequence[Recording], name: str) -> Iterator[Doubt]:
@@ -267,12 +269,7 @@ def _accelerometer(recordings: Sequence[Recording], name: str) -> Iterator[Doubt
 
 def _clipped(recordings: Sequence[Recording], name: str, found: Accelerometer) -> str | None:
     """That an accelerometer is at an end of its range for some time; None if it is not."""
-    measured = [
-        r.channels[name]
-        for r in recordings
-        if name in r.channels and (name != "acceleration" or FROM_SPEED not in r.notes)
-    ]
-    reading = np.concatenate([np.zeros(0), *measured])
+    reading = np.concatenate([r.channels[name] for r in recordings])
     reading = reading[np.isfinite(reading)]
     for end in (reading.min(), reading.max()) if len(reading) else ():
         if (share := float(np.mean(reading == end))) > CLIPPED and abs(end) > abs(found.offset) + 2 * VARIED:
@@ -296,7 +293,7 @@ def _filtered(recordings: Sequence[Recording], name: str, found: Accelerometer) 
                 f"follows the speed over {WINDOW_S:g} s and not over {STEADY_MEAN_S:g} s: a filter has "
                 "taken what is slow, the road's slope too; record it without"
             )
-    longest = max((r for r in recordings if name in r.channels), key=len)
+    longest = max(recordings, key=len)
     width = WINDOW_S / 4.0 / longest.dt
     speed, reading = (np.nan_to_num(longest.channels[c]) for c in ("speed", name))
     rate = gaussian_filter1d(np.diff(speed, prepend=speed[:1]) / longest.dt, width)

@@ -19,6 +19,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, ranges, suggest_columns
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.consistency.proposals import unit_of
+from deeptruck_model.recordings.recording import FROM_SPEED
 from deeptruck_model.recordings.resample import Series
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import driving_cycles
@@ -134,6 +135,12 @@ def test_a_filtered_or_turned_accelerometer_is_reported() -> None:
         "a filter has taken what is slow" in line for line in reads(felt - gaussian_filter1d(felt, 60))
     )
     assert any("as of a sensor that is turned" in line for line in reads(0.8 * felt))
+
+
+def test_an_acceleration_that_was_derived_is_no_accelerometer() -> None:
+    late = recording(acceleration=np.roll(recording().channels["acceleration"], 27))
+    assert any("behind the derivative" in doubt.says for doubt in sensors.doubts([late]))
+    assert sensors.doubts([replace(late, notes=(FROM_SPEED,))]) == []
 
 
 def test_speed_is_held_against_places() -> None:
