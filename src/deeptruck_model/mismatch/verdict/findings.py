@@ -48,8 +48,9 @@ def findings(
     out = [of_fault(f) for f in c.drives.faults]
     of_road = _of_road(c, road, rules)
     out += of_road
+    road_names = {f.effect for f in of_road}  # whole, where the residual of a learned truck has a rest of it
     for named in c.names.found:
-        f = _of_named(c, e, made, named, rules)
+        f = _of_named(c, e, made, named, rules) if named.name not in road_names else None
         if f is not None and named.accepted and _longer_than_sensors(f, e):
             out.append(replace(f, missing_input=behind.get(f.effect, "")))
     of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)

@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.report import lines, wording
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.roads.road import Road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import EACH_DRIVE, PLACE, SLOW, UNKNOWN, Tree
 from deeptruck_model.mismatch.verdict.findings import findings
@@ -80,6 +81,16 @@ def test_the_cause_of_events_stands_beside_what_lasts() -> None:
     (own,) = (f for f in both if f.effect == "wheel_slip")
     assert own.in_drives == ("b",)
     assert own.strength is not None and own.strength.share_of_time < 0.05
+
+
+def test_a_road_that_was_recovered_is_the_one_finding_of_its_name() -> None:
+    """The residual of a learned truck has a rest of the slope that the recordings have whole."""
+    c, whole = compared(SLOW), 3.0 * FORCES[SLOW]
+    rest = Named("road_grade", Tree({"road_grade": 1.0}), 50.0, 0.1 * whole)
+    road = Road(whole, None, Tree({"road_grade": 0.95, UNKNOWN: 0.05}))
+    both = findings(replace(c, names=replace(c.names, found=(rest,))), None, road, 1.0, RULES.visible)
+    (one,) = (f for f in both if f.effect == "road_grade")
+    assert one.force is whole
 
 
 def test_what_a_drive_has_of_its_own_has_a_size_by_drive() -> None:
