@@ -17,6 +17,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import (
     APPLIED,
     CORRECTED,
+    PROFILE,
     REFITTED,
     applicable,
     apply_command,
@@ -84,7 +85,7 @@ def _write_profiles(mismatch: Mismatch, path: Path) -> None:
         for f in mismatch.findings:
             if f.force is None:
                 continue
-            scale = -1.0 / GRAVITY if f.effect == "road_grade" else e.unit.scale
+            scale = -1.0 / GRAVITY if f.effect == PROFILE else e.unit.scale
             force = e.newtons(f.force) / e.mass * scale
             known = np.isfinite(force) & (force != 0.0)
             for s in e.stretches:

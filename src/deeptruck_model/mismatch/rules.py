@@ -234,6 +234,12 @@ class Limits:
     nameless: float = _rule(
         0.3, "1", "prior odds that a force follows no mechanism, times those of a mechanism", CHOSEN
     )
+    form_error: float = _rule(
+        0.1,
+        "1",
+        "of the standard deviation of the lasting residual, to which no form of a mechanism is exact",
+        CHOSEN,
+    )
     least_ratio: float = _rule(
         0.5,
         "1",

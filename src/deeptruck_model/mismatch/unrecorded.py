@@ -14,9 +14,10 @@ from scipy.stats import t as student_t
 
 from deeptruck_model._io.json_data import HIDDEN, stored
 from deeptruck_model.mismatch.fit_result import Interval
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits
-from deeptruck_model.mismatch.tree import NAMES
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.not_recorded import not_recorded as lacking
 from deeptruck_model.trucks.compiled import entry
@@ -24,14 +25,6 @@ from deeptruck_model.trucks.compiled import entry
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# The names that an input may explain as well where it was not recorded: they are said with it.
-BEHIND = {
-    "brake": (*NAMES["brakes"], "engine_brake"),
-    "gear": (
-        "shift_interruption", "torque_converter_slip", "driveline_backlash", "driveline_loss",
-        "rotating_inertia", "engine_friction",
-    ),
-}  # fmt: skip
 ENGINE_SPEED = "engine_speed"
 BRAKING, BRAKING_SD = -0.8, 0.6  # m/s^2 that service brakes add, and its spread
 TAIL = 4.0  # degrees of freedom of the residual without braking
@@ -80,7 +73,9 @@ def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]
     """For each mechanism whose effect an input that was not recorded may explain as well: that input. The
     gear counts as recorded if every recording has the engine speed, which determines it."""
     known = {"gear"} if all(ENGINE_SPEED in r.channels for r in recordings) else set()
-    return {n: m.input for m in missing if m.input not in known for n in BEHIND.get(m.input, ())}
+    asked = {m.input for m in missing} - known
+    names = {**LIBRARY, **LIBRARY.own, **PARAMETER_ERRORS}
+    return {name: m.mistaken_for for name, m in names.items() if m.mistaken_for in asked}
 
 
 def braking(e: Evidence, missing: Sequence[NotRecorded] = ()) -> tuple[Evidence, tuple[NotRecorded, ...]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from deeptruck_model.mismatch import rules
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.rules import Limits, Rules
 
 ROOT = Path(__file__).parents[3]
@@ -188,25 +189,13 @@ def test_the_page_has_the_rules() -> None:
     assert rules.table() in page
 
 
-def compared_names(source: str, names: set[str]) -> set[str]:
-    """Names of mechanisms that something is compared with, or looked for in a written-out collection."""
-    sides = [
-        side
-        for node in ast.walk(ast.parse(source))
-        if isinstance(node, ast.Compare)
-        for side in (node.left, *node.comparators)
-    ]
-    found = (inner.value for side in sides for inner in ast.walk(side) if isinstance(inner, ast.Constant))
-    return {value for value in found if isinstance(value, str) and value in names}
+ABOUT_ONE_EFFECT = ("mechanisms/", "roads/", "live/adaptation.py", "data/checks.py", "folders.py")
 
 
-# The place that still asks by name: a list that may become shorter, and no longer.
-BY_NAME = {"output.py": {"road_grade"}}
-
-
-def test_generic_code_asks_for_no_mechanism_by_its_name() -> None:
-    names = set(LIBRARY)
-    assert compared_names("if x.name in ('other', 'brake_lag'): pass", {"brake_lag"}) == {"brake_lag"}
-    generic = [p for p in TOOL.rglob("*.py") if p.parent.name != "mechanisms"]
-    found = {p.relative_to(TOOL).as_posix(): compared_names(p.read_text(), names) for p in generic}
-    assert {file: names for file, names in found.items() if names} == BY_NAME
+def test_only_files_about_one_effect_know_its_name() -> None:
+    """Whatever else depends on a mechanism asks its record."""
+    effects = sorted(LIBRARY.keys() - PARAMETER_ERRORS.keys())
+    words = re.compile("|".join(rf"[\"']{name}[\"']|\b{name.upper()}\b" for name in effects))
+    knows = {p.relative_to(TOOL).as_posix() for p in TOOL.rglob("*.py") if words.search(p.read_text())}
+    assert not {file for file in knows if not file.startswith(ABOUT_ONE_EFFECT)}
+    assert any(file.startswith("mechanisms/") for file in knows)

@@ -87,6 +87,7 @@ BRAKE_FADE = Mechanism(
             for s in (20.0, 60.0, 200.0, 600.0)
         },
     },
+    mistaken_for="brake",
 )
 
 BRAKE_LAG = Mechanism(
@@ -115,6 +116,7 @@ BRAKE_LAG = Mechanism(
             words={"side": RATES},
         ),
     },
+    mistaken_for="brake",
 )
 
 DRAGGING_BRAKE = Mechanism(
@@ -164,6 +166,7 @@ DRAGGING_BRAKE = Mechanism(
         },
     },
     prior=0.7,
+    mistaken_for="brake",
 )
 
 MECHANISMS = (BRAKE_FADE, BRAKE_LAG, DRAGGING_BRAKE)

@@ -71,6 +71,7 @@ COMMAND_DELAY = Mechanism(
             needs=("brake_command",),
         ),
     },
+    delay=True,
 )
 
 COMMAND_RATE_LIMIT = Mechanism(
@@ -106,6 +107,7 @@ CLOCK_OFFSET = Mechanism(
     },
     kind="measurement_fault",
     prior=0.5,
+    delay=True,
 )
 
 GRADE_BIAS = Mechanism(

@@ -167,6 +167,7 @@ DRIVELINE_LOSS = Mechanism(
         ),
         "engine force": Curve(absolute(ENGINE) * -1.0, absolute(ENGINE), "engine force", "any"),
     },
+    mistaken_for="gear",
 )
 
 SHIFT_INTERRUPTION = Mechanism(
@@ -204,6 +205,7 @@ SHIFT_INTERRUPTION = Mechanism(
             )
         },
     },
+    mistaken_for="gear",
 )
 
 TORQUE_CONVERTER_SLIP = Mechanism(
@@ -227,6 +229,7 @@ TORQUE_CONVERTER_SLIP = Mechanism(
         "time since start": Curve(PULL * -1.0, ELAPSED, "time since start", "falling"),
         "time since standing": Curve(PULL * -1.0, STOOD, "time since standing", "falling"),
     },
+    mistaken_for="gear",
 )
 
 ROTATING_INERTIA = Mechanism(
@@ -247,6 +250,7 @@ ROTATING_INERTIA = Mechanism(
         ),
         "ratio": Curve(SIMULATED * -1.0, OVERALL_RATIO, "ratio", "rising", needs=("ratio",)),
     },
+    mistaken_for="gear",
 )
 
 DRIVELINE_BACKLASH = Mechanism(
@@ -288,6 +292,7 @@ DRIVELINE_BACKLASH = Mechanism(
         "play": Form(_play, _plays),
     },
     prior=0.7,
+    mistaken_for="gear",
 )
 
 MECHANISMS = (

@@ -159,6 +159,7 @@ ENGINE_BRAKE = Mechanism(
             )
         },
     },
+    mistaken_for="brake",
 )
 
 ENGINE_FRICTION = Mechanism(
@@ -202,6 +203,7 @@ ENGINE_FRICTION = Mechanism(
         ),
     },
     prior=0.7,
+    mistaken_for="gear",
 )
 
 ACCESSORY_LOAD = Mechanism(

@@ -8,7 +8,6 @@ from deeptruck_model.mismatch.mechanisms.record import Column, Form, Mechanism, 
 from deeptruck_model.mismatch.mechanisms.symbols import SIMULATED
 
 MASS = Signal("sensitivity:mass")
-MOST_OF_MASS = 2.0  # to first order: a laden truck that is unloaded loses less
 
 PAYLOAD_CHANGE = Mechanism(
     "payload_change",
@@ -21,7 +20,7 @@ PAYLOAD_CHANGE = Mechanism(
     manoeuvre="accelerate with the same torque before and after loading",
     forms={
         "loaded": Form(
-            lambda: Column(MASS, 0.4, "change", "kg", per_mass=True, sign=0, most=MOST_OF_MASS),
+            lambda: Column(MASS, 0.4, "change", "kg", per_mass=True, sign=0),
             courses=(from_standstills, each_drive(0.3, more_than=2, most=40)),
         ),
         # sprayed, spread or discharged on the way
@@ -30,6 +29,7 @@ PAYLOAD_CHANGE = Mechanism(
             courses=(slowly(0.5, quick=False),),
         ),
     },
+    of_input="mass",
 )
 
 LOAD_SLOSH = Mechanism(

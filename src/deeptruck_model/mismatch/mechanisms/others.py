@@ -16,6 +16,7 @@ class Parameter:
     says: str
     manoeuvre: str
     unit: str = "1"
+    mistaken_for: str = ""  # as of a mechanism
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ PARAMETER_ERRORS = {
             "brakes",
             "brake force for a given command",
             "brake with steps of command from one speed",
+            mistaken_for="brake",
         ),
     )
 }

@@ -36,6 +36,10 @@ class Library(dict[str, Mechanism]):
     def __missing__(self, effect: str) -> Mechanism:
         return self.own[effect]
 
+    def of_input(self, name: str) -> Mechanism:
+        """The mechanism of the package that is the error of an input."""
+        return next(m for m in self.values() if m.of_input == name)
+
     def read(self, path: Path, sha256: str | None = None) -> tuple[Mechanism, ...]:
         """The mechanisms of a user's file. Raises InputError if there are none, or if its content has not
         the hash `sha256`."""

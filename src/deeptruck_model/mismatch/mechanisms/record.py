@@ -40,7 +40,7 @@ class Column:
     sign: int = 1  # +1: never negative; 0: free
     mean: float = 0.0
     course: tuple[tuple[str, float], ...] = ()  # of a piece of a curve: what it adds at each place, by name
-    most: float = np.inf  # coefficient times factor: one that is significantly larger is none of this
+    most: float = np.inf  # the largest physically possible coefficient times factor: a size is stated within
 
 
 def force(expression: Expression, sd: float, name: str = "force", sign: int = 1) -> Column:
@@ -134,6 +134,9 @@ class Mechanism:
     kind: str = "missing_physics"
     prior: float = 1.0
     unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
+    delay: bool = False  # a time, of which ordinary sensors and message periods make some
+    of_input: str = ""  # the input whose error it is
+    mistaken_for: str = ""  # the input that may explain the same force where it was not recorded
 
     def chance(self, e: Evidence) -> float:
         """Prior probability relative to the other mechanisms, given which signals were recorded."""

@@ -40,6 +40,7 @@ ROAD_GRADE = Mechanism(
         "felt": Form(lambda: FELT_SHARE, needs=(FELT,)),
     },
     unlikely_with="grade",
+    of_input="grade",
 )
 
 ROAD_SURFACE = Mechanism(

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from deeptruck_model.constants import GRAVITY
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
-from deeptruck_model.mismatch.mechanisms.road import HILLY, ROAD_GRADE
+from deeptruck_model.mismatch.mechanisms.road import HILLY
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
 from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Draws, sample
@@ -38,7 +39,6 @@ RIDGE = 1e-6  # of the mean square of columns, so that copies share a force
 FEW = 12  # draws, beside whose mean the noise is fitted
 CHUNK = 4096  # rows that are whitened at once
 DRIFT_ODDS = 0.3  # prior odds of each of these: hardly two drives are alike
-FORM_ERROR = 0.1  # of the residual's lasting standard deviation, which no form of a mechanism is exact to
 LASTING = 3  # rows, which noise does not outlast
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 SLOPE = "slope"  # part of the kernel of a slope that was not recorded: hardly a road has none
@@ -193,7 +193,7 @@ def _form_error(search: Regression) -> Array:
     anything = next(k.features for k in kernels(search) if k.name == UNKNOWN)
     rows = search.rows
     own = float(np.sqrt(np.mean(np.sum(anything[rows] ** 2, axis=1)))) if len(rows) else 0.0
-    size = FORM_ERROR * _lasting(search)
+    size = Limits.form_error * _lasting(search)
     out: Array = np.nan_to_num(anything) * (size / max(own, 1e-12))
     return out
 
@@ -247,7 +247,7 @@ def _drift(search: Regression) -> list[Kernel]:
     drive = np.stack([e.record == i for i in fitted], axis=1).astype(float)
     place = _places(search)
     out = [Kernel(SLOW, DRIFT * _knots(search), part=SLOW)]
-    if not e.has("grade") and ROAD_GRADE in search.library:
+    if not e.has("grade") and LIBRARY.of_input("grade") in search.library:
         out.append(_slope(search))
     if place is not None:
         out.append(Kernel(PLACE, DRIFT * place, part=PLACE))
@@ -272,7 +272,7 @@ def _slope(search: Regression) -> Kernel:
     if e.has(FELT):
         felt = (GRAVITY * gain * np.nan_to_num(e[FELT]))[:, None].astype(np.float32)
         columns = np.concatenate([felt, columns.astype(np.float32)], axis=1)
-    return Kernel(ROAD_GRADE.effect, columns, part=SLOPE)
+    return Kernel(LIBRARY.of_input("grade").effect, columns, part=SLOPE)
 
 
 def _knots(search: Regression) -> Array:

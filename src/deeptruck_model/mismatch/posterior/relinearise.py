@@ -16,9 +16,8 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare, with_felt_slope
-from deeptruck_model.mismatch.mechanisms import CandidateTerm
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import EachDrive
-from deeptruck_model.mismatch.mechanisms.load import PAYLOAD_CHANGE
 from deeptruck_model.mismatch.posterior.posterior import Posterior, without_roads
 from deeptruck_model.mismatch.posterior.regression import Model, Regression
 from deeptruck_model.mismatch.prepare import PreparedDrives
@@ -63,9 +62,8 @@ def at_fitted_parameters(
 
 def _own_loads(search: Regression) -> tuple[CandidateTerm, ...]:
     """A separate load for every drive; empty if payload changes are excluded, or there are too few drives."""
-    if PAYLOAD_CHANGE not in search.library:
-        return ()
-    terms = search.candidate_terms(PAYLOAD_CHANGE)
+    load = LIBRARY.of_input("mass")
+    terms = search.candidate_terms(load) if load in search.library else ()
     return tuple(t for t in terms if all(isinstance(v.course, EachDrive) for v in t.variants))
 
 

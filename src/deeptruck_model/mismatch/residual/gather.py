@@ -114,8 +114,8 @@ class _Driven:
         simulated = self.grid.stack([r.y[0, :, ACCELERATION] for r in self.runs])
         return self.grid.stack([p.observed for p in self.prepared]) - simulated, simulated
 
-    def other_gear(self, held_out: Sequence[bool]) -> tuple[list[Mask], list[Mask]]:
-        """Native samples of each drive in which the simulator's gear differs: for long, and at all."""
+    def other_gear(self, held_out: Sequence[bool]) -> list[Mask]:
+        """Native samples of each drive in which the simulator drives in another gear."""
         if self.known_physics:
             return other_gear(self.prepared, self.runs, held_out=held_out)
         return other_gear(self.prepared, with_predicted_gears(self.simulator, self.prepared), True, held_out)
@@ -148,8 +148,8 @@ def _compared(
     stated = _stated_mass(simulator, prepared, mass_kg)
     signals, mass, mass_known = components.signals(simulator, prepared, d.runs, grid, stated)
     residual, simulated = d.residual()
-    for_long, apart = d.other_gear(held_out)
-    valid = grid.valid() & ~grid.any(for_long)
+    apart = d.other_gear(held_out)
+    valid = grid.valid() & ~grid.any(apart)
     _check_possible(simulated[valid])
     if as_given is not None:
         sooner, disagreement = as_given.sooner, as_given.disagreement
@@ -166,8 +166,8 @@ def _compared(
         simulated=simulated,
         disagreement=disagreement,
         valid=valid,
-        other_gear=int(sum(samples.sum() for samples in for_long)),
-        signals=signals | {"simulated": simulated, "gear apart": grid.any(apart).astype(float)},
+        other_gear=int(sum(samples.sum() for samples in apart)),
+        signals=signals | {"simulated": simulated},
         sensitivity={},
         mass=mass,
         mass_known=mass_known,

@@ -16,7 +16,7 @@ from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-OTHER_GEAR_S = 1.5  # a different gear for longer is left out; for less, it is part of what may be missing
+OTHER_GEAR_S = 1.5  # shorter differences of engine speed, or from a predicted gear, are slip or an error
 NEAR_S = 0.5  # around a different gear, while the engine changes its speed
 
 
@@ -25,25 +25,27 @@ def other_gear(
     runs: Sequence[Run],
     numbered_alike: bool = False,
     held_out: Sequence[bool] = (),
-) -> tuple[list[Mask], list[Mask]]:
-    """Native samples (n,) of each recording in which the simulator's gear differs: for long, and at all.
+) -> list[Mask]:
+    """Native samples (n,) of each recording in which the simulator drives in another gear.
 
     Compared by the recorded gear, else by the recorded engine speed; all False if neither is recorded. A
-    truck that rolls in neutral (recorded gear 0) differs from a simulator that is in gear.
+    truck that rolls in neutral (recorded gear 0) differs from a simulator that is in gear. The force of
+    another gear says nothing of missing physics, however short it acts: a simulator that is set to the
+    recorded speed of every sample shifts late where the truck shifts between two samples.
     """
     apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
+    at_once = apart is not None and not numbered_alike
     if apart is None and "engine_speed" in runs[0].inside:
         apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
     neutral = [_rolls_in_neutral(p, run) for p, run in zip(prepared, runs, strict=True)]
     if apart is None or _never_alike([a[~n] for a, n in zip(apart, neutral, strict=True)], held_out):
-        apart = neutral
+        apart, at_once = neutral, False
     else:
         apart = [a | n for a, n in zip(apart, neutral, strict=True)]
     dt = prepared[0].dt
-    lasting = np.ones(round(OTHER_GEAR_S / dt) + 1, dtype=bool)
-    for_long = [binary_opening(a, lasting) if a.any() else a for a in apart]
+    lasting = np.ones(1 if at_once else round(OTHER_GEAR_S / dt) + 1, dtype=bool)
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
-    return [binary_dilation(a, near) if a.any() else a for a in for_long], apart
+    return [binary_dilation(binary_opening(a, lasting), near) if a.any() else a for a in apart]
 
 
 def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:

@@ -15,7 +15,6 @@ from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import Where
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
-from deeptruck_model.mismatch.mechanisms.road import ROAD_GRADE
 from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.report import wording
@@ -33,7 +32,6 @@ from deeptruck_model.signals import FELT
 
 Array = NDArray[np.float64]
 
-LATE = ("command_delay", "clock_offset")
 FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its deviation is an estimate
 
 
@@ -53,7 +51,7 @@ def findings(
         f = _of_named(c, e, made, named, rules) if named.name not in road_names else None
         if f is not None and named.accepted and _longer_than_sensors(f, e):
             out.append(replace(f, missing_input=behind.get(f.effect, "")))
-    of_slope = not e.has("grade") and any(f.effect == ROAD_GRADE.effect for f in out)
+    of_slope = not e.has("grade") and any(f.effect == LIBRARY.of_input("grade").effect for f in out)
     if not of_road and not of_slope:  # which would be what is slow too
         out += _of_drift(c, rules, good_enough=error <= tolerance)
     if error > tolerance and all(f.kind is Kind.SENSOR for f in out):
@@ -72,7 +70,7 @@ def _of_named(c: Compared, e: Evidence, made: Made | None, named: Named, rules: 
         f = _finding(c, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force)
         return replace(f, separating_manoeuvre=wording.RECORD_MORE)
     m = LIBRARY[name]
-    says = wording.FELT_SLOPE if m is ROAD_GRADE and e.has(FELT) else m.says
+    says = wording.FELT_SLOPE if m.of_input == "grade" and e.has(FELT) else m.says
     f = _finding(c, named, Kind(m.kind), says, named.force)
     term = next((t for t in made.terms if t.mechanism.effect == name), None) if made is not None else None
     sizes = sizes_of(term, c.posterior) if term is not None else {}
@@ -234,7 +232,7 @@ def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
 def _longer_than_sensors(f: Finding, e: Evidence) -> bool:
     """Whether a delay exceeds that of ordinary message periods and filters. The nuisance terms of sensors
     take up part of a delay, so that the whole residual is compared, where the finding's force acts."""
-    if f.effect not in LATE or f.force is None:
+    if f.effect not in LIBRARY or not LIBRARY[f.effect].delay or f.force is None:
         return True
     rows = e.valid & (f.force != 0.0)
     late = e.rerun("delay_all", e.rules.least_delay_s)[rows]

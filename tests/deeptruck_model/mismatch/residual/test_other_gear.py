@@ -33,7 +33,7 @@ FASTER = np.where(np.arange(N) < 300, 150.0, 115.0)
 @pytest.mark.parametrize("recorded", [{"gear": GEAR + 1.0}, {"engine_speed": ENGINE_SPEED}])
 def test_where_the_simulator_shifts_later(recorded: dict[str, np.ndarray[Any, Any]]) -> None:
     """Gears numbered from another one on are the same gears."""
-    ((marked,), _) = other_gear([drive(**recorded)], [run(LATER, FASTER)])
+    (marked,) = other_gear([drive(**recorded)], [run(LATER, FASTER)])
     assert marked[250:300].all() and not marked[:244].any() and not marked[306:].any()
 
 
@@ -41,21 +41,21 @@ def test_where_the_simulator_shifts_later(recorded: dict[str, np.ndarray[Any, An
 def test_nothing_is_marked_where_gears_agree_or_none_is_recorded(
     recorded: dict[str, np.ndarray[Any, Any]],
 ) -> None:
-    ((marked,), _) = other_gear([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
+    (marked,) = other_gear([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
 
 
 def test_a_truck_with_other_ratios_is_not_rejected_as_a_whole() -> None:
-    ((marked,), _) = other_gear([drive(engine_speed=2.0 * ENGINE_SPEED)], [run(GEAR, ENGINE_SPEED)])
+    (marked,) = other_gear([drive(engine_speed=2.0 * ENGINE_SPEED)], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
 
 
 def test_gears_numbered_alike_are_compared_as_they_are() -> None:
     """A truck that learned the recorded numbers may hold another gear than the recorded one throughout."""
-    ((marked,), _) = other_gear([drive(gear=GEAR + 1.0)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
+    (marked,) = other_gear([drive(gear=GEAR + 1.0)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
     assert not marked.any()  # all of the time: then nothing decides
     seldom = np.where(np.arange(N) < 300, GEAR, GEAR + 1.0)
-    ((marked,), _) = other_gear([drive(gear=seldom)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
+    (marked,) = other_gear([drive(gear=seldom)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
     assert marked[300:].all() and not marked[:294].any()
 
 
@@ -68,16 +68,16 @@ def test_rolling_in_neutral_is_marked_beside_a_simulator_in_gear(
     engine: dict[str, np.ndarray[Any, Any]],
 ) -> None:
     """Also where the truck rolls in neutral all of the time, as in a coast-down."""
-    ((marked,), _) = other_gear([drive(gear=NEUTRAL, **engine)], [run(GEAR, ENGINE_SPEED)])
+    (marked,) = other_gear([drive(gear=NEUTRAL, **engine)], [run(GEAR, ENGINE_SPEED)])
     assert marked[:100].all() and not marked[106:].any()
     coasting = {"engine_speed": IDLE} if engine else {}
-    ((marked,), _) = other_gear([drive(gear=0.0 * GEAR, **coasting)], [run(GEAR, ENGINE_SPEED)])
+    (marked,) = other_gear([drive(gear=0.0 * GEAR, **coasting)], [run(GEAR, ENGINE_SPEED)])
     assert marked.all()
 
 
 def test_gears_numbered_from_zero_are_no_neutral() -> None:
     numbered = drive(gear=GEAR - 7.0, engine_speed=ENGINE_SPEED)
-    ((marked,), _) = other_gear([numbered], [run(GEAR, ENGINE_SPEED)])
+    (marked,) = other_gear([numbered], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
 
 
@@ -120,7 +120,7 @@ def test_a_logger_with_another_engine_speed_leaves_something_to_fit() -> None:
     """Of two recordings the one to be fitted has rpm for rad/s; the one held out is of another logger."""
     parts = [drive(engine_speed=ENGINE_SPEED / 9.55), drive(engine_speed=ENGINE_SPEED)]
     runs = [run(GEAR, ENGINE_SPEED)] * 2
-    marked, _ = other_gear(parts, runs, held_out=[False, True])
+    marked = other_gear(parts, runs, held_out=[False, True])
     assert not np.concatenate(marked).any()
-    marked, _ = other_gear(parts, runs, held_out=[True, False])
+    marked = other_gear(parts, runs, held_out=[True, False])
     assert marked[0].all() and not marked[1].any()
