@@ -338,7 +338,8 @@ def prove(
         Path | None, typer.Option(help="Folder of real logs: examine these instead of made-up cases.")
     ] = None,
     plant: Annotated[
-        str | None, typer.Option(help="Truck that others wrote, to conceal things of: fastsim.")
+        str | None,
+        typer.Option(help="Vehicle that others wrote, to conceal things of: fastsim or multi-body."),
     ] = None,
 ) -> None:
     """Examine the mismatch tool on hidden effects, sealed before it starts; resumes where it stopped.
@@ -351,9 +352,10 @@ def prove(
 
     if plant is not None:
         check_plant(plant, out)
-        from deeptruck_exam.plants.prove import prove_plant
+        from deeptruck_exam.plants.prove import prove_multi_body, prove_plant
 
-        prove_plant(out, range(seed, seed + (cases or PLANT_CASES)), jobs)
+        examine = prove_plant if plant == "fastsim" else prove_multi_body
+        examine(out, range(seed, seed + (cases or PLANT_CASES)), jobs)
         print(f"table in {out / 'plant.md'}")
         return
     if real is not None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_exam.folder import check_plant
-from deeptruck_exam.plants import cases, fastsim_truck, page, prove
+from deeptruck_exam.plants import cases, fastsim_truck, multi_body, page, prove
 from deeptruck_exam.plants.fastsim_equations import LineHaul, make
 from deeptruck_exam.tool import ToolRun
 from deeptruck_model import simulators
@@ -17,13 +17,14 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.added import Added, TruckWithForces
 from deeptruck_model.mismatch.expression import Signal
 from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import protocol_check
 
 needs_fastsim = pytest.mark.skipif(
     find_spec("fastsim") is None, reason="FASTSim is not installed: pip install 'deeptruck[proof]'"
 )
 
 
-def free_error(recording: Recording, simulator: LineHaul) -> float:
+def free_error(recording: Recording, simulator: LineHaul | multi_body.PointMass) -> float:
     """RMSE of the speed, m/s, of a free run along the whole recording."""
     y = recording.y[None]
     u, w = recording.u[None], recording.w[None]
@@ -58,8 +59,6 @@ def test_steps_of_a_forced_run_side_by_side_are_those_one_after_another() -> Non
 
 
 def test_it_is_fit_for_use_as_a_simulator_of_ones_own() -> None:
-    from deeptruck_model.simulators import protocol_check
-
     loaded = simulators.load("python:deeptruck_exam.plants.fastsim_equations:make")
     assert not protocol_check.missing(protocol_check.examine(loaded))
 
@@ -119,7 +118,7 @@ def verdict(*names: str) -> dict[str, object]:
 def test_a_row_is_scored_by_the_rules_of_the_exam_and_stands_on_the_page() -> None:
     rows = []
     for key, names in (("mass", ("mass",)), ("drag", ("headwind",)), ("nothing", ())):
-        row = prove.judged(key, ToolRun(0, 1.0, verdict(*names), ""))
+        row = prove.judged(cases.CONCEALED[key], ToolRun(0, 1.0, verdict(*names), ""))
         about = {"key": key, "concealed": cases.CONCEALED[key].what, "simulator": "learned", "seed": 3}
         rows.append({**about, **row})
     assert [r["outcome"] for r in rows] == ["right", "wrong", "silent"]
@@ -131,7 +130,7 @@ def test_a_row_is_scored_by_the_rules_of_the_exam_and_stands_on_the_page() -> No
 
 
 def test_a_run_that_was_refused_says_why_on_the_page() -> None:
-    row = prove.judged("mass", ToolRun(2, 1.0, {}, "as no vehicle does"))
+    row = prove.judged(cases.CONCEALED["mass"], ToolRun(2, 1.0, {}, "as no vehicle does"))
     about = {"key": "mass", "concealed": "mass +5 t", "simulator": "learned", "seed": 3}
     assert "- learned, mass +5 t: as no vehicle does" in page.lines([{**about, **row}])
 
@@ -141,16 +140,42 @@ def test_a_failed_run_is_run_again_and_a_scored_one_is_not(
 ) -> None:
     ends = [ToolRun(124, 1.0, {}, "stopped after 900 s"), ToolRun(0, 1.0, verdict("mass"), "")]
     monkeypatch.setattr(prove, "run_tool", lambda case, out: ends.pop(0))
-    monkeypatch.setattr(cases, "drives", lambda concealed, seed, geared: [])
+    monkeypatch.setitem(prove.PLANTS, "fastsim", prove.Plant(cases.CONCEALED, lambda *_, **__: []))
     (tmp_path / "cases" / "mass-3").mkdir(parents=True)
     for outcome in ("failed", "right", "right"):
-        prove._examine((tmp_path, "mass", 3, "sim", "learned"))
+        prove._examine((tmp_path, "mass", 3, "sim", "learned", "fastsim"))
         assert prove._kept(tmp_path, "mass", 3, "learned")["outcome"] == outcome
     assert not ends
 
 
+def test_the_point_mass_is_fit_for_use_and_carries_its_wheels() -> None:
+    loaded = simulators.load(multi_body.POINT_MASS)
+    assert not protocol_check.missing(protocol_check.examine(loaded))
+    truck, y0 = multi_body.make(), np.array([[0.0, 20.0], [0.0, 8.0]])
+    state, y = truck.step(truck.reset(y0), np.array([[60.0, 0.0], [0.0, 1.0]]), np.array([[0.01], [-0.02]]))
+    i = truck.inside(state)
+    weight = i["mass"] * multi_body.GRAVITY * np.sin(np.arctan([0.01, -0.02]))
+    force = i["traction_force"] - i["brake_force"] - i["drag_force"] - i["rolling_force"] - weight
+    np.testing.assert_allclose(i["effective_mass"] * y[:, 0], force, rtol=1e-6)
+    assert (i["effective_mass"] > 1.04 * i["mass"]).all()
+
+
+@pytest.mark.skipif(find_spec("vehiclemodels") is None, reason="commonroad-vehicle-models is not installed")
+def test_the_multi_body_car_drives_nearly_as_the_point_mass_until_brakes_are_weaker(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(multi_body, "SAMPLES", 300)
+    errors = {
+        key: np.mean(
+            [free_error(r, multi_body.make()) for r in multi_body.drives(multi_body.CONCEALED[key], 7)]
+        )
+        for key in ("nothing", "brake")
+    }
+    assert errors["nothing"] < 0.3 and errors["nothing"] < 0.5 * errors["brake"]
+
+
 def test_another_plant_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="there is no 'sumo'; choose fastsim"):
+    with pytest.raises(InputError, match="there is no 'sumo'; choose fastsim or multi-body"):
         check_plant("sumo", tmp_path / "out")
 
 

@@ -45,6 +45,7 @@ def other_gear(
     dt = prepared[0].dt
     lasting = np.ones(1 if at_once else round(OTHER_GEAR_S / dt) + 1, dtype=bool)
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
+    near[: len(near) // 2] = not at_once  # before it
     return [binary_dilation(binary_opening(a, lasting), near) if a.any() else a for a in apart]
 
 

@@ -53,9 +53,8 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
     slope = road(c.search.e.everywhere())
     numbers = _numbers(c, driven)
     found = findings(c, made, slope, numbers.error, decide.tolerance(numbers.own, rules))
-    shares = [f.share_of_explainable_error for f in found]
     sure = [f.stated != ROOT for f in found]
-    numbers = replace(numbers, kinds=[f.kind for f in found], shares=shares, sure=sure)
+    numbers = replace(numbers, kinds=[f.kind for f in found], sure=sure)
     kind = decide.conclusion(numbers, rules)
     offered = decide.offered(numbers, kind, rules)
     forces = {i: f.force for i, f in enumerate(found) if f.force is not None}
@@ -109,6 +108,7 @@ def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
         added_up=c.budget.speed_rmse,
         own=driven.own_error,
         better=driven.better,
+        beyond_refit=fit.improvement is None or fit.improvement.over_parameters_ci95[0] > 0.0,
         bare=fit.without_exogenous.after if fit.without_exogenous is not None else None,
         is_corrected=bool(fit.corrected),
         missing=[m.input for m in c.drives.missing],

@@ -20,18 +20,18 @@ from deeptruck_model.mismatch.rules import Rules
 class Numbers:
     """The numbers that decide a verdict.
 
-    `kinds` and `shares` of the findings, and which are `sure`: a node of theirs is stated. Speed errors (m/s)
-    in free runs of `horizon_s` along held-out drives, of the simulator as `given`, with refitted
+    `kinds` of the findings, largest first, and which are `sure`: a node of theirs is stated. Speed errors
+    (m/s) in free runs of `horizon_s` along held-out drives, of the simulator as `given`, with refitted
     `parameters_only`, and `corrected` (NaN if no drive is long enough). The error to which the residual along
     fitted drives has `added_up`, without events, over the budget's own horizon (NaN if too few windows are
     free of gaps). The `own` error of a learned simulator on its held-out recordings (None if it is not
-    learned or not known). Which simulators are significantly `better` than the one as given; the error of the
-    corrected one without signals beyond the protocol (`bare`, None if it needs none); whether anything `is
-    corrected`, which inputs are `missing`, and `doubts` about those that are there.
+    learned or not known). Which simulators are significantly `better` than the one as given, and whether the
+    corrected one is than the refit (`beyond_refit`); the error of the corrected one without signals beyond
+    the protocol (`bare`, None if it needs none); whether anything `is corrected`, which inputs are `missing`,
+    and `doubts` about those that are there.
     """
 
     kinds: Sequence[Kind] = ()
-    shares: Sequence[float] = ()
     sure: Sequence[bool] = ()
     given: float = float("nan")
     parameters_only: float = float("nan")
@@ -40,6 +40,7 @@ class Numbers:
     added_up: float = float("nan")
     own: float | None = None
     better: frozenset[str] = frozenset()
+    beyond_refit: bool = True
     bare: float | None = None
     is_corrected: bool = False
     missing: Sequence[str] = ()
@@ -62,7 +63,7 @@ def conclusion(n: Numbers, rules: Rules) -> Conclusion:
     """The kind of the finding that explains most. Without a finding, or with none that is stated, nothing
     that matters is missing, unless the simulator's error exceeds the tolerance or is not known."""
     if n.kinds and not (_good_enough(n, rules) and not any(n.sure)):
-        return Conclusion(n.kinds[int(np.argmax(n.shares))])
+        return Conclusion(n.kinds[0])
     if _good_enough(n, rules):
         return Conclusion.NOTHING
     return Conclusion.UNDETERMINED
@@ -84,12 +85,13 @@ def uncompared(*, faulty: bool) -> Conclusion:
 
 def offered(n: Numbers, kind: Conclusion, rules: Rules) -> str:
     """Of the simulators that are significantly better than the one as given, with or without a name, the one
-    with the least error along held-out drives. The correction only if it is better than the refit alone, and
-    without signals that others lack no worse than the one as given. If nothing is missing, it must reduce the
-    error by as much as a drift must make to be a finding."""
+    with the least error along held-out drives. The correction only if it is better than the refit alone,
+    significantly if that is better too, and without signals that others lack no worse than the one as given.
+    If nothing is missing, it must reduce the error by as much as a drift must make to be a finding."""
     errors = {REFIT: n.parameters_only, CORRECTION: n.corrected}
     better = {name: x for name, x in errors.items() if name in n.better}
-    if n.corrected > n.parameters_only or _worse_bare(n, rules):
+    equal = REFIT in better and not n.beyond_refit
+    if n.corrected > n.parameters_only or equal or _worse_bare(n, rules):
         better.pop(CORRECTION, None)
     best = min(better, key=lambda name: better[name], default=AS_GIVEN)
     if kind is Conclusion.NOTHING and not n.given - errors.get(best, n.given) > rules.drift:

@@ -57,7 +57,7 @@ def findings(
     if error > tolerance and all(f.kind is Kind.SENSOR for f in out):
         out += _of_rest(c, rules)
     shown = _with_shares(e, out, c.budget)
-    return tuple(sorted(shown, key=lambda f: -f.share_of_explainable_error))
+    return tuple(sorted(shown, key=lambda f: (-(f.share_of_error or 0.0), -f.share_of_explainable_error)))
 
 
 def _of_named(c: Compared, e: Evidence, made: Made | None, named: Named, rules: Rules) -> Finding | None:
@@ -262,8 +262,8 @@ def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
 
 
 def _share(f: Finding, budget: Budget) -> float | None:
-    """A share of the budget: that of a drift, or of the finding's family; None if it is no part of the
-    budget."""
+    """A share of the budget: that of a drift, or of the finding's family; None without a budget, and for a
+    fault between sensors, which is in none."""
     if f.share_of_error is not None:
         return f.share_of_error
-    return next((p.share for p in budget.parts if p.part == f.family), None)
+    return budget.share(f.family) if budget.parts and f.force is not None else None

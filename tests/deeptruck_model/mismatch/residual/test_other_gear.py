@@ -37,6 +37,15 @@ def test_where_the_simulator_shifts_later(recorded: dict[str, np.ndarray[Any, An
     assert marked[250:300].all() and not marked[:244].any() and not marked[306:].any()
 
 
+def test_a_simulator_that_shifts_a_little_later_is_left_out_until_it_has_shifted() -> None:
+    """Engine speeds differ in every shift, and say nothing for as short a time."""
+    soon = np.where(np.arange(N) < 254, 7.0, 8.0)
+    (marked,) = other_gear([drive(gear=GEAR)], [run(soon, ENGINE_SPEED)])
+    assert marked[250:259].all() and not marked[:250].any() and not marked[259:].any()
+    (marked,) = other_gear([drive(gear=GEAR)], [run(soon, ENGINE_SPEED)], numbered_alike=True)
+    assert not marked.any()
+
+
 @pytest.mark.parametrize("recorded", [{"gear": GEAR}, {"engine_speed": ENGINE_SPEED}, {}])
 def test_nothing_is_marked_where_gears_agree_or_none_is_recorded(
     recorded: dict[str, np.ndarray[Any, Any]],

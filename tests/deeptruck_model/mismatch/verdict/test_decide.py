@@ -17,10 +17,10 @@ RULES = Rules()
 NAN = float("nan")
 RIGHT = Numbers(given=0.1, parameters_only=0.1, corrected=0.1, added_up=0.1)
 OFF = replace(RIGHT, given=0.5, parameters_only=0.5, corrected=0.5, added_up=0.5, is_corrected=True)
-PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], shares=[1.0], sure=[True])
+PHYSICS = replace(OFF, kinds=[Kind.PHYSICS], sure=[True])
 BETTER = replace(PHYSICS, better=frozenset({CORRECTION}), corrected=0.2)
 REFITTED = replace(OFF, better=frozenset({REFIT}), parameters_only=0.2)
-FAULTY = {"kinds": [Kind.SENSOR], "shares": [0.0], "sure": [True]}
+FAULTY = {"kinds": [Kind.SENSOR], "sure": [True]}
 
 
 @pytest.mark.parametrize(
@@ -39,13 +39,13 @@ FAULTY = {"kinds": [Kind.SENSOR], "shares": [0.0], "sure": [True]}
         (replace(OFF, given=1.1, own=2.0), Conclusion.UNDETERMINED),
         (PHYSICS, Conclusion.PHYSICS),
         # there, if it matters or not
-        (replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0], sure=[True]), Conclusion.PHYSICS),
-        (replace(RIGHT, kinds=[Kind.PHYSICS], shares=[1.0], sure=[False]), Conclusion.NOTHING),
+        (replace(RIGHT, kinds=[Kind.PHYSICS], sure=[True]), Conclusion.PHYSICS),
+        (replace(RIGHT, kinds=[Kind.PHYSICS], sure=[False]), Conclusion.NOTHING),
         (replace(PHYSICS, sure=[False]), Conclusion.PHYSICS),
-        (replace(OFF, kinds=[Kind.PARAMETER], shares=[1.0]), Conclusion.PARAMETER),
+        (replace(OFF, kinds=[Kind.PARAMETER]), Conclusion.PARAMETER),
         (replace(OFF, **FAULTY), Conclusion.SENSOR),
-        (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER], shares=[0.4, 0.6]), Conclusion.PARAMETER),
-        (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER], shares=[0.6, 0.4]), Conclusion.PHYSICS),
+        (replace(OFF, kinds=[Kind.PARAMETER, Kind.PHYSICS]), Conclusion.PARAMETER),
+        (replace(OFF, kinds=[Kind.PHYSICS, Kind.PARAMETER]), Conclusion.PHYSICS),
     ],
 )
 def test_the_verdict_follows_from_findings_and_errors(numbers: Numbers, expected: Conclusion) -> None:
@@ -74,7 +74,7 @@ def lights(numbers: Numbers) -> dict[str, tuple[Answer, str]]:
         (replace(RIGHT, added_up=NAN, missing=["gear"]), Answer.NO, wording.TOO_SHORT),
         (replace(RIGHT, **FAULTY, missing=["gear"]), Answer.UNSURE, wording.FAULTY),
         (
-            replace(PHYSICS, kinds=[Kind.PHYSICS, Kind.SENSOR], shares=[1, 0], sure=[True, True]),
+            replace(PHYSICS, kinds=[Kind.PHYSICS, Kind.SENSOR], sure=[True, True]),
             Answer.UNSURE,
             wording.FAULTY,
         ),
@@ -132,7 +132,7 @@ def test_whether_it_matters_is_the_light_of_the_simulator(
         (replace(BETTER, bare=0.505), Answer.YES, wording.better(0.5, 0.2, refit=False)),
         (replace(PHYSICS, corrected=0.5, parameters_only=0.5), Answer.NO, wording.NOT_BETTER),
         (replace(PHYSICS, is_corrected=False), Answer.NO, wording.NOTHING_CORRECTED),
-        (Numbers([Kind.PHYSICS], [1.0], [True], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
+        (Numbers([Kind.PHYSICS], [True], 0.5, 0.4, 0.5), Answer.NO, wording.NOTHING_CORRECTED),
         (
             replace(RIGHT, better=frozenset({CORRECTION}), is_corrected=True),
             Answer.NO,
@@ -172,6 +172,7 @@ JUST = replace(RIGHT, given=0.25, parameters_only=0.25 - RULES.drift, corrected=
         (PHYSICS, AS_GIVEN, AS_GIVEN),
         (replace(PHYSICS, corrected=0.2, parameters_only=0.19), CORRECTION, AS_GIVEN),  # refit is better
         (replace(PHYSICS, corrected=0.2, bare=0.6), CORRECTION, AS_GIVEN),  # worse where a signal lacks
+        (replace(PHYSICS, corrected=0.2, beyond_refit=False), CORRECTION, CORRECTION),
     ],
 )
 def test_the_best_is_offered_whatever_its_name(numbers: Numbers, offer: str, expected: str) -> None:
@@ -179,6 +180,13 @@ def test_the_best_is_offered_whatever_its_name(numbers: Numbers, offer: str, exp
     kind = decide.conclusion(n, RULES)
     assert decide.offered(n, kind, RULES) == expected
     assert (decide.advice(n, kind, RULES)["apply"].answer is Answer.YES) is (expected != AS_GIVEN)
+
+
+def test_of_two_that_are_equally_good_the_refit_is_offered() -> None:
+    both = frozenset({REFIT, CORRECTION})
+    n = replace(PHYSICS, parameters_only=0.21, corrected=0.2, better=both)
+    assert decide.offered(n, Conclusion.PHYSICS, RULES) == CORRECTION
+    assert decide.offered(replace(n, beyond_refit=False), Conclusion.PHYSICS, RULES) == REFIT
 
 
 def test_nothing_compared_is_a_fault_or_undetermined() -> None:
