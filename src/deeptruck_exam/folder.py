@@ -42,7 +42,7 @@ PLANT = Result(
         "plant.md", "plant.json",
         *(f"{place}/{name}" for place in ("simulators", "blind") for name in _MADE),
         *(f"cases/*/recordings/*/{name}" for name in _BAG),
-        *(f"cases/*/{name}.json" for name in ("data_sheet", "learned", "own_equations")),
+        *(f"cases/*/{name}.json" for name in ("data_sheet", "learned", "own_equations", "point_mass")),
         *(f"cases/*/found_*/{name}" for name in (*FOUND.names, LEDGER)),
         *(
             f"cases/*/found_*/{truck}/base/{name}"

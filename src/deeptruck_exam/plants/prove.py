@@ -48,7 +48,8 @@ def prove_multi_body(out: Path, seeds: Sequence[int], jobs: int = 1) -> list[dic
     ModuleNotFoundError if the model is not installed."""
     import_module("vehiclemodels")
     with PLANT.in_place(out):
-        blind = out / "blind.yaml"
+        blind = out / "blind" / "equations.yaml"
+        blind.parent.mkdir(exist_ok=True)
         blind.write_text("grade: false\n")
         wanted = [(key, seed) for key in multi_body.CONCEALED for seed in seeds]
         made = {BLIND: f"{multi_body.POINT_MASS}:{blind}"}

@@ -74,8 +74,9 @@ def names_behind(recordings: Sequence[Recording], missing: Sequence[NotRecorded]
     gear counts as recorded if every recording has the engine speed, which determines it."""
     known = {"gear"} if all(ENGINE_SPEED in r.channels for r in recordings) else set()
     asked = {m.input for m in missing} - known
-    names = {**LIBRARY, **LIBRARY.own, **PARAMETER_ERRORS}
-    return {name: m.mistaken_for for name, m in names.items() if m.mistaken_for in asked}
+    behind = {m.effect: m.mistaken_for for m in (*LIBRARY.values(), *LIBRARY.own.values())}
+    behind |= {p.name: p.mistaken_for for p in PARAMETER_ERRORS.values() if p.mistaken_for}
+    return {name: lacks for name, lacks in behind.items() if lacks in asked}
 
 
 def braking(e: Evidence, missing: Sequence[NotRecorded] = ()) -> tuple[Evidence, tuple[NotRecorded, ...]]:
