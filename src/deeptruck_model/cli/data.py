@@ -171,10 +171,14 @@ def import_log(
 ) -> None:
     """Import tables, CAN logs or bags; several ones into bags of their names below `out`."""
     from deeptruck_model.recordings import import_checks
+    from deeptruck_model.recordings.several import distinct
 
-    outs = [out] if len(tables) == 1 else [out / table.stem for table in tables]
-    if twice := sorted({place.name for place in outs if outs.count(place) > 1}):
-        raise InputError(f"several sources are called {', '.join(twice)}: rename them, or import each alone")
+    names = distinct(tables)
+    outs = [out] if len(tables) == 1 else [out / names[table] for table in tables]
+    if twice := [t for t in tables if tables.count(t) > 1]:
+        raise InputError(f"{twice[0]} is given twice; give each source once")
+    if len(tables) > 1 and (same := [t for t in tables if Path(names[t]).is_absolute()]):
+        raise InputError(f"several sources are called {same[0].stem}: rename them, or import each alone")
     checks.every(
         *(
             partial(import_checks.check, table, columns, place, overwrite=overwrite, clock=clock)
@@ -182,7 +186,8 @@ def import_log(
         )
     )
     if len(tables) > 1:
-        out.mkdir(parents=True, exist_ok=True)
+        for place in outs:
+            place.parent.mkdir(parents=True, exist_ok=True)
     for table, place in zip(tables, outs, strict=True):
         _import_one(table, columns, place, clock, msg, slope_from, overwrite)
 
@@ -266,8 +271,8 @@ def show_coverage(
     with progress("reading") as say:
 
         def each(given: Sequence[str | Path]) -> Iterator[str | Path]:
-            for number, bag in enumerate(given, 1):
-                say(f"reading {bag} ({number} of {len(given)})")
+            for number, bag in enumerate(given):
+                say(f"reading {len(given)} bags, {number / len(given):.0%}")
                 yield bag
 
         recordings = read_all(

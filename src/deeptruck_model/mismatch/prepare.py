@@ -29,6 +29,7 @@ from deeptruck_model.mismatch.rules import Limits, Rules
 from deeptruck_model.mismatch.unrecorded import NotRecorded, braking, inputs
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.consistency import gears, sensors
+from deeptruck_model.recordings.splits import refuse_shared
 from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Simulator
 
@@ -111,6 +112,7 @@ def prepare_drives(
     lacking += of_held_out
     same_signals(simulator, [*recordings, *held_out])
     fit, held, twice = each_once(recordings, held_out)
+    refuse_shared(fit)
     drives, flags, caveats = (
         with_held_out(fit, held, simulator.dt)
         if held or sets_aside

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,7 @@ from deeptruck_model.pages.style import MODELLED, WIDTH_IN, plain_log, png, styl
 from deeptruck_model.recordings.not_recorded import not_recorded, sentence
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.several import Drives, drives
+from deeptruck_model.recordings.splits import shared
 from deeptruck_model.signals import Said, Speed, printed, sensible, shown, speed_unit
 
 Array = NDArray[np.float64]
@@ -271,9 +273,10 @@ class Coverage:
         """Total length of all recordings, s."""
         return float(sum(r["duration_s"] for r in self.recordings))
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
-        """One line for each channel that is present but cannot be used."""
+        """One line for each channel that is present but cannot be used, and for each drive that counts
+        twice."""
         empty = [
             f"{name} of '{r['name']}' holds no valid sample"
             for r in self.recordings
@@ -282,7 +285,7 @@ class Coverage:
         ]
         if not self._commanded:
             empty.append("no recording has a valid engine_command, without which none can be trained on")
-        return empty
+        return [*empty, *shared(self.drives)]
 
     @property
     def _commanded(self) -> bool:

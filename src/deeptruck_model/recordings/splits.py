@@ -46,28 +46,36 @@ def split(
 
 
 def refuse_shared(recordings: Sequence[Recording], held_out: Sequence[Recording] | None = None) -> None:
-    """Raises InputError if two recordings share SHARED_S of driving, sample for sample and under any name, as
-    bags do that were uploaded twice or overlap.
+    """Raises InputError if two recordings share driving, see `shared`: validation would see what training
+    saw, and the drive would count twice."""
+    for says in shared(recordings, held_out):
+        raise InputError(says)
 
-    Validation would see what training saw, and the drive would count twice. With `held_out`, only those are
-    compared with `recordings`. Spans in which the speed hardly varies are alike by chance.
+
+def shared(recordings: Sequence[Recording], held_out: Sequence[Recording] | None = None) -> Iterator[str]:
+    """A sentence for each recording that shares SHARED_S of driving with one before, sample for sample and
+    under any name, as bags do that were uploaded twice or overlap.
+
+    With `held_out`, only those are compared with `recordings`. Spans in which the speed hardly varies are
+    alike by chance.
     """
     known: dict[tuple[float, int], Recording] = {}
     for k, r in enumerate((*recordings, *(held_out or ()))):
         length = round(SHARED_S / r.dt / 2.0)
-        shared, first = np.zeros(len(r), dtype=bool), r
+        same, first, spans, hits = np.zeros(len(r), dtype=bool), r, 0, 0
         for span, start in _spans(r, length, 1) if held_out is None or k >= len(recordings) else ():
+            spans += 1
             if other := known.get((r.dt, span)):
-                shared[start : start + length], first = True, other
-        if shared.any():
-            raise InputError(_says(first, r, float(shared.sum()) * r.dt, held_out is not None))
+                same[start : start + length], first, hits = True, other, hits + 1
+        if hits:  # one of `length` neighbouring spans meets a known one
+            whole = hits * length > 0.9 * spans
+            what = f"'{r.name}'" if whole else f"{same.sum() * r.dt:.0f} s of '{r.name}'"
+            yield _says(first, r, what, held_out is not None)
         if held_out is None or k < len(recordings):
             known |= {(r.dt, span): r for span, _ in _spans(r, length, length)}
 
 
-def _says(first: Recording, second: Recording, seconds: float, held_out: bool) -> str:
-    whole = seconds > 0.9 * min(len(first), len(second)) * first.dt
-    what = f"'{second.name}'" if whole else f"{seconds:.0f} s of '{second.name}'"
+def _says(first: Recording, second: Recording, what: str, held_out: bool) -> str:
     if held_out:
         of = "" if first.name == second.name else f" is the drive '{first.name}', which"
         return (
@@ -75,7 +83,7 @@ def _says(first: Recording, second: Recording, seconds: float, held_out: bool) -
             "then a part of them is set aside"
         )
     again = "given twice" if first.name == second.name else f"in '{first.name}' too"
-    return f"the drive {what} is {again}, as where bags were uploaded twice or overlap; give each drive once"
+    return f"{what} is {again}, as where bags were uploaded twice or overlap; give each drive once"
 
 
 def _spans(r: Recording, length: int, apart: int) -> Iterator[tuple[int, int]]:

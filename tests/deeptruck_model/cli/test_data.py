@@ -48,7 +48,21 @@ def test_import_then_coverage(workplace: Path, script: Script) -> None:
     assert {p.name for p in (workplace / "coverage").iterdir()} == written
     says = "no recording has a valid engine_command, without which none can be trained on"
     assert f"warning: {says}" in errors
-    assert json.loads((workplace / "coverage" / "coverage.json").read_text())["warnings"] == [says]
+    warnings = json.loads((workplace / "coverage" / "coverage.json").read_text())["warnings"]
+    assert warnings[0] == says and warnings[1].startswith("'bag' is given twice") and len(warnings) == 2
+
+
+def test_several_sources_of_one_name_are_imported_by_their_folders(workplace: Path, script: Script) -> None:
+    table, *rest = IMPORT[1:-1]
+    for folder in ("monday", "friday"):
+        (workplace / folder).mkdir()
+        (workplace / folder / table).write_bytes((workplace / table).read_bytes())
+    several = [f"{folder}/{table}" for folder in ("monday", "friday")]
+    assert script("import", *several, *rest, "bags")[0] == 0
+    name = Path(table).stem
+    assert all((workplace / "bags" / folder / name).is_dir() for folder in ("monday", "friday"))
+    code, _, errors = script("import", several[0], several[0], *rest, "more")
+    assert code == 2 and "is given twice" in errors
 
 
 def test_the_seal_is_printed(workplace: Path, script: Script) -> None:
