@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -83,7 +84,7 @@ def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -
     if path.is_file():
         _check_magic(path)
         return BagFacts(path, None, None, mapped)
-    _check_folder(path)
+    check_folder(path)
     if not (path / METADATA).is_file():
         return BagFacts(path, None, None, mapped)
     information = information_of(path / METADATA)
@@ -136,14 +137,28 @@ def _check_magic(path: Path) -> None:
         )
 
 
-def _check_folder(path: Path) -> None:
+def parts(folder: Path) -> list[Path]:
+    """The MCAP files NAME_0, NAME_1 ... of one recording that was split, in a folder whose metadata.yaml is
+    lost; empty for others."""
+    found = sorted(folder.glob("*.mcap"))
+    names = [re.fullmatch(r"(.+)_(\d+)", file.stem) for file in found]
+    alike = {name[1] if name else None for name in names}
+    return found if len(found) > 1 and len(alike) == 1 and None not in alike else []
+
+
+def check_folder(path: Path) -> None:
+    """Raises InputError for a folder that holds no finished bag."""
     if (path / METADATA).is_file():
         return
     if (path / MANIFEST).exists():
         raise InputError(f"{path} is a simulator directory, not a bag; give a recording there")
     if not any(path.iterdir()):
         raise InputError(f"{path} is empty, it holds no bag; {RECORD_AGAIN}")
-    if any(path.glob("*.mcap")):
+    if parts(path):
+        return
+    if len(several := sorted(path.glob("*.mcap"))) > 1:
+        raise InputError(f"{path} holds {len(several)} bags; give each by its file, as {typed(several[0])}")
+    if several:
         raise InputError(
             f"{path} is not a finished bag (it has no {METADATA}); "
             f"if its recorder was killed, mend it with 'deeptruck-model repair {typed(path)}'"

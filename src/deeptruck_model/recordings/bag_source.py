@@ -19,8 +19,8 @@ from mcap.exceptions import McapError
 from mcap.records import Metadata
 
 from deeptruck_model._io import reading
-from deeptruck_model.checks import EXTRA_KEY, INTERFACE_KEY, MANIFEST, METADATA, NOTES_KEY, RECORD_AGAIN
-from deeptruck_model.checks.bags import data_file, information_of
+from deeptruck_model.checks import EXTRA_KEY, INTERFACE_KEY, METADATA, NOTES_KEY, RECORD_AGAIN
+from deeptruck_model.checks.bags import check_folder, data_file, information_of, parts
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import bag_file
 from deeptruck_model.recordings.bag_file import DamagedError, TornError
@@ -94,16 +94,8 @@ class BagSource:
         """Raises InputError if the path cannot be a bag; pipes and devices are not opened."""
         if not self.path.exists():
             raise InputError(f"{self.path} does not exist")
-        if self.path.is_dir() and not any(self._listed()):
-            raise InputError(f"{self.path} is empty, it holds no bag; {RECORD_AGAIN}")
-        if (self.path / MANIFEST).exists():
-            raise InputError(f"{self.path} is a simulator directory, not a bag; give a recording there")
-        if self.path.is_dir() and not (self.path / METADATA).exists() and not any(self.path.glob("*.db3")):
-            raise InputError(
-                f"{self.path} is not a finished bag (it has no {METADATA}); "
-                "if its recorder was killed, mend it with "
-                f"'deeptruck-model repair {reading.typed(self.path)}'"
-            )
+        if self.path.is_dir():
+            check_folder(self.path)
         for file in self._listed() if self.path.is_dir() else [self.path]:
             if file.suffix in (".mcap", ".db3", ".zstd", ".bag") or file.name == METADATA:
                 reading.check_file(file, "give a recorded bag")
@@ -113,7 +105,7 @@ class BagSource:
         if not self.path.is_dir():
             return [self.path]
         if not (self.path / METADATA).exists():
-            return sorted(self.path.glob("*.db3"))
+            return sorted(self.path.glob("*.db3")) or parts(self.path)
         information = information_of(self.path / METADATA)
         self._packs_messages = str(information.get("compression_mode") or "").lower() == "message"
         custom = information.get("custom_data")

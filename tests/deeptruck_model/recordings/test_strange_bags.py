@@ -73,6 +73,30 @@ def test_a_definition_that_nobody_can_read_concerns_its_topic_alone(
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(("names", "says"), [(("drive_0", "drive_1"), ""), (("a", "b"), "holds 2 bags")])
+def test_parts_of_a_split_recording_are_read_without_metadata(
+    tmp_path: Path, names: tuple[str, str], says: str
+) -> None:
+    """Files NAME_0, NAME_1 are one recording; of others each is a bag."""
+    messages = list(drive_messages())
+    half = len(messages) // 2
+    for name, part in zip(names, (messages[:half], messages[half:]), strict=True):
+        with (tmp_path / f"{name}.mcap").open("wb") as stream:
+            writer = Writer(stream)
+            writer.start("ros2")
+            schema = writer.register_schema(TWIST, "ros2msg", TYPES.generate_msgdef(TWIST)[0].encode())
+            twists = writer.register_channel("/truck/twist", "cdr", schema)
+            for _, message, ns in part:
+                writer.add_message(twists, ns, bytes(TYPES.serialize_cdr(message, TWIST)), ns)
+            writer.finish()
+    if says:
+        with pytest.raises(InputError, match=says):
+            read(tmp_path, topic_map=TOPICS)
+    else:
+        (recording,) = read(tmp_path, topic_map=TOPICS)
+        assert len(recording) * recording.dt > 0.9 * (messages[-1][2] - messages[0][2]) / S
+
+
 def _with_folder(bag: Path, information: dict[str, Any]) -> None:
     information["relative_file_paths"] = [f"{bag.name}/{n}" for n in information["relative_file_paths"]]
 
