@@ -22,7 +22,7 @@ from deeptruck_model.signals import printed
 
 METRICS_FILE = io.METRICS_FILE
 FILE = "MODEL_CARD.md"
-CARD = """# Deep truck: {name}
+CARD = """# Deep truck{name}
 
 Trained for {updates} updates on {hours:.2f} h, mode {mode}, seeds {seeds}{adapted}.
 
@@ -166,7 +166,7 @@ def written(
         if name in metrics
     ]
     return CARD.format(
-        name=interface.name,
+        name="" if training[0].from_table else f": {interface.name}",  # a table's is that of its file
         updates=run["updates"],
         hours=run["hours"],
         mode=config["mode"],

@@ -86,7 +86,8 @@ def _other(truck: DeepTruck, recordings: Sequence[Recording], metrics: dict[str,
     held = [m["inside_90"] for m in metrics.values() if isinstance(m, dict) and "inside_90" in m]
     if not held or min(held) >= HELD_ENOUGH:
         return ""
-    others = dict.fromkeys(r.interface.name for r in recordings if r.interface.name != truck.interface.name)
+    trucks = (r.interface.name for r in recordings if not r.from_table)  # a table's is that of its file
+    others = dict.fromkeys(name for name in trucks if name != truck.interface.name)
     named = f" (recorded on {', '.join(others)}, trained on {truck.interface.name})" if others else ""
     return (
         f"the 90 % intervals hold only {100 * min(held):.0f} % of the points of one channel: this is another "
