@@ -192,7 +192,7 @@ def _by_week(found: Any, drives: Sequence[Mapping[str, Any]]) -> dict[str, float
         return {}
     dates = {d["name"]: d["date"] for d in drives}
     squares: dict[str, list[float]] = {}
-    for s in e.stretches:
+    for s in e.drives:
         of = week(str(dates.get(s.name.partition("#")[0], "")))
         rows = slice(s.start, s.stop)
         if of is not None:

@@ -44,7 +44,7 @@ def slopes(e: Evidence, drives: Sequence[Prepared]) -> list[dict[str, Any]]:
         raise InputError(LEARNED)
     slope, metres = -e.newtons(e.residual) / e.mass / GRAVITY, e["speed"] * e.dt
     out: dict[tuple[Cell, str], list[tuple[float, ...]]] = {}
-    for s, p in zip(e.stretches, drives, strict=True):
+    for s, p in zip(e.drives, drives, strict=True):
         places = headed(p)
         if places is None:
             continue

@@ -116,7 +116,7 @@ def budget(p: Posterior, given: Evidence) -> Budget:
     (share,) = _shares(middle, groups, products)
     low, high = np.quantile(_shares(draws, groups, products), [0.05, 0.95], axis=0)
     low, high = np.minimum(low, share), np.maximum(high, share)  # of what is in few draws
-    drives = {e.stretches[i].name: _shares(middle, groups, own)[0] for i, own in by_drive.items()}
+    drives = {e.drives[i].name: _shares(middle, groups, own)[0] for i, own in by_drive.items()}
     mean = np.concatenate([middle[0], np.ones(len(fixed))])
     forces = [whole[:, a] @ mean[a] for a in groups]
     forces.append(residual - np.sum(forces, axis=0))
@@ -218,7 +218,7 @@ def _starts(search: Regression, counted: Mask, steps: int) -> list[int]:
     """First rows of half-overlapping windows that are compared throughout."""
     return [
         k
-        for s in search.e.stretches
+        for s in search.e.drives
         if not s.held_out
         for k in range(s.start, s.stop - steps, max(steps // 2, 1))
         if counted[k : k + steps].mean() >= Limits.least_compared

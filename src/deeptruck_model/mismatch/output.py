@@ -88,7 +88,7 @@ def _write_profiles(mismatch: Mismatch, path: Path) -> None:
             scale = -1.0 / GRAVITY if f.effect == PROFILE else e.unit.scale
             force = e.newtons(f.force) / e.mass * scale
             known = np.isfinite(force) & (force != 0.0)
-            for s in e.stretches:
+            for s in e.drives:
                 for k in range(s.start, s.stop - every + 1, every):
                     if known[k : k + every].any():
                         value = float(force[k : k + every].mean())

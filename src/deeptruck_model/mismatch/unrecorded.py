@@ -103,7 +103,7 @@ def _braking(e: Evidence) -> tuple[Mask, float]:
     low, high = np.nanquantile(command[ok], [0.02, 0.98]) if ok.any() else (0.0, 1.0)
     low = min(float(low), 0.0)  # a pedal that never comes near zero is never released
     idle = np.nan_to_num(command, nan=high) <= low + IDLE * (high - low)
-    for s in e.stretches:
+    for s in e.drives:
         rows = np.arange(s.start, s.stop)[ok[s.rows]]
         blocks = rows[: len(rows) // per * per].reshape(-1, per)
         if len(blocks) * per * e.dt < LEAST_S:

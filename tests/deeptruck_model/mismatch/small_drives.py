@@ -11,7 +11,7 @@ from deeptruck_model import trucks
 from deeptruck_model.mismatch.posterior import kernels
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 from deeptruck_model.mismatch.tree import EACH_DRIVE, SLOW
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import driving_cycles
@@ -81,8 +81,8 @@ def evidence(
     }
     return Evidence(
         dt=DT,
-        stretches=tuple(
-            Stretch(name, k * rows, (k + 1) * rows, 0.0, k >= parts - held_out)
+        drives=tuple(
+            DriveRows(name, k * rows, (k + 1) * rows, 0.0, k >= parts - held_out)
             for k, name in enumerate("abc"[:parts])
         ),
         residual=rng.normal(0.0, noise, N) + force,

@@ -112,7 +112,7 @@ def _known(seed: int) -> tuple[dict[str, float], Budget]:
     added = np.concatenate(
         [
             np.cumsum(columns[k : k + steps], axis=0) * DT
-            for s in e.stretches
+            for s in e.drives
             for k in range(s.start, s.stop - steps, steps // 2)
         ]
     )

@@ -58,7 +58,7 @@ STEERING: dict[str, dict[str, str]] = {
         "residual/sensor_filter.py": "SMOOTH_S",
         "roads/one_road.py": "LAP_M STEP_M",
         "roads/shared_roads.py": "GAP_M",
-        "roads/stretches.py": "LENGTH_M",
+        "roads/windows.py": "LENGTH_M",
         "strength.py": "SMOOTH_S",
         "unrecorded.py": "BLOCK_S",
     },

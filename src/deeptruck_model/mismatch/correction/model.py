@@ -235,7 +235,7 @@ class _Fold:
 def _folds(e: Evidence) -> list[_Fold]:
     """Parts of the fitted drives that are left out in turn; if drives are too few, one fold that fits and
     tests all."""
-    fitted = np.flatnonzero([not s.held_out for s in e.stretches])
+    fitted = np.flatnonzero([not s.held_out for s in e.drives])
     parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= FOLDS else []
     if not parts:
         return [_Fold(Regression(e, parameter_sd=PINNED), e.valid & ~e.held_out)]
@@ -339,7 +339,7 @@ def _added_up(search: Regression, x: Array, counted: Mask) -> Array:
     nothing."""
     length = max(1, round(Limits.horizons_s[0] / search.e.dt))
     x, out = np.where(counted[:, None], np.nan_to_num(x), 0.0), np.empty_like(x)
-    for s in search.e.stretches:
+    for s in search.e.drives:
         for begin in range(s.start, s.stop, length):
             rows = slice(begin, min(begin + length, s.stop))
             out[rows] = np.cumsum(x[rows], axis=0) * search.e.dt

@@ -58,7 +58,7 @@ class RisingLag(Expression):
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         x, keep = values[0], float(np.exp(-e.dt / self.tau_s))
         out = np.empty_like(x)
-        for s in e.stretches:
+        for s in e.drives:
             out[s.rows] = _rising(x[s.rows], keep)
         return out
 
@@ -145,7 +145,7 @@ class Slosh(Expression):
             [[0.0, b[0], A[0, 1] * b[1] - A[1, 1] * b[0]], [0.0, b[1], A[1, 0] * b[0] - A[0, 0] * b[1]]]
         )
         out = np.empty(len(e))
-        for s in e.stretches:
+        for s in e.drives:
             a = values[0][s.rows]
             x, v = lfilter(num[0], den, a), lfilter(num[1], den, a)
             out[s.rows] = w**2 * x + 2 * self.damping * w * v + a

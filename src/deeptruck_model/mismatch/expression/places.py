@@ -19,14 +19,14 @@ class Stepped(Expression):
     """A node that is computed step by step also along recordings, with all recordings in parallel."""
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
-        longest = max(s.stop - s.start for s in e.stretches)
-        rows = np.zeros((longest, len(e.stretches)))
-        for k, s in enumerate(e.stretches):
+        longest = max(s.stop - s.start for s in e.drives)
+        rows = np.zeros((longest, len(e.drives)))
+        for k, s in enumerate(e.drives):
             rows[: s.stop - s.start, k] = values[0][s.rows]
-        memory = self.begin(len(e.stretches))
+        memory = self.begin(len(e.drives))
         for k, x in enumerate(rows):
             rows[k], memory = self.advance([x], memory, {}, e.dt)
-        return np.concatenate([rows[: s.stop - s.start, k] for k, s in enumerate(e.stretches)])
+        return np.concatenate([rows[: s.stop - s.start, k] for k, s in enumerate(e.drives)])
 
 
 @dataclass(frozen=True, eq=False)

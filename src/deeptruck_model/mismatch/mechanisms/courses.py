@@ -194,17 +194,17 @@ def each_drive(sd: float | None = None, *, more_than: int = 1, most: float = MOS
     """A coefficient for every recording, for between `more_than` and `most` recordings."""
 
     def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
-        if more_than < len(e.stretches) <= most:
-            fitted = sum(not s.held_out for s in e.stretches)
-            yield EachDrive(tuple(s.name for s in e.stretches), 1.0 / max(fitted, 1), sd)
+        if more_than < len(e.drives) <= most:
+            fitted = sum(not s.held_out for s in e.drives)
+            yield EachDrive(tuple(s.name for s in e.drives), 1.0 / max(fitted, 1), sd)
 
     return offer
 
 
 def each_wind(e: Evidence, carrier: Expression) -> Iterator[Course]:
     """A coefficient for every recording; a simulation uses the mean of all."""
-    if 1 < len(e.stretches) <= MOST_KNOTS:
-        yield EachDrive(tuple(s.name for s in e.stretches), 1.0 / len(e.stretches))
+    if 1 < len(e.drives) <= MOST_KNOTS:
+        yield EachDrive(tuple(s.name for s in e.drives), 1.0 / len(e.drives))
 
 
 def from_moments(e: Evidence, carrier: Expression) -> Iterator[Course]:
@@ -237,7 +237,7 @@ def conditions(e: Evidence) -> list[Where]:
 
 
 def _starts(e: Evidence) -> set[int]:
-    return {s.start for s in e.stretches}
+    return {s.start for s in e.drives}
 
 
 def _from_each(points: set[int], e: Evidence, most: int | None = None) -> Iterator[FromMoment]:
@@ -245,7 +245,7 @@ def _from_each(points: set[int], e: Evidence, most: int | None = None) -> Iterat
     inner = inner[:: max(1, len(inner) // most)] if most else inner
     record, elapsed = e.record, e["elapsed"]
     for p in inner:
-        yield FromMoment(int(record[p]), float(elapsed[p]), len(e.stretches), len(inner))
+        yield FromMoment(int(record[p]), float(elapsed[p]), len(e.drives), len(inner))
 
 
 def slowly(largest: float, along: Along = "elapsed", *, quick: bool = True) -> Offer:
@@ -262,7 +262,7 @@ def slowly(largest: float, along: Along = "elapsed", *, quick: bool = True) -> O
         if typical <= 0.0:
             return
         pace = float(np.mean(e["speed"][moving])) if along == "distance" else 1.0
-        lengths = [float(np.ptp(e[along][s.rows])) for s in e.stretches]
+        lengths = [float(np.ptp(e[along][s.rows])) for s in e.drives]
         spare = max(MOST_KNOTS - 2 * len(lengths), 1)
         fine_s = float(np.clip(len(e) * e.dt / spare, *SLOW_KNOT_S))
         for knot_s in (fine_s, COARSER * fine_s) if quick else (COARSER * fine_s,):
@@ -277,7 +277,7 @@ def along_the_road(largest: float) -> Offer:
     position; as slow as wind, and as fine as hills."""
 
     def offer(e: Evidence, carrier: Expression) -> Iterator[Course]:
-        lengths = [float(np.ptp(e["distance"][s.rows])) for s in e.stretches]
+        lengths = [float(np.ptp(e["distance"][s.rows])) for s in e.drives]
         fine = [
             profile(e, "distance", share_out(lengths, knot), knot, largest) for knot in (FINE_M, 2.5 * FINE_M)
         ]
@@ -306,9 +306,9 @@ def share_out(lengths: Sequence[float], spacing: float) -> list[int]:
 def profile(e: Evidence, along: Along, knots: Sequence[int], spacing: float, sd: float) -> Spline:
     """A spline with the given number of knots in each recording; a simulation uses the mean over fitted
     recordings."""
-    fitted = sum(k for k, s in zip(knots, e.stretches, strict=True) if not s.held_out)
+    fitted = sum(k for k, s in zip(knots, e.drives, strict=True) if not s.held_out)
     mean = 1.0 / max(fitted or sum(knots), 1)
-    return Spline(along, tuple(knots), tuple(s.name for s in e.stretches), spacing, mean, sd)
+    return Spline(along, tuple(knots), tuple(s.name for s in e.drives), spacing, mean, sd)
 
 
 def of_all(e: Evidence, spline: Spline) -> Iterator[Spline]:

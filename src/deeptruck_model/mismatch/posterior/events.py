@@ -25,7 +25,7 @@ from deeptruck_model.mismatch.posterior.kernels import LAWS, UNKNOWN, VARYING, K
 from deeptruck_model.mismatch.posterior.posterior import Posterior, posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
 from deeptruck_model.mismatch.posterior.sampler import OUT, SIZES
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, Series, fit, whiten
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import FAMILY
@@ -94,7 +94,7 @@ def events(p: Posterior, seed: int = 0) -> tuple[Event, ...]:
     median, because each drive has a constant force of its own.
     """
     e = p.search.e.everywhere()
-    return find_events(_left_over(p, e), p.noise, kernels(p.search), e.stretches, e.dt, seed)
+    return find_events(_left_over(p, e), p.noise, kernels(p.search), e.drives, e.dt, seed)
 
 
 def with_causes(
@@ -149,7 +149,7 @@ def _left_over(p: Posterior, e: Evidence) -> Series:
     y = np.where(series.valid, y, 0.0)
     X = _most_probable_forces(p)
     prior = Prior(np.zeros(X.shape[1]), np.ones(X.shape[1]), np.zeros(X.shape[1]))
-    for s in e.stretches:
+    for s in e.drives:
         known = series.valid & (e.record == e.record[s.start])
         if s.held_out and known.any():
             left = np.where(known, e.residual - p.mean, 0.0)
@@ -170,7 +170,7 @@ def find_events(
     series: Series,
     noise: Fit,
     kernels: Sequence[Kernel],
-    stretches: Sequence[Stretch],
+    drives: Sequence[DriveRows],
     dt: float,
     seed: int = 0,
 ) -> tuple[Event, ...]:
@@ -180,7 +180,7 @@ def find_events(
     `series.rules.false_events` per hour.
     """
     mechanisms = [k for k in kernels if k.part in AT_ANY_TIME]
-    filters = _Filters(series, noise, mechanisms, stretches, dt)
+    filters = _Filters(series, noise, mechanisms, drives, dt)
     if not len(filters.first):
         return ()
     hours = float(filters.use.sum()) * dt / 3600.0
@@ -203,7 +203,7 @@ def find_events(
             for larger in found[at : at + 1]:  # what is left of it at an end
                 rows = slice(min(rows.start, larger.start), max(rows.stop, larger.stop))
                 probability = larger.probability
-            drive = next(s for s in stretches if s.start <= rows.start < s.stop)
+            drive = next(s for s in drives if s.start <= rows.start < s.stop)
             start_s, end_s = (drive.start_s + (k - drive.start) * dt for k in (rows.start, rows.stop))
             change = _speed_change(series, rows, dt)
             event = Event(drive.name, start_s, end_s, change, probability, None, rows.start, rows.stop)
@@ -234,7 +234,7 @@ class _Filters:
     drives, to which nothing was fitted."""
 
     def __init__(
-        self, series: Series, noise: Fit, kernels: Sequence[Kernel], stretches: Sequence[Stretch], dt: float
+        self, series: Series, noise: Fit, kernels: Sequence[Kernel], drives: Sequence[DriveRows], dt: float
     ) -> None:
         n = len(series.y)
         leading = [np.nan_to_num(k.features[:, :LEADING]) for k in kernels]
@@ -247,10 +247,10 @@ class _Filters:
         rows = np.flatnonzero(self.use)
         self.whitened[rows] = whiten(series.y, noise.ar, rows, self.weight[rows])
         self._step = max(1, round(STEP_S / dt))
-        parts = [np.arange(s.start, s.stop + 1, self._step) for s in stretches]
+        parts = [np.arange(s.start, s.stop + 1, self._step) for s in drives]
         self.edges: Rows = np.concatenate(parts)
         self._prepare_power()
-        held_out = np.array([s.held_out for s in stretches])
+        held_out = np.array([s.held_out for s in drives])
         self._make_windows(np.repeat(np.arange(len(parts)), [len(p) for p in parts]), held_out, dt)
 
     def _prepare_power(self) -> None:

@@ -243,7 +243,7 @@ def _drift(search: Regression) -> list[Kernel]:
     """Blocks that are no mechanism: slow in time, dependent on road position, constant in a drive; and an
     unrecorded slope."""
     e, rows = search.e, search.rows
-    fitted = [i for i, s in enumerate(e.stretches) if not s.held_out]
+    fitted = [i for i, s in enumerate(e.drives) if not s.held_out]
     drive = np.stack([e.record == i for i in fitted], axis=1).astype(float)
     place = _places(search)
     out = [Kernel(SLOW, DRIFT * _knots(search), part=SLOW)]
@@ -285,7 +285,7 @@ def _splines(search: Regression, along: Array, least: float) -> Array:
     """A linear spline over `along` (n,), which increases within each drive, with knots `least` apart, or
     farther if MOST_KNOTS would be exceeded, (n, k)."""
     e = search.e
-    fitted = [s for s in e.stretches if not s.held_out]
+    fitted = [s for s in e.drives if not s.held_out]
     spacing = max(least, sum(float(np.ptp(along[s.rows])) for s in fitted) / MOST_KNOTS)
     parts = []
     for s in fitted:

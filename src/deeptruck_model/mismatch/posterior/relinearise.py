@@ -236,7 +236,7 @@ def _slow_noise(own: Evidence) -> float:
     """Sd (m/s^2) of means over SLOW_NOISE_S due to the simulator's own error, also for other drives."""
     per = max(1, round(SLOW_NOISE_S / own.dt))
     means = [0.0]
-    for s in own.stretches:
+    for s in own.drives:
         rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
         means += own.residual[rows[own.valid[rows].all(axis=1)]].mean(axis=1).tolist()
     spread = 1.4826 * float(np.median(np.abs(means)))

@@ -51,7 +51,7 @@ def text(found: Mismatch, e: Evidence) -> str:
                 **{n: packed(x, dt, per) for n, x in _recorded(found, k, e).items()},
             },
         }
-        for k, s in enumerate(e.stretches)
+        for k, s in enumerate(e.drives)
         if s.stop - s.start > 2
     ]
     where: list[Segment | Event] = [*v.segments, *v.events]
@@ -78,7 +78,7 @@ _UNITS = {"missing": "m/s²", "explained": "m/s²"}
 
 def _recorded(found: Mismatch, k: int, e: Evidence) -> dict[str, Array]:
     """Recorded channels (n,) of the drive `k`, and the speed of free runs along it, m/s, NaN between them."""
-    p, held_out = found.prepared[k], [s.held_out for s in e.stretches]
+    p, held_out = found.prepared[k], [s.held_out for s in e.drives]
     r, place = p.recording, held_out[:k].count(held_out[k])
     out = {"speed": p.y[:, SPEED]} | {n: x for n, x in r.channels.items() if n != "speed" and np.ndim(x) == 1}
     runs = {SPEEDS[1]: "before", SPEEDS[2]: "after"} if held_out[k] else {SPEEDS[1]: "fitted"}

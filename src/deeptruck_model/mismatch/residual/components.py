@@ -184,7 +184,7 @@ def reports_forces(run: Run) -> bool:
 def _known(name: str, prepared: Sequence[Prepared], grid: Grid) -> bool:
     """Whether any fitted recording has the channel. A channel of held-out recordings only would otherwise
     replace, as unknown, what a simulator reports."""
-    fitted = [p for p, s in zip(prepared, grid.stretches, strict=True) if not s.held_out]
+    fitted = [p for p, s in zip(prepared, grid.drives, strict=True) if not s.held_out]
     return any(np.isfinite(p.recording.channels.get(name, np.nan)).any() for p in fitted)
 
 

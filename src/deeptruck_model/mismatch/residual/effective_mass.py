@@ -69,7 +69,7 @@ def _late(held_force: Array, e: Evidence) -> Array:
     """The part of a force that brakes have compensated while they hold, (n,); restarted in each recording."""
     keep = float(np.exp(-e.dt / HOLD_S))
     apart = np.zeros(round(FORGOTTEN * HOLD_S / e.dt) + 1)
-    parts = [part for s in e.stretches for part in (held_force[s.rows], apart)]
+    parts = [part for s in e.drives for part in (held_force[s.rows], apart)]
     late = lfilter([(1.0 - keep) ** ORDER], np.poly([keep] * ORDER), np.concatenate(parts))
     inside = np.concatenate([np.full(len(part), part is not apart) for part in parts])
     out: Array = late[inside]

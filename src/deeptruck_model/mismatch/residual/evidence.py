@@ -123,7 +123,7 @@ BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveli
 
 
 @dataclass(frozen=True)
-class Stretch:
+class DriveRows:
     """Position of one recording in the stacked arrays: rows start..stop, its name, its start in the bag."""
 
     name: str
@@ -149,7 +149,7 @@ class Evidence:
     """
 
     dt: float
-    stretches: tuple[Stretch, ...]
+    drives: tuple[DriveRows, ...]
     residual: Array
     simulated: Array
     disagreement: Array
@@ -229,17 +229,17 @@ class Evidence:
     @property
     def starts(self) -> Mask:
         flags = np.zeros(len(self), dtype=bool)
-        flags[[s.start for s in self.stretches]] = True
+        flags[[s.start for s in self.drives]] = True
         return flags
 
     @property
     def record(self) -> Indices:
-        """Index of each row's stretch, (n,)."""
-        return np.repeat(np.arange(len(self.stretches)), [s.stop - s.start for s in self.stretches])
+        """Index of each row's drive, (n,)."""
+        return np.repeat(np.arange(len(self.drives)), [s.stop - s.start for s in self.drives])
 
     @property
     def held_out(self) -> Mask:
-        return np.array([s.held_out for s in self.stretches])[self.record]
+        return np.array([s.held_out for s in self.drives])[self.record]
 
     def series(self, sigma: float, only: Mask | None = None) -> Series:
         """The regression target; segments in which the simulator is sensitive to input noise have less
@@ -262,7 +262,7 @@ class Evidence:
         """First-order lag of x. It starts at the first sample ('first') or at zero ('zero')."""
         keep = float(np.exp(-self.dt / max(tau_s, 1e-6)))
         out = np.empty_like(x)
-        for s in self.stretches:
+        for s in self.drives:
             part = np.nan_to_num(x[s.rows])
             begin = keep * part[:1] if initial == "first" else np.zeros(1)
             out[s.rows] = lfilter([1 - keep], [1, -keep], part, zi=begin)[0]
@@ -271,7 +271,7 @@ class Evidence:
     def since(self, event: Mask) -> Array:
         """Seconds since `event` was last true; infinite before the first time in a recording."""
         out = np.full(len(self), np.inf)
-        for s in self.stretches:
+        for s in self.drives:
             index = np.arange(s.stop - s.start)
             last = np.maximum.accumulate(np.where(event[s.rows], index, -1))
             out[s.rows] = np.where(last >= 0, (index - last) * self.dt, np.inf)
@@ -280,13 +280,13 @@ class Evidence:
     def integral(self, x: Array) -> Array:
         """Running integral of x over time within each recording."""
         out = np.empty_like(x)
-        for s in self.stretches:
+        for s in self.drives:
             out[s.rows] = np.cumsum(np.nan_to_num(x[s.rows])) * self.dt
         return out
 
     def difference(self, x: Array) -> Array:
         """Time derivative of x within each recording; zero at the first sample."""
         out = np.zeros_like(x)
-        for s in self.stretches:
+        for s in self.drives:
             out[s.start + 1 : s.stop] = np.diff(x[s.rows]) / self.dt
         return out

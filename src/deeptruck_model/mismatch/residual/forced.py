@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
-from deeptruck_model.mismatch.residual.evidence import Stretch
+from deeptruck_model.mismatch.residual.evidence import DriveRows
 from deeptruck_model.signals import ACCELERATION
 from deeptruck_model.simulators import Run, Simulator, forced_run, free_run
 
@@ -79,17 +79,17 @@ class Grid:
 
     def __init__(self, prepared: Sequence[Prepared], held_out: Sequence[bool], block: int) -> None:
         self.block, self.prepared = block, prepared
-        stretches, start = [], 0
+        drives, start = [], 0
         for p, out in zip(prepared, held_out, strict=True):
             rows = len(p.recording) // block
-            stretches.append(Stretch(p.recording.name, start, start + rows, p.recording.start_s, out))
+            drives.append(DriveRows(p.recording.name, start, start + rows, p.recording.start_s, out))
             start += rows
         if start == 0:
             raise InputError("the recordings are shorter than one block; record at least a few minutes")
-        self.stretches = tuple(stretches)
+        self.drives = tuple(drives)
 
     def __len__(self) -> int:
-        return self.stretches[-1].stop
+        return self.drives[-1].stop
 
     def stack(self, parts: Sequence[Array]) -> Array:
         """Block means; NaN in a block with a NaN."""

@@ -161,7 +161,7 @@ def _compared(
         progress.more(1)
     return Evidence(
         dt=prepared[0].dt * grid.block,
-        stretches=grid.stretches,
+        drives=grid.drives,
         residual=residual,
         simulated=simulated,
         disagreement=disagreement,
@@ -245,7 +245,7 @@ def _rerunner(d: _Driven, progress: _Progress) -> Callable[[str, float], Array]:
 def driven_anew(simulator: Simulator, prepared: Sequence[Prepared], e: Evidence) -> Evidence:
     """The evidence whose `rerun` drives the simulator along the drives again for every command path, in the
     place of the response to it from a few runs. `simulator` has the parameters of this evidence."""
-    grid = Grid(prepared, [s.held_out for s in e.stretches], round(e.dt / prepared[0].dt))
+    grid = Grid(prepared, [s.held_out for s in e.drives], round(e.dt / prepared[0].dt))
 
     @lru_cache(maxsize=256)
     def rerun(name: str, amount: float) -> Array:

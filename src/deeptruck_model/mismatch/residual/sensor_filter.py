@@ -48,7 +48,7 @@ def _late_slope(e: Evidence) -> list[Array]:
     if not e.has("grade"):
         return []
     turns, over = np.zeros(len(e)), max(1, round(SMOOTH_S / e.dt))
-    for s in e.stretches:
+    for s in e.drives:
         grade, at = e["grade"][s.rows], np.arange(s.stop - s.start)
         recorded = np.isfinite(grade)
         if (
@@ -74,7 +74,7 @@ def _shifted(e: Evidence, most: int) -> list[Array]:
 def _row_after(e: Evidence, k: int) -> Array:
     """The simulated acceleration k rows later; the last one beyond the end."""
     rows = np.arange(len(e)) + k
-    parts = [np.clip(rows[s.rows], s.start, s.stop - 1) for s in e.stretches]
+    parts = [np.clip(rows[s.rows], s.start, s.stop - 1) for s in e.drives]
     out: Array = e.simulated[np.concatenate(parts)]
     return out
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model._io.json_data import stored
-from deeptruck_model.mismatch.roads.stretches import STEP_M, WIDTH, Windows, turned
+from deeptruck_model.mismatch.roads.windows import STEP_M, WIDTH, Windows, turned
 from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def next_pass(windows: Windows, here: Indices, there: Indices, reverse: NDArray[
     """What the pass of windows `there` (k,) predicts ahead of windows `here`, which matched them, in the
     opposite direction if `reverse`. None if hardly any of the roads continues."""
     both: list[tuple[int, Array, Array]] = []
-    last = -AHEAD  # stretches of one road do not overlap
+    last = -AHEAD  # segments of one road do not overlap
     for i, j, back in zip(here, there, reverse, strict=True):
         pair = _ahead(windows, i, j, back) if i - last >= AHEAD or not _same(windows, i, last) else None
         if pair is not None:

@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.roads.next_pass import NextPass
 from deeptruck_model.mismatch.roads.road_lock import RoadLock, road_lock
 from deeptruck_model.mismatch.roads.slow_force import plain_truck, slow_force
-from deeptruck_model.mismatch.roads.stretches import LENGTH_M
+from deeptruck_model.mismatch.roads.windows import LENGTH_M
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import UNKNOWN, Tree
 from deeptruck_model.signals import FELT
@@ -81,7 +81,7 @@ def _by_size(needed: Mapping[str, float]) -> Tree:
 def _tree(e: Evidence, lock: RoadLock) -> Tree:
     """Probabilities of names from the number of windows that agree with another pass better than 99 % do by
     chance. Either direction may agree by chance, and a road has the prior probability one half."""
-    beside = sum(float(np.ptp(e["distance"][s.rows])) // LENGTH_M for s in e.stretches)
+    beside = sum(float(np.ptp(e["distance"][s.rows])) // LENGTH_M for s in e.drives)
     again = max(lock.same_way_km, lock.other_way_km) * 1000.0 / LENGTH_M
     by_chance = min(2.0 * float(gammainc(again, (1.0 - Limits.by_chance) * max(beside, 1.0))), 1.0)  # Poisson
     p = 1.0 / (1.0 + by_chance)

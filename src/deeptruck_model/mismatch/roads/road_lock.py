@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.roads.next_pass import NextPass, next_pass
-from deeptruck_model.mismatch.roads.stretches import LENGTH_M, STEP_M, Windows, similarity, turned
+from deeptruck_model.mismatch.roads.windows import LENGTH_M, STEP_M, Windows, similarity, turned
 from deeptruck_model.mismatch.rules import Limits
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def _beyond_chance(found: NDArray[np.bool_]) -> float:
 def _windows(e: Evidence, force: Array) -> Windows:
     """The windows along each recording, over valid rows."""
     profiles = []
-    for s in e.stretches:
+    for s in e.drives:
         along, known = e["distance"][s.rows], e.valid[s.rows]
         if known.any():
             ends = [along[0], *along[known], along[-1]]

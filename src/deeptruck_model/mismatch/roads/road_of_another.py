@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.roads.recovered_road import Roads
-from deeptruck_model.mismatch.roads.stretches import (
+from deeptruck_model.mismatch.roads.windows import (
     LENGTH_M,
     STEP_M,
     WIDTH,

@@ -119,7 +119,7 @@ def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
 def _fast(e: Evidence, x: Array) -> Array:
     """The signal minus its slow part, for each recording."""
     out = np.empty_like(x)
-    for s in e.stretches:
+    for s in e.drives:
         part = gaussian_filter1d(np.nan_to_num(x[s.rows]), SMOOTH_S / e.dt, mode="reflect")
         out[s.rows] = part - gaussian_filter1d(part, FAST_S / e.dt, mode="reflect")
     return out

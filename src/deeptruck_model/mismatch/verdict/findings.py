@@ -148,7 +148,7 @@ def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
     """The constant force of each fitted drive relative to the median drive: the force (n,), m/s^2, and its
     size by drive, with the 95 % interval of the draws that include it."""
     e, p = c.search.e, c.posterior
-    fitted = [s for s in e.stretches if not s.held_out]
+    fitted = [s for s in e.drives if not s.held_out]
     (block,) = (j for j, k in enumerate(p.of) if k.name == EACH_DRIVE)
     features = p.of[block].features[[s.start for s in fitted]]
     drawn = p.coefficients(block)[p.inside(EACH_DRIVE)] @ features.T
@@ -221,7 +221,7 @@ def _drives(e: Evidence, force: Array) -> tuple[str, ...]:
     seen = visible(e)
     own = {
         s.name: float(np.sqrt(np.mean(force[s.rows][seen[s.rows]] ** 2)))
-        for s in e.stretches
+        for s in e.drives
         if not s.held_out and seen[s.rows].any()
     }
     most = max(own.values(), default=0.0)
@@ -254,8 +254,8 @@ def _adds_up(e: Evidence, force: Array, horizon_s: float) -> float:
     """Sum of the squared speeds, (m/s)^2, to which a force (n,), m/s^2, integrates over windows of
     `horizon_s`."""
     steps, counted = max(1, round(horizon_s / e.dt)), np.where(e.valid, force, 0.0)
-    starts = [k for s in e.stretches for k in range(s.start, s.stop, steps)]
-    ends = [min(k + steps, s.stop) for s in e.stretches for k in range(s.start, s.stop, steps)]
+    starts = [k for s in e.drives for k in range(s.start, s.stop, steps)]
+    ends = [min(k + steps, s.stop) for s in e.drives for k in range(s.start, s.stop, steps)]
     return sum(
         float(np.sum((np.cumsum(counted[a:b]) * e.dt) ** 2)) for a, b in zip(starts, ends, strict=True)
     )

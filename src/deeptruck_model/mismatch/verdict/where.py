@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.tree import DecisionTreeRegressor
 
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch, unit
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence, unit
 from deeptruck_model.mismatch.result import Bound, Regime, Segment
 from deeptruck_model.mismatch.strength import acts, visible
 from deeptruck_model.signals import Said
@@ -39,13 +39,13 @@ def segments(e: Evidence, forces: Mapping[int, Array]) -> list[Segment]:
     for i, force in forces.items():
         seen = visible(e)
         on = acts(force, seen, e.dt)
-        for s in e.stretches:
+        for s in e.drives:
             out += [_segment(e, force, i, s, a, b, seen) for a, b in _runs(on[s.rows], e.dt)]
     out.sort(key=lambda s: -s.energy)
     return out[:MOST_SEGMENTS]
 
 
-def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int, seen: Mask) -> Segment:
+def _segment(e: Evidence, force: Array, finding: int, s: DriveRows, a: int, b: int, seen: Mask) -> Segment:
     rows = slice(s.start + a, s.start + b)
     part = force[rows][seen[rows]]
     at = s.start_s + np.array([a, b]) * e.dt

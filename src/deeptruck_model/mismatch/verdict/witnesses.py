@@ -46,7 +46,7 @@ def witnesses(search: Regression, prepared: Sequence[Prepared], found: Budget) -
         taken |= {*p.recording.interface.u, *p.recording.interface.w}
     names = {n for p in prepared for n, x in p.recording.channels.items() if np.isfinite(x).any()} - taken
     block = max(1, round(e.dt / prepared[0].dt))
-    grid = Grid(prepared, [s.held_out for s in e.stretches], block)
+    grid = Grid(prepared, [s.held_out for s in e.drives], block)
     out = []
     for part in (EACH_DRIVE, SLOW):
         force = found.force(part, e.residual)
@@ -68,7 +68,7 @@ def _predicted(search: Regression, force: Array, x: Array, part: str) -> float:
     e, used = search.e, np.zeros(len(search.e), dtype=bool)
     used[search.rows] = True
     means, owner = [], []
-    for i, s in enumerate(e.stretches):
+    for i, s in enumerate(e.drives):
         length = s.stop - s.start if part == EACH_DRIVE else max(1, round(SLOW_S / e.dt))
         for begin in range(s.start, s.stop - length + 1, max(length, 1)):
             rows = np.arange(begin, begin + length)

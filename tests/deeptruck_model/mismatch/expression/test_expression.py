@@ -10,7 +10,7 @@ import pytest
 from deeptruck_model.mismatch import expression as ex
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.terms import every_variant
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 
 DT, SIZES = 0.19, (300, 200)  # no time constant is a whole number of steps, where rounding would decide
 
@@ -45,12 +45,12 @@ def synthetic() -> Evidence:
     signals["overall_ratio"] = np.minimum(signals["ratio"], 30.0)
     signals["effective_mass_gain"] = 1.0 / (1.05 + 4e-4 * signals["overall_ratio"] ** 2)
 
-    stretches = (
-        Stretch("a", 0, SIZES[0], 0.0, False),
-        Stretch("b", SIZES[0], n, 0.0, True),
+    drives = (
+        DriveRows("a", 0, SIZES[0], 0.0, False),
+        DriveRows("b", SIZES[0], n, 0.0, True),
     )
     return Evidence(
-        DT, stretches, rng.normal(0.0, 0.05, n), signals["simulated"], np.zeros(n), np.ones(n, dtype=bool),
+        DT, drives, rng.normal(0.0, 0.05, n), signals["simulated"], np.zeros(n), np.ones(n, dtype=bool),
         signals, {}, 2e4, lambda name, amount: np.full(n, 0.01),
     )  # fmt: skip
 
@@ -61,7 +61,7 @@ EVIDENCE = synthetic()
 def streamed(expressions: list[ex.Expression], e: Evidence = EVIDENCE) -> np.ndarray:
     """Values (len(expressions), n) as a running simulation computes them, one drive after the other."""
     out = np.zeros((len(expressions), len(e)))
-    for s in e.stretches:
+    for s in e.drives:
         stream = ex.Stream(expressions)
         memory = stream.begin(2)
         for k in range(s.start, s.stop):
@@ -122,7 +122,7 @@ def test_slosh_is_a_damped_oscillator_that_takes_no_momentum() -> None:
     n = 6000
     kick = np.zeros(n)
     kick[10:15] = 1.0
-    whole = (Stretch("a", 0, n, 0.0, False),)
+    whole = (DriveRows("a", 0, n, 0.0, False),)
     e = Evidence(0.02, whole, kick, kick, kick, kick == 0, {"simulated": kick}, {}, 1.0, lambda a, b: kick)
     force = ex.Slosh((ex.Signal("simulated"),), 0.5, 0.1).rows(e)
     after = force[200:]
@@ -136,8 +136,8 @@ def test_slosh_is_a_damped_oscillator_that_takes_no_momentum() -> None:
 def test_a_play_takes_the_same_impulse_each_time_it_is_crossed(holds: float) -> None:
     n = 300
     pull = np.where(np.arange(n) < 150, 0.4, -0.4)
-    e = Evidence(0.1, (Stretch("a", 0, n, 0.0, False),), pull, pull, pull, pull > 9, {"simulated": pull}, {},
-                 1.0, lambda a, b: pull)  # fmt: skip
+    rows = (DriveRows("a", 0, n, 0.0, False),)
+    e = Evidence(0.1, rows, pull, pull, pull, pull > 9, {"simulated": pull}, {}, 1.0, lambda a, b: pull)
     lost = ex.Play((ex.Signal("simulated"),), 0.8, holds).rows(e)
     assert lost[:150].sum() * 0.1 == pytest.approx(0.4) and lost[150:].sum() * 0.1 == pytest.approx(-0.8)
     taken = np.flatnonzero(lost[150:] < 0)

@@ -66,9 +66,9 @@ def test_a_missing_force_is_located_with_its_size(dragged: Recording) -> None:
     monitor = Monitor(TRUCK)
     samples, alarms = listen(monitor, dragged)
     assert 64.0 < alarms[0] < 75.0 and alarms[-1] < 127.0
-    (stretch,) = [s for s in monitor.located if s.end - s.start > 20.0]
-    assert stretch.start == pytest.approx(62.0, abs=4.0) and stretch.end == pytest.approx(122.0, abs=4.0)
-    assert stretch.mean_m_s2 * MASS == pytest.approx(-2000.0, rel=0.15)
+    (segment,) = [s for s in monitor.located if s.end - s.start > 20.0]
+    assert segment.start == pytest.approx(62.0, abs=4.0) and segment.end == pytest.approx(122.0, abs=4.0)
+    assert segment.mean_m_s2 * MASS == pytest.approx(-2000.0, rel=0.15)
     during = [s.smoothed for s in samples if 70.0 < s.time < 115.0]
     assert np.nanmedian(during) == pytest.approx(-2000.0 / MASS, rel=0.15)
 

@@ -24,7 +24,7 @@ def column(e: Evidence, effect: str, of: Variant, **signals: np.ndarray) -> np.n
 
 def at(e: Evidence, seconds: float) -> int:
     """The row of the first recording so long after its start."""
-    return e.stretches[0].start + round(seconds / e.dt)
+    return e.drives[0].start + round(seconds / e.dt)
 
 
 def test_shoes_that_do_not_let_go_keep_a_share_of_their_force(

@@ -48,7 +48,7 @@ def found(force: np.ndarray, seed: int = 0, held_out: str = "") -> tuple[Event, 
     innovations = 0.02 * np.random.default_rng(seed).standard_t(TAIL, N)
     y = lfilter([1.0], [1.0, -0.3], innovations) + force
     series = replace(search().series, y=y)
-    drives = [replace(s, held_out=s.name == held_out) for s in e.stretches]
+    drives = [replace(s, held_out=s.name == held_out) for s in e.drives]
     return find_events(series, fit(series, np.zeros((N, 0)), NO_COLUMNS), kernels(search()), drives, DT)
 
 
@@ -114,10 +114,10 @@ def test_rows_that_do_not_count_hold_no_event() -> None:
     noise = fit(
         replace(series, y=np.random.default_rng(0).normal(0.0, 0.03, N)), np.zeros((N, 0)), NO_COLUMNS
     )
-    stretches = search().e.stretches
-    assert len(find_events(series, noise, kernels(search()), stretches, DT)) == 1
-    assert find_events(replace(series, valid=valid), noise, kernels(search()), stretches, DT) == ()
-    short = tuple(replace(s, stop=s.start + 12) for s in stretches)
+    drives = search().e.drives
+    assert len(find_events(series, noise, kernels(search()), drives, DT)) == 1
+    assert find_events(replace(series, valid=valid), noise, kernels(search()), drives, DT) == ()
+    short = tuple(replace(s, stop=s.start + 12) for s in drives)
     assert find_events(series, noise, kernels(search()), short, DT) == ()
 
 
@@ -129,7 +129,7 @@ def test_a_name_is_stated_only_where_it_is_clearly_ahead() -> None:
     own = tuple(Kernel(name, x[:, None]) for name, x in shapes.items())
     series = replace(search().series, y=rng.normal(0.0, 0.03, N) + during(ROWS, shapes["turbo_lag"]))
     noise = fit(series, np.zeros((N, 0)), NO_COLUMNS)
-    (event,) = find_events(series, noise, own, search().e.stretches, DT)
+    (event,) = find_events(series, noise, own, search().e.drives, DT)
     each = _log_odds(series, noise, own, [slice(event.start, event.stop)])
     assert _stated(each, 0.9) == "turbo_lag"
     twins = (own[0], replace(own[0], name="torque_derate"))
@@ -143,9 +143,7 @@ def test_filters_are_the_whitened_directions_of_their_windows(dt: float) -> None
     valid = rng.random(N) > 0.01
     series = replace(search().series, y=rng.normal(0.0, 0.05, N), valid=valid, relative=1.0 + rng.random(N))
     noise = fit(series, np.zeros((N, 0)), NO_COLUMNS)
-    filters = _Filters(
-        series, noise, [k for k in kernels(search()) if k.part != "parameter"], e.stretches, dt
-    )
+    filters = _Filters(series, noise, [k for k in kernels(search()) if k.part != "parameter"], e.drives, dt)
     psi = np.clip(filters.whitened, -CLIP, CLIP)
     sums = filters.sums(psi)
     assert (filters.edges[filters.last] - filters.edges[filters.first]).min() >= ORDER

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 
 SIZES, DT = (120, 80), 0.2
 
@@ -13,9 +13,9 @@ SIZES, DT = (120, 80), 0.2
 @pytest.fixture
 def evidence() -> Evidence:
     n = sum(SIZES)
-    stretches = (
-        Stretch("a", 0, SIZES[0], 0.0, False),
-        Stretch("b", SIZES[0], n, 5.0, True),
+    drives = (
+        DriveRows("a", 0, SIZES[0], 0.0, False),
+        DriveRows("b", SIZES[0], n, 5.0, True),
     )
     rng = np.random.default_rng(0)
     valid = np.ones(n, dtype=bool)
@@ -26,7 +26,7 @@ def evidence() -> Evidence:
     disagreement = np.zeros(n)
     disagreement[50] = 0.1
     return Evidence(
-        DT, stretches, rng.normal(size=n), np.zeros(n), disagreement, valid, signals, {}, 2e4,
+        DT, drives, rng.normal(size=n), np.zeros(n), disagreement, valid, signals, {}, 2e4,
         lambda name, amount: np.zeros(n),
     )  # fmt: skip
 

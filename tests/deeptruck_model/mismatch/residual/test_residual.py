@@ -49,7 +49,7 @@ def own(drives: list[Recording]) -> Evidence:
 
 
 def test_on_its_own_truck_nothing_is_left(own: Evidence) -> None:
-    assert own.dt == pytest.approx(0.2) and len(own.stretches) == 2 and own.held_out.sum() == 1000
+    assert own.dt == pytest.approx(0.2) and len(own.drives) == 2 and own.held_out.sum() == 1000
     sure = own.valid & (own.doubt(0.02) < 1.5)
     assert sure.mean() > 0.4 and np.sqrt(np.mean(own.residual[sure] ** 2)) < 5e-3
     assert own.mass == pytest.approx(MASS)
@@ -126,7 +126,7 @@ def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], o
     assert gather.gather(BlackBox(TRUCK), loaded, [False, True], mass_kg=23456.0).mass == 23456.0
 
     def seconds(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([x[s.rows].reshape(-1, 5).mean(axis=1) for s in own.stretches])
+        return np.concatenate([x[s.rows].reshape(-1, 5).mean(axis=1) for s in own.drives])
 
     for name in ("engine", "brake"):
         assert np.corrcoef(asked[name][asked.valid], seconds(own[name])[asked.valid])[0, 1] > 0.9

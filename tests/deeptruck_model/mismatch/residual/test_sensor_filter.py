@@ -47,7 +47,7 @@ def test_it_does_not_reach_into_another_drive(nothing_missing: Evidence) -> None
     e = nothing_missing
     where = e.record.astype(float)  # the same all along each drive
     columns, _ = sensor_filter.known(replace(e, simulated=where))
-    assert len(e.stretches) > 1
+    assert len(e.drives) > 1
     assert np.abs(columns[:, 2:]).max() == 0.0
 
 

@@ -1,4 +1,4 @@
-"""One pass over a road predicts another beyond the stretch by which it was found, or shows nothing."""
+"""One pass over a road predicts another beyond the segment by which it was found, or shows nothing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model._io.json_data import from_json, to_json
 from deeptruck_model.mismatch.roads.next_pass import NextPass, next_pass
-from deeptruck_model.mismatch.roads.stretches import STEP_M, Windows
+from deeptruck_model.mismatch.roads.windows import STEP_M, Windows
 
 STEPS = 400  # of 100 m
 

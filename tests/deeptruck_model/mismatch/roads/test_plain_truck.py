@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 from deeptruck_model.mismatch.roads.slow_force import plain_truck
 
 N, MASS, DRAG = 3600, 28000.0, 1.2e-4
@@ -42,10 +42,8 @@ def drive(seed: int, slope: float, grade_recorded: bool = False) -> tuple[Eviden
 def evidence(signals: Mapping[str, NDArray[np.float64]]) -> Evidence:
     zero = np.zeros(N)
     valid = np.ones(N, dtype=bool)
-    stretches = (Stretch("a", 0, N, 0.0, False),)
-    return Evidence(
-        1.0, stretches, zero, zero, zero, valid, dict(signals), {}, MASS, lambda name, amount: zero
-    )
+    drives = (DriveRows("a", 0, N, 0.0, False),)
+    return Evidence(1.0, drives, zero, zero, zero, valid, dict(signals), {}, MASS, lambda name, amount: zero)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

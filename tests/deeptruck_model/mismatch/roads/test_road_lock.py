@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 from deeptruck_model.mismatch.roads.road_lock import road_lock
 
 SPEED, DT, KM = 20.0, 0.2, 30
@@ -17,12 +17,12 @@ ROWS = int(KM * 1000 / SPEED / DT)
 
 def drives(nothing_missing: Evidence, count: int) -> Evidence:
     """As many drives of 30 km each."""
-    stretches = tuple(Stretch(str(k), k * ROWS, (k + 1) * ROWS, 0.0, False) for k in range(count))
+    drives = tuple(DriveRows(str(k), k * ROWS, (k + 1) * ROWS, 0.0, False) for k in range(count))
     distance = np.tile(np.arange(ROWS) * DT * SPEED, count)
     known = np.ones(count * ROWS)
     return replace(
         nothing_missing,
-        stretches=stretches,
+        drives=drives,
         residual=np.zeros(count * ROWS),
         valid=known > 0,
         signals={"distance": distance, "speed": SPEED * known},

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence
 from deeptruck_model.mismatch.roads.slow_force import SlowForce, slow_force
 
 N, SIGMA = 3600, 0.1
@@ -19,8 +19,8 @@ WEIGHT = np.ones(N)
 def evidence(speed: float, drag: float) -> Evidence:
     zero, valid = np.zeros(N), np.ones(N, dtype=bool)
     signals = {"speed": np.full(N, speed), "drag": np.full(N, drag), "engine": np.full(N, 0.3)}
-    stretches = (Stretch("a", 0, N, 0.0, False),)
-    return Evidence(1.0, stretches, zero, zero, zero, valid, signals, {}, 2e4, lambda name, amount: zero)
+    drives = (DriveRows("a", 0, N, 0.0, False),)
+    return Evidence(1.0, drives, zero, zero, zero, valid, signals, {}, 2e4, lambda name, amount: zero)
 
 
 def found(size: float, doubt: float = 0.0, drag: float = 0.07) -> SlowForce | None:
@@ -52,7 +52,7 @@ def test_minutes_are_too_short() -> None:
     e = evidence(20.0, 0.07)
     few: NDArray[np.bool_] = np.arange(N) < 240
     short = Evidence(
-        e.dt, e.stretches, e.residual, e.simulated, e.disagreement, few, e.signals, {}, e.mass, e.rerun
+        e.dt, e.drives, e.residual, e.simulated, e.disagreement, few, e.signals, {}, e.mass, e.rerun
     )
     assert slow_force(short, 0.5 * SLOW, WEIGHT, SIGMA) is None
 
