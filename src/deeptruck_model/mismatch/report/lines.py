@@ -25,7 +25,7 @@ from deeptruck_model.mismatch.result import Answer, Conclusion, Finding, Kind, S
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.strength import Strength
 from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, UNKNOWN, Node
-from deeptruck_model.signals import Said, Speed
+from deeptruck_model.signals import Said, Speed, printed
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 HEADLINES = {
@@ -168,7 +168,7 @@ def _size(f: Finding) -> Iterator[str]:
 def interval(x: Size, scale: float, unit: str, *, sign: bool = False) -> str:
     """A size times `scale` with its unit and interval."""
     value, *ends = (_number(scale * number, unit, sign) for number in (x.value, *(x.ci95 or ())))
-    after = "" if unit in ("1", SPEED_UNIT) else f" {unit}"
+    after = "" if unit in ("1", SPEED_UNIT) else f" {printed(unit)}"
     in_unit = value._replace(with_unit=True) if isinstance(value, Speed) else value
     return Said(in_unit, after, *((" (", ends[0], " to ", ends[1], ")") if ends else ()))
 
@@ -281,8 +281,8 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
         parts += [f"{spoken(n)} {acting(x)}" for n, x in added]
         sizes = ", with the sizes of least speed error" if v.fit.output_error else ""
         yield f"The correction contains{sizes}: {'; '.join(parts)}."
-        named, held = _named(v), {n for n, _ in (*changed, *added)}
-        if named and not any(named in (n, FAMILY.get(n)) for n in held):
+        named = _named(v)
+        if named and named not in {n for n, _ in (*changed, *added)}:
             yield (
                 f"It does not contain {spoken(named)}, which the first line names: it reproduces the motion "
                 "on such drives, and does not say what causes it."
@@ -302,11 +302,11 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
 
 
 def _named(v: Verdict) -> str:
-    """The name or family that the first line gives as a cause in the truck; empty if there is none."""
+    """The name that the first line gives as a cause in the truck; empty if there is none."""
     f = v.findings[0] if v.findings else None
     if f is None or f.kind is Kind.SENSOR or f.effect == UNKNOWN or v.kind is Conclusion.NOTHING:
         return ""
-    return f.effect if f.stated == ROOT else f.stated
+    return f.effect
 
 
 def acting(x: Strength) -> str:

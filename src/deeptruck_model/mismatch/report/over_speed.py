@@ -17,12 +17,13 @@ Array = NDArray[np.float64]
 
 PRESSED = 0.05  # of a command's 98 % quantile
 BINS, LEAST_S = 12, 10.0  # of speed, and the driving without which a bin is not drawn
+MEAN_S = 2.0  # of driving in a bin, over which the force is averaged: below is sensor noise
 WIDTH, HEIGHT, LEFT, BELOW, ABOVE = 640.0, 240.0, 70.0, 40.0, 12.0  # px
 SERIES = {"pulling": "explained", "coasting": "observed"}  # the class that colours it
 
 
 def figure(e: Evidence, units: str = "m/s") -> str:
-    """Median and quartiles of the force that is missing in bins of speed, as SVG; '' where nothing is
+    """Median and quartiles of the force that is missing, as means over MEAN_S, in bins of speed, as SVG; '' where nothing is
     compared. Forces are in `e.unit`, speeds in `units`."""
     binned = {name: list(_binned(e, rows)) for name, rows in _rows(e).items()}
     ends = [x for bins in binned.values() for _, *quartiles in bins for x in quartiles]
@@ -70,9 +71,11 @@ def _pressed(e: Evidence, command: str) -> NDArray[np.bool_]:
 def _binned(e: Evidence, rows: NDArray[np.bool_]) -> Iterator[tuple[float, float, float, float]]:
     """Speed, and lower quartile, median and upper quartile of the force, of each bin that is driven."""
     speed, force = e["speed"][rows], (e.newtons(e.residual) / e.mass * e.unit.scale)[rows]
+    per = max(1, round(MEAN_S / e.dt))
     edges = np.linspace(0.0, float(e["speed"][e.valid].max(initial=1.0)), BINS + 1)
     for low, high in pairwise(edges):
         own = force[(speed >= low) & (speed < high) & np.isfinite(force)]
         if len(own) * e.dt >= LEAST_S:
-            q = np.quantile(own, [0.25, 0.5, 0.75])
+            means = own[: len(own) // per * per].reshape(-1, per).mean(axis=1)
+            q = np.quantile(means, [0.25, 0.5, 0.75])
             yield 0.5 * float(low + high), float(q[0]), float(q[1]), float(q[2])

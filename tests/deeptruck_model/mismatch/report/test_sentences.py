@@ -121,8 +121,8 @@ def test_the_parts_of_the_correction_are_said_and_whether_the_name_above_is_one(
     first, *said = lines.lines(v)
     assert first.startswith("Payload change is missing") and said[0] == parts
     assert said[1].startswith("It does not contain payload change, which the first line names")
-    for inside in ("payload_change", "load"):  # the name, or the family that is stated
-        f = replace(PAYLOAD, stated=inside)
+    for stated in ("payload_change", "load"):
+        f = replace(PAYLOAD, stated=stated)
         own = replace(
             v, findings=(f,), fit=replace(fit, corrected_forces={"payload_change": force["headwind"]})
         )
