@@ -113,6 +113,20 @@ def test_an_object_that_is_no_simulator_is_refused_by_what_it_lacks(member: str)
         find_mismatch(wrong, [drive(MyTruck(), "a", 0, 30.0)])
 
 
+def test_the_batch_of_single_trucks_in_the_docs_is_fit_for_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "ours.py").write_text(
+        "class Truck:\n    v = 0.0\n    def step(self, pedal, brake, slope, dt):\n"
+        "        self.v = max(self.v + (2 * pedal - 6 * brake - 9.81 * slope) * dt, 0.0)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    _, snippet = re.findall(r"^```python\n(.*?)^```", (DOCS / "simulators.md").read_text(), re.S | re.M)
+    scope: dict[str, Any] = {}
+    exec(snippet, scope)
+    assert not protocol_check.missing(protocol_check.examine(completed(scope["make"]())))
+
+
 @pytest.mark.long
 def test_the_snippet_of_the_docs_runs_and_the_result_is_read_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -120,7 +134,7 @@ def test_the_snippet_of_the_docs_runs_and_the_result_is_read_again(
     monkeypatch.chdir(tmp_path)
     for name, seed in (("monday", 1), ("friday", 2)):
         write_bag(Path("drives") / name, [drive(MyTruck(), name, seed)], interface=INTERFACE)
-    (snippet,) = re.findall(r"^```python\n(.*?)^```", (DOCS / "simulators.md").read_text(), re.S | re.M)
+    snippet, _ = re.findall(r"^```python\n(.*?)^```", (DOCS / "simulators.md").read_text(), re.S | re.M)
     scope: dict[str, Any] = {"MyTruck": lambda: MyTruck(drag=0.0)}
     exec(snippet, scope)
     found, again = scope["found"], mismatch.read("found")

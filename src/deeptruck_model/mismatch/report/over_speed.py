@@ -23,8 +23,8 @@ SERIES = {"pulling": "explained", "coasting": "observed"}  # the class that colo
 
 
 def figure(e: Evidence, units: str = "m/s") -> str:
-    """Median and quartiles of the force that is missing, as means over MEAN_S, in bins of speed, as SVG; '' where nothing is
-    compared. Forces are in `e.unit`, speeds in `units`."""
+    """Median and quartiles of the force that is missing, as means over MEAN_S, in bins of speed, as SVG; ''
+    where nothing is compared. Forces are in `e.unit`, speeds in `units`."""
     binned = {name: list(_binned(e, rows)) for name, rows in _rows(e).items()}
     ends = [x for bins in binned.values() for _, *quartiles in bins for x in quartiles]
     if not ends:
