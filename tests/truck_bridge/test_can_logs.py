@@ -56,6 +56,15 @@ def test_a_second_written_as_a_million_microseconds_is_a_second(tmp_path):
     assert [f.time - 1614188635 for f in frames] == pytest.approx([-0.02, 0.0, 0.02], abs=1e-6)
 
 
+def test_signals_that_no_channel_needs_are_not_kept(tmp_path):
+    path = written(tmp_path, LOGGED * 3)
+    every = can_logs.decode(path)
+    some = can_logs.decode(path, only=frozenset({("EEC1", "EngineSpeed")}))
+    key = ("EEC1", "EngineSpeed", 0)
+    assert len(every.series) > 3 and [*some.series] == [key] and some.frames == 3
+    assert some.series[key] == every.series[key] and not some.invalid
+
+
 @pytest.mark.parametrize("suffix", ["asc", "blf", "trc", "log"])
 def test_what_python_can_writes_is_read_back(tmp_path, suffix):
     path = tmp_path / f"log.{suffix}"

@@ -18,6 +18,7 @@ from deeptruck_model.errors import InputError
 
 IDS = ("id", "addr", "address", "arbitrationid", "canid", "identifier", "msgid", "messageid", "frameid",
        "iddec", "idhex", "canidhex", "caniddec")  # fmt: skip
+GROUP, SOURCES = "pgn", ("sa", "src", "source", "sourceaddress")  # with which J1939 tools replace it
 DATA = ("data", "databytes", "payload", "datahex", "payloadhex", "bytes")
 BYTES = re.compile(r"(?:data|d|b|byte)(\d)")
 MDF = (".mf4", ".mdf", ".dat")
@@ -32,10 +33,12 @@ def plain_name(cell: str) -> str:
 
 
 def is_frames(header: Sequence[str]) -> bool:
-    """Whether a table with this header holds raw CAN frames: a time, an identifier and bytes."""
+    """Whether a table with this header holds raw CAN frames: a time, an identifier (or PGN and source
+    address) and bytes."""
     names = [plain_name(cell) for cell in header]
     data = any(name in DATA for name in names) or sum(bool(BYTES.fullmatch(name)) for name in names) >= 2
-    return data and any(name in IDS for name in names) and any(map(is_time, names))
+    by_group = GROUP in names and any(name in SOURCES for name in names)
+    return data and (by_group or any(name in IDS for name in names)) and any(map(is_time, names))
 
 
 def is_time(name: str) -> bool:

@@ -25,10 +25,14 @@ from truck_bridge.j1939.transport import Broken, Message, Transport, reference_t
 
 @dataclass
 class Decoding:
-    """All signals of a log: (message, signal, source) to times and values; invalid samples are only
-    counted."""
+    """Signals of a log: (message, signal, source) to times and values; invalid samples are only counted.
+
+    `only` names the messages and signals to keep, so that memory does not grow with the others; None keeps
+    all.
+    """
 
     codec: Codec
+    only: frozenset[tuple[str, str]] | None = None
     series: dict[tuple[str, str, int], tuple[array[float], array[float]]] = field(default_factory=dict)
     invalid: dict[tuple[str, str, int], dict[str, int]] = field(default_factory=dict)
     frames: int = 0
@@ -45,6 +49,8 @@ class Decoding:
     def add(self, frame: Frame, decoded: Decoded) -> None:
         """Add one decoded frame."""
         for name, value in decoded.values.items():
+            if self.only is not None and (decoded.name, name) not in self.only:
+                continue
             key = (decoded.name, name, decoded.source)
             if value == value:
                 series = self.series.get(key)
@@ -80,11 +86,16 @@ class Decoding:
 
 
 def decode(
-    path: Path, codec: Codec | None = None, *, channel: str | None = None, ascending: bool = False
+    path: Path,
+    codec: Codec | None = None,
+    *,
+    channel: str | None = None,
+    ascending: bool = False,
+    only: frozenset[tuple[str, str]] | None = None,
 ) -> Decoding:
-    """Every signal of a log's bus. `channel` and `ascending` are those of `read`. Raises InputError as `read`
-    does."""
-    found = Decoding(codec or j1939.load(), account=Account(str(path), "frames"))
+    """The signals of a log's bus, `only` some or all. `channel` and `ascending` are those of `read`. Raises
+    InputError as `read` does."""
+    found = Decoding(codec or j1939.load(), only, account=Account(str(path), "frames"))
     transport = Transport()
     for frame in read(path, found.account, channel=channel, ascending=ascending):
         found.start = frame.time if not found.frames else found.start

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from truck_bridge import j1939, vehicles
 from truck_bridge.can_logs import faults
 from truck_bridge.can_logs.decoding import Decoding, decode
-from truck_bridge.channels import CARRIERS, converter
+from truck_bridge.channels import CARRIERS, DEMANDS, converter
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.codec import Codec
 from truck_bridge.units import COMMANDS, of_command, to_si
@@ -38,7 +38,9 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     """
     codec, torque = _meaning(columns)
     bus = columns.get("channel")
-    found = decode(log_path, codec, channel=None if bus is None else str(bus), ascending=True)
+    found = decode(
+        log_path, codec, channel=None if bus is None else str(bus), ascending=True, only=_wanted(columns)
+    )
     torque = found.reference_torque if math.isnan(torque) else torque
     channels: dict[str, Series] = {}
     units = dict.fromkeys(COMMANDS, "percent")
@@ -90,6 +92,15 @@ def _meaning(columns: Mapping[str, Any]) -> tuple[Codec, float]:
     if stated is not None and not (isinstance(stated, int | float) and stated > 0):
         raise InputError(f"columns: reference_torque is {stated!r}; it must be a number above 0, in N m")
     return codec, float(stated) if stated is not None else torque
+
+
+def _wanted(columns: Mapping[str, Any]) -> frozenset[tuple[str, str]]:
+    """Messages and signals from which channels may come."""
+    usual = [(one.message, one.signal) for one in (*CARRIERS, *DEMANDS)]
+    less = [one.less for one in CARRIERS if one.less is not None]
+    chosen = [spec for spec in (columns.get("channels") or {}).values() if isinstance(spec, Mapping)]
+    stated = [str(spec["signal"]).partition(".") for spec in chosen if "signal" in spec]
+    return frozenset([*usual, *less, *((message, name) for message, _, name in stated)])
 
 
 def _defaults(found: Decoding, torque: float) -> dict[str, Series]:

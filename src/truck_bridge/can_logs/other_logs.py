@@ -1,7 +1,7 @@
 """Reads frames from BUSMASTER logs, SocketCAN captures (pcap, pcapng), and tables of raw frames.
 
 Tables are those of cabana, Kvaser, SavvyCAN and loggers of the CLX000 series, and any other with a time, an
-identifier and bytes.
+identifier (or the PGN and source address of J1939) and bytes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from can.util import dlc2len
 
 from deeptruck_model._io.account import Account
-from deeptruck_model._io.log_kinds import BYTES, COMMENT, DATA, IDS, is_time, plain_name
+from deeptruck_model._io.log_kinds import BYTES, COMMENT, DATA, GROUP, IDS, SOURCES, is_time, plain_name
 from truck_bridge.can_logs.frames import (
     ERROR_FLAG,
     EXTENDED_FLAG,
@@ -30,6 +30,7 @@ from truck_bridge.can_logs.frames import (
 from truck_bridge.can_logs.text_logs import lines_of
 from truck_bridge.can_logs.whole import COPY
 from truck_bridge.errors import InputError
+from truck_bridge.j1939.ids import GLOBAL, Identifier
 
 BUSMASTER = "***BUSMASTER"
 _LINE = re.compile(
@@ -222,7 +223,8 @@ class _Form:
 
     time: int
     tick: float
-    can_id: int
+    number: int  # the identifier's column, or the PGN's
+    parts: tuple[int | None, ...]  # beside the PGN, the columns of source, destination and priority
     base: int
     data: int | None
     each: tuple[int, ...]
@@ -241,7 +243,10 @@ class _Form:
             return [row[column].strip() for row in some if len(row) > column]
 
         time = next(k for k, name in enumerate(names) if is_time(name))
-        can_id = next(k for k, name in enumerate(names) if name in IDS)
+        number = next(names.index(name) for name in (*IDS, GROUP) if name in names)
+        parts: tuple[int | None, ...] = ()
+        if names[number] == GROUP:
+            parts = (at(*SOURCES), at("da", "dst", "destination"), at("priority", "prio"))
         each = tuple(k for k, name in enumerate(names) if BYTES.fullmatch(name))
         stamps = [cell for cell in cells(time) if cell]
         whole = all(cell.removeprefix("-").isdigit() for cell in stamps)
@@ -253,7 +258,7 @@ class _Form:
         data = at(*DATA)
         content = [cell for k in ([data] if data is not None else each) for cell in cells(k)]
         return cls(
-            time, -tick if turned else tick, can_id, _base(cells(can_id)), data,
+            time, -tick if turned else tick, number, parts, _base(cells(number)), data,
             each, _base([byte for cell in content for byte in cell.split()]), at("bus", "channel", "chn"),
             at("extended", "ide", "ext", "flags"), at("datalength", "length", "len", "dlc"),
             at("edl", "fdf", "fd"),
@@ -277,10 +282,29 @@ def _time(cell: str, tick: float) -> float:
     return _DAY_S * int(day) + of_day
 
 
+def _identifier(cells: list[str], form: _Form) -> int:
+    def read(column: int | None, otherwise: int = 0) -> int:
+        if column is None:
+            return otherwise
+        return int(cells[column].strip().rstrip("xX").removeprefix("0x"), form.base)
+
+    if not form.parts:
+        return read(form.number)
+    source, destination, priority = form.parts
+    parts = Identifier(read(priority, 6), read(form.number), read(destination, GLOBAL), read(source))
+    if not (
+        0 <= parts.priority <= 7
+        and 0 <= parts.pgn <= 0x3FFFF
+        and max(parts.destination, parts.source) <= 0xFF
+    ):
+        raise ValueError("a priority, PGN or address that cannot be")
+    return parts.can_id
+
+
 def _of_row(path: Path, number: int, cells: list[str], form: _Form, account: Account) -> Frame:
     account.total.read += 1
     try:
-        can_id = int(cells[form.can_id].strip().rstrip("xX").removeprefix("0x"), form.base)
+        can_id = _identifier(cells, form)
         if form.data is not None:
             text = cells[form.data].strip().removeprefix("0x")
             apart = form.each_base == 10 and " " in text
@@ -302,6 +326,6 @@ def _of_row(path: Path, number: int, cells: list[str], form: _Form, account: Acc
     except (ValueError, IndexError) as error:
         raise InputError(f"{path}, line {number}: not a row of CAN frames ({str(error)[:80]})") from None
     channel = cells[form.bus].strip() if form.bus is not None and len(cells) > form.bus else ""
-    extended = can_id > STANDARD_MASK or "x" in said or said in ("1", "true")
+    extended = bool(form.parts) or can_id > STANDARD_MASK or "x" in said or said in ("1", "true")
     marked = form.fd is not None and cells[form.fd].strip().lower() in ("1", "true")
     return Frame(time, can_id, data, channel, extended, Kind.FD if marked or len(data) > 8 else Kind.DATA)

@@ -14,6 +14,7 @@ from truck_bridge import can_logs
 from truck_bridge.can_logs.frames import Kind
 from truck_bridge.can_logs.reader import every
 from truck_bridge.errors import InputError
+from truck_bridge.j1939.ids import Identifier
 
 FRAMES = [
     (1777885200.0 + 0.01 * k, can_id, bytes([k % 256, 54 + k % 20, 0, 255, 1, 2, 3, 4]))
@@ -100,6 +101,15 @@ def epoch_decimal() -> str:
     )
 
 
+def by_group(form: str) -> str:
+    """PGN and addresses in place of the identifier, as J1939 tools write it."""
+    rows = ((t, Identifier.of(i), d) for t, i, d in FRAMES)
+    return "Time (s),Priority,PGN,DA,SA,Data\n" + "".join(
+        f"{t:.6f},{k.priority:{form}},{k.pgn:{form}},{k.destination:{form}},{k.source:{form}},{d.hex()}\n"
+        for t, k, d in rows
+    )
+
+
 def candump(above: str) -> str:
     return above + "".join(f"({t:.6f}) can0 {i:08X}#{d.hex().upper()}\n" for t, i, d in FRAMES)
 
@@ -110,6 +120,7 @@ LOGS: dict[str, str | bytes] = {
     "cabana.csv": cabana(), "kvaser.csv": kvaser(), "savvycan.csv": savvycan(),
     "falling.csv": savvycan("-", 1_769_872_318_000_000), "rising.csv": savvycan(start=-1_769_872_318_000_000),
     "clx.txt": clx000(), "decimal.csv": epoch_decimal(),
+    "pgn.csv": by_group("d"), "pgn_hex.csv": by_group("X"),
     "above.log": candump("Truck 7, key on, depot to yard\n\nTime,ID,DLC,Data\n"),
 }  # fmt: skip
 
