@@ -4,7 +4,7 @@
     deeptruck-model fleet drives --layout '{truck}/{date}/*.mcap' --simulator truck:trucksim \
         --trucks drives/trucks.csv --out result
 
-Every third truck from the second on is affected: more drag, a weak brake, or soft tyres. `truth.json` beside
+Every third truck from the second on is affected: more drag, a weak brake, or soft tyres. `truth.json` next to
 the drives says which. With `--out s3://BUCKET/drives --endpoint http://127.0.0.1:9000` they are made there.
 """
 

@@ -113,7 +113,7 @@ def _intervals(errors: dict[str, Any]) -> str:
 
 
 def remarks(out: Path, progress: Mapping[str, Progress]) -> list[str]:
-    """What is to be known of the figures beside the page, a line each."""
+    """What is to be known of the figures next to the page, a line each."""
     judged = {"evaluate": ("the deep truck", _open_loop), "check": ("the real truck's model", _real)}
     found = [
         (name, _intervals(section(out)))
@@ -140,7 +140,7 @@ def _following(out: Path) -> dict[str, Any]:
 
 
 def _mismatch(out: Path) -> dict[str, Any]:
-    """What the tool found beside what was hidden from it: words for the page, a table and a picture."""
+    """What the tool found and what was hidden from it: words for the page, a table and a picture."""
     verdict: dict[str, Any] = json.loads((out / "mismatch" / "verdict.json").read_text())
     hidden: dict[str, Any] = yaml.safe_load((out / "drives" / "hidden.yaml").read_text())
     force = np.genfromtxt(out / "drives" / "hidden.csv", delimiter=",", names=True)

@@ -70,7 +70,7 @@ def _from_here(word: str) -> str:
 
 
 def real_data() -> Path | None:
-    """The folder of real recordings: DEEPTRUCK_REAL_DATA, or ../shared/data beside the project; else None."""
+    """The folder of real recordings: DEEPTRUCK_REAL_DATA, or ../shared/data; None if there is none."""
     given = os.environ.get("DEEPTRUCK_REAL_DATA")
     folder = Path(given) if given else ROOT.parent / "shared" / "data"
     return folder if (folder / REAL_TABLE).exists() else None

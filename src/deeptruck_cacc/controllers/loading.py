@@ -113,10 +113,10 @@ def load_trained(path: Path) -> MlpPolicy:
     return found
 
 
-def _fields(manifest: Mapping[str, Any], key: str, kind: type, beside: str) -> dict[str, Any]:
+def _fields(manifest: Mapping[str, Any], key: str, kind: type, except_for: str) -> dict[str, Any]:
     """Arguments of a `kind` from a manifest entry; missing ones without default are not permitted. Raises
     KeyError for these."""
-    found = {name: value for name, value in manifest[key].items() if name != beside}
+    found = {name: value for name, value in manifest[key].items() if name != except_for}
     for field_ in fields(kind):
         if field_.default is MISSING and field_.name not in found:
             raise KeyError(f"{key}.{field_.name}")

@@ -33,8 +33,8 @@ LENGTHS = np.array([0.0, 1.0, 0.7, 0.5, 0.3, 0.15, 0.05])  # of a step tried sid
 HELD = np.array([-0.5, -0.1, 0.0, 0.15, 0.3, 0.6, 1.0])  # pedals tried for the whole horizon
 STEPS = len(LENGTHS)
 ROWS = STEPS + len(HELD)  # runs of a truck side by side; the plan and its six nudges are as many as LENGTHS
-# Costs, beside 1 of (m/s)^2 off the ideal follower, of a pedal change squared per second and of a metre below
-# the least gap squared; chosen on validation scenes of a deep truck.
+# Costs of a pedal change squared per second and of a metre below the least gap squared, where 1 (m/s)^2 off
+# the ideal follower costs 1; chosen on validation scenes of a deep truck.
 CHANGE_COST, TOO_NEAR = 0.02, 10.0
 # m/s^2, by which a closed gap is planned to end; a plan is exceeded by a fifth, and 1 m/s^2 is not to be.
 APPROACH = 0.8

@@ -54,17 +54,17 @@ def judgement(results: Mapping[str, Any]) -> str:
     scenes = results["sets"]
     gap = f"{_mean_error(scenes):.3f} s"
     baseline = results.get("baselines", {}).get("acc")
-    beside = ""
+    by_acc = ""
     if baseline and baseline.keys() == scenes.keys():
         gap += f" (ACC: {_mean_error(baseline):.3f} s)"
     elif baseline:
         shared = {name: scenes[name] for name in baseline if name in scenes}
         ours, theirs = _mean_error(shared), _mean_error(baseline)
-        beside = f" In the {len(shared)} scenes driven by ACC too: {ours:.3f} s, and {theirs:.3f} s with ACC."
+        by_acc = f" In the {len(shared)} scenes driven by ACC too: {ours:.3f} s, and {theirs:.3f} s with ACC."
     crashes = sum(x["crashes"] for x in scenes.values())
     count = {0: "no crash", 1: "1 crash"}.get(crashes, f"{crashes} crashes")
     least = min(x["min_gap_m"] for x in scenes.values())
-    return f"Mean time-gap error {gap}, smallest gap {least:.1f} m, {count}.{beside}"
+    return f"Mean time-gap error {gap}, smallest gap {least:.1f} m, {count}.{by_acc}"
 
 
 def _mean_error(scenes: Mapping[str, Any]) -> float:

@@ -18,7 +18,7 @@ from deeptruck_model.recordings import Recording
 
 REACH = 0.25  # largest change of the logarithm of a parameter an owner would accept
 OUTLIER = 0.2  # m/s^2, beyond which an error weighs less than by its square
-EVALUATIONS = 12  # of the residuals at most, beside those of their slopes
+EVALUATIONS = 12  # of the residuals at most, not counting those of their slopes
 
 
 def absorb(plan: Plan, recordings: Sequence[Recording]) -> dict[str, float]:

@@ -44,7 +44,7 @@ PLANTS = {
 
 
 def prove_multi_body(out: Path, seeds: Sequence[int], jobs: int = 1) -> list[dict[str, Any]]:
-    """Examine the tool on the multi-body car beside a point mass, as `prove_plant` does. Raises
+    """Examine the tool on the multi-body car compared with a point mass, as `prove_plant` does. Raises
     ModuleNotFoundError if the model is not installed."""
     import_module("vehiclemodels")
     with PLANT.in_place(out):

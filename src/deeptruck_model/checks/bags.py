@@ -78,8 +78,8 @@ def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -
     `mapped`; with `any_topics` the topics are not checked.
     """
     if not path.exists():
-        beside = "".join(f"; {line}" for line in files.left_beside(path))
-        raise InputError(f"{path} does not exist{beside}")
+        left = "".join(f"; {line}" for line in files.left_beside(path))
+        raise InputError(f"{path} does not exist{left}")
     files.print_left_beside(path)
     if path.is_file():
         _check_magic(path)

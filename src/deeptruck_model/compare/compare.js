@@ -75,7 +75,7 @@ function places(k) {
   return side.columns.speed.map((_, i) => state.offsets[k] + (i + 0.5) * DATA.step_s);
 }
 
-// The value of a line at x; null outside it, and beside what is unknown.
+// The value of a line at x; null outside it, and next to what is unknown.
 function valueAt(xs, ys, x, hint) {
   let i = hint.i;
   while (i + 1 < xs.length && (!known(xs[i + 1]) || xs[i + 1] < x)) i++;
@@ -285,7 +285,7 @@ function correlation(pairs) {
   return sum(p => (p[0] - a) * (p[1] - b)) / Math.sqrt(sum(p => (p[0] - a) ** 2) * sum(p => (p[1] - b) ** 2));
 }
 
-// The change of a speed at each moment, as the table has it; null beside what is unknown.
+// The change of a speed at each moment, as the table has it; null next to what is unknown.
 function acceleration(speed) {
   return speed.map((v, i) => {
     const [low, high] = [Math.max(i - 1, 0), Math.min(i + 1, speed.length - 1)];

@@ -37,7 +37,7 @@ WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = checks.WEIGHTS, "coverage.json", "me
 REFERENCE_FILE, DRIVEN_FILE = "reference.safetensors", "driven.safetensors"
 SCHEMA = 2
 RENAMED = {"taught": "auxiliary", "teach": "auxiliary", "untaught": "unexcited"}  # keys of schema 1
-KEPT = {  # what each file beside the weights is for; a truck that was saved without one promises less
+KEPT = {  # what each file other than the weights is for; a truck that was saved without one promises less
     COVERAGE_FILE: "which says what it was trained on",
     DRIVEN_FILE: "which says what it learned from",
     REFERENCE_FILE: "by which its own error is known",
@@ -69,14 +69,14 @@ def save(truck: Trained, path: Path, *, overwrite: bool = False) -> None:
         write(truck, folder)
 
 
-def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
+def write(truck: Trained, folder: Path, others: Sequence[str] = ()) -> None:
     """Write the files of a deep truck into an existing folder; the manifest comes last. It lists them and the
-    files already there (`beside`), so that a missing one is detected."""
+    files already there (`others`), so that a missing one is detected."""
     network = truck.network
     weights = {name: getattr(network, name).detach().contiguous() for name in WEIGHTS}
     # not by save_file: that leaves files which nobody else may read
     (folder / WEIGHTS_FILE).write_bytes(to_bytes(weights))
-    files = [*beside]
+    files = [*others]
     if truck.reference:
         save_reference(truck.reference, folder)
         files.append(REFERENCE_FILE)

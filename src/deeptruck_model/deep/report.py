@@ -108,15 +108,15 @@ def page(metrics: dict[str, Any], folder: Path, named: str, notes: Sequence[str]
         (f"{LABELS[name]}, {printed(CHANNELS[name].unit)}", *(_cell(x.get(key), key) for key in kinds))
         for name, x in evaluated.items()
     ]
-    beside = metrics["baselines"]
+    others = metrics["baselines"]
     compared = [
         (f"{LABELS[name]}, {printed(CHANNELS[name].unit)}", _cell(x["rmse"]),
-         *(_cell(b[name]["rmse"]) if name in b else "" for b in beside))
+         *(_cell(b[name]["rmse"]) if name in b else "" for b in others))
         for name, x in evaluated.items()
     ]  # fmt: skip
     over = ", ".join(dict.fromkeys(metrics["recordings"]))
     runs = f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s along {over}, by {named}."
-    heads = ("channel", "simulator", *(b["name"] for b in beside))
+    heads = ("channel", "simulator", *(b["name"] for b in others))
     pictures = [Picture((folder / name).read_bytes(), says) for name, says in SHOWN.items()]
     parts: list[Part] = [
         Table("Rms error, and that of the baselines", heads, tuple(compared)),

@@ -28,7 +28,7 @@ from deeptruck_model.recordings import bag_file
 from deeptruck_model.recordings.bag_file import DamagedError
 from deeptruck_model.recordings.mcap_chunks import summary_of
 
-JOURNALS = ("-wal", "-journal")  # beside a database whose writer was killed
+JOURNALS = ("-wal", "-journal")  # next to a database whose writer was killed
 
 
 @dataclass(frozen=True)

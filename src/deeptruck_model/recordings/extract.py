@@ -257,10 +257,10 @@ class _Vectors:
         self._norms = [(k, len(paths) + j) for j, k in enumerate(normed)]
         paths += [source.across for source in self._sources if source.across]
         self._speed = sources["speed"] if "speed" in channels else None
-        beside = f"{self._speed.field[:-1]}y" if self._speed and self._speed.field.endswith(".x") else ""
-        if self._speed is None or self._speed.across or not beside or not has(beside):
+        sideways = f"{self._speed.field[:-1]}y" if self._speed and self._speed.field.endswith(".x") else ""
+        if self._speed is None or self._speed.across or not sideways or not has(sideways):
             self._speed = None
-        self.paths = (*paths, beside) if self._speed else tuple(paths)
+        self.paths = (*paths, sideways) if self._speed else tuple(paths)
         self._squares, self._count = 0.0, 0
 
     def resolved(self, columns: list[Array]) -> list[Array]:

@@ -35,7 +35,6 @@ class Known:
     needs: str = ""
 
 
-GNSS = "position by satellites"
 WITH_QUATERNION = ("sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry")
 
 

@@ -93,10 +93,10 @@ def suggest(bag: str | Path, msg: Sequence[str | Path] = ()) -> Suggestion:
 
     def values(one: Candidate) -> tuple[Array, Array] | None:
         found = held.get((one.topic.name if one.topic else "", one.field.path))
-        beside = held.get((one.topic.name if one.topic else "", one.across))
-        if found is None or beside is None:
+        across = held.get((one.topic.name if one.topic else "", one.across))
+        if found is None or across is None:
             return found
-        return found[0], np.hypot(found[1], beside[1])
+        return found[0], np.hypot(found[1], across[1])
 
     others = {id(one.field) for one in axes}
     proposal.doubts.extend(settled(proposal, values, lambda one: _along(one, "y")))

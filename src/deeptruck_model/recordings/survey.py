@@ -173,8 +173,8 @@ def _names(layout: Layout, path: str, count: int) -> tuple[str, list[str]] | Non
     """The list of names next to an array of numbers, of the array's length."""
     folder = path.rpartition(".")[0]
     for other, texts in layout.texts.items():
-        beside = other.rpartition(".")[0] == folder and other in layout.lists
-        if beside and count and len(texts) == count:
+        same_folder = other.rpartition(".")[0] == folder and other in layout.lists
+        if same_folder and count and len(texts) == count:
             return other.rpartition(".")[2], texts
     return None
 

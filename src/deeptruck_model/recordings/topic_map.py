@@ -80,7 +80,7 @@ NO_SPEED = "the topic map has no 'speed'; a recording needs at least that channe
 ENTRY_KEYS = {
     "topic": "its name in the bag",
     "field": "path into the message, or a list of two for the norm of a vector; data[3] is an element, "
-    "position[name=gear] the value beside that name",
+    "position[name=gear] the value of that name",
     "unit": "what it is written in; ours where absent",
     "scale": "factor before the unit is converted",
     "offset": "added after the factor, before the unit is converted",

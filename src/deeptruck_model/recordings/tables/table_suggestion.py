@@ -281,10 +281,10 @@ def suggest_columns(path: str | Path) -> TableSuggestion:
 
 def _units_of(table: TextTable, names: str) -> dict[str, str]:
     """The unit of each name, if there is a column of units next to names and values."""
-    beside = next((column for column in table.columns if header(column).words & _UNITS), None)
-    if beside is None:
+    units = next((column for column in table.columns if header(column).words & _UNITS), None)
+    if units is None:
         return {}
-    pairs = zip(table.cells(names).to_pylist(), table.cells(beside).to_pylist(), strict=True)
+    pairs = zip(table.cells(names).to_pylist(), table.cells(units).to_pylist(), strict=True)
     return {name: unit for name, unit in dict.fromkeys(pairs) if name and unit}
 
 

@@ -9,7 +9,7 @@ const SHIELD_MS = 3000;  // for so long the shield is said to have acted
 let series = {}, health = {}, ages = {}, topics = {}, newest = -Infinity, missing = {};
 let strips = [], source = null, heardAt = performance.now(), over = false, failed = "", due = false, lost = 0;
 let replay = {}, moving = false;  // the newest state of a replay; whether its slider is held
-const NOT_READY = ["it never began", "not everything got ready"];  // ends that nobody planned, beside a node that failed
+const NOT_READY = ["it never began", "not everything got ready"];  // ends that nobody planned, in addition to a node that failed
 const TOPIC_OF = {speed: "/truck/twist", leader_speed: "/radar/twist", gap: "/radar/range", engine_command: "/truck/command",
   brake_command: "/truck/command", residual: "/mismatch/residual", smoothed: "/mismatch/residual"};
 const graph = new Graph($("graph"));
