@@ -31,6 +31,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     quantile,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.signals import FELT
 
 NOBODY_M = 1e4  # a gap behind nobody
 FAR_M = 150.0  # the same, on a curve
@@ -129,6 +130,7 @@ HEADWIND = Mechanism(
             level=lambda: _more_wind(0.0),
         ),
     },
+    prior_with={FELT: 5.0},  # what is slow and no slope is mostly wind
 )
 
 DRAFTING = Mechanism(

@@ -9,6 +9,7 @@ values. Forms are selected by evidence, coefficients are fitted. `terms.py` eval
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -133,14 +134,14 @@ class Mechanism:
     forms: Mapping[str, Form | Curve] = field(repr=False)
     kind: str = "missing_physics"
     prior: float = 1.0
-    unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
+    prior_with: Mapping[str, float] = field(default_factory=dict, repr=False)  # factors, by recorded signals
     delay: bool = False  # a time, of which ordinary sensors and message periods make some
     of_input: str = ""  # the input whose error it is
     mistaken_for: str = ""  # the input that may explain the same force where it was not recorded
 
     def chance(self, e: Evidence) -> float:
         """Prior probability relative to the other mechanisms, given which signals were recorded."""
-        return self.prior * (0.2 if self.unlikely_with and e.has(self.unlikely_with) else 1.0)
+        return self.prior * math.prod(factor for name, factor in self.prior_with.items() if e.has(name))
 
 
 def grid(**values: Iterable[Any]) -> tuple[Constants, ...]:

@@ -39,7 +39,7 @@ ROAD_GRADE = Mechanism(
         "profile": Form(lambda: SLOPE, courses=(_unless_felt,), steady=False),
         "felt": Form(lambda: FELT_SHARE, needs=(FELT,)),
     },
-    unlikely_with="grade",
+    prior_with={"grade": 0.2},  # where it would show
     of_input="grade",
 )
 

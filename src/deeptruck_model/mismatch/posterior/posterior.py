@@ -36,9 +36,11 @@ COARSE_M = 1000.0  # of the coarser knots of a slope that was not recorded
 PLACE_M, MOST_PLACES = 200.0, 160
 DRIFT = 0.05  # m/s^2, prior sd of what is slow, of a place, and of a constant per drive
 RIDGE = 1e-6  # of the mean square of columns, so that copies share a force
-FEW = 12  # draws, beside whose mean the noise is fitted
+# Draws, beside whose mean the noise is fitted, and how often at most: it is steady at once beside known
+# physics, and not where most of a residual is forces.
+KNOWN, LEARNED, STEADY = (12, 1), (40, 8), 0.02
 CHUNK = 4096  # rows that are whitened at once
-DRIFT_ODDS = 0.3  # prior odds of each of these: hardly two drives are alike
+DRIFT_ODDS = 0.3  # prior odds of each of these, mostly slopes, and of a slope: hardly two drives are alike
 LASTING = 3  # rows, which noise does not outlast
 NO_COLUMNS = Prior(np.zeros(0), np.zeros(0), np.zeros(0))
 SLOPE = "slope"  # part of the kernel of a slope that was not recorded: hardly a road has none
@@ -153,7 +155,7 @@ def posterior(
     noise: Fit | None = None,
 ) -> Posterior:
     """Draws from the posterior of all blocks of a search, and of those that are `extra`; beside `noise` that
-    is known, else that is fitted beside what a first short run has in."""
+    is known, else that is fitted beside what short runs have in."""
     X, prior, _ = search.design(search.model((), frozenset()))
     of = (*kernels(search), *extra, *_drift(search))
     error = _form_error(search)
@@ -162,7 +164,9 @@ def posterior(
     sizes = np.cumsum([always.shape[1], *(k.features.shape[1] for k in of)])
     at = tuple(np.arange(a, b) for a, b in itertools.pairwise(sizes))
     y = search.series.y - mean
-    odds = np.log([(DRIFT_ODDS if k.part in (*NO_NAME, SLOPE) else search.rules.odds) * k.chance for k in of])
+    nameless = search.rules.odds if search.e.has(FELT) else DRIFT_ODDS
+    each = {**dict.fromkeys(NO_NAME, nameless), SLOPE: DRIFT_ODDS}
+    odds = np.log([each.get(k.part, search.rules.odds) * k.chance for k in of])
     signed = [None if k.sign is None else _signed(k, search) for k in of]
     columns = [always, *(k.features for k in of)]
     first = np.arange(always.shape[1])
@@ -174,13 +178,18 @@ def posterior(
 
     if noise is None:
         noise = search.background(()).fit
-        b = drawn(noise, FEW).coefficients.mean(axis=0)
-        own = always @ b[first] + sum(
-            (k.features @ b[a] for k, a in zip(of, at, strict=True) if np.abs(b[a]).max(initial=0.0) > 0),
-            start=np.zeros(len(y)),
-        )
-        left = np.where(search.series.valid, y - own, 0.0)
-        noise = fit(replace(search.series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
+        few, rounds = KNOWN if search.e.known_physics else LEARNED
+        for _ in range(rounds):
+            before = noise.sigma
+            b = drawn(noise, few).coefficients.mean(axis=0)
+            own = always @ b[first] + sum(
+                (k.features @ b[a] for k, a in zip(of, at, strict=True) if np.abs(b[a]).max(initial=0.0) > 0),
+                start=np.zeros(len(y)),
+            )
+            left = np.where(search.series.valid, y - own, 0.0)
+            noise = fit(replace(search.series, y=left), np.zeros((len(left), 0)), NO_COLUMNS, noise)
+            if abs(noise.sigma - before) < STEADY * before:
+                break
     draws = drawn(noise, sweeps)
     return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior, draws.alone)
 

@@ -10,6 +10,7 @@ import pytest
 from small_drives import FORCES, N, evidence, posterior_of, regression
 
 from deeptruck_model.constants import GRAVITY
+from deeptruck_model.mismatch.mechanisms.air_and_tyres import HEADWIND
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.posterior import (
@@ -147,6 +148,17 @@ def test_a_slow_force_that_the_accelerometer_felt_is_the_road() -> None:
 def test_a_slow_force_that_the_accelerometer_did_not_feel_is_no_road() -> None:
     p = posterior(Regression(_felt(0.0)), sweeps=40)
     assert p.probability("road_grade") < 0.3
+
+
+def test_beside_a_learned_simulator_the_noise_is_that_beside_any_draws() -> None:
+    search = Regression(replace(_felt(1.0), known_physics=False))
+    sigma = [posterior(search, seed=seed, sweeps=1).noise.sigma for seed in range(3)]
+    assert np.ptp(sigma) < 0.03 * min(sigma)
+
+
+def test_what_is_slow_and_was_not_felt_is_wind_rather_than_a_drift() -> None:
+    e = _felt(0.0)
+    assert HEADWIND.chance(e) == 5.0 * HEADWIND.chance(evidence()) > 0.0
 
 
 def test_roads_of_a_simulators_own_recordings_are_none_of_its_errors() -> None:
