@@ -38,6 +38,7 @@ HAS_GRAVITY = 0.5  # of g times the slope of the road
 FELT, FLAT = 0.03, 0.005
 OFFSET = 0.15  # m/s^2; 1 degree of tilt is 0.17
 MOVING_M_S, DRIVING_M_S = 1.0, 3.0
+COARSE = 0.1  # of the way in a window: positions of a larger step give no speed
 STEADY_S, STEADY = 1.0, 0.01  # in which engine speed over speed changes by less: gear engaged, clutch closed
 TURNING_M_S, TURNING_RAD_S = 3.0, 80.0  # above creeping and idling
 LEAST_STEADY_S = 60.0  # of steady driving, to judge by
@@ -393,13 +394,22 @@ def _speed_by_places(recordings: Sequence[Recording]) -> Iterator[Comparison]:
         return
     east_m, north_m = metres_per_degree(latitude)
     pace = np.hypot(north * north_m, east * east_m)
-    moving = (speed > DRIVING_M_S) & (pace > MOVING_M_S)
+    places = [r.channels["latitude"] for r in recordings if "latitude" in r.channels]
+    coarse = max(map(_resolution, places), default=0.0)
+    least = np.maximum(MOVING_M_S, coarse * north_m / (COARSE * SLOW_S))
+    moving = (speed > DRIVING_M_S) & (pace > least)
     if moving.sum() >= LEAST_SLOW:
         yield Comparison(
             "latitude and longitude give",
             float(np.median(speed[moving] / pace[moving])),
             otherwise="leave the places out",
         )
+
+
+def _resolution(values: Array) -> float:
+    """The smallest step between values (n,) of a channel; 0 if it is constant."""
+    known = np.unique(values[np.isfinite(values)])
+    return float(np.diff(known).min(initial=np.inf)) if len(known) > 1 else 0.0
 
 
 def _speed_by_distance(recordings: Sequence[Recording]) -> Iterator[Comparison]:

@@ -147,6 +147,9 @@ def test_speed_is_held_against_places() -> None:
     t = 0.1 * np.arange(3000)
     north = np.cumsum(speed(t)) * 0.1 / 111_195.0
     assert said(latitude=50 + north, longitude=np.full(3000, 8.0)) == []
+    for half in (False, True):  # in steps of 0.001 degrees, 111 m, positions give no speed
+        coarse = np.round(50 + (0.5 if half else 1.0) * north, 3)
+        assert said(latitude=coarse, longitude=np.full(3000, 8.0)) == []
     lines = said(speed=1.609344 * speed(t), acceleration=1.609344 * np.gradient(speed(t), t),
                    latitude=50 + north, longitude=np.full(3000, 8.0))  # fmt: skip
     assert "km/h read as mph" in lines[0]
