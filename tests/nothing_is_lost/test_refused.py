@@ -109,14 +109,6 @@ def test_an_examination_goes_on_where_nothing_else_lies(here: Path, refused: Cal
     assert "out holds cases/physics-noise-100000/mine.txt, which is no part of a proof" in says
 
 
-def test_a_proof_is_worked_on_where_its_cases_are(here: Path, refused: Callable[[str], str]) -> None:
-    (here / "out").mkdir()
-    (here / "out" / "proof.md").write_text("mine")
-    says = refused("deeptruck-model prove --out out")
-    assert "out holds proof.md but no .deeptruck.json" in says
-    assert (here / "out" / "proof.md").read_text() == "mine"
-
-
 def test_a_case_is_made_where_nothing_else_lies(here: Path) -> None:
     (here / "out").mkdir()
     (here / "out" / "mine.txt").write_text("mine")

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.environment import CaccEnv
-from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_model.simulators import Simulator
 
@@ -33,13 +32,13 @@ class Trace:
         return np.arange(1.0, len(self["gap"]) + 1, dtype=float) * self.dt
 
 
-def roll_out(simulator: Simulator, policy: Policy, scene: Scene, reward: Reward | None = None) -> Trace:
+def roll_out(simulator: Simulator, policy: Policy, scene: Scene) -> Trace:
     """Drive `policy` through `scene` from a reset and record all signals.
 
     Signals: everything in the environment's info, and speed, leader_speed, engine_command, brake_command,
     reward, acted (1 where a guard overrode the policy, 0 for a bare policy).
     """
-    env = CaccEnv(simulator, scene.batch, scene.steps, reward=reward or Reward())
+    env = CaccEnv(simulator, scene.batch, scene.steps)
     seen = env.reset(scene)
     policy.reset()
     rows: dict[str, list[Array]] = {}
