@@ -78,7 +78,8 @@ INPUTS = (
     ),
     Input(
         "mass",
-        "Forces are known in m/s² only, not in newtons, and a change of load is taken for other physics.",
+        "Unless the simulator states it, forces are known in m/s² only, and a change of load is taken for "
+        "other physics.",
         "gross combination weight, SPN 1760 in CVW (PGN 65136); `mass_kg` in COLUMNS.yaml, or `--mass-kg`",
         "`mass_kg` in COLUMNS.yaml, or `--mass-kg`",
         lambda r: r.interface.mass_kg is not None,
