@@ -19,6 +19,7 @@ PRESSED = 0.05  # of a command's 98 % quantile
 BINS, LEAST_S = 12, 10.0  # of speed, and the driving without which a bin is not drawn
 MEAN_S = 2.0  # of driving in a bin, over which the force is averaged: below is sensor noise
 WIDTH, HEIGHT, LEFT, BELOW, ABOVE = 640.0, 240.0, 70.0, 40.0, 12.0  # px
+TICKS, MOST_TICKS = (1, 2, 5, 10, 20, 50, 100), 7
 SERIES = {"pulling": "explained", "coasting": "observed"}  # the class that colours it
 
 
@@ -47,9 +48,10 @@ def figure(e: Evidence, units: str = "m/s") -> str:
     for force in {low, 0.0, high}:
         x, y = at(0.0, force).split(",")
         out.append(f'<text x="{float(x) - 6.0:.0f}" y="{y}" text-anchor="end">{digits(force)}</text>')
-    for speed in np.linspace(0.0, fastest, 5):
-        x, _ = at(float(speed), low).split(",")
-        shown = f"{speed * speed_unit(units):.0f}"
+    per = speed_unit(units)
+    step = next(x for x in TICKS if per * fastest / x <= MOST_TICKS)
+    for shown in range(0, int(per * fastest) + 1, step):
+        x, _ = at(shown / per, low).split(",")
         out.append(f'<text x="{x}" y="{HEIGHT - BELOW + 18.0:.0f}" text-anchor="middle">{shown}</text>')
     out.append(f'<text x="{WIDTH - 10.0:.0f}" y="{HEIGHT - 4.0:.0f}" text-anchor="end">speed, {units}</text>')
     size = f'viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}"'
