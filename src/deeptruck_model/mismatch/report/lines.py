@@ -138,8 +138,7 @@ def sizes(v: Verdict) -> str:
         if found := list(_size(f)):
             given = "" if f.stated == f.effect or f.effect == UNKNOWN else "if "
             each.append(Said(f"{given}{spoken(f.effect)}: ", Said.joined(", ", found)))
-    fitted = any(x.ci95 is not None for f in v.findings for x in f.parameters.values())
-    head = "Sizes (95 % intervals in brackets): " if fitted else "Sizes: "
+    head = "Sizes (95 % intervals in brackets): " if any(" (" in one for one in each) else "Sizes: "
     return Said(head, Said.joined("; ", each), ".") if each else ""
 
 

@@ -78,7 +78,7 @@ def test_sizes_follow_the_first_line() -> None:
         "headwind: wind 4.37 m/s (0.43 to 8.31), mean -699 N while it acts, 82 % of the time; headwind: mean "
         "-699 N while it acts, 82 % of the time."
     )
-    assert lines.sizes(Verdict(Conclusion.PHYSICS, (replace(curve, parameters={}),))).startswith("Sizes: ")
+    assert lines.sizes(Verdict(Conclusion.PHYSICS, (curve,))).startswith("Sizes: ")
     assert lines.sizes(Verdict(Conclusion.NOTHING)) == ""
 
 
