@@ -60,7 +60,7 @@ def test_a_brake_that_was_not_recorded_is_said_after_the_sizes_and_beside_every_
     found = find_mismatch(TRUCK, recorded[:3], recorded[3:])
     (brake,) = [m for m in found.result.not_recorded if m.input == "brake"]
     assert brake.share_of_time is not None and brake.share_of_time > 0.02
-    said = [x for x in lines.lines(found.result)[1:] if not x.startswith("Sizes")]
+    said = [x for x in lines.lines(found.result)[1:] if not x.startswith("Most probable sizes")]
     assert said[0].startswith("Brake was not recorded.")
     assert all(f.missing_input == "brake" for f in found.findings if f.family == "brakes")
 

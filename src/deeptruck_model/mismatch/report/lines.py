@@ -138,7 +138,9 @@ def sizes(v: Verdict) -> str:
         if found := list(_size(f)):
             given = "" if f.stated == f.effect or f.effect == UNKNOWN else "if "
             each.append(Said(f"{given}{spoken(f.effect)}: ", Said.joined(", ", found)))
-    head = "Sizes (95 % intervals in brackets): " if any(" (" in one for one in each) else "Sizes: "
+    head = "Most probable sizes" + (
+        " (95 % intervals in brackets): " if any(" (" in one for one in each) else ": "
+    )
     return Said(head, Said.joined("; ", each), ".") if each else ""
 
 
@@ -278,8 +280,8 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
         added = [(n, x) for n, x in v.fit.corrected_forces.items() if x.value]
         parts = [f"{spoken(n)} {100.0 * x:+.0f} %" for n, x in changed]
         parts += [f"{spoken(n)} {acting(x)}" for n, x in added]
-        sizes = ", with the sizes of least speed error" if v.fit.output_error else ""
-        yield f"The correction contains{sizes}: {'; '.join(parts)}."
+        fitted = "for the least speed error" if v.fit.output_error else "to these drives"
+        yield f"The correction contains, fitted {fitted}: {'; '.join(parts)}."
         named = _named(v)
         if named and named not in {n for n, _ in (*changed, *added)}:
             yield (

@@ -74,11 +74,11 @@ def test_sizes_follow_the_first_line() -> None:
     first, second, *_ = lines.lines(Verdict(Conclusion.PARAMETER, (mass, wind, curve)))
     assert first.startswith("Mass of the simulator is wrong")
     assert second == (
-        "Sizes (95 % intervals in brackets): mass: +4,000 kg (+2,000 to +6,000), +20 % (+10 to +30); if "
-        "headwind: wind 4.37 m/s (0.43 to 8.31), mean -699 N while it acts, 82 % of the time; headwind: mean "
-        "-699 N while it acts, 82 % of the time."
+        "Most probable sizes (95 % intervals in brackets): mass: +4,000 kg (+2,000 to +6,000), +20 % (+10 to "
+        "+30); if headwind: wind 4.37 m/s (0.43 to 8.31), mean -699 N while it acts, 82 % of the time; "
+        "headwind: mean -699 N while it acts, 82 % of the time."
     )
-    assert lines.sizes(Verdict(Conclusion.PHYSICS, (curve,))).startswith("Sizes: ")
+    assert lines.sizes(Verdict(Conclusion.PHYSICS, (curve,))).startswith("Most probable sizes: ")
     assert lines.sizes(Verdict(Conclusion.NOTHING)) == ""
 
 
@@ -117,7 +117,10 @@ def test_the_parts_of_the_correction_are_said_and_whether_the_name_above_is_one(
         corrected_parameters={"mass": 0.32, "drag_area": 0.001}, corrected_forces=force,
     )  # fmt: skip
     v = Verdict(Conclusion.PHYSICS, (PAYLOAD,), fit=fit)
-    parts = "The correction contains: mass +32 %; headwind mean -310 N while it acts, 80 % of the time."
+    parts = (
+        "The correction contains, fitted to these drives: mass +32 %; headwind mean -310 N while it acts, "
+        "80 % of the time."
+    )
     first, *said = lines.lines(v)
     assert first.startswith("Payload change is missing") and said[0] == parts
     assert said[1].startswith("It does not contain payload change, which the first line names")
