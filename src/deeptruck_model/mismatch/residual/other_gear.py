@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 OTHER_GEAR_S = 1.5  # shorter differences of engine speed, or from a predicted gear, are slip or an error
+SAMPLES_APART = 3  # from which on recorded gears differ: a shift a sample sooner or later is a nuisance term
 NEAR_S = 0.5  # around a different gear, while the engine changes its speed
 
 
@@ -30,8 +31,8 @@ def other_gear(
 
     Compared by the recorded gear, else by the recorded engine speed; all False if neither is recorded. A
     truck that rolls in neutral (recorded gear 0) differs from a simulator that is in gear. The force of
-    another gear says nothing of missing physics, however short it acts: a simulator that is set to the
-    recorded speed of every sample shifts late where the truck shifts between two samples.
+    another gear says nothing of missing physics: a simulator that is set to the recorded speed of every
+    sample may shift late by a whole shift where the truck shifts between two samples and slows down.
     """
     apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
     at_once = apart is not None and not numbered_alike
@@ -43,7 +44,7 @@ def other_gear(
     else:
         apart = [a | n for a, n in zip(apart, neutral, strict=True)]
     dt = prepared[0].dt
-    lasting = np.ones(1 if at_once else round(OTHER_GEAR_S / dt) + 1, dtype=bool)
+    lasting = np.ones(SAMPLES_APART if at_once else round(OTHER_GEAR_S / dt) + 1, dtype=bool)
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
     near[: len(near) // 2] = not at_once  # before it
     return [binary_dilation(binary_opening(a, lasting), near) if a.any() else a for a in apart]
