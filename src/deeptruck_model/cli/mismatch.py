@@ -133,12 +133,14 @@ def _show(found: Mismatch, out: Path, units: str) -> None:
     """Print the verdict's first sentences, speeds in `units`."""
     from deeptruck_model.mismatch import summary
 
-    print(*summary(found, units), sep="\n")
+    said = summary(found, units)
+    print(*said, sep="\n")
     print(f"report: {out / 'report.html'}")
     if found.result.validated and not found.result.data.doubts:
         print(f"    {folders.apply_command(out)}")
     for caveat in found.result.caveats:
-        print(f"note: {caveat}")
+        if not any(caveat in line for line in said):
+            print(f"note: {caveat}")
 
 
 def _serve(found: Mismatch, out: Path, units: str, again: Again) -> None:
