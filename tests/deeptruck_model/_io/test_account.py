@@ -5,8 +5,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deeptruck_model._io.account import Account
+from deeptruck_model._io.account import Account, moment
 from deeptruck_model._io.json_data import to_json
+from deeptruck_model._io.reading import typed
 
 
 @given(st.lists(st.sampled_from(["used", "remote frames", "11-bit frames"]), max_size=50))
@@ -48,3 +49,13 @@ def test_remarks_that_differ_in_numbers_only_are_one_line() -> None:
     )
     assert list(account.lines())[1:] == ["  time jumps back by 3.0 s (and 1 more like this)", "  cut off"]
     assert len(to_json(account)["remarks"]) == 3
+
+
+def test_a_time_since_1970_is_shown_as_a_date() -> None:
+    assert moment(299.9) == "299.9 s" and moment(float("nan")) == "nan s"
+    assert moment(1.7e9 + 0.25) == "2023-11-14 22:13:20.2 UTC"
+
+
+def test_a_path_is_shown_as_it_is_typed() -> None:
+    assert typed("found/a") == "found/a" and typed("my logs/a") == '"my logs/a"'
+    assert typed("a $b") == "'a $b'"
