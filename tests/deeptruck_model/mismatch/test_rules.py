@@ -48,7 +48,7 @@ STEERING: dict[str, dict[str, str]] = {
         "correction/model.py": "FOLDS LOWEST",
         "posterior/kernels.py": "TINY",
         "roads/next_pass.py": "AHEAD",
-        "posterior/posterior.py": "LASTING MOST_KNOTS MOST_PLACES PLACE_M",
+        "posterior/posterior.py": "LASTING MOST_KNOTS MOST_PLACES PLACE_M STEADY",
         "posterior/relinearise.py": "SETTLED",
         "posterior/sampler.py": "BURN_IN LEAST_POWER MOST_KNOWN",
         "residual/components.py": "ALIKE ASK_EVERY_S KNOTS LOOK_BACK_S",
@@ -85,7 +85,7 @@ STEERING: dict[str, dict[str, str]] = {
     },
     "what a page shows": {
         "report/lines.py": "LARGE MOST_DRIVES WIDE WORTH_SAYING",
-        "report/over_speed.py": "LEAST_S PRESSED",
+        "report/over_speed.py": "LEAST_S MEAN_S MOST_TICKS PRESSED",
         "residual/gather.py": "SLOW_S",
         "report/explorer_data.py": "AROUND_S",
         "report/page.py": "LEAST LEAST_SHARE",
