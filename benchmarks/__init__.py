@@ -1,1 +1,1 @@
-"""Measurements that write docs/results, and the experiments in `paper` and `benefit`."""
+"""Measurements that write docs/results, and the experiments in `paper`."""

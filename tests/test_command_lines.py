@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 import deeptruck_cacc.cli
 import truck_bridge.cli
-from benchmarks.benefit import run as benefit
 from benchmarks.paper import run as paper
 from deeptruck_model import cli
 from deeptruck_model._terminal import console
@@ -32,7 +31,6 @@ APPS = {
     "deeptruck-cacc": deeptruck_cacc.cli.app,
     "truck-bridge": truck_bridge.cli.app,
     "benchmarks/paper/run.py": paper.app,
-    "benchmarks/benefit/run.py": benefit.app,
     "deeptruck-simulation": _alone(start_simulation.main),
     "deeptruck-vehicle": _alone(start_vehicle.main),
     "deeptruck-replay": _alone(replay_recording.main),
@@ -55,7 +53,6 @@ PAPER = ("error-statistics", "field", "classics", "minutes")
 NO_INPUT = {
     "deeptruck-model prove",
     *(f"benchmarks/paper/run.py {command}" for command in PAPER),
-    "benchmarks/benefit/run.py",
 }
 
 
@@ -150,7 +147,6 @@ def test_wrong_and_half_arguments_are_refused(
     ("program", "name", "to"),
     [
         ("deeptruck-model", "experiment", "benchmarks/paper/run.py"),
-        ("deeptruck-cacc", "pays", "benchmarks/benefit/run.py"),
     ],
 )
 def test_a_command_that_moved_names_its_new_place_whatever_it_is_given(

@@ -21,7 +21,6 @@ from typer.main import get_command
 import deeptruck_cacc.cli
 import deeptruck_model.cli
 import truck_bridge.cli
-from benchmarks.benefit import run as benefit
 from benchmarks.paper import run as paper
 from deeptruck_model.cli import spread
 from deeptruck_nodes.parameters import schema
@@ -129,7 +128,7 @@ def programs() -> dict[str, typer.Typer]:
         app = typer.Typer()
         app.command()(importlib.import_module(place).main)
         known[program] = known[f"ros2_ws/{place.rpartition('.')[2]}.py"] = app
-    known |= {f"benchmarks/{name}/run.py": run.app for name, run in (("paper", paper), ("benefit", benefit))}
+    known["benchmarks/paper/run.py"] = paper.app
     for path in [*(ROOT / "examples").rglob("*.py"), ROOT / "demo.py"]:
         text = path.read_text()
         if "def main(" in text:

@@ -270,10 +270,6 @@ def _config(
     return kind(**given)
 
 
-IN_A_CHECKOUT = "in a checkout of the repository"
-console.moved(app, "pays", f"python benchmarks/benefit/run.py {IN_A_CHECKOUT}")
-
-
 def main() -> None:
     """Entry point."""
     console.run(app, "deeptruck-cacc")

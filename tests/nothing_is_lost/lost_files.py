@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from benchmarks.benefit.plan import BENEFIT
 from benchmarks.paper import results as paper_results
 from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.evaluation import output
@@ -23,7 +22,7 @@ from deeptruck_model.mismatch import folders
 from deeptruck_nodes import bag_place
 from examples.demo import drives, real
 
-RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP, BENEFIT)
+RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP)
 AT_ONCE = (
     results.PHYSICS_TRUCK, results.EVALUATION, results.COMPARISON,
     results.COVERAGE, results.BAG, results.WRITTEN_BAG,

@@ -13,7 +13,6 @@ import typer
 import deeptruck_cacc.cli
 import deeptruck_model.cli
 import truck_bridge.cli
-from benchmarks.benefit import run as benefit
 from deeptruck_exam.folder import CASE
 from deeptruck_exam.run import examine
 from deeptruck_model import files, trucks
@@ -36,7 +35,6 @@ FOLDERS = (
     "deeptruck-cacc train --simulator truck:trucksim --out out",
     "deeptruck-cacc sweep --simulator truck:trucksim --set learning_rate=0.003 --out out",
     "deeptruck-cacc evaluate baseline:cacc --simulator truck:trucksim --out out",
-    "benchmarks/benefit/run.py --out out",
 )
 INSIDE = (
     "deeptruck-model coverage bag --out bag/out",
@@ -65,7 +63,6 @@ MAIN = {
     "deeptruck-model": deeptruck_model.cli.main,
     "deeptruck-cacc": deeptruck_cacc.cli.main,
     "truck-bridge": truck_bridge.cli.main,
-    "benchmarks/benefit/run.py": benefit.start,
 }
 
 
@@ -233,7 +230,6 @@ def test_begun_work_with_a_file_of_the_user_is_refused_at_once(here: Path) -> No
         ("deeptruck-model train none --out out", "MODEL_CARD.md"),
         ("deeptruck-model apply none --out out", "simulator.json"),
         ("deeptruck-cacc train --simulator truck:trucksim --out out", "policy.json"),
-        ("benchmarks/benefit/run.py --out out", "benefit.md"),
         ("deeptruck-model prove --out out", "proof.md"),
     ],
 )
