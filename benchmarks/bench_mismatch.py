@@ -14,6 +14,7 @@ import json
 import shutil
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -125,10 +126,16 @@ def along_further_drives(
 ) -> dict[str, float]:
     """Speed errors (rms, m/s) of the simulator as given and of the one offered, along drives that the tool
     has not seen."""
-    drives = arrays(further_drives(truth))
     better = found.corrected if offered == CORRECTION else found.refitted
     assert better is not None  # something is offered
     trucks = {"given": simulators.load(case.simulator), "offered": better}
+    interface = trucks["given"].interface
+    zero = dict.fromkeys((*interface.u, *interface.w), 0.0)  # inputs that are not recorded, as when compared
+    further = further_drives(truth)
+    filled = [{n: np.full(len(r), x) for n, x in zero.items()} | r.channels for r in further]
+    drives = arrays(
+        [replace(r, interface=interface, channels=c) for r, c in zip(further, filled, strict=True)]
+    )
     return {name: open_loop(truck, *drives).rmse()["speed_rmse"] for name, truck in trucks.items()}
 
 
