@@ -11,7 +11,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +100,7 @@ def drive(
 ) -> list[Hour]:
     """The figures of each hour; a person engages again 5 s after control ended."""
     plan, found, memory = DRIVES[name], list[Hour](), _memory_kib()
-    slope = cache(lambda distance: road(plan.road).at(distance)[0]) if plan.road != "flat" else None
+    slope = lru_cache(8)(lambda distance: road(plan.road).at(distance)[0]) if plan.road != "flat" else None
     chain = Chain(load(vehicle), np.random.default_rng(3), plan.leader, "baseline:acc", slope, plan.radar)
     values, wanted_at, held = chain.truck.parameters, 1.0, False
     per_kelvin = values["brake_heat_capacity"] / values["mass"]
