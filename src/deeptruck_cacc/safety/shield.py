@@ -108,7 +108,7 @@ class Bounds(NamedTuple):
     eased: Array  # share of the engine command that was taken back
     pressed: Array  # share of the brake command that may still be in the brakes
     slack: Array  # m to the limit, through a filter of `soft_s`; NaN for none yet
-    yielded: Array  # m/s^2, the braking that `gentle` asked for last
+    yielded: Array  # m/s^2, the braking that `gentle` requested last
 
     @classmethod
     def unknown(cls, batch: int) -> Bounds:

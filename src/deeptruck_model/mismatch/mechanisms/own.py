@@ -17,9 +17,7 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS
 
 EXTRA, SENSITIVITY = "extra: ", "sensitivity:"  # begins of names: a channel of the user's, a parameter
-DERIVED = frozenset(
-    {"rolling", "effective_mass_gain", "gear apart", "place"}
-)  # in addition to what mechanisms take
+DERIVED = frozenset({"rolling", "effective_mass_gain", "place"})  # in addition to what mechanisms take
 KINDS = ("missing_physics", "measurement_fault")
 MEND = "a file of mechanisms is Python with MECHANISMS = (Mechanism(...), ...), see docs/mismatch.md"
 
