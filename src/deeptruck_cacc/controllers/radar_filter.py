@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
 
 Array = NDArray[np.float64]
 
@@ -36,18 +37,15 @@ class RadarFilter:
     def steady(
         cls, dt: float = 0.1, *, range_sd: float = 0.1, speed_sd: float = 0.05, wander: float = 0.1
     ) -> RadarFilter:
-        """The steady-state gain of the Riccati recursion.
+        """The steady-state gain of the discrete Riccati equation.
 
         `range_sd` (m) and `speed_sd` (m/s) are the radar's noise in one reading, with the values of the
         leader node; the leader's acceleration changes by `wander` (m/s^2, sd) in a second. Only their ratios
         matter.
         """
         noise, step = np.diag([range_sd**2, speed_sd**2]), np.eye(3) + dt * np.eye(3, k=1)
-        expected = np.diag([range_sd**2, speed_sd**2, 1.0])
-        for _ in range(round(60.0 / dt)):
-            gain = expected[:, :2] @ np.linalg.inv(expected[:2, :2] + noise)
-            known = expected - gain @ expected[:2]
-            expected = step @ known @ step.T + np.diag([0.0, 0.0, wander**2 * dt])
+        expected = solve_discrete_are(step.T, np.eye(3, 2), np.diag([0.0, 0.0, wander**2 * dt]), noise)
+        gain = expected[:, :2] @ np.linalg.inv(expected[:2, :2] + noise)
         return cls(tuple((float(a), float(b)) for a, b in gain), dt)
 
     @classmethod

@@ -217,8 +217,6 @@ def _import_one(
     for note in dict.fromkeys(note for r in done.recordings for note in r.notes):
         if f"  {note}" not in said:
             print(f"note: {note}")
-    if done.sealed is not None:
-        print(f"sealed: {done.sealed} sha256 {done.sha256}")
 
 
 def table_of(

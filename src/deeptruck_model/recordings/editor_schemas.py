@@ -1,7 +1,7 @@
 """JSON Schemas of COLUMNS.yaml and of topic maps, by which editors check and complete them.
 
 They are derived from the definitions that the reader's checks use. Errors that involve several entries, such
-as a withheld channel that has no column, are found only by the reader.
+as a step of `split_at` whose channel has no column, are found only by the reader.
 """
 
 from __future__ import annotations
@@ -38,7 +38,6 @@ _KINDS: dict[str, Schema] = {
 
 def of_columns() -> Schema:
     """Schema of the COLUMNS.yaml of a table."""
-    concealed = {"enum": [channel for channel in CHANNELS if channel != "speed"]}
     least_mass = min(kind.least_mass_kg for kind in VEHICLE_KINDS.values())
     kinds = {
         "name": _NAME,
@@ -52,7 +51,6 @@ def of_columns() -> Schema:
         "pivot": _mapping({"name": _NAME, "value": _NAME}, ["name", "value"]),
         "split_at": _mapping(dict.fromkeys(columns.SPLITS, _POSITIVE)),
         "extra": _extra({k: v for k, v in columns.ENTRY_KEYS.items() if k not in _WITH_UNITS}, ["column"]),
-        "conceal": {"anyOf": [{"type": "array", "items": concealed}, concealed]},
         "grade_window_m": _POSITIVE,
         "vehicle": {"enum": list(VEHICLE_KINDS)},
         "mass_kg": {"type": "number", "minimum": least_mass, "maximum": UNSTATED.most_mass_kg},

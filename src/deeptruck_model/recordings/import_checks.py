@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model import checks, files
+from deeptruck_model import checks
 from deeptruck_model._io.log_kinds import CAPTURES, check_measurement, holds_frames
 from deeptruck_model._io.results import BAG, apart
 from deeptruck_model.checks import Clock
@@ -34,7 +33,6 @@ def check(
         *_of_source(table, columns, clock),
         lambda: BAG.check(out, overwrite=overwrite),
         lambda: apart(out, table),
-        lambda: _check_sealed(columns, out),
     )
 
 
@@ -49,20 +47,6 @@ def _of_source(table: Path, columns: Meaning, clock: Clock | None) -> list[Calla
         lambda: None if in_parts(table) else check_measurement(table),
         lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),
     ]
-
-
-def _check_sealed(columns: Meaning, out: Path) -> None:
-    """Raises InputError if channels are withheld and their file is there."""
-    withheld = None
-    with suppress(InputError):  # what is wrong with the columns is said by their own check
-        withheld = _mapping(columns).get("conceal")
-    if withheld and out.name:
-        files.check_new(sealed(out))
-
-
-def sealed(out: Path) -> Path:
-    """Path of the file for the withheld channels, next to the bag."""
-    return out.with_name(out.name + ".sealed.csv")
 
 
 def is_bag(path: Path, columns: Meaning) -> bool:

@@ -4,8 +4,6 @@ topics.
 
 from __future__ import annotations
 
-import hashlib
-import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
@@ -15,14 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import files
 from deeptruck_model._imports.entry_points import registered
 from deeptruck_model._io.account import Account
 from deeptruck_model._io.results import BAG
 from deeptruck_model.checks import Clock, calls
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import gated_brake, import_checks
-from deeptruck_model.recordings.bag_writer import lay_out, write_bag
+from deeptruck_model.recordings.bag_writer import write_bag
 from deeptruck_model.recordings.consistency import sensors
 from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import with_slope
@@ -32,7 +29,7 @@ from deeptruck_model.recordings.resample import Series, count_derived, uniform
 from deeptruck_model.recordings.tables.columns import Columns, load_columns
 from deeptruck_model.recordings.tables.samples import read_samples
 from deeptruck_model.recordings.topic_map import stated
-from deeptruck_model.signals import CHANNELS, SLOPE_FROM, TruckInterface, channel_of, check_slope_source
+from deeptruck_model.signals import CHANNELS, SLOPE_FROM, TruckInterface, check_slope_source
 
 Array = NDArray[np.float64]
 
@@ -45,13 +42,10 @@ CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Imported:
-    """The result of an import: the bag, its recordings, and, if channels were withheld, their file and its
-    SHA-256."""
+    """The result of an import: the bag and its recordings."""
 
     bag: Path
     recordings: list[Recording]
-    sealed: Path | None = None
-    sha256: str | None = None
 
 
 def import_table(
@@ -69,9 +63,8 @@ def import_table(
 
     For a bag with other topics `columns` is the topic map, and `out` holds the recordings that `read` returns
     with it and `clock`. Recordings of a table keep its rate. Where the log lacks them, acceleration is
-    derived from speed, and grade from an accelerometer and an elevation that are not withheld, or from the
-    one named by `slope_from` (see `grade.with_slope`); the bag notes it. Withheld channels go only to
-    `<out>.sealed.csv`.
+    derived from speed, and grade from an accelerometer and an elevation, or from the one named by
+    `slope_from` (see `grade.with_slope`); the bag notes it.
 
     A CAN log (by its suffix) is passed to the first entry point of 'deeptruck.importers', a function `(log:
     Path, columns: dict) -> (channels, interface)`: `channels` maps our channel names to (times (n,) in s,
@@ -79,8 +72,8 @@ def import_table(
     `notes`, which the recordings keep. Its ValueError becomes an InputError of the same message. The channels
     are then put on one 10 Hz clock.
 
-    `overwrite` replaces an imported bag, never a file of withheld channels. Raises InputError with one line
-    for input that cannot be used; nothing is left behind.
+    `overwrite` replaces an imported bag. Raises InputError with one line for input that cannot be used;
+    nothing is left behind.
     """
     table, out = calls.path(table, "a table"), calls.path(out, "out")
     if not isinstance(columns, Mapping | str | Path):
@@ -97,15 +90,8 @@ def import_table(
         return _import_can_log(table, columns, out, overwrite, slope_from)
     meaning = load_columns(columns)
     recordings = _of_what_is_there(_recordings(table, meaning, slope_from))
-    if not meaning.conceal:
-        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
-        return Imported(out, recordings)
-    recordings, content = _seal(recordings, meaning.conceal)
-    sealed = import_checks.sealed(out)
-    with files.new_file(sealed) as draft:
-        draft.write_bytes(content)
-        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
-    return Imported(out, recordings, sealed, hashlib.sha256(content).hexdigest())
+    write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
+    return Imported(out, recordings)
 
 
 def _recordings(path: Path, meaning: Columns, slope_from: str | None) -> list[Recording]:
@@ -137,9 +123,7 @@ def _recordings(path: Path, meaning: Columns, slope_from: str | None) -> list[Re
     )
     if any(column.gates for column in meaning.channels.values()):
         recordings = [gated_brake.substituted(recording) for recording in recordings]
-    recordings = _with_slope(
-        recordings, slope_from or meaning.slope_from, account, meaning.grade_window_m, meaning.conceal
-    )
+    recordings = _with_slope(recordings, slope_from or meaning.slope_from, account, meaning.grade_window_m)
     inside = np.zeros(len(time), dtype=bool)
     for start, end in account.spans:
         inside |= (time >= start - recordings[0].dt) & (time <= end + recordings[0].dt)
@@ -232,13 +216,12 @@ def _on_time(channel: str, series: Series, late_s: float, segments: Array) -> Se
 
 def _interface(name: str, meaning: Columns) -> TruckInterface:
     channels = meaning.channels
-    shown = set(channels) - set(meaning.conceal)
     return TruckInterface(
         name,
-        engine_unit=channels["engine_command"].unit if "engine_command" in shown else "N m",
-        brake_unit=channels["brake_command"].unit if "brake_command" in shown else None,
-        grade="grade" in shown,
-        fuel="fuel_rate" in shown,
+        engine_unit=channels["engine_command"].unit if "engine_command" in channels else "N m",
+        brake_unit=channels["brake_command"].unit if "brake_command" in channels else None,
+        grade="grade" in channels,
+        fuel="fuel_rate" in channels,
         vehicle=meaning.vehicle,
         mass_kg=meaning.mass_kg,
         driven_by=meaning.driven_by,
@@ -250,40 +233,14 @@ def _with_slope(
     source: str | None,
     account: Account | None,
     window_m: float | None = None,
-    conceal: Sequence[str] = (),
 ) -> list[Recording]:
-    """The recordings with a grade derived from what is not withheld, counted in the account."""
-    if "grade" in conceal:
-        return recordings
-    shown = [
-        replace(r, channels={c: v for c, v in r.channels.items() if c not in conceal}) for r in recordings
-    ]
-    sloped = with_slope(shown, source, window_m)
-    out = []
-    for r, one in zip(recordings, sloped, strict=True):
-        if one.channels.get("grade") is r.channels.get("grade"):
-            out.append(r)
-            continue
-        if account is not None:
-            count_derived(account, "grade", one.channels["grade"], r.start_s, r.dt)
-        out.append(replace(one, channels={**r.channels, "grade": one.channels["grade"]}))
-    return out
-
-
-def _seal(recordings: list[Recording], concealed: tuple[str, ...]) -> tuple[list[Recording], bytes]:
-    """Recordings without the withheld channels, and the CSV that holds those, on the bag's own time."""
-    text = io.StringIO()
-    text.write(",".join(["time_s", *(f"{name} [{channel_of(name).unit}]" for name in concealed)]) + "\n")
-    bare = []
-    for recording, start_s in zip(recordings, lay_out(recordings), strict=True):
-        nothing = np.full(len(recording), np.nan)
-        columns = [recording.channels.get(name, nothing) for name in concealed]
-        time = start_s + recording.dt * np.arange(len(recording))
-        np.savetxt(text, np.column_stack([time, *columns]), delimiter=",", fmt="%.9g")
-        shown = {name: v for name, v in recording.channels.items() if name not in concealed}
-        notes = tuple(n for n in recording.notes if not any(name in n for name in concealed))
-        bare.append(replace(recording, channels=shown, notes=notes))
-    return bare, text.getvalue().encode()
+    """The recordings with a grade derived where it is not recorded, counted in the account."""
+    sloped = with_slope(recordings, source, window_m)
+    for before, after in zip(recordings, sloped, strict=True):
+        derived = after.channels.get("grade")
+        if account is not None and derived is not None and derived is not before.channels.get("grade"):
+            count_derived(account, "grade", derived, before.start_s, before.dt)
+    return sloped
 
 
 def _import_can_log(

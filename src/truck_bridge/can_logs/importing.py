@@ -29,12 +29,12 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     Without further columns the channels come from the signals of `truck_bridge.channels`; the engine command
     is the driver's demand torque (SPN 512, percent) and the brake command the pedal position (SPN 521,
     percent) if the log has it. `columns` may hold: `vehicle` (whose DBC files and reference torque apply),
-    `name`, `reference_torque` (N m), `channel` (the bus, if the log has several), `conceal` (channels to
-    leave out), and `channels: {speed: {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to take a channel
-    from another signal; a command then has that signal's unit. Torque in N m is omitted if no reference
-    torque is known (SPN 544 in the log, the vehicle or `reference_torque`). Active faults (DM1) are separate
-    channels; `interface["notes"]` names them and the VIN, if received, and `interface["account"]` is the
-    Account of the log's frames. Raises InputError on a bad log or bad columns.
+    `name`, `reference_torque` (N m), `channel` (the bus, if the log has several), and `channels: {speed:
+    {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to take a channel from another signal; a command then
+    has that signal's unit. Torque in N m is omitted if no reference torque is known (SPN 544 in the log, the
+    vehicle or `reference_torque`). Active faults (DM1) are separate channels; `interface["notes"]` names them
+    and the VIN, if received, and `interface["account"]` is the Account of the log's frames. Raises InputError
+    on a bad log or bad columns.
     """
     codec, torque = _meaning(columns)
     bus = columns.get("channel")
@@ -53,8 +53,6 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
         if channel not in channels and keys:
             channels[channel] = keys
     channels = {**faults.channels(found.faults), **channels}
-    for concealed in columns.get("conceal") or ():
-        channels.pop(concealed, None)
     if "speed" not in channels:
         raise InputError(f"{log_path} holds no vehicle speed (CCVS1 or EBC2); is it a J1939 log of a truck?")
     interface: dict[str, Any] = {
@@ -74,7 +72,7 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     return channels, {**interface, "account": found.account, **({"notes": notes} if notes else {})}
 
 
-_KEYS = {"vehicle", "name", "reference_torque", "channel", "channels", "conceal"}
+_KEYS = {"vehicle", "name", "reference_torque", "channel", "channels"}
 
 
 def _meaning(columns: Mapping[str, Any]) -> tuple[Codec, float]:

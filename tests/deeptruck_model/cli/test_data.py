@@ -65,12 +65,6 @@ def test_several_sources_of_one_name_are_imported_by_their_folders(workplace: Pa
     assert code == 2 and "is given twice" in errors
 
 
-def test_the_seal_is_printed(workplace: Path, script: Script) -> None:
-    (workplace / "columns.yaml").write_text(COLUMNS + "conceal: [elevation]\n")
-    code, said, _ = script(*IMPORT)
-    assert code == 0 and "sealed: bag.sealed.csv sha256 " in said
-
-
 def test_repair(workplace: Path, script: Script) -> None:
     writer = CrashSafeWriter(workplace / "bag")
     writer.write("/a", "std_msgs/msg/Float64", bytes(12), 1)

@@ -43,8 +43,6 @@ BAD: list[tuple[str, dict[str, Any], str]] = [  # a table, what its columns have
     (V, {"channels": {"speed": {"colum": "v", "unit": "m/s"}}}, "'speed' of COLUMNS has unknown keys: colum"),
     (V, {"delimiter": ";;"}, "one character"),
     (V, {"skip_rows": -1}, "skip_rows"),
-    (V, {"conceal": ["gap"]}, "conceal names 'gap'"),
-    (V, {"conceal": ["speed"]}, "speed cannot be concealed"),
     (V, {"split_at": {"elevation_step": 4}}, "no column is named"),
     (V, {"split_at": {"speed_step": 0}}, "must be positive"),
     ("t,v\n0,1\n1,2\n", {"time": {"column": "t", "unit": "weeks"}}, "unit 'weeks' of 'time'"),

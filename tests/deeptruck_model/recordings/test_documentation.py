@@ -34,7 +34,7 @@ def test_the_topic_map_of_the_documentation() -> None:
 def test_the_columns_of_the_documentation() -> None:
     columns = load_columns(yaml.safe_load(BLOCKS[1]))
     assert set(columns.channels) == {*CHANNELS, "oil_temperature"} - set(FAULTS)
-    assert columns.conceal == ("elevation",) and columns.split_at == {"speed": 2.5, "elevation": 4.0}
+    assert columns.split_at == {"speed": 2.5, "elevation": 4.0}
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "layouts" / "columns").glob("*.yaml")), ids=lambda p: p.stem)

@@ -1,8 +1,11 @@
 from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
 
-from deeptruck_model.recordings import grade_from_elevation
+import numpy as np
+from csv_tables import HILLY, hilly, write_csv
+
+from deeptruck_model.recordings import grade_from_elevation, import_table, read
 
 
 def test_a_constant_slope_is_found_to_its_ends() -> None:
@@ -39,3 +42,11 @@ def test_a_stretch_without_elevation_gives_none_there() -> None:
     found = grade_from_elevation(speed, elevation, 0.1)
     assert np.isnan(found[2500:3500]).all()
     np.testing.assert_allclose(found[[100, 1900, 4100, 5900]], 0.01, atol=1e-9)
+
+
+def test_grade_comes_from_elevation_where_it_is_not_given(tmp_path: Path) -> None:
+    import_table(write_csv(tmp_path / "drive.csv", hilly()), HILLY, tmp_path / "bag")
+    (recording,) = read(tmp_path / "bag")
+    np.testing.assert_allclose(recording.channels["grade"], 0.02, atol=1e-9)
+    assert recording.interface.grade
+    assert any("grade derived from elevation" in note for note in recording.notes)

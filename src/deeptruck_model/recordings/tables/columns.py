@@ -38,7 +38,6 @@ KEYS = {
     "pivot": "where each row has one value: the column with the names, and the column with the values",
     "split_at": "steps in SI units; a larger jump starts a new piece",
     "extra": "further columns of numbers, carried under names of their own",
-    "conceal": "channels that go into BAG.sealed.csv only, never into the bag",
     "grade_window_m": "smoothing of a grade derived from elevation, m",
     SLOPE_FROM: "what a derived grade is from: accelerometer (fused with elevation) or elevation",
     "vehicle": "what drove: truck, bus, van or car",
@@ -75,7 +74,6 @@ class Columns:
     time: Clock
     form: Format
     split_at: dict[str, float] = field(default_factory=dict)
-    conceal: tuple[str, ...] = ()
     name: str | None = None
     grade_window_m: float | None = None
     notes: tuple[str, ...] = ()
@@ -118,7 +116,6 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
             decimal=str(data.get("decimal", ".")),
         ),
         split_at=_splits(data.get("split_at") or {}, parsed),
-        conceal=_conceal(data.get("conceal") or (), parsed),
         name=str(data["name"]) if "name" in data else None,
         grade_window_m=window,
         notes=_assumed(channels),
@@ -216,15 +213,3 @@ def _splits(entry: Any, channels: Mapping[str, Source]) -> dict[str, float]:
         if step in entry and not number(entry, step, 0.0, "split_at") > 0:
             raise InputError(f"{step} of split_at must be positive")
     return {SPLITS[step]: float(entry[step]) for step in entry}
-
-
-def _conceal(entry: Any, channels: Mapping[str, Source]) -> tuple[str, ...]:
-    if not isinstance(entry, str | list | tuple):
-        raise InputError("conceal needs a list of channels, as in [grade]")
-    names = [entry] if isinstance(entry, str) else [str(name) for name in entry]
-    for name in names:
-        if name not in channels:
-            raise InputError(f"conceal names '{name}', for which no column is given")
-        if name == "speed":
-            raise InputError("speed cannot be concealed: every recording needs it")
-    return tuple(names)
