@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 import deeptruck_cacc.cli
 import truck_bridge.cli
-from benchmarks.paper import run as paper
 from deeptruck_model import cli
 from deeptruck_model._terminal import console
 from deeptruck_nodes import replay_recording, start_simulation, start_vehicle
@@ -30,7 +29,6 @@ APPS = {
     "deeptruck-model": cli.whole(),
     "deeptruck-cacc": deeptruck_cacc.cli.app,
     "truck-bridge": truck_bridge.cli.app,
-    "benchmarks/paper/run.py": paper.app,
     "deeptruck-simulation": _alone(start_simulation.main),
     "deeptruck-vehicle": _alone(start_vehicle.main),
     "deeptruck-replay": _alone(replay_recording.main),
@@ -48,12 +46,7 @@ WRONG = [
     "python:none:none",
     "☃",
 ]
-PAPER = ("error-statistics", "field", "classics", "minutes")
-# all that these need is where to write
-NO_INPUT = {
-    "deeptruck-model prove",
-    *(f"benchmarks/paper/run.py {command}" for command in PAPER),
-}
+NO_INPUT = {"deeptruck-model prove"}  # all that it needs is where to write
 
 
 def commands() -> Iterator[tuple[str, tuple[str, ...], Any]]:

@@ -21,7 +21,6 @@ from typer.main import get_command
 import deeptruck_cacc.cli
 import deeptruck_model.cli
 import truck_bridge.cli
-from benchmarks.paper import run as paper
 from deeptruck_model.cli import spread
 from deeptruck_nodes.parameters import schema
 from deeptruck_nodes.topics import TOPICS
@@ -35,8 +34,8 @@ PAGES = [
     ROOT / "examples" / "README.md",
     *sorted(DOCS.rglob("*.md")),
 ]
-TYPER = r"(deeptruck-[a-z]+|truck-bridge|python (ros2_ws|examples|demo|benchmarks/\w+/run)\S*) \S"
-SCRIPT = r"python (-m \S+|(benchmarks|tests)/(?!\w+/run\.py)\S+\.py)"  # argparse, or options written out
+TYPER = r"(deeptruck-[a-z]+|truck-bridge|python (ros2_ws|examples|demo)\S*) \S"
+SCRIPT = r"python (-m \S+|(benchmarks|tests)/\S+\.py)"  # argparse, or options written out
 OTHERS = r"make \w+|\. \S+/activate$|#|$"
 RUN_HERE = [DOCS / "tutorial.md", DOCS / "cacc.md", DOCS / "cacc_shield.md"]
 RUN_BY = {  # the snippets of other pages need what their own tests have at hand
@@ -128,7 +127,6 @@ def programs() -> dict[str, typer.Typer]:
         app = typer.Typer()
         app.command()(importlib.import_module(place).main)
         known[program] = known[f"ros2_ws/{place.rpartition('.')[2]}.py"] = app
-    known["benchmarks/paper/run.py"] = paper.app
     for path in [*(ROOT / "examples").rglob("*.py"), ROOT / "demo.py"]:
         text = path.read_text()
         if "def main(" in text:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from benchmarks.paper import results as paper_results
 from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.evaluation import output
 from deeptruck_cacc.training import sweep as policy_sweep
@@ -26,7 +25,7 @@ RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP)
 AT_ONCE = (
     results.PHYSICS_TRUCK, results.EVALUATION, results.COMPARISON,
     results.COVERAGE, results.BAG, results.WRITTEN_BAG,
-    results.BAG_WITH_ROAD, results.CALIBRATED, paper_results.EXPERIMENT,
+    results.BAG_WITH_ROAD, results.CALIBRATED,
     results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG

@@ -240,4 +240,4 @@ def register(app: typer.Typer) -> None:
     app.command()(evaluate)
     app.command()(calibrate)
     app.command()(export)
-    console.moved(app, "experiment", "python benchmarks/paper/run.py in a checkout of the repository")
+    console.moved(app, "experiment", "python benchmarks/paper/run.py in commit 246717f2 of the repository")
