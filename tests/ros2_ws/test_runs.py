@@ -83,6 +83,8 @@ def test_bad_simulations(refused: Callable[..., str], options: dict[str, Any], s
         ({"emulator": True, "grade": "2"}, "--grade 2 must be a number from -0.5 to 0.5"),
         ({"emulator": True, "driver": "5:brake_pedal=400"}, "values 0 to 100"),
         ({"driver": "5:brake_pedal=40"}, "--driver is of the emulated truck: add --emulator"),
+        ({"emulator": True, "actuators": "5:brake.gone=1"}, "keys are engine.gain"),
+        ({"actuators": "5:brake.gain=0"}, "--actuators is of the emulated truck: add --emulator"),
         ({"radar_lost_at": 20.0}, "--radar-lost-at is of a simulated radar: add --leader or --emulator"),
         ({"interface": "smoke"}, "cannot open CAN interface 'smoke'"),
         ({"interface": "socketcan", "channel": "can9"}, "cannot open CAN interface 'socketcan'"),

@@ -6,6 +6,7 @@ import math
 import signal
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,13 +19,15 @@ from truck_bridge.errors import InputError
 
 if TYPE_CHECKING:
     from truck_bridge.emulator.ecus import EcuEmulator
+    from truck_bridge.vehicles import Vehicle
 
 EXAMPLES = """
 Examples:\n
   python -m truck_bridge.emulator --vehicle trucksim --interface loopback --channel demo\n
   python -m truck_bridge.emulator --vehicle volvo --interface socketcan --channel vcan0 --grade road.csv\n
   python -m truck_bridge.emulator --vehicle trucksim --driver 10:brake_pedal=40,12:brake_pedal=0\n
-  python -m truck_bridge.emulator --vehicle trucksim --driver engaged+5:brake_pedal=40
+  python -m truck_bridge.emulator --vehicle trucksim --driver engaged+5:brake_pedal=40\n
+  python -m truck_bridge.emulator --vehicle trucksim --actuators engaged+10:brake.gain=0.5,20:engine.lost=1
 """
 FASTEST = 50.0  # m/s
 ENGAGED = "engaged+"  # before seconds that count from engagement
@@ -32,7 +35,7 @@ ENGAGED = "engaged+"  # before seconds that count from engagement
 
 @dataclass(frozen=True)
 class Action:
-    """An action of the driver at time `at`, s: a field of `Driver`, and its new value.
+    """At time `at`, s, a field of `Driver`, or AXIS.FIELD of an `Actuator`, takes a new value.
 
     Time starts with the emulator, or with `engaged` at the first command of a controller that is obeyed.
     """
@@ -58,6 +61,9 @@ def main_command(
     driver: Annotated[
         str, typer.Option(help="What the driver does: SECONDS:KEY=VALUE,... or engaged+SECONDS:KEY=VALUE,...")
     ] = "",
+    actuators: Annotated[
+        str, typer.Option(help="Faults of actuators: SECONDS:AXIS.KEY=VALUE,... or engaged+SECONDS:...")
+    ] = "",
     duration: Annotated[float, typer.Option(help="Stop after so many seconds.")] = math.inf,
 ) -> None:
     """Emulate a truck's controllers around a physics truck on a CAN bus, until the duration, SIGINT, SIGTERM
@@ -67,7 +73,8 @@ def main_command(
     checks.every(
         lambda: checks.simulator(truck or str(vehicles.load(vehicle).truck)),
         lambda: vehicles.load(vehicle),
-        lambda: actions(driver),
+        lambda: driver_actions(driver),
+        lambda: actuator_faults(actuators, vehicles.load(vehicle)),
         lambda: road(grade),
         lambda: within("--speed", speed, 0.0, FASTEST),
         lambda: within("--duration", duration, 0.0, math.inf),
@@ -81,14 +88,27 @@ def main_command(
     with open_bus(interface, channel) as bus:
         print(f"ECU emulator: {driven.name} on {interface} {channel}", flush=True)
         emulator = EcuEmulator(driven, bus, truck=simulator, grade=road(grade), speed=speed)
-        _drive(emulator, actions(driver), duration)
+        coming = [*driver_actions(driver), *actuator_faults(actuators, driven)]
+        _drive(emulator, sorted(coming, key=lambda action: action.at), duration)
 
 
-def actions(text: str) -> list[Action]:
-    """The driver's actions, in order. Raises InputError for an invalid one."""
+def driver_actions(text: str) -> list[Action]:
+    """What the driver does. Raises InputError for an invalid action."""
     from truck_bridge.emulator.messages import Driver
 
-    known = [field.name for field in fields(Driver)]
+    return _actions("--driver", text, [field.name for field in fields(Driver)])
+
+
+def actuator_faults(text: str, vehicle: Vehicle) -> list[Action]:
+    """Which actuator of the vehicle fails, when and how. Raises InputError for an invalid fault."""
+    from truck_bridge.emulator.receiver import FAULTS
+
+    return _actions(
+        "--actuators", text, [f"{axis}.{name}" for axis in vehicle.transmitted for name in FAULTS]
+    )
+
+
+def _actions(option: str, text: str, known: Sequence[str]) -> list[Action]:
     found = []
     for item in filter(None, text.split(",")):
         when, _, action = item.partition(":")
@@ -100,11 +120,11 @@ def actions(text: str) -> list[Action]:
             one = None
         if one is None or key not in known or not (0.0 <= one.at < math.inf and 0.0 <= one.value <= 100.0):
             raise InputError(
-                f"--driver '{item}' is not SECONDS:KEY=VALUE or engaged+SECONDS:KEY=VALUE; keys are "
+                f"{option} '{item}' is not SECONDS:KEY=VALUE or engaged+SECONDS:KEY=VALUE; keys are "
                 f"{', '.join(known)}, values 0 to 100"
             )
         found.append(one)
-    return sorted(found, key=lambda action: action.at)
+    return found
 
 
 def _drive(emulator: EcuEmulator, coming: list[Action], duration: float) -> None:
@@ -117,7 +137,8 @@ def _drive(emulator: EcuEmulator, coming: list[Action], duration: float) -> None
         for action in list(coming):
             if now - (engaged if action.engaged else start) >= action.at:
                 coming.remove(action)
-                setattr(emulator.driver, action.key, action.value)
+                axis, _, key = action.key.rpartition(".")
+                setattr(emulator.actuators[axis] if axis else emulator.driver, key, action.value)
         emulator.step(now)
         if engaged == math.inf and any(not math.isnan(emulator.demand(axis)) for axis in emulator.receivers):
             engaged = now

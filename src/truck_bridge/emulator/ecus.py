@@ -19,18 +19,20 @@ from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
 from deeptruck_model.trucks.accelerometer import Accelerometer
 from truck_bridge.emulator.messages import Driver
-from truck_bridge.emulator.receiver import Receiver
+from truck_bridge.emulator.receiver import Actuator, Receiver
 from truck_bridge.emulator.sender import voices
 from truck_bridge.j1939.address_claim import AddressClaim, name
-from truck_bridge.vehicles import Vehicle
+from truck_bridge.vehicles import Transmitted, Vehicle
 
-__all__ = ["Driver", "EcuEmulator"]
+__all__ = ["Actuator", "Driver", "EcuEmulator"]
 
 ROUGH_RPM = 1.0  # unevenness of the engine speed in EEC1
 
 
 class EcuEmulator:
     """A truck on a bus. `grade` maps distance along the road, m, to its slope (rise over run).
+
+    `driver` (what the driver does) and `actuators` (by axis: which one fails) may be changed while it drives.
 
     Raises InputError if the vehicle file expects a message that no controller here sends.
     """
@@ -61,6 +63,7 @@ class EcuEmulator:
         self.distance = 0.0
         self._time: float | None = None
         self.receivers = {axis: Receiver(message) for axis, message in vehicle.transmitted.items()}
+        self.actuators = {axis: Actuator(_full(message)) for axis, message in vehicle.transmitted.items()}
         self._claims = {
             who: AddressClaim(name(100 + address), address) for who, address in vehicle.addresses.items()
         }
@@ -95,9 +98,8 @@ class EcuEmulator:
 
     @property
     def command(self) -> tuple[float, float]:
-        """Engine and brake command at the truck, after arbitration with the driver."""
-        demands = {axis: self.demand(axis) for axis in self.receivers}
-        external = {axis: 0.0 if math.isnan(value) else value for axis, value in demands.items()}
+        """Engine and brake command at the truck, after the actuators and arbitration with the driver."""
+        external = {axis: actuator.given for axis, actuator in self.actuators.items()}
         external["engine"] = max(external["engine"], self.driver.accelerator)
         engine, brake = self.vehicle.commands(external)
         pedal = self.driver.brake_pedal
@@ -131,6 +133,8 @@ class EcuEmulator:
         self._speak(now)
 
     def _drive(self) -> None:
+        for axis, actuator in self.actuators.items():
+            actuator.act(self.demand(axis), self._time or 0.0)
         interface = self._truck.interface
         u = np.array([[*self.command][: len(interface.u)]])
         w = np.array([[self.slope][: len(interface.w)]])
@@ -152,8 +156,9 @@ class EcuEmulator:
             if message.is_error_frame or not message.is_extended_id:
                 continue
             data = bytes(message.data)
-            for receiver in self.receivers.values():
-                receiver.hear(message.arbitration_id, data, now)
+            for axis, receiver in self.receivers.items():
+                if not self.actuators[axis].lost:
+                    receiver.hear(message.arbitration_id, data, now)
             for claim in self._claims.values():
                 claim.hear(message.arbitration_id, data, now)
 
@@ -170,6 +175,12 @@ class EcuEmulator:
 
     def _send(self, can_id: int, data: bytes) -> None:
         self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=True))
+
+
+def _full(message: Transmitted) -> float:
+    """Greatest demand of an axis, with its sign."""
+    limits = message.axis.limits
+    return min(limits.low) if max(limits.high) <= 0 else max(limits.high)
 
 
 def _as_driven(truck: Simulator) -> Simulator:

@@ -1,9 +1,10 @@
-"""Receives command messages of one controller: checks, arbitration, time-outs, return without a step."""
+"""One controller: receives command messages (checks, arbitration, time-outs, return without a step); acts."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 
 from truck_bridge.j1939 import checksums
 from truck_bridge.vehicles import Transmitted
@@ -83,3 +84,33 @@ class Receiver:
             if handed_back or self._last == 0.0:
                 self._last = math.nan
         return self._last
+
+
+@dataclass
+class Actuator:
+    """What an actuator gives of the demand on it. Sound by default; set a field at any time for a fault.
+
+    What its controller says on the bus, of whom it obeys and in which mode, stays that of the demand.
+    """
+
+    full: float  # greatest demand of the axis, signed, in its unit
+    gain: float = 1.0  # share of the demand that it gives; 0: no answer
+    late_s: float = 0.0  # by which it is late
+    stuck: float = 0.0  # 1: it keeps giving what it gives now
+    drags: float = 0.0  # share of `full` that it gives at least
+    lost: float = 0.0  # 1: the frames that command it are lost on the wire
+    given: float = 0.0  # now, in the unit of the axis
+    _demands: deque[tuple[float, float]] = field(default_factory=deque, repr=False)  # time and demand
+
+    def act(self, demand: float, now: float) -> None:
+        """Time passes with this demand on it; NaN for none."""
+        self._demands.append((now, 0.0 if math.isnan(demand) else demand))
+        while len(self._demands) > 1 and self._demands[1][0] <= now - self.late_s + 1e-9:
+            self._demands.popleft()
+        if not self.stuck:
+            least = self.drags * self.full
+            given = self.gain * self._demands[0][1]
+            self.given = min(given, least) if self.full < 0 else max(given, least)
+
+
+FAULTS = ("gain", "late_s", "stuck", "drags", "lost")  # fields of an Actuator that make it faulty

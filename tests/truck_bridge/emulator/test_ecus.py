@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -12,10 +13,11 @@ from pathlib import Path
 
 import can
 import pytest
-from bridge_world import SIGNED
+from bridge_world import SIGNED, World
 
 from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
+from truck_bridge.emulator.cli import actuator_faults
 from truck_bridge.emulator.ecus import EcuEmulator
 from truck_bridge.errors import InputError
 
@@ -28,6 +30,30 @@ def test_the_emulator_says_what_it_cannot_speak(tmp_path):
     path.write_text(text.replace("signed_truck.dbc", str(Path(SIGNED).with_suffix(".dbc"))))
     with pytest.raises(InputError, match="does not speak VP"):
         EcuEmulator(vehicles.load(path), None)
+
+
+@pytest.mark.parametrize(
+    ("fault", "least", "most"),
+    [({}, 2.0, 3.5), ({"gain": 0.0}, 0.0, 0.6), ({"gain": 0.5}, 0.9, 1.9), ({"lost": 1.0}, 0.0, 0.6)],
+)
+def test_a_brake_decelerates_by_what_its_actuator_gives(fault, least, most):
+    world = World("volvo").engage(0.0)
+    for key, value in fault.items():
+        setattr(world.truck.actuators["brake"], key, value)
+    before = world.run(1.0, 0.0, 2.5).truck.speed
+    after = world.run(1.0, 0.0, 2.5).truck.speed
+    world.close()
+    assert least < before - after < most
+    assert math.isnan(world.truck.demand("brake")) == ("lost" in fault)
+
+
+def test_faults_of_actuators_are_read_from_a_line():
+    volvo = vehicles.load("volvo")
+    one, other = actuator_faults("5:brake.gain=0.5,engaged+7:engine.lost=1", volvo)
+    assert (one.at, one.key, one.value, one.engaged) == (5.0, "brake.gain", 0.5, False)
+    assert (other.at, other.key, other.value, other.engaged) == (7.0, "engine.lost", 1.0, True)
+    with pytest.raises(InputError, match=r"--actuators '5:brake.gone=1' is not.*keys are engine.gain"):
+        actuator_faults("5:brake.gone=1", volvo)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])

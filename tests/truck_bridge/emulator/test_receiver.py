@@ -7,7 +7,7 @@ import math
 import pytest
 
 from truck_bridge import vehicles
-from truck_bridge.emulator.receiver import Receiver
+from truck_bridge.emulator.receiver import Actuator, Receiver
 
 ENGINE = vehicles.load("trucksim").transmitted["engine"]
 ID = ENGINE.axis.can_id
@@ -76,3 +76,38 @@ def test_the_higher_priority_wins_and_then_the_later(receiver):
     receiver.hear(ID, ENGINE.frame(60.0, 0), 1.01)
     assert receiver.demand(1.01) == 10.0
     assert receiver.controlling == 0x03
+
+
+def given(actuator, demands):
+    """What an actuator gives at each step of 0.1 s."""
+    found = []
+    for step, demand in enumerate(demands):
+        actuator.act(demand, 0.1 * step)
+        found.append(actuator.given)
+    return found
+
+
+def test_a_sound_actuator_gives_what_is_demanded_and_nothing_without():
+    assert given(Actuator(90.0), [10.0, 20.0, math.nan]) == [10.0, 20.0, 0.0]
+
+
+def test_an_actuator_gives_a_share_or_nothing():
+    assert given(Actuator(90.0, gain=0.5), [10.0, 20.0]) == [5.0, 10.0]
+    assert given(Actuator(-5.0, gain=0.0), [-2.0, math.nan]) == [0.0, 0.0]
+
+
+def test_a_late_actuator_gives_the_demand_of_then():
+    assert given(Actuator(90.0, late_s=0.2), [1.0, 2.0, 3.0, 4.0, 5.0]) == [1.0, 1.0, 1.0, 2.0, 3.0]
+
+
+def test_a_stuck_actuator_goes_on_with_what_it_gives():
+    actuator = Actuator(90.0)
+    given(actuator, [30.0])
+    actuator.stuck = 1.0
+    assert given(actuator, [0.0, 80.0]) == [30.0, 30.0]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_dragging_actuator_gives_no_less_than_its_share(sign):
+    found = given(Actuator(sign * 90.0, drags=0.3), [0.0, sign * 20.0, sign * 40.0])
+    assert found == pytest.approx([sign * 27.0, sign * 27.0, sign * 40.0])

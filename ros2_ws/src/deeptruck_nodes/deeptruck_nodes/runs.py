@@ -84,6 +84,7 @@ def drive_vehicle(
     speed: float,
     grade: str,
     driver: str,
+    actuators: str,
     duration: float,
 ) -> int:
     """Run a vehicle on a CAN bus, or its emulated controllers; returns the exit code.
@@ -92,7 +93,7 @@ def drive_vehicle(
     topics come from the truck's radar.
     """
     from truck_bridge import vehicles
-    from truck_bridge.emulator.cli import actions
+    from truck_bridge.emulator.cli import actuator_faults, driver_actions
     from truck_bridge.emulator.road import road
 
     misfits = Misfits()
@@ -110,7 +111,9 @@ def drive_vehicle(
         sections["mismatch_monitor"]["no_load"] = sections["can_bridge"].get("no_load", False)
     _look_at_driving(misfits, common, sections, policy, interface)
     misfits.of(lambda: road(grade))
-    misfits.of(lambda: actions(driver))
+    misfits.of(lambda: driver_actions(driver))
+    if vehicle is not None:
+        misfits.of(lambda: actuator_faults(actuators, vehicle))
     misfits.of_node(sections, "road_map", lambda p: run_checks.map_is_known(p["road"]))
     misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))
     domain = _checked(misfits, common, sections)
@@ -118,7 +121,8 @@ def drive_vehicle(
     others: tuple[Program, ...] = ()
     if emulate and vehicle is not None:
         _compile(str(vehicle.truck))
-        others = (_emulator(parameters.checked("can_bridge", sections["can_bridge"]), speed, grade, driver),)
+        bridge = parameters.checked("can_bridge", sections["can_bridge"])
+        others = (_emulator(bridge, speed=speed, grade=grade, driver=driver, actuators=actuators),)
     return _run("vehicle", common, sections, domain, others=others, duration=duration)
 
 
@@ -179,13 +183,12 @@ def _compile(truck: str) -> None:
     simulator.step(state, np.zeros((1, len(i.u))), np.zeros((1, len(i.w))))
 
 
-def _emulator(bridge: Mapping[str, Any], speed: float, grade: str, driver: str) -> Program:
-    options = {"vehicle": bridge["vehicle"], "interface": bridge["interface"], "channel": bridge["channel"]}
-    options |= {"speed": str(speed), "grade": grade, **({"driver": driver} if driver else {})}
+def _emulator(bridge: Mapping[str, Any], **options: str | float) -> Program:
+    """The program of the ECU emulator on the bridge's bus; empty options are left out."""
+    options |= {name: bridge[name] for name in ("vehicle", "interface", "channel")}
     argv = [sys.executable, "-m", "truck_bridge.emulator"]
-    return Program(
-        "emulator", [*argv, *(f"--{name}={value}" for name, value in options.items())], says_ready=False
-    )
+    argv += [f"--{name}={value}" for name, value in options.items() if value != ""]
+    return Program("emulator", argv, says_ready=False)
 
 
 def _recorder(common: Common, interface: TruckInterface | None) -> dict[str, Any]:

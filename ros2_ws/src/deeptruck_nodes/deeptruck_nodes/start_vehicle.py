@@ -19,6 +19,8 @@ Examples:\n
   deeptruck-vehicle --vehicle trucksim --policy baseline:acc --emulator --engage\n
   deeptruck-vehicle --vehicle trucksim --policy baseline:acc --emulator --engage --radar-lost-at 30
   --driver engaged+60:brake_pedal=40\n
+  deeptruck-vehicle --vehicle trucksim --policy baseline:acc --emulator --engage
+  --leader steps:speeds=20/5,every=30,acceleration=2 --actuators engaged+10:brake.gain=0.5\n
   deeptruck-vehicle --vehicle volvo --policy POLICY --interface socketcan --channel can0\n
 Without --engage the bridge listens until a person calls the service /can_bridge/engage (std_srvs/Trigger).\n
 Every parameter of every node: docs/nodes.md.
@@ -44,6 +46,14 @@ Grade = Annotated[str, typer.Option(help="Of the emulated road: rise/run, or a C
 Driver = Annotated[
     str,
     typer.Option(help="What the emulated truck's driver does: SECONDS:KEY=VALUE,... or engaged+SECONDS:..."),
+]
+Actuators = Annotated[
+    str,
+    typer.Option(
+        help="Faults of the emulated truck's actuators: SECONDS:AXIS.KEY=VALUE,... or engaged+SECONDS:... "
+        "AXIS is engine, retarder or brake; KEY is gain (share of the demand), late_s, stuck (1), drags "
+        "(share of full) or lost (1: its frames)."
+    ),
 ]
 # Who drives, and behind whom
 KnownRoad = Annotated[
@@ -76,6 +86,7 @@ def main(
     radar_lost_at: options.RadarLostAt = 0.0,
     radar_lost_for: options.RadarLostFor = 2.0,
     driver: Driver = "",
+    actuators: Actuators = "",
     initial_speed: InitialSpeed = 20.0,
     initial_gap: options.InitialGap = 0.0,
     grade: Grade = "0",
@@ -105,8 +116,9 @@ def main(
         given["leader"] = {**profile, **runs.RADARS[radar], **lost}
     elif radar_lost_at:
         raise InputError("--radar-lost-at is of a simulated radar: add --leader or --emulator")
-    if driver and not emulator:
-        raise InputError("--driver is of the emulated truck: add --emulator")
+    for option, text in (("--driver", driver), ("--actuators", actuators)):
+        if text and not emulator:
+            raise InputError(f"{option} is of the emulated truck: add --emulator")
     if known_road:
         given["road_map"] = {"road": known_road}
     common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
@@ -119,6 +131,7 @@ def main(
             speed=initial_speed,
             grade=grade,
             driver=driver,
+            actuators=actuators,
             duration=duration,
         )
     )
