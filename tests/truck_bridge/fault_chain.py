@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple, Protocol
 
 import can
 import numpy as np
-from fault_lies import RadarLie
 from fault_table import DRIVELINE, Forger
 from fault_wire import Wire
 
 from deeptruck_cacc import load_policy
+from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.safety.guard import Guard, guard
+from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
 from deeptruck_nodes.following import Following
 from deeptruck_nodes.leaders import Leader
 from deeptruck_nodes.observation import SECOND, Alignment
-from deeptruck_nodes.radar import Gap, Radar, RadarErrors
+from deeptruck_nodes.radar import Radar, RadarErrors
 from truck_bridge.bridge import Bridge
 from truck_bridge.emulator.ecus import EcuEmulator
 from truck_bridge.vehicles import Vehicle
@@ -37,29 +41,97 @@ def controller(vehicle: Vehicle, policy: str) -> Guard:
     return guard(load_policy(policy, _truck(vehicle.truck).interface))
 
 
-class Chain:
-    """A truck that follows a leader over the bus, everything sound until `lie`, `bus_lie` or `forged` is set.
+@dataclass(frozen=True)
+class Object:
+    """Something that the radar sees: `gap` m ahead (0: the time gap) at `comes` s, until `leaves` s."""
 
-    `policy` is a text as of the start scripts. The truck begins at the leader's speed, on a slope that is
-    drawn unless `grade` is given by distance.
+    motion: Leader
+    gap: float = 0.0
+    comes: float = 0.0
+    leaves: float = math.inf
+    solid: bool = True  # a ghost, or what stands beside the lane, cannot be hit
+
+
+class Lane:
+    """Gaps to all that is ahead. `seen` is the nearest of all, range and speed, `ahead` of what is solid."""
+
+    def __init__(self, objects: Sequence[Object]) -> None:
+        self.objects, self._gaps = tuple(objects), [math.nan] * len(objects)
+        self._last: tuple[float, float, list[float]] | None = None  # time, own speed, speeds of objects
+        self.seen = self.ahead = (math.inf, math.nan)
+
+    def update(self, t: float, speed: float) -> None:
+        """At t s, the truck at `speed` (m/s); by the trapezoidal rule."""
+        speeds = [one.motion.speed_at(t) for one in self.objects]
+        then, own, before = self._last or (t, speed, speeds)
+        self.seen = self.ahead = (math.inf, math.nan)
+        for n, (one, theirs) in enumerate(zip(self.objects, speeds, strict=True)):
+            if t < one.comes or t >= one.leaves:
+                continue
+            opening = (theirs - speed + before[n] - own) / 2
+            new = math.isnan(self._gaps[n])
+            first = one.gap or max(TIME_GAP_S * speed, 5.0)
+            self._gaps[n] = first if new else self._gaps[n] + opening * (t - then)
+            self.seen = min(self.seen, (self._gaps[n], theirs))
+            self.ahead = min(self.ahead, (self._gaps[n], theirs)) if one.solid else self.ahead
+        self._last = (t, speed, speeds)
+
+
+Actuator = Callable[[float, float, float], tuple[float, float]]  # of s, engine and brake: what they do
+Reading = tuple[float, float, float]  # range, the object's speed, age of the stamp
+
+
+class RadarFault(Protocol):
+    """What comes in place of a reading."""
+
+    def readings(self, elapsed: float, gap: float, speed: float) -> list[Reading]: ...
+
+
+class _Truck(EcuEmulator):
+    """The emulator, whose engine and brakes may not do what they are told."""
+
+    actuator: Actuator | None = None
+
+    @property
+    def command(self) -> tuple[float, float]:
+        engine, brake = super().command
+        return (engine, brake) if self.actuator is None else self.actuator(self._time or 0.0, engine, brake)
+
+
+class Stop(NamedTuple):
+    """What a truck reaches that only brakes."""
+
+    least_gap: float  # m
+    hit_speed: float  # m/s, by which it is faster than what it hits; 0 where it stops
+
+
+class Chain:
+    """A truck that follows a leader over the bus; all is sound until `lie`, `actuator` or `forged` is set.
+
+    `policy` is a text as of the start scripts. The truck begins at the speed of the leader or first object,
+    on a slope that is drawn unless `grade` is given by distance.
     """
 
     def __init__(
         self,
         vehicle: Vehicle,
         rng: np.random.Generator,
-        leader: Leader,
+        ahead: Leader | Sequence[Object],
         policy: str,
         grade: Callable[[float], float] | None = None,
         errors: RadarErrors = RADAR,
+        truck: Simulator | None = None,
     ) -> None:
-        self.vehicle, self.now, speed = vehicle, 0.0, leader.speed_at(0.0)
+        objects = tuple(ahead) if isinstance(ahead, Sequence) else (Object(ahead),)
+        self.vehicle, self.now, speed = vehicle, 0.0, objects[0].motion.speed_at(0.0)
         self.ours, self.trucks = Wire(rng), Wire(rng)
         self.ours.peer, self.trucks.peer = self.trucks, self.ours
         self.bridge = Bridge(vehicle, self.ours)
         slope = float(rng.uniform(-0.01, 0.02))
-        self.truck = EcuEmulator(vehicle, self.trucks, speed=speed, grade=grade or (lambda distance: slope))
-        self.gap = Gap(leader, 0.0, TIME_GAP_S)
+        self.truck = _Truck(
+            vehicle, self.trucks, truck=truck, speed=speed, grade=grade or (lambda distance: slope)
+        )
+        self.lane = Lane(objects)
         self.radar, self.lie = Radar(errors, int(rng.integers(1 << 31))), None
         self.guard = controller(vehicle, policy)
         self.following = Following(self.guard, TIME_GAP_S, LOST_S)
@@ -69,7 +141,7 @@ class Chain:
         self._engaged = False
         self.bridge.arm(0.0)
 
-    lie: RadarLie | None
+    lie: RadarFault | None
 
     def engage(self) -> tuple[str, ...]:
         """A person asks for control; returns why not."""
@@ -86,7 +158,7 @@ class Chain:
         self.now = round(self.now + STEP, 6)
         self.ours.now = self.trucks.now = self.now
         self.truck.step(self.now)
-        self.gap.update(self.now, self.truck.speed)
+        self.lane.update(self.now, self.truck.speed)
         for can_id, data in self.forged(self.vehicle, self.now) if self.forged else ():
             for side in (self.ours, self.trucks):
                 message = can.Message(arbitration_id=can_id, data=data, is_extended_id=True)
@@ -108,7 +180,7 @@ class Chain:
             self._send()
 
     def _sense(self) -> None:
-        gap, speed = self.radar.sense(self.now, self.gap.gap, self.gap.leader_speed)
+        gap, speed = self.radar.sense(self.now, *self.lane.seen)
         readings = [(gap, speed, 0.0)]
         if self.lie is not None:
             self._lied = self.now if math.isinf(self._lied) else self._lied
@@ -135,6 +207,27 @@ class Chain:
             return
         self._sent = self.now
         self.bridge.command(*self.following.held, self.now, engaged=self._engaged)
+
+    def braking_fully(self, seconds: float = 30.0) -> Stop:
+        """What the truck as it is now reaches by its full brake command alone, whatever its brakes do."""
+        truck, lane, now = self.truck, copy(self.lane), self.now
+        lane._gaps = list(lane._gaps)
+        state, speed, distance, least = truck._state, truck.speed, truck.distance, lane.ahead[0]
+        low, high = 0.0, ActionScale.of(truck._truck).brake_high
+        while now < self.now + seconds:
+            now += truck._truck.dt
+            command = (low, high) if truck.actuator is None else truck.actuator(now, low, high)
+            w = np.array([[truck._grade(distance)][: len(truck._truck.interface.w)]])
+            state, y = truck._truck.step(state, np.array([command]), w)
+            speed = float(y[0, 1])
+            distance += speed * truck._truck.dt
+            lane.update(now, speed)
+            least = min(least, lane.ahead[0])
+            if lane.ahead[0] <= 0.0:
+                return Stop(least, speed - lane.ahead[1])
+            if speed < 0.05:
+                break
+        return Stop(least, 0.0)
 
     def contradicted(self, lied: frozenset[str]) -> bool:
         """Whether a signal that nobody lies about contradicts the core's speed beyond the tolerances."""

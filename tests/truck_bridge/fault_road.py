@@ -85,7 +85,7 @@ class Witness:
     def look(self) -> None:
         """After a step."""
         chain = self._chain
-        speed, leads, gap = chain.truck.speed, chain.gap.leader_speed, chain.gap.gap
+        speed, leads, gap = chain.truck.speed, chain.lane.ahead[1], chain.lane.ahead[0]
         self._speeds.append(speed)
         self._leads.append(leads)
         shield = chain.guard.shield

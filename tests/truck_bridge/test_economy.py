@@ -41,7 +41,7 @@ class OverHills(Chain):
         if self.state == "engaged":
             self.fuel_l += self.truck.fuel_rate * 1e-5
             self.braked_s += 0.01 * (self.following.held[1] > 0)
-            self.time_gaps.append(self.gap.gap / self.truck.speed)
+            self.time_gaps.append(self.lane.ahead[0] / self.truck.speed)
 
 
 def driven(policy: str) -> OverHills:

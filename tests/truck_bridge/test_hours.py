@@ -123,8 +123,8 @@ def drive(
             if speed > CRAWLING:
                 hour.hardest = min(hour.hardest, pull)
             if speed > MOVING:
-                hour.least_time_gap = min(hour.least_time_gap, chain.gap.gap / speed)
-                hour.longest_time_gap = max(hour.longest_time_gap, chain.gap.gap / speed)
+                hour.least_time_gap = min(hour.least_time_gap, chain.lane.ahead[0] / speed)
+                hour.longest_time_gap = max(hour.longest_time_gap, chain.lane.ahead[0] / speed)
         hour.driven_s += STEP * held
         if held and chain.guard.shield._seen is not None and k % 100 == 0:
             warmer = chain.truck.inside("brake_temperature") - values["ambient_temperature"]
