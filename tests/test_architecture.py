@@ -191,12 +191,7 @@ MISMATCH = (  # what the steps share, the steps of docs/mismatch_method.md, and 
     ("mismatch.residual",),
     ("mismatch.mechanisms",),
     ("mismatch.tree",),
-    (
-        "mismatch.posterior",
-        "mismatch.roads.slow_force",
-        "mismatch.roads.road_lock",
-        "mismatch.roads.next_pass",
-    ),
+    ("mismatch.posterior", "mismatch.roads.slow_force", "mismatch.roads.road_lock"),
     ("mismatch.correction",),
     ("mismatch.unrecorded",),
     ("mismatch.prepare",),

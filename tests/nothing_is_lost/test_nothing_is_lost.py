@@ -183,7 +183,6 @@ ALLOWED = {
     "deeptruck_model/recordings/crash_safe.py": "metadata.yaml of the bag that it has just made",
     "deeptruck_model/recordings/mcap_repair.py": "the repaired bag; what was cut off or replaced is kept",
     "deeptruck_model/fleet/storage.py": "its own drafts, and a truck's earlier result that its receipt names",
-    "deeptruck_model/mismatch/serving.py": "the temporary folder that it has made for its own run",
     "deeptruck_model/deep/card.py": "the resume point in the draft of its own run",
     "truck_bridge/can_logs/live.py": "the log that it has just made and in which nothing was received",
     "deeptruck_exam/cases/deep_trucks.py": "a draft with its own process's number, into the exam's own cache",

@@ -83,7 +83,6 @@ class Row:
     after: float | None
     budget: Mapping[str, float] | None = None
     agreement: Mapping[str, float] | None = None
-    next_pass: Mapping[str, Any] | None = None  # what another pass over the road leaves, as in verdict.json
 
     @property
     def false_alarm(self) -> bool:
@@ -178,7 +177,7 @@ def _of_withheld(result: Mapping[str, Any]) -> Row:
     }
     known |= {"said": tuple(known["said"] or ()), "sizes": tuple(known["sizes"] or ())}
     hidden = ", ".join(source.hide)
-    road = {"agreement": result["agreement"], "next_pass": result.get("next_pass")}
+    road = {"agreement": result["agreement"]}
     return Row(source.name, "its own", part, hidden, "", **known, **road)
 
 
@@ -218,8 +217,6 @@ def page(rows: Sequence[Row]) -> list[str]:
 def _cells(row: Row) -> tuple[str, ...]:
     road = row.agreement
     more = f" (slope: correlation {road['correlation']:.2f}, factor {road['slope']:.2f})" if road else ""
-    if row.next_pass:
-        more += f"; another pass leaves {row.next_pass['left']:.3f} of {row.next_pass['rms']:.3f} m/s^2"
     said = " ".join(row.said) or row.verdict
     errors = ("" if x is None else f"{x:.2f}" for x in (row.speed_error, row.after))
     parts = sorted((row.budget or {}).items(), key=lambda item: -item[1])

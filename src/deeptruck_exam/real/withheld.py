@@ -119,7 +119,6 @@ def _examine(source: Source, folder: Path, out: Path, updates: int) -> dict[str,
         **summary(run),
         "says": run.says if run.returncode else "",
         "agreement": asdict(agreement) if agreement else None,
-        "next_pass": (run.verdict.get("fit") or {}).get("next_pass"),
     }
 
 

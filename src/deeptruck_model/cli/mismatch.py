@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from threading import Event
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
     from deeptruck_model.mismatch.mechanisms import Mechanism
     from deeptruck_model.mismatch.roads.shared_roads import SharedRoads
-    from deeptruck_model.mismatch.serving import Again
 
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
@@ -79,7 +77,7 @@ def mismatch(
         bool,
         typer.Option(
             "--serve",
-            help="Then serve the report, in which rows can be left out; Ctrl-C ends it.",
+            hidden=True,
         ),
     ] = False,
 ) -> None:
@@ -98,6 +96,7 @@ def mismatch(
         lambda: speed_unit(units),
         lambda: _check_excluded(exclude or []),
         lambda: _own(mechanisms) and None,
+        lambda: _gone("--serve", "leave rows out by --without, which the report prints", serve),
     )
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
@@ -117,16 +116,13 @@ def mismatch(
         from deeptruck_model.mismatch.output import fill
 
         spans = [Span(*span) for span in left_out]
-        compare = partial(
-            find_mismatch, truck, fit, held, seed=seed, exclude=exclude or (), mass_kg=mass_kg,
+        found = find_mismatch(
+            truck, fit, held, seed=seed, exclude=exclude or (), without=spans, say=say, mass_kg=mass_kg,
             mechanisms=_own(mechanisms),
         )  # fmt: skip
-        found = compare(say=say, without=spans)
         say("writing the report")
         fill(draft, found, folders.apply_command(out), units)
     _show(found, out, units)
-    if serve:
-        _serve(found, out, units, lambda more, say: compare(without=[*spans, *more], say=say))
 
 
 def _show(found: Mismatch, out: Path, units: str) -> None:
@@ -141,15 +137,6 @@ def _show(found: Mismatch, out: Path, units: str) -> None:
     for caveat in found.result.caveats:
         if not any(caveat in line for line in said):
             print(f"note: {caveat}")
-
-
-def _serve(found: Mismatch, out: Path, units: str, again: Again) -> None:
-    """Serve the page until the program ends."""
-    from deeptruck_model.mismatch.serving import served
-
-    with served(found, out, again, units) as address:
-        print(f"page: {address}", flush=True)
-        Event().wait()
 
 
 def _spans(texts: list[str]) -> list[tuple[str, float, float]]:
@@ -260,9 +247,7 @@ def road(
     out: Annotated[Path, typer.Option(help="New bag.")],
     other: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder that 'mismatch' wrote of another vehicle: its slopes, where roads are shared."
-        ),
+        typer.Option(hidden=True),
     ] = None,
     topic_map: TopicMap = None,
     clock: ClockOption = None,
@@ -275,33 +260,23 @@ def road(
     Example: deeptruck-model road result/roads.csv a b c --out with_road
     """
     fleet, shared_roads = directory.is_file(), cache(partial(_shared_roads, directory))  # read once
-    given = [directory, *([other] if other else [])]
     checks.every(
         lambda: BAG_WITH_ROAD.check(out, overwrite=overwrite),
-        lambda: apart(out, *given, *recordings),
-        *(
-            (shared_roads, partial(_check_no_other, other))
-            if fleet
-            else [partial(folders.check_road, folder) for folder in given]
-        ),
+        lambda: apart(out, directory, *recordings),
+        lambda: _gone("--other", "use 'deeptruck-model fleet roads', which merges shared roads", other),
+        shared_roads if fleet else partial(folders.check_road, directory),
         lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
     from deeptruck_model.mismatch.roads.recovered_road import Roads, with_road
-    from deeptruck_model.mismatch.roads.road_of_another import with_road_of_another
 
     roads = shared_roads() if fleet else Roads.read(directory)
     read = rec.read_all(recordings, topic_map=topic_map, clock=clock, msg=msg or ())
-    if other is None or not isinstance(roads, Roads):
-        made, left_out = with_road(roads, read)
-        notes = [f"left out, as no slope was found for them: {', '.join(left_out)}"] if left_out else []
-    else:
-        made, covered = with_road_of_another(roads, Roads.read(other), read)
-        notes = [str(part) for part in covered]
+    made, left_out = with_road(roads, read)
     rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite, kind=BAG_WITH_ROAD)
     print(f"{len(made)} recording{'s' * (len(made) != 1)} with a grade in {out}")
-    for note in notes:
-        print(f"  note: {note}")
+    if left_out:
+        print(f"  note: left out, as no slope was found for them: {', '.join(left_out)}")
 
 
 def _shared_roads(table: Path) -> SharedRoads:
@@ -311,10 +286,10 @@ def _shared_roads(table: Path) -> SharedRoads:
     return SharedRoads.read(table)
 
 
-def _check_no_other(other: Path | None) -> None:
-    """Raises InputError if a folder of another vehicle is given together with roads.csv."""
-    if other is not None:
-        raise InputError("--other is for a folder that 'mismatch' wrote; roads.csv finds roads by positions")
+def _gone(option: str, instead: str, given: object) -> None:
+    """Raises InputError if an option is given that was removed."""
+    if given:
+        raise InputError(f"{option} was removed: {instead}")
 
 
 LEVEL_CASES, PLANT_CASES = 40, 5

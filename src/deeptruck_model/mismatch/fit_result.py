@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from deeptruck_model._io.json_data import SPARSE, stored
 from deeptruck_model.mismatch.folders import AS_GIVEN
-from deeptruck_model.mismatch.roads.next_pass import NextPass
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.strength import Strength
 
@@ -108,8 +107,6 @@ class FitResult:
     output_error: bool = field(default=False, metadata=SPARSE)
     # the simulator has no parameters: what refits them scales its forces instead
     scales_forces: bool = field(default=False, metadata=SPARSE)
-    # of a road that two passes share: what one predicts of the other
-    next_pass: NextPass | None = field(default=None, metadata=SPARSE)
     # None where it needs nothing beyond the protocol
     without_exogenous: WithoutExogenous | None = field(default=None, metadata=SPARSE)
     errors: FreeRunErrors | None = field(default=None, metadata=stored(flat=True))

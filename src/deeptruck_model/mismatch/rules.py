@@ -302,12 +302,6 @@ class Limits:
     road_windows: int = _rule(
         3, "windows", "apart from each other, that must be found again on a road", CHOSEN
     )
-    least_stretches: int = _rule(
-        3, "segments", "of road ahead, below which another pass predicts nothing", CHOSEN
-    )
-    road_shared: int = _rule(
-        20, "windows", "of 6 km, 100 m apart, that must agree in a row with the road of another drive", CHOSEN
-    )
     position_agrees: float = _rule(
         0.5, "1", "of the distance driven, or its inverse, that recorded positions must give", CHOSEN
     )

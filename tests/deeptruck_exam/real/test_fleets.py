@@ -49,12 +49,6 @@ def test_a_pair_is_answered_where_the_budget_leaves_little_and_no_false_name_is_
     assert not quiet.answered and not replace(ROW, budget=little).answered
 
 
-def test_the_page_says_what_another_pass_over_a_road_leaves() -> None:
-    again = {"km": 28.0, "rms": 0.112, "left": 0.0414, "smaller_ci95": [0.54, 0.78]}
-    text = "\n".join(page([replace(ROW, said=("road_grade",), withheld="grade", next_pass=again)]))
-    assert "| road_grade; another pass leaves 0.041 of 0.112 m/s^2 |" in text
-
-
 def test_a_folder_that_is_not_there_and_one_without_logs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no folder"):
         check_real(tmp_path / "nowhere", tmp_path / "out")

@@ -9,7 +9,6 @@ const canvas = part("strip"), plot = new Plot(canvas, 480);
 const names = Object.keys(data.labels), SPEEDS = ["speed", "simulated speed", "corrected speed"];
 const COLOURS = ["#222222", "#d55e00", "#009e73"], LAGS_S = 10, BOUND = 2.58;  // of 99 % of uncorrelated noise
 data.drives.forEach((d, k) => drives.add(new Option(d.name, k)));
-const marks = [];  // rows that are to be left out; those of a page that is served alone
 let view = null, pointer = null;
 
 const per = name => SPEEDS.includes(name) ? Number(shown.per) : 1;
@@ -70,7 +69,6 @@ function strip(d, from, to, list, colours, says, last) {
   plot.scale(reached(d), reach(parts.map(c => c.v)));
   data.segments.filter(s => s.drive === d.name).forEach(s => plot.span(s.from, s.to, "#e69f00", 0.18));
   data.events.filter(x => x.drive === d.name).forEach(x => plot.span(x.from, x.to, "#7b1fa2", 0.22));
-  marks.filter(m => m.drive === d.name).forEach(m => plot.span(m.from, m.to, "#555555", 0.25));
   plot.axes(last ? "time, s" : "", says);
   parts.forEach((c, k) => plot.line(c.t, c.v, colours[k]));
   if (pointer !== null) plot.span(pointer, pointer, "#555555", 0.6);
@@ -107,9 +105,8 @@ function draw() {
   const t = pointer, list = [...new Set([...speeds, ...forces, channels.value])];
   part("cursor").textContent = t === null ? "" : `${t.toFixed(1)} s: ` + list.filter(n => at(d, n, t) !== null)
     .map(n => `${data.labels[n]} ${said(at(d, n, t), units(n))}`).join(", ");
-  const out = [...marks, ...(view && !marks.length ? [{drive: d.name, from: view[0], to: view[1]}] : [])];
-  part("without").textContent = out.map(m => `--without ${quoted(m.drive)}:${m.from.toFixed(1)}:${m.to.toFixed(1)}`).join(" ");
-  part("leave").hidden = !out.length;
+  if (view) part("without").textContent = `--without ${quoted(d.name)}:${view[0].toFixed(1)}:${view[1].toFixed(1)}`;
+  part("leave").hidden = !view;
   if (part("correlations").open) correlations(d);
 }
 

@@ -13,7 +13,6 @@ from deeptruck_model import pages
 from deeptruck_model.mismatch import folders
 from deeptruck_model.mismatch.budget import Part
 from deeptruck_model.mismatch.found import Mismatch
-from deeptruck_model.mismatch.prepare import LEFT_OUT
 from deeptruck_model.mismatch.report import explorer_data, lines, over_speed
 from deeptruck_model.mismatch.report.wording import ROOT, opened, percent, spoken
 from deeptruck_model.mismatch.residual.evidence import unit
@@ -23,7 +22,6 @@ from deeptruck_model.mismatch.tree import LEFT_OVER, UNKNOWN
 from deeptruck_model.signals import Said, Speed, shown, speed_unit
 
 LEAST_SHARE = 0.005  # of the budget: a smaller part has no row
-LEAST = 0.02  # of the budget before or after: the same beside another
 ROWS = {"before": "as given", "parameters_only": "parameters refitted alone", "after": "corrected"}
 
 
@@ -33,13 +31,12 @@ def write(found: Mismatch, path: Path, command: str = "", units: str = "m/s") ->
     path.write_text(html(found, command, units=units), encoding="utf-8")
 
 
-def html(found: Mismatch, command: str = "", *, served: bool = False, units: str = "m/s") -> str:
-    """The page; a page that is `served` can exclude rows and repeat the comparison."""
+def html(found: Mismatch, command: str = "", *, units: str = "m/s") -> str:
+    """The page as one text."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    content = {**_in_units(_content(found, command, units), units), "served": served}
-    content["script"] += _file("again.js") if served else ""
+    content = _in_units(_content(found, command, units), units)
     return environment.from_string(_file("report.html.jinja")).render(content)
 
 
@@ -71,36 +68,6 @@ def _in_units(content: dict[str, Any], units: str) -> dict[str, Any]:
 
 def _said(text: Any, units: str) -> Any:
     return shown(text, units) if isinstance(text, str) else [shown(line, units) for line in text]
-
-
-def brief(found: Mismatch, before: Mismatch, units: str = "m/s") -> dict[str, Any]:
-    """A result compared with the one `before`, as JSON values: sentences, budget shares and speed errors, in
-    `units`."""
-    v = found.result
-    says = (*lines.what(v), *lines.how_probable(v), *lines.refitted(v), *lines.what_to_do(v), errors_say(v))
-    budgets = [m.result.budget for m in (before, found)]
-    shares = [{} if b is None else {p.part: p.share for p in b.parts} for b in budgets]
-    named = dict.fromkeys([*shares[1], *shares[0]])
-    parts = [p for p in named if max(s.get(p, 0.0) for s in shares) >= LEAST]
-    return {
-        "headline": shown(lines.headline(v), units),
-        "lines": [shown(line, units) for line in says],
-        "budget": [[spoken(p), *(percent(s.get(p, 0.0)) for s in shares)] for p in parts],
-        "errors": [
-            [name, *(_error(m, key, units) for m in (before, found))]
-            for key, name in ROWS.items()
-            if _error(found, key, units)
-        ],
-        "units": units,
-        "left_out": next((r.samples for r in v.data.rejected if r.rule == LEFT_OUT), 0),
-    }
-
-
-def _error(found: Mismatch, key: str, units: str) -> str:
-    """Speed error of one of the simulators along the held-out drives, in `units`; empty without free
-    runs."""
-    e = found.errors.get(key)
-    return f"{speed_unit(units) * e.rmse().speed:.3f}" if e is not None and len(e.speed) else ""
 
 
 def _file(name: str) -> str:

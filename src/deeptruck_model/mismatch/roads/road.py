@@ -18,10 +18,8 @@ from scipy.special import gammainc
 
 from deeptruck_model.mismatch.names import Named
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.roads.next_pass import NextPass
-from deeptruck_model.mismatch.roads.road_lock import RoadLock, road_lock
+from deeptruck_model.mismatch.roads.road_lock import LENGTH_M, RoadLock, road_lock
 from deeptruck_model.mismatch.roads.slow_force import plain_truck, slow_force
-from deeptruck_model.mismatch.roads.windows import LENGTH_M
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.mismatch.tree import UNKNOWN, Tree
 from deeptruck_model.signals import FELT
@@ -42,11 +40,6 @@ class Road:
     force: Array
     lock: RoadLock | None
     tree: Tree
-
-    @property
-    def ahead(self) -> NextPass | None:
-        """What another pass predicts of the road beyond the windows that matched."""
-        return self.lock.ahead if self.lock is not None else None
 
     def named(self) -> Named:
         """The road as a `Named`, since no kernel of the simulator's residual contains it."""

@@ -59,7 +59,6 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
     offered = decide.offered(numbers, kind, rules)
     forces = {i: f.force for i, f in enumerate(found) if f.force is not None}
     error = np.sum(list(forces.values()), axis=0) if forces else e.residual
-    ahead = slope.ahead if slope is not None else None
     return Verdict(
         kind,
         found,
@@ -71,7 +70,6 @@ def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
             fit,
             offered=offered,
             validated=offered != AS_GIVEN,
-            next_pass=ahead,
             corrected_forces=_forces(e, made),
         ),
         Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean()), c.drives.doubts),

@@ -1,0 +1,38 @@
+"""The report in a browser: its picture, and the option that it prints to leave rows out."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import page_browser
+import pytest
+
+from deeptruck_model import mismatch
+from deeptruck_model.mismatch import Mismatch
+
+
+@pytest.mark.long
+@pytest.mark.skipif(
+    page_browser.CHROMIUM is None, reason="no chromium here; install it (apt-get install chromium) to look"
+)
+def test_the_rows_shown_are_printed_as_an_option_that_leaves_them_out(
+    lazy_brake: Mismatch, tmp_path: Path
+) -> None:
+    mismatch.write(lazy_brake, tmp_path / "found")
+    with page_browser.opened(tmp_path / "profile") as open_page:
+        page = open_page((tmp_path / "found" / "report.html").as_uri(), 420, 800)
+        page.wait("document.getElementById('drive').options.length > 2")
+        page.get("drives.value = 0; view = null; against.value = 'speed'; draw()")
+        assert re.match(r"simulated speed fits [\d.]+ %, off by [\d.]+ m/s \(rms\)", page.text("fit"))
+        assert page.get("document.getElementById('leave').hidden")
+        page.get("view = [20, 50]; against.value = ''; draw()")
+        name = lazy_brake.prepared[0].recording.name
+        assert page.text("without") == f"--without {name}:20.0:50.0"
+        assert page.get("rows(data.drives[0], 'speed').step") == pytest.approx(0.1)  # as recorded
+        page.get("canvas.onpointermove({clientX: canvas.getBoundingClientRect().left + 200})")
+        page.wait("document.getElementById('cursor').textContent.includes(' s: speed ')")
+        page.get("document.getElementById('correlations').open = true")
+        page.wait("document.getElementById('ranked').textContent")
+        assert page.get("document.documentElement.scrollWidth") == 420
+        assert page.errors == []
