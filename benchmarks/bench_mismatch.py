@@ -14,12 +14,13 @@ import json
 import shutil
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import harness
 import numpy as np
+from ideal_observer import AHEAD, ideal, true_force, with_events
 from threadpoolctl import threadpool_limits
 
 from deeptruck_exam.cases.case import Case, further_drives, make_case, open_truth
@@ -30,8 +31,12 @@ from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_exam.tool import excluded
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import Mismatch, find_mismatch
+from deeptruck_model.mismatch import Mismatch
+from deeptruck_model.mismatch.called import called
+from deeptruck_model.mismatch.comparison import Compared
+from deeptruck_model.mismatch.find import compared, concluded
 from deeptruck_model.mismatch.folders import AS_GIVEN, CORRECTION
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import FAMILY, LEFT_OVER, ROOT, UNKNOWN
 
 NULL = "nothing_missing"
@@ -73,6 +78,8 @@ def main() -> None:
         *summary(rows),
         "",
         *by_level(rows),
+        "",
+        *by_name(rows),
     ]
     if given.print:
         print("\n".join(lines))
@@ -92,11 +99,12 @@ def examined(out: Path, level: str, seed: int, minutes: float) -> Row:
     truth = open_truth(case)
     began = time.process_time()
     try:
-        found = run(case)
+        found, c = run(case)
     except InputError as error:
         row = {"cpu_s": time.process_time() - began, **judged(truth, {}, str(error))}
     else:
         row = {"cpu_s": time.process_time() - began, **judged(truth, found.verdict)}
+        row["ideal"] = shown_by_the_data(case, truth, c)
         if row["offered"] != AS_GIVEN:
             row["further"] = along_further_drives(case, truth, found, row["offered"])
     shutil.rmtree(folder)
@@ -109,16 +117,37 @@ def kept(out: Path, level: str, seed: int) -> Path:
     return out / f"{level}-{seed}.json"
 
 
-def run(case: Case) -> Mismatch:
-    """Run the tool on a case, on one core."""
+def run(case: Case) -> tuple[Mismatch, Compared]:
+    """Run the tool on a case, on one core, as `find_mismatch` does; and what it compared."""
+    rules, left_out = Rules(), excluded(case)
     with threadpool_limits(1):
-        return find_mismatch(
+        truck, fit, held = called(
             case.simulator,
             [str(path) for path in case.paths(case.fit)],
             [str(path) for path in case.paths(case.held_out)],
-            exclude=excluded(case),
-            say=lambda step: None,
+            seed=0,
+            exclude=left_out,
+            without=(),
+            say=None,
+            rules=rules,
+            mass_kg=None,
         )
+        c = compared(truck, fit, held, exclude=left_out, rules=rules)
+        if not isinstance(c, Compared):
+            raise InputError(f"nothing can be compared: {c.useless}")
+        return concluded(truck, c, rules, lambda step: None), c
+
+
+def shown_by_the_data(case: Case, truth: Mapping[str, Any], c: Compared) -> Row | None:
+    """What an ideal observer could tell of a case with one hidden force; None for any other case."""
+    if len(truth["effects"]) != 1 or truth["simulator"] != "physics":
+        return None
+    with np.load(case.folder / "truth" / "drives.npz") as archive:
+        extra = dict(zip((*case.fit, *case.held_out), archive["extra"], strict=True))
+    effect = truth["effects"][0]
+    with threadpool_limits(1):
+        found = ideal(with_events(c), true_force(c, extra), effect["name"], effect["accepts"])
+    return found and {**asdict(found), "attainable": found.attainable, "held": found.held}
 
 
 def along_further_drives(
@@ -175,6 +204,12 @@ def judged(truth: Mapping[str, Any], verdict: Mapping[str, Any], says: str = "")
     }
 
 
+def is_attainable(row: Row) -> bool:
+    """Whether the data of a case show its effect; a parameter, a sensor or a slope, which is no force of its
+    own, counts as shown."""
+    return bool(row["ideal"]["attainable"]) if row.get("ideal") else True
+
+
 def parameters_off(truth: Mapping[str, Any]) -> list[str]:
     """Parameters that the simulator has otherwise than the truck. Of one that was fitted to drives with the
     effect in them they are no error of the tool's to name, and no answer to what is missing."""
@@ -194,6 +229,8 @@ def summary(rows: Sequence[Row]) -> list[str]:
     """Lines of the table of all cases."""
     one = [r for r in rows if len(r["true"]) == 1 and r["level"] not in NO_NAME]
     first = [r for r in one if r["said"]]
+    shown = [r for r in one if is_attainable(r)]
+    open_cases = [r for r in one if not is_attainable(r)]
     named_rows = [r for r in rows if r["level"] not in NO_NAME]
     stated = [(s, [*r["true"], *r["also_true"]]) for r in named_rows for s in r["stated"]]
     said_at = [
@@ -216,6 +253,12 @@ def summary(rows: Sequence[Row]) -> list[str]:
     ratio = np.exp(np.mean([np.log(r["after"] / r["before"]) for r in driven])) if driven else np.nan
     logs = [np.log(max(r["probability"], LEAST)) for r in one]
     out = {
+        f"attainable, by {AHEAD:g} evidence temperatures: right first; in the set": _of(
+            r["right_first"] for r in shown
+        )
+        + f"; {_of(r['in_group'] for r in shown)}",
+        "the others: right first; no name stated": _of(r["right_first"] for r in open_cases)
+        + f"; {_of(not any(s in FAMILY and s != UNKNOWN for s in r['stated']) for r in open_cases)}",
         "single effects, right first": _of(r["right_first"] for r in one),
         "in the credible set; names in a set": f"{_of(r['in_group'] for r in one)}; {np.mean(sizes):.1f}",
         "family right first": _of(FAMILY[r["said"][0]] == FAMILY[r["true"][0]] for r in first)
@@ -283,6 +326,27 @@ def by_level(rows: Sequence[Row]) -> list[str]:
         named = [r["right_first"] for r in own if r["true"]]  # of nothing there is no name
         out.append(f"{level.replace('_', ' ')} | {_of(named) if named else '-'} | {'; '.join(wrong)}")
     return harness.table("level | right first | otherwise", out)
+
+
+def by_name(rows: Sequence[Row]) -> list[str]:
+    """Lines of a table of what the laws of each name hold of the true force, in attainable cases."""
+    out = []
+    shown = [r for r in rows if r.get("ideal") and is_attainable(r)]
+    for name in sorted({r["true"][0] for r in shown}):
+        each = [r for r in shown if r["true"] == [name]]
+        held = ", ".join(f"{r['ideal']['held']:.2f}" for r in each)
+        ahead = ", ".join(f"{r['ideal']['tool_ahead']:.0f} of {r['ideal']['ahead']:.0f}" for r in each)
+        rival = ", ".join(
+            f"{r['ideal']['rival'].replace('_', ' ')} "
+            f"{r['ideal']['rival_nats'] / r['ideal']['force_nats']:.2f}"
+            for r in each
+        )
+        out.append(f"{name.replace('_', ' ')} | {held} | {rival} | {ahead}")
+    return harness.table(
+        "name | share of the true force's evidence that its laws hold | the best rival's | ahead of every "
+        "set without it, in evidence temperatures",
+        out,
+    )
 
 
 def _above(value: float | None, least: float) -> bool:

@@ -71,10 +71,15 @@ def find_mismatch(
         )  # fmt: skip
         if not isinstance(c, Compared):
             return Mismatch(useless(c), None, {}, None, c.prepared)
-        say("correcting the simulator and driving it free")
-        made = correct(truck, c.posterior, c.drives, c.given)
-        driven = validate(truck, made, c.drives, rules)
-        verdict = conclude(c, made, driven)
+        return concluded(truck, c, rules, say)
+
+
+def concluded(truck: Simulator, c: Compared, rules: Rules, say: Callable[[str], None]) -> Mismatch:
+    """The second half of `find_mismatch`: a correction, free runs with it, and the verdict."""
+    say("correcting the simulator and driving it free")
+    made = correct(truck, c.posterior, c.drives, c.given)
+    driven = validate(truck, made, c.drives, rules)
+    verdict = conclude(c, made, driven)
     return Mismatch(
         verdict,
         c.given,

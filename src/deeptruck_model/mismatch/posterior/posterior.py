@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.mechanisms.courses import FINE_M, SLOW_KNOT_S
 from deeptruck_model.mismatch.mechanisms.road import HILLY
 from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
 from deeptruck_model.mismatch.posterior.regression import FREE, Regression, changed_by
-from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Draws, sample
+from deeptruck_model.mismatch.posterior.sampler import SIZES, SWEEPS, Blocks, Draws, Reduced, sample
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import ORDER, TAIL, Fit, Prior, fit, ridge, whiten
 from deeptruck_model.mismatch.rules import Limits
@@ -131,6 +131,12 @@ class Posterior:
                     out += k.features @ b.mean(axis=0)
         return out
 
+    def beside(self, more: Sequence[Kernel]) -> Reduced:
+        """The blocks of this posterior with `more` of them behind, without draws."""
+        y = self.search.series.y - self.mean
+        blocks = _blocks(self.search, (*self.of, *more), self.always, y, self.noise)
+        return Reduced(blocks, np.arange(self.always.shape[1]))
+
     def on_columns(self, name: str, columns: Array) -> Array:
         """Coefficients (m, k) of columns (n, k) whose force is nearest to the name's in each draw in which it
         is in."""
@@ -161,19 +167,11 @@ def posterior(
     error = _form_error(search)
     always = np.concatenate([X * prior.sd, error], axis=1)
     mean = X @ prior.mean
-    sizes = np.cumsum([always.shape[1], *(k.features.shape[1] for k in of)])
-    at = tuple(np.arange(a, b) for a, b in itertools.pairwise(sizes))
     y = search.series.y - mean
-    nameless = search.rules.odds if search.e.has(FELT) else DRIFT_ODDS
-    each = {**dict.fromkeys(NO_NAME, nameless), SLOPE: DRIFT_ODDS}
-    odds = np.log([each.get(k.part, search.rules.odds) * k.chance for k in of])
-    signed = [None if k.sign is None else _signed(k, search) for k in of]
-    columns = [always, *(k.features for k in of)]
-    first = np.arange(always.shape[1])
+    first, at = np.arange(always.shape[1]), _places_of(always, of)
 
     def drawn(noise: Fit, sweeps: int) -> Draws:
-        gram, pull = _products(search, columns, y, noise)
-        blocks = Blocks(gram, pull, at, odds, signed)
+        blocks = _blocks(search, of, always, y, noise)
         return sample(blocks, first, search.rules.evidence_temperature, seed, sweeps=sweeps)
 
     if noise is None:
@@ -192,6 +190,22 @@ def posterior(
                 break
     draws = drawn(noise, sweeps)
     return Posterior(search, of, at, draws, always, error.shape[1], mean, noise, prior, draws.alone)
+
+
+def _places_of(always: Array, of: Sequence[Kernel]) -> tuple[NDArray[np.intp], ...]:
+    """The columns of every block, behind those that are always in."""
+    ends = np.cumsum([always.shape[1], *(k.features.shape[1] for k in of)])
+    return tuple(np.arange(a, b) for a, b in itertools.pairwise(ends))
+
+
+def _blocks(search: Regression, of: Sequence[Kernel], always: Array, y: Array, noise: Fit) -> Blocks:
+    """Inner products of all blocks, given the noise."""
+    gram, pull = _products(search, [always, *(k.features for k in of)], y, noise)
+    nameless = search.rules.odds if search.e.has(FELT) else DRIFT_ODDS
+    each = {**dict.fromkeys(NO_NAME, nameless), SLOPE: DRIFT_ODDS}
+    odds = np.log([each.get(k.part, search.rules.odds) * k.chance for k in of])
+    signed = [None if k.sign is None else _signed(k, search) for k in of]
+    return Blocks(gram, pull, _places_of(always, of), odds, signed)
 
 
 def _form_error(search: Regression) -> Array:

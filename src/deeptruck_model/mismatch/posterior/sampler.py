@@ -25,6 +25,7 @@ SIZES = np.array([0.15, 0.4, 1.0, 2.5])  # of a block beside its prior sd, equal
 OUT = -1
 LEAST_POWER = 0.02  # of a direction at the largest size, in units of the noise: less says nothing
 SWEEPS, BURN_IN = 240, 60
+LEAST_STEP = 1e-6  # of log probability, by which another state is more probable
 MOST_KNOWN = 300  # states that are remembered: a root is up to a megabyte
 
 
@@ -212,6 +213,32 @@ def sample(blocks: Blocks, always: Places, unit: float, seed: int = 0, sweeps: i
             coefficients.append(r.drawn(state, unit, rng))
     alone = r.table((OUT,) * len(r.at))
     return Draws(np.array(states), np.array(coefficients), alone, r)
+
+
+def most_probable(
+    r: Reduced, unit: float, log_odds: Array, start: State | None = None
+) -> tuple[State, float]:
+    """The state that putting blocks in, leaving them out and exchanging them one by one leads to, and its log
+    probability over that of `start`, by default the empty state. A block of `start` stays in; one whose log
+    prior odds (blocks,) are minus infinity stays out."""
+    state = start = start or (OUT,) * len(r.at)
+    odds = log_odds - np.log(len(SIZES))
+    held = {j for j, s in enumerate(start) if s != OUT}
+    gained = 0.0
+    while True:
+        steps = [(state, 0.0)]
+        for j in [j for j, s in enumerate(state) if s != OUT and j not in held]:
+            without = _with(state, j, OUT)
+            steps.append((without, -float(r.gains(without, j)[state[j]] / unit + odds[j])))
+        found = []
+        for there, change in steps:
+            worth = change + r.table(there) / unit + odds[:, None]
+            block, size = np.unravel_index(int(np.argmax(worth)), worth.shape)
+            found += [(float(worth[block, size]), _with(there, int(block), int(size))), (change, there)]
+        change, best = max(found, key=lambda step: step[0])
+        if change <= LEAST_STEP:
+            return state, gained
+        state, gained = best, gained + change
 
 
 def _greedy(r: Reduced, unit: float) -> State:

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.posterior.sampler import OUT, Blocks, Draws, Reduced, sample
+from deeptruck_model.mismatch.posterior.sampler import (
+    OUT,
+    SIZES,
+    Blocks,
+    Draws,
+    Reduced,
+    most_probable,
+    sample,
+)
 
 N = 400
 RNG = np.random.default_rng(0)
@@ -83,3 +92,23 @@ def test_columns_that_are_always_in_take_their_part_first() -> None:
 def test_draws_are_repeatable() -> None:
     y = X[:, 3:6] @ np.ones(3) + noise(6)
     assert np.array_equal(drawn(y).states, drawn(y).states)
+
+
+def test_the_most_probable_state_is_that_of_an_exhaustive_search() -> None:
+    y = X[:, 3:6] @ np.ones(3) + X[:, 6:9] @ np.full(3, 0.6) + noise(6)
+    r = Reduced(problem(y), NONE)
+    each = itertools.product(range(OUT, len(SIZES)), repeat=4)
+
+    def worth(state: tuple[int, ...]) -> float:
+        return r.evidence(state) + sum(
+            r.log_odds[j] - np.log(len(SIZES)) for j in range(4) if state[j] != OUT
+        )
+
+    best = max(each, key=worth)
+    found, gained = most_probable(r, 1.0, r.log_odds)
+    assert found == best
+    assert gained == pytest.approx(worth(best), abs=1e-6)
+    held = (OUT, OUT, OUT, 0)
+    assert most_probable(r, 1.0, r.log_odds, held)[0][3] == 0
+    without = np.where(np.arange(4) == 1, -np.inf, r.log_odds)
+    assert most_probable(r, 1.0, without)[0][1] == OUT
