@@ -62,7 +62,7 @@ class Process:
             case "wire":
                 self.bus.fault = value
             case "lie":
-                self.bus.lie = of_line(self.bridge.vehicle, values)
+                self.bus.lies = [of_line(self.bridge.vehicle, list(values))]
             case "clock":
                 true = time.monotonic
                 time.monotonic = lambda: true() + float(value)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from copy import copy
+from collections.abc import Callable, Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple, Protocol
 
 import can
 import numpy as np
-from fault_table import DRIVELINE, Forger
 from fault_wire import Wire
 
 from deeptruck_cacc import load_policy
-from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_cacc.safety.guard import Guard, guard
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
@@ -77,25 +75,15 @@ class Lane:
         self._last = (t, speed, speeds)
 
 
-Actuator = Callable[[float, float, float], tuple[float, float]]  # of s, engine and brake: what they do
+Forger = Callable[[Vehicle, float], Iterator[tuple[int, bytes]]]  # the frames that leave now
+DRIVELINE = {"engine_speed", "gear_ratio", "driveline", "shifting", "lockup"}  # the witness of a speed
 Reading = tuple[float, float, float]  # range, the object's speed, age of the stamp
 
 
 class RadarFault(Protocol):
     """What comes in place of a reading."""
 
-    def readings(self, elapsed: float, gap: float, speed: float) -> list[Reading]: ...
-
-
-class _Truck(EcuEmulator):
-    """The emulator, whose engine and brakes may not do what they are told."""
-
-    actuator: Actuator | None = None
-
-    @property
-    def command(self) -> tuple[float, float]:
-        engine, brake = super().command
-        return (engine, brake) if self.actuator is None else self.actuator(self._time or 0.0, engine, brake)
+    def readings(self, now: float, gap: float, speed: float) -> list[Reading]: ...
 
 
 class Stop(NamedTuple):
@@ -106,7 +94,7 @@ class Stop(NamedTuple):
 
 
 class Chain:
-    """A truck that follows a leader over the bus; all is sound until `lie`, `actuator` or `forged` is set.
+    """A truck that follows a leader over the bus; `lies` and `forged` are faults of radar and bus.
 
     `policy` is a text as of the start scripts. The truck begins at the speed of the leader or first object,
     on a slope that is drawn unless `grade` is given by distance.
@@ -128,20 +116,19 @@ class Chain:
         self.ours.peer, self.trucks.peer = self.trucks, self.ours
         self.bridge = Bridge(vehicle, self.ours)
         slope = float(rng.uniform(-0.01, 0.02))
-        self.truck = _Truck(
+        self.truck = EcuEmulator(
             vehicle, self.trucks, truck=truck, speed=speed, grade=grade or (lambda distance: slope)
         )
         self.lane = Lane(objects)
-        self.radar, self.lie = Radar(errors, int(rng.integers(1 << 31))), None
+        self.radar, self.lies = Radar(errors, int(rng.integers(1 << 31))), list[RadarFault]()
         self.guard = controller(vehicle, policy)
         self.following = Following(self.guard, TIME_GAP_S, LOST_S)
-        self.forged: Forger | None = None
+        self.readings: list[Reading] = []  # of this step
+        self.forged: list[Forger] = []
         self._samples = Alignment(False, vehicle.interface["grade"], STALE_S)
-        self._published = self._sent = self._observed = self._lead = self._lied = -math.inf
+        self._published = self._sent = self._observed = self._lead = -math.inf
         self._engaged = False
         self.bridge.arm(0.0)
-
-    lie: RadarFault | None
 
     def engage(self) -> tuple[str, ...]:
         """A person asks for control; returns why not."""
@@ -159,10 +146,11 @@ class Chain:
         self.ours.now = self.trucks.now = self.now
         self.truck.step(self.now)
         self.lane.update(self.now, self.truck.speed)
-        for can_id, data in self.forged(self.vehicle, self.now) if self.forged else ():
+        for can_id, data in (frame for one in self.forged for frame in one(self.vehicle, self.now)):
             for side in (self.ours, self.trucks):
                 message = can.Message(arbitration_id=can_id, data=data, is_extended_id=True)
                 side.inbox.append((self.now, message))
+        self.readings = []
         signals = self.bridge.poll(self.now)
         silent = self.now - self._published > STALE_S
         if self.bridge.received_at("speed") > self._published or silent:
@@ -182,9 +170,10 @@ class Chain:
     def _sense(self) -> None:
         gap, speed = self.radar.sense(self.now, *self.lane.seen)
         readings = [(gap, speed, 0.0)]
-        if self.lie is not None:
-            self._lied = self.now if math.isinf(self._lied) else self._lied
-            readings = self.lie.readings(self.now - self._lied, gap, speed)
+        for lie in self.lies:
+            told = ((age, lie.readings(self.now, *bent)) for *bent, age in readings)
+            readings = [(g, v, older + age) for age, found in told for g, v, older in found]
+        self.readings = readings
         for number, (seen, its_speed, age) in enumerate(readings):
             stamp = self.now - age + 1e-3 * number
             seen = seen if 0.5 <= seen <= REACH_M else math.nan
@@ -208,17 +197,22 @@ class Chain:
         self._sent = self.now
         self.bridge.command(*self.following.held, self.now, engaged=self._engaged)
 
-    def braking_fully(self, seconds: float = 30.0) -> Stop:
-        """What the truck as it is now reaches by its full brake command alone, whatever its brakes do."""
-        truck, lane, now = self.truck, copy(self.lane), self.now
-        lane._gaps = list(lane._gaps)
+    def braking_fully(self, fails: Callable[[float], dict[str, float]] | None = None) -> Stop:
+        """What the truck as it is now reaches by its full brake command alone, within 30 s.
+
+        `fails`: fields of the brake's `Actuator` at a time, s, where they change after now.
+        """
+        truck, (lane, actuators), now = self.truck, deepcopy((self.lane, self.truck.actuators)), self.now
         state, speed, distance, least = truck._state, truck.speed, truck.distance, lane.ahead[0]
-        low, high = 0.0, ActionScale.of(truck._truck).brake_high
-        while now < self.now + seconds:
+        while now < self.now + 30.0:
             now += truck._truck.dt
-            command = (low, high) if truck.actuator is None else truck.actuator(now, low, high)
+            for key, value in (fails(now) if fails else {}).items():
+                setattr(actuators["brake"], key, value)
+            for axis, actuator in actuators.items():
+                actuator.act(actuator.full if axis == "brake" and not actuator.lost else 0.0, now)
+            command = self.vehicle.commands({axis: actuator.given for axis, actuator in actuators.items()})
             w = np.array([[truck._grade(distance)][: len(truck._truck.interface.w)]])
-            state, y = truck._truck.step(state, np.array([command]), w)
+            state, y = truck._truck.step(state, np.array([[*command][: len(truck._truck.interface.u)]]), w)
             speed = float(y[0, 1])
             distance += speed * truck._truck.dt
             lane.update(now, speed)
@@ -239,7 +233,7 @@ class Chain:
             coupled = coupled and hearing.value("lockup") == 1
         most = max(true, hearing.value("speed"))
         tolerance = line.tolerance * most + line.slack_m_s + AGE_M_S
-        by_engine = coupled and not lied & set(DRIVELINE) and most > line.above_m_s and away > tolerance
+        by_engine = coupled and not lied & DRIVELINE and most > line.above_m_s and away > tolerance
         return by_engine or ("second_speed" not in lied and away > self.vehicle.table.speed_gap_m_s + AGE_M_S)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Lies on the bus: what a node, a gateway or a broken sensor may make of the frames that the bridge hears.
+"""What a node, a gateway or a broken sensor may make of frames and readings.
 
 A lie is a line: kind, signals of the vehicle's table (or `all`), size. It is told from its first frame on.
 """
@@ -165,13 +165,14 @@ class RadarLie:
     kind: str
     signals: tuple[str, ...]
     size: float = math.nan
+    _since: float = math.nan
     _kept: tuple[float, float] | None = None
     _past: list[tuple[float, float]] = field(default_factory=list)
 
-    def readings(self, elapsed: float, gap: float, speed: float) -> list[tuple[float, float, float]]:
-        """Gap, speed and age of the stamp of what arrives in place of a reading, `elapsed` s after the
-        first."""
-        true = (gap, speed)
+    def readings(self, now: float, gap: float, speed: float) -> list[tuple[float, float, float]]:
+        """Gap, speed and age of the stamp of what arrives in place of a reading."""
+        self._since = now if math.isnan(self._since) else self._since
+        true, elapsed = (gap, speed), now - self._since
         self._kept = self._kept or true
         self._past.append(true)
         count = len(self._past)

@@ -1,13 +1,14 @@
-"""The whole chain on the road: drawn faults of radar, bus and other nodes, and what the truck does then.
+"""The whole chain on the road: what is ahead, what is at fault, and what the truck does then.
 
-`python tests/truck_bridge/fault_road.py --runs 1000` runs radar, controller, bridge and truck in lock-step
-(`fault_chain.py`) through the table of scenes (`fault_table.py`). With `--processes 50` bridge and truck are
-processes in real time, with what must end control. Every run is drawn from its seed.
+`python tests/truck_bridge/fault_road.py --runs 1000` drives radar, controller, bridge and truck in lock-step
+(`fault_chain.py`) through scenes that are drawn from the tables of `fault_table.py`: traffic, none to two
+faults, slope and load. Every run is drawn from its seed.
 
-A run is broken where the truck brakes beyond 1 m/s^2 and neither the leader nor the true gap is the cause,
-until 3 s after control ended; where control is kept for more than 1 s on a speed that another signal
-contradicts beyond the vehicle's own tolerances; where the truck hits the leader under control; where a scene
-that must end control does not, or one that is to be bridged does; and where control ends without a fault.
+A run is broken where the truck hits what is ahead faster than full braking would from the second true reading
+after it happened; where it brakes beyond 1 m/s^2 and neither traffic nor the true gap is the cause, until 3 s
+after control ended; where control is kept for more than 1 s on a speed that another signal contradicts
+beyond the vehicle's own tolerances; where a fault that must end control does not, or one that is to be
+bridged does; and where control ends without a fault.
 """
 
 from __future__ import annotations
@@ -19,128 +20,195 @@ import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-from fault_chain import Chain
-from fault_lies import Lie, RadarLie
+from fault_chain import TIME_GAP_S, Chain, Object, Stop
 from fault_table import (
-    BUS,
-    LASTS,
+    FAULTS,
+    GRADES,
+    HARMLESS,
+    LOADS,
     MOMENTS,
-    SCENES,
+    TRAFFIC,
     UNSEEN,
-    forger,
+    begin,
+    draw,
     must_bridge,
     must_end,
     possible,
-    senders,
 )
 from fault_world import NAMES, load
 
-from deeptruck_nodes.leaders import Steps
+from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators import load as load_truck
+from truck_bridge.emulator.ecus import Actuator
 
 ENGAGED_AT, LENGTH, AFTER_S = 0.6, 12.0, 3.0
 KEPT_S = 1.0
 BRAKED = -1.0  # m/s^2 beyond the slope
-MEAN_S = 0.3  # over which an acceleration counts
+MEAN = 31  # steps over which an acceleration counts, 0.3 s
+CLOSING = 0.5  # m/s^2, from which the closing speed asks for braking
 CAUSE_S = 4.0  # for which a leader that slowed down explains braking
+WORSE = 0.5  # m/s, faster than by full braking, from which a hit is broken
 EARLY = ("second", "ours", "nobody")  # half of them before engaging
 GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """A fault of a run: name, size, and when it begins and ends, s."""
+
+    name: str
+    size: float
+    at: float
+    until: float
+
+
+@dataclass(frozen=True)
 class Verdict:
-    """One run. Times in s from the fault; speeds in m/s."""
+    """One run. Times in s from the first fault, or from what happens ahead; speeds in m/s."""
 
     scene: str
-    size: float
-    lasts: float  # s
-    vehicle: str
-    leader: str
+    traffic: str
+    faults: tuple[Drawn, ...]
     ended_s: float  # NaN where control was kept
     false_s: float  # longest that control was kept on a contradicted speed
     gained: float  # by the truck, until control ended or the run did
     braked: float  # hardest mean acceleration without cause, m/s^2, negative
+    jerk: float  # largest of it without cause, m/s^3
+    hit: float  # m/s; NaN for none
+    fully: float  # m/s, likewise by full braking from the second true reading; NaN where there was none
     broken: tuple[str, ...]
     unseen: tuple[str, ...] = ()  # what the truck did on a fault that no receiver can know
     reason: str = ""
 
 
-def _leader(rng: np.random.Generator, at: float) -> tuple[str, Steps]:
-    """Steady in most runs; else it slows down or speeds up at about the time of the fault."""
-    speed, begins = float(rng.uniform(10.0, 22.0)), at + float(rng.uniform(0.0, 4.0))
-    name = str(rng.choice(["steady", "steady", "steady", "brakes", "opens"]))
-    change = {"steady": 0.0, "brakes": -6.0, "opens": 3.0}[name]
-    pull = {"steady": 1.0, "brakes": 2.0, "opens": 0.6}[name]
-    return name, Steps((speed, speed + change), begins, pull)
+@cache
+def _truck(name: str, load_factor: float) -> Simulator:
+    truck = load_truck(name)
+    return truck.with_parameters({"mass": load_factor * truck.parameters()["mass"]})
+
+
+@cache
+def _full_braking(truck: Simulator, grade: float) -> float:
+    """m/s^2 from 20 m/s, once it has begun."""
+    start = np.zeros((1, len(truck.interface.y)))
+    start[0, 1] = 20.0
+    state, speeds = truck.reset(start), [20.0]
+    u, w = np.array([[0.0, ActionScale.of(truck).brake_high]]), np.full((1, len(truck.interface.w)), grade)
+    while speeds[-1] > 5.0 and len(speeds) * truck.dt < 10.0:
+        state, y = truck.step(state, u, w)
+        speeds.append(float(y[0, 1]))
+    first = round(0.5 / truck.dt)
+    return max((speeds[first] - speeds[-1]) / ((len(speeds) - 1 - first) * truck.dt), 0.3)
 
 
 class Witness:
-    """What the truck does on the road."""
+    """What happens on the road, from a moment on."""
 
-    def __init__(self, chain: Chain) -> None:
-        self._chain, self._speeds, self._leads = chain, deque[float](maxlen=31), deque[float](maxlen=31)
-        self._caused_at, self.braked, self.least_gap, self.hit = -math.inf, 0.0, math.inf, False
+    def __init__(self, chain: Chain, braking: float, happens: float, plan: Sequence[Drawn]) -> None:
+        self._chain, self._braking, self.happens = chain, braking, happens
+        self._brakes = [d for d in plan if FAULTS[d.name].signals == ("brake",)]
+        self._speeds, self._leads = deque[float](maxlen=MEAN), deque[tuple[float, float]](maxlen=MEAN)
+        self._pulls = deque[float](maxlen=MEAN)
+        self._caused_at, self.braked, self.jerk, self.hit = -math.inf, 0.0, 0.0, math.nan
+        self._true = 0
+        self.fully: Stop | None = None
 
-    def look(self) -> None:
-        """After a step."""
-        chain = self._chain
-        speed, leads, gap = chain.truck.speed, chain.lane.ahead[1], chain.lane.ahead[0]
+    def needs(self, speed: float, leader: float) -> float:
+        """m, behind a leader that brakes by 6 m/s^2, if full braking begins within 0.8 s."""
+        theirs = leader**2 / 12.0 if math.isfinite(leader) else math.inf
+        return 2.0 + 0.8 * speed + speed**2 / (2.0 * self._braking) - theirs
+
+    def look(self, judged: bool) -> None:
+        """After a step; `judged`: whether braking counts."""
+        chain, speed, (gap, leader) = self._chain, self._chain.truck.speed, self._chain.lane.ahead
         self._speeds.append(speed)
-        self._leads.append(leads)
-        shield = chain.guard.shield
-        assert shield is not None
-        promise = shield.promise
-        true = (np.array([x]) for x in (speed, leads, 0.0))
-        near = gap - float(promise.needed_gap(*true, promise.dt)[0]) < promise.ease_m
-        if near or (self._leads[-1] - self._leads[0]) / MEAN_S < -0.2:
+        self._leads.append((gap, leader))
+        (before, its), moved = self._leads[0], (len(self._leads) - 1) * 0.01
+        slows = leader - its < -0.06 or gap - before < (its - self._speeds[0] - 1.0) * moved - 1.0
+        closing = max(speed - leader, 0.0) if math.isfinite(leader) else 0.0
+        asks = closing**2 / 2.0 > CLOSING * max(gap - 5.0, 1.0)
+        if gap - self.needs(speed, leader) < 10.0 or slows or asks:
             self._caused_at = chain.now
-        pull = (self._speeds[-1] - self._speeds[0]) / MEAN_S + GRAVITY * chain.truck.slope
-        if len(self._speeds) == 31 and chain.now - self._caused_at > CAUSE_S:
-            self.braked = min(self.braked, pull)
-        self.least_gap = min(self.least_gap, gap)
-        self.hit |= gap <= 0 and chain.state == "engaged"
+        full = len(self._speeds) == MEAN
+        moves = (speed - self._speeds[0]) / 0.3 + GRAVITY * max(chain.truck.slope, 0.0) if full else 0.0
+        self._pulls.append(moves)
+        if judged and full and chain.now - self._caused_at > CAUSE_S:
+            self.braked = min(self.braked, moves)
+            jerk = (moves - self._pulls[0]) / 0.3 if len(self._pulls) == MEAN and speed > 0.5 else 0.0
+            self.jerk = max(self.jerk, jerk, -jerk)
+        if math.isnan(self.hit) and gap <= 0.0:
+            self.hit = speed - leader
+        if self.fully is None and chain.now >= self.happens:
+            near = [
+                abs(g - gap) < 5.0 and abs(v - leader) < 1.0 and age < 0.3 for g, v, age in chain.readings
+            ]
+            self._true += any(near)
+            self.fully = chain.braking_fully(self._fails) if self._true == 2 else None
+
+    def _fails(self, now: float) -> dict[str, float]:
+        sound = Actuator(0.0)
+        keys = ((d, FAULTS[d.name].kind) for d in self._brakes)
+        return {key: d.size if d.at <= now < d.until else getattr(sound, key) for d, key in keys}
 
 
 def play(
     seed: int,
-    scene: str | None = None,
+    *faults: str,
+    traffic: str | None = None,
     policy: str = "baseline:acc",
     length: float = LENGTH,
-    machine: str | None = None,
     names: Sequence[str] = NAMES,
+    drawn_from: str | None = None,
 ) -> Verdict:
-    """One run in lock-step, of this scene, of those of a machine, or of all; on one of these vehicles."""
+    """One run in lock-step, of these faults and this traffic, of faults of one machine, or of all."""
     rng = np.random.default_rng(seed)
     vehicle = load(names[seed % len(names)])
-    drawn = [one for one in possible(vehicle) if machine in (None, SCENES[one].machine)]
-    name = scene or str(rng.choice(drawn))
-    machine, kind, signals, sizes = SCENES[name]
-    taken = senders(vehicle, signals) if kind == "second" else set()
-    size = float(rng.choice([one for one in sizes if one not in taken]))
-    at = float(rng.uniform(*MOMENTS))
-    for_good = machine in ("forger", "driver") or kind in EARLY
-    lasts = math.inf if for_good else float(rng.choice(LASTS))
-    early = (kind in EARLY or set(signals) & set(EARLY)) and rng.random() < 0.5
-    leader, profile = _leader(rng, at)
-    at = 0.3 if early else at
-    chain = Chain(vehicle, rng, profile, policy)
-    witness: Witness | None = None
-    engaged, ended, lied, start = False, math.nan, frozenset[str](), math.nan
-    false_since, longest, why = math.nan, 0.0, ("not asked",)
-    while chain.now < at + length and not chain.now > at + ended + AFTER_S:
+    at, grade, heavy = float(rng.uniform(*MOMENTS)), float(rng.choice(GRADES)), float(rng.choice(LOADS))
+    can = [one for one in possible(vehicle) if drawn_from in (None, FAULTS[one].machine)]
+    count = int(rng.choice(3, p=[0.15, 0.6, 0.25]))
+    chosen = [draw(vehicle, rng, [name]) for name in faults] or [
+        draw(vehicle, rng, can) for _ in range(count)
+    ]
+    early = any(FAULTS[n].kind in EARLY or set(FAULTS[n].signals) & set(EARLY) for n, _, _ in chosen)
+    early = early and rng.random() < 0.5
+    ahead, speed = traffic or str(rng.choice(list(TRAFFIC))), float(rng.uniform(10.0, 22.0))
+    happens = max(at + float(rng.uniform(-3.0, 2.0)), 4.5)
+    plan = [Drawn(n, size, at + 1.5 * k, at + 1.5 * k + lasts) for k, (n, size, lasts) in enumerate(chosen)]
+    plan = [Drawn(d.name, d.size, 0.3, math.inf) for d in plan] if early else plan
+    truck = _truck(vehicle.truck, heavy)
+    braking = _full_braking(truck.with_grade_input() if hasattr(truck, "with_grade_input") else truck, grade)
+    objects = TRAFFIC[ahead](rng, speed, happens)
+    chain = Chain(vehicle, rng, objects, policy, lambda distance: grade, truck=truck)
+    witness = Witness(chain, braking, at if ahead in HARMLESS else happens, plan)
+    first = objects[0]
+    room = max(TIME_GAP_S * speed, witness.needs(speed, speed) + 15.0)  # what it drives with on such a road
+    chain.lane.objects = (Object(first.motion, room, first.comes, first.leaves), *objects[1:])
+    for one in objects[1:]:
+        assert one.gap > 0
+    scene = f"{vehicle.name}, {ahead}, {' and '.join(d.name for d in plan) or 'nothing'}"
+    scene += f", {100 * grade:+.0f} %" * bool(grade) + f", {heavy:g} of the mass" * (heavy != 1.0)
+    begins = min([d.at for d in plan], default=happens)
+    ended, false_since, longest, why, reason = math.nan, math.nan, 0.0, ("not asked",), ""
+    engaged, start, gained, undo = False, speed, 0.0, dict[Drawn, object]()
+    lied = frozenset(
+        s for d in plan if FAULTS[d.name].machine in ("bus", "driver") for s in _told(vehicle, d)
+    )
+    brakes = any(FAULTS[d.name].machine == "driver" for d in plan)
+    end = max(begins, happens if ahead != "steady" else 0.0) + length
+    while chain.now < end:
         chain.step()
-        if witness is None and chain.now >= at:
-            witness, start = Witness(chain), chain.truck.speed
-            if machine in ("bus", "driver"):
-                chain.ours.lie = Lie(vehicle, kind, signals, size)
-                lied = frozenset(chain.ours.lie.signals)
-            chain.lie = RadarLie(kind, signals, size) if machine == "radar" else None
-            chain.forged = forger(SCENES[name]) if machine == "forger" else None
-        if machine == "driver" and chain.now >= at + 0.5:
-            chain.truck.driver.brake_pedal = size
-        if chain.now >= at + lasts:
-            chain.ours.lie = chain.lie = None
+        for d in plan:
+            if d not in undo and chain.now >= d.at:
+                undo[d], start = begin(chain, d.name, d.size), chain.truck.speed if not undo else start
+            if undo.get(d) and chain.now >= d.until:
+                undo[d]()  # type: ignore[operator]
+                undo[d] = None
+            if FAULTS[d.name].machine == "driver" and chain.now >= d.at + 0.5:
+                chain.truck.driver.brake_pedal = d.size
         if not engaged and chain.now >= ENGAGED_AT:
             why = chain.engage()
             engaged = not why
@@ -148,84 +216,90 @@ def play(
                 break
         holds = chain.state == "engaged"
         if engaged and not holds and math.isnan(ended):
-            ended, gained, reason = chain.now - at, chain.truck.speed - start, chain.bridge.safety.reason
-        false = holds and witness is not None and chain.contradicted(lied)
+            ended, gained = chain.now, chain.truck.speed - start
+            reason = chain.following.why or chain.bridge.safety.reason
+        false = holds and bool(undo) and chain.contradicted(lied)
         false_since = (chain.now if math.isnan(false_since) else false_since) if false else math.nan
         longest = max(longest, 0.0 if math.isnan(false_since) else chain.now - false_since)
-        if witness is not None and not early and machine != "driver":  # whose braking is the cause
-            witness.look()
+        if chain.now > 2.0 and not early:
+            witness.look(judged=not brakes and not chain.now > ended + AFTER_S)
+        # what happens ahead after the hand-back is the driver's
+        over = chain.now > ended + AFTER_S and (chain.truck.speed < 0.1 or ended < witness.happens)
+        if over or not math.isnan(witness.hit):
+            break
     chain.close()
-    assert witness is not None
-    if math.isnan(ended):
-        gained, reason = chain.truck.speed - start, "" if engaged else f"refused: {', '.join(why)}"
-    broken = []
+    gained = chain.truck.speed - start if math.isnan(ended) else gained
+    reason = reason if engaged else f"refused: {', '.join(why)}"
+    names_of = [d.name for d in plan]
+    must = any(must_end(d.name, d.size, d.until - d.at, vehicle) for d in plan)
+    bridge = ahead != "leader pulls away" and all(must_bridge(d.name, d.until - d.at) for d in plan)
+    broken, unseen = [], []
     if early and engaged:
         broken.append("engaged")
-    if not early and (not engaged or ended < 0):
+    if not early and not engaged and braking > 2.5:
         broken.append("did not engage")
-    if not early and math.isnan(ended) and must_end(name, size, lasts, vehicle):
+    if not early and engaged and math.isnan(ended) and must and math.isnan(witness.hit):
         broken.append("control was kept")
-    if not math.isnan(ended) and must_bridge(name, lasts):
+    if not early and (ended < begins or (not math.isnan(ended) and bridge)):
         broken.append("control ended")
     if longest > KEPT_S:
         broken.append("control was kept on a false speed")
-    road = ["braked"] * (witness.braked < BRAKED) + ["hit"] * witness.hit
-    if name not in UNSEEN:
-        broken += [f"{what} without cause" for what in road]
-        road = []
-    ended = 0.0 if early else ended
+    known = not set(names_of) & UNSEEN.keys()
+    fully = math.nan if witness.fully is None else witness.fully.hit_speed
+    blind = witness.fully is None and (ahead not in HARMLESS or not known)
+    if not math.isnan(witness.hit) and not ended < witness.happens and not witness.hit <= fully + WORSE:
+        (unseen if blind else broken).append("hit")
+    if witness.braked < BRAKED:
+        (broken if known and ahead != "adjacent lane" else unseen).append("braked without cause")
+    ended = begins if early else ended
     return Verdict(
-        name,
-        size,
-        lasts,
-        vehicle.name,
-        leader,
-        ended,
-        longest,
-        gained,
-        witness.braked,
-        tuple(broken),
-        tuple(road),
-        reason,
-    )
+        scene, ahead, tuple(plan), ended - begins, longest, gained, witness.braked, witness.jerk,
+        witness.hit, fully, tuple(broken), tuple(unseen), reason,
+    )  # fmt: skip
 
 
-def _times(verdicts: list[Verdict]) -> str:
-    """Longest time to the end of control, s, and in how many runs it ended where not in all; '-' in none."""
-    ended = [v.ended_s for v in verdicts if not math.isnan(v.ended_s)]
-    share = "" if len(ended) == len(verdicts) else f" ({len(ended)}/{len(verdicts)})"
-    return f"{max(ended):.2f}{share}" if ended else "-"
+def _told(vehicle: object, drawn: Drawn) -> tuple[str, ...]:
+    signals = FAULTS[drawn.name].signals
+    if signals != ("all",):
+        return signals
+    return tuple(s.name for heard in vehicle.table.heard for s in heard.signals)  # type: ignore[attr-defined]
+
+
+def _row(name: str, mine: list[Verdict]) -> str:
+    """A line of the report."""
+    ended = [v.ended_s for v in mine if not math.isnan(v.ended_s)]
+    longest = f"{max(ended):.2f}" if ended else "-"
+    worst = min(v.braked for v in mine), max(v.jerk for v in mine)
+    hits = [v for v in mine if not math.isnan(v.hit)]
+    met = [f"{v.hit:.1f} ({v.fully:.1f})" for v in sorted(hits, key=lambda v: -v.hit)[:3]]
+    bad = sum(bool(v.broken) for v in mine), sum(bool(v.unseen) for v in mine)
+    shown = f"{len(ended)}, {longest} | {max(v.false_s for v in mine):.2f} | {worst[0]:.1f}, {worst[1]:.1f}"
+    return f"| {name} | {len(mine)} | {shown} | {len(hits)} | {', '.join(met)} | {bad[0]} | {bad[1]} |"
+
+
+HEADS = "runs | control ended, at most s | false speed, s | braked, m/s²; jerk, m/s³ | hits"
+HEADS += " | hardest, m/s (by full braking) | broken | not prevented |"
 
 
 def report(verdicts: list[Verdict]) -> Iterator[str]:
-    """A table of each signal of the bus by what becomes of it, and one of the other scenes."""
-    by_scene = {name: [v for v in verdicts if v.scene == name] for name in SCENES}
-    single = {n: s for n, s in SCENES.items() if s.machine == "bus" and n == f"{s.signals[0]} {s.kind}"}
-    kinds = list(dict.fromkeys(scene.kind for scene in single.values()))
-    yield "| longest time to the end, s | " + " | ".join(kinds) + " |"
-    yield "|---" * (len(kinds) + 1) + "|"
-    for signal in BUS:
-        cells = (by_scene.get(f"{signal} {kind}", []) for kind in kinds)
-        yield f"| {signal} | " + " | ".join(_times(cell) if cell else "" for cell in cells) + " |"
-    yield ""
-    heads = ("scene", "runs", "longest time to the end, s", "false speed, s", "gained, m/s", "braked, m/s²")
-    yield f"| {' | '.join(heads)} | not prevented |"
-    yield "|---" * 7 + "|"
-    rows = {"a signal of the bus": [v for n in single for v in by_scene[n]]}
-    rows |= {name: mine for name, mine in by_scene.items() if name not in single}
-    for name, mine in rows.items():
-        if mine:
-            driven = [
-                v for v in mine if not math.isnan(v.gained)
-            ] or mine  # on processes the road is not seen
-            road = f"{max(v.false_s for v in driven):.2f} | {min(v.gained for v in driven):+.1f} to "
-            road += f"{max(v.gained for v in driven):+.1f} | {min(v.braked for v in driven):.1f}"
-            unseen = [what for v in mine for what in v.unseen]
-            said = ", ".join(f"{what} {unseen.count(what)}" for what in dict.fromkeys(unseen))
-            yield f"| {name} | {len(mine)} | {_times(mine)} | {road} | {said} |"
-    yield ""
-    unseen = sum(bool(v.unseen) for v in verdicts)
-    yield f"{len(verdicts)} runs, {sum(bool(v.broken) for v in verdicts)} broken, {unseen} not prevented"
+    """Tables by traffic and by what became of what."""
+    kinds: dict[str, list[Verdict]] = {}
+    for v in verdicts:
+        for d in v.faults or (Drawn("nothing", math.nan, 0.0, 0.0),):
+            fault = FAULTS[d.name]
+            several = fault.signals[0] if len(fault.signals) == 1 and fault.machine != "bus" else ""
+            kinds.setdefault(f"{several or fault.machine} {fault.kind}".strip(), []).append(v)
+    tables = {
+        "what is ahead": {name: [v for v in verdicts if v.traffic == name] for name in TRAFFIC},
+        "fault": dict(sorted(kinds.items())),
+        "faults": {str(n): [v for v in verdicts if len(v.faults) == n] for n in range(3)},
+    }
+    for head, rows in tables.items():
+        yield f"| {head} | {HEADS}\n{'|---' * (HEADS.count('|') + 1)}|"
+        yield from (_row(name, mine) for name, mine in rows.items() if mine)
+        yield ""
+    counts = [sum(bool(v.broken) for v in verdicts), sum(bool(v.unseen) for v in verdicts)]
+    yield f"{len(verdicts)} runs, {counts[0]} broken, {counts[1]} not prevented"
 
 
 def main() -> int:
@@ -233,26 +307,22 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0, help="seed of the first run")
-    parser.add_argument("--scene", choices=list(SCENES), help="only this one")
-    parser.add_argument("--machine", choices=["bus", "radar", "forger"], help="only scenes of its faults")
+    parser.add_argument("--fault", action="append", default=[], choices=list(FAULTS), help="only this one")
+    parser.add_argument("--traffic", choices=list(TRAFFIC), help="only this")
+    machines = sorted({fault.machine for fault in FAULTS.values()})
+    parser.add_argument("--machine", choices=machines, help="only its faults")
     parser.add_argument("--vehicle", action="append", help="vehicle file or name; else ours, by turns")
     parser.add_argument("--policy", default="baseline:acc")
     parser.add_argument("--seconds", type=float, default=LENGTH, help="of a run, from the fault on")
-    parser.add_argument("--processes", type=int, help="so many runs on processes instead, in real time")
     options = parser.parse_args()
-    seeds = range(options.first, options.first + (options.processes or options.runs))
-    if options.processes is not None:
-        from fault_road_processes import play_processes
-
-        verdicts = [play_processes(seed) for seed in seeds]
-    else:
-        names = options.vehicle or NAMES
-        chosen = options.scene, options.policy, options.seconds, options.machine, names
-        verdicts = [play(seed, *chosen) for seed in seeds]
+    chosen = {"traffic": options.traffic, "policy": options.policy, "length": options.seconds}
+    chosen |= {"names": options.vehicle or NAMES, "drawn_from": options.machine}
+    verdicts = []
+    for seed in range(options.first, options.first + options.runs):
+        verdicts.append(play(seed, *options.fault, **chosen))
+        if verdicts[-1].broken:
+            print(f"seed {seed}: {verdicts[-1]}", file=sys.stderr, flush=True)
     print("\n".join(report(verdicts)))
-    for number, verdict in zip(seeds, verdicts, strict=True):
-        if verdict.broken:
-            print(f"seed {number}: {verdict}")
     print(f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     return 1 if any(v.broken for v in verdicts) else 0
 

@@ -1,6 +1,6 @@
-"""The table of scenes: each signal that core, shield and controller use, and what may become of it.
+"""The table of scenes: what is ahead, and what may become of each signal, actuator, node and wire.
 
-A scene is a line: who is at fault, what becomes of which signals, how much. What must hold on the road is
+A fault is a line: who is at fault, what becomes of which signals, how much. What must hold on the road is
 the same for all, see `fault_road.py`; the few lines of `UNSEEN` say what no receiver can know.
 """
 
@@ -10,15 +10,17 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from fault_lies import SPREAD
+import numpy as np
+from fault_chain import Chain, Forger, Object
+from fault_lies import SPREAD, Lie, RadarLie
 
+from deeptruck_nodes.leaders import Constant, Leader, Steps
 from truck_bridge.j1939 import checksums
 from truck_bridge.safety import Heard
 from truck_bridge.vehicles import Vehicle
 
 NO_SIZE = (math.nan,)
 SPEEDS = ("speed", "second_speed")
-DRIVELINE = ("engine_speed", "gear_ratio", "driveline", "shifting", "lockup")  # the witness of a speed
 FLAGS = ("brake_switch", "cancel", "parking_brake", "abs_active", "brake_fault", "xbr_state", "engine_mode",
          "engine_obeys", "retarder_obeys", "driveline", "shifting", "lockup")  # fmt: skip
 NUMBERS = (*SPEEDS, "engine_speed", "gear_ratio", "engine_percent", "retarder_percent", "accelerator",
@@ -28,14 +30,68 @@ RADAR = ("gap", "leader_speed")
 STRANGERS = (0x03, 0x0B, 0x0F, 0x21)
 
 
+ACTUATOR = {"gain": (0.0, 0.5), "late_s": (0.5,), "stuck": (1.0,), "drags": (0.3,), "lost": (1.0,)}
 LASTS = (0.3, 1.0, 3.0, math.inf, math.inf)  # s of a fault
 MOMENTS = (4.0, 10.0)  # s after the start, between which it begins
+GRADES = (0.0, 0.0, 0.02, -0.02, 0.06, -0.06)
+LOADS = (0.75, 1.0, 1.0, 2.0)  # of the truck's mass: 15 to 40 t of trucksim's 20 t
 
 
-class Scene(NamedTuple):
+def _to(speed: float, at: float, change: float, pull: float) -> Leader:
+    return Steps((speed, max(speed + change, 0.0)), at, pull)
+
+
+def _slows(rng: np.random.Generator, v: float, at: float) -> list[Object]:
+    return [Object(_to(v, at, -v * rng.choice([0.3, 0.6, 1.0]), float(rng.choice([1.0, 2.0, 4.0, 6.0]))))]
+
+
+def _cut_in(rng: np.random.Generator, v: float, at: float) -> list[Object]:
+    speed = v + float(rng.uniform(-3.0, 1.0))
+    return [Object(Constant(v)), Object(Constant(speed), 2 * v * float(rng.uniform(0.3, 0.8)), at)]
+
+
+def _cut_in_slows(rng: np.random.Generator, v: float, at: float) -> list[Object]:
+    first, second = _cut_in(rng, v, at - 3.0)
+    return [first, Object(_to(v, at, -v * 0.6, float(rng.choice([2.0, 4.0]))), second.gap, at - 3.0)]
+
+
+def _cut_out(rng: np.random.Generator, v: float, at: float, share: float = 0.0) -> list[Object]:
+    behind = Constant(v * share)
+    return [Object(Constant(v), leaves=at), Object(behind, 2 * v + float(rng.uniform(10.0, 90.0)), at)]
+
+
+def _cut_in_out(rng: np.random.Generator, v: float, at: float) -> list[Object]:
+    """A vehicle cuts in, and leaves again before a slow one."""
+    _, nearer = _cut_in(rng, v, at - 4.0)
+    leader, slow = _cut_out(rng, v, at, float(rng.choice([0.0, 0.5])))
+    return [Object(leader.motion, leaves=at - 4.0), Object(Constant(v), nearer.gap, at - 4.0, at), slow]
+
+
+def _seen(rng: np.random.Generator, v: float, at: float, seconds: float, share: float) -> list[Object]:
+    """What is no obstacle is seen for a moment."""
+    beside = Object(Constant(v * share), v * float(rng.uniform(0.5, 1.5)), at, at + seconds - 0.05, False)
+    return [Object(Constant(v)), beside]
+
+
+TRAFFIC: dict[str, Callable[[np.random.Generator, float, float], list[Object]]] = {
+    "steady": lambda rng, v, at: [Object(Constant(v))],
+    "leader slows down": _slows,
+    "leader pulls away": lambda rng, v, at: [Object(_to(v, at, 3.0, 0.6))],
+    "cut-in": _cut_in,
+    "cut-in, then slows down": _cut_in_slows,
+    "cut-out onto a standing vehicle": _cut_out,
+    "cut-out onto a slow vehicle": lambda rng, v, at: _cut_out(rng, v, at, float(rng.choice([0.3, 0.6]))),
+    "cut-in, then cut-out": _cut_in_out,
+    "ghost": lambda rng, v, at: _seen(rng, v, at, 0.1, float(rng.choice([0.0, 1.0]))),
+    "adjacent lane": lambda rng, v, at: _seen(rng, v, at, float(rng.choice([0.3, 0.6])), 1.2),
+}  # by name, of a speed and the time at which it happens
+HARMLESS = ("steady", "leader pulls away", "ghost", "adjacent lane")
+
+
+class Fault(NamedTuple):
     """One line. `sizes` to draw from: what they mean is said where the kinds are, in `fault_lies.py`."""
 
-    machine: str  # bus, radar, forger, driver, or nobody
+    machine: str  # bus, radar, actuator, forger, driver, or nobody
     kind: str
     signals: tuple[str, ...]
     sizes: tuple[float, ...] = NO_SIZE
@@ -66,25 +122,49 @@ def _kinds(machine: str, signals: tuple[str, ...]) -> dict[str, tuple[float, ...
     return {**(ANY if machine == "bus" else SEEN), **number}
 
 
-SCENES: dict[str, Scene] = {
-    "nothing": Scene("nobody", "", ()),
+FAULTS: dict[str, Fault] = {
+    "nothing": Fault("nobody", "", ()),
     **{
-        f"{name} {kind}": Scene(machine, kind, signals, sizes)
+        f"{name} {kind}": Fault(machine, kind, signals, sizes)
         for name, (machine, signals) in GROUPS.items()
         for kind, sizes in _kinds(machine, signals).items()
     },
-    "leader speed of opposite sign": Scene("radar", "scale", ("leader_speed",), (-1.0,)),
-    "the driver brakes unseen": Scene("driver", "hold", ("brake_pedal", "brake_switch"), (40.0, 60.0)),
-    "transmission demands 100 %": Scene("forger", "engine", ("transmission",), (100.0,)),
-    "transmission retards 100 %": Scene("forger", "retarder", ("transmission",), (-100.0,)),
-    "our own address demands": Scene("forger", "engine", ("ours",), (60.0,)),
-    "a stranger demands": Scene("forger", "engine", ("nobody",), (60.0,)),
+    **{
+        f"{axis} {kind}": Fault("actuator", kind, (axis,), sizes)
+        for axis in ("brake", "engine")
+        for kind, sizes in ACTUATOR.items()
+    },
+    "leader speed of opposite sign": Fault("radar", "scale", ("leader_speed",), (-1.0,)),
+    "the driver brakes unseen": Fault("driver", "hold", ("brake_pedal", "brake_switch"), (40.0, 60.0)),
+    "transmission demands 100 %": Fault("forger", "engine", ("transmission",), (100.0,)),
+    "transmission retards 100 %": Fault("forger", "retarder", ("transmission",), (-100.0,)),
+    "our own address demands": Fault("forger", "engine", ("ours",), (60.0,)),
+    "a stranger demands": Fault("forger", "engine", ("nobody",), (60.0,)),
 }
 
-Forger = Callable[[Vehicle, float], Iterator[tuple[int, bytes]]]  # the frames that leave now
+
+def begin(chain: Chain, name: str, size: float) -> Callable[[], None]:
+    """Let a fault begin; what is returned ends it."""
+    machine, kind, signals, _ = fault = FAULTS[name]
+    lie: Lie | RadarLie | Forger
+    if machine in ("bus", "driver"):
+        told, lie = chain.ours.lies, Lie(chain.vehicle, kind, signals, size)
+    elif machine == "radar":
+        told, lie = chain.lies, RadarLie(kind, signals, size)
+    elif machine == "forger":
+        told, lie = chain.forged, forger(fault)
+    elif machine == "actuator":
+        actuator = chain.truck.actuators[signals[0]]
+        sound = getattr(actuator, kind)
+        setattr(actuator, kind, size)
+        return lambda: setattr(actuator, kind, sound)
+    else:
+        return lambda: None
+    told.append(lie)
+    return lambda: told.remove(lie)
 
 
-def forger(scene: Scene) -> Forger:
+def forger(scene: Fault) -> Forger:
     """TSC1 by an address, in spells with a pause of 0.3 s where the address may demand for a while."""
     axis, (source,), (demand,) = scene.kind, scene.signals, scene.sizes
     on_s = 2.7 if source == "transmission" else 9.0
@@ -106,12 +186,26 @@ def forger(scene: Scene) -> Forger:
     return frames
 
 
+def draw(vehicle: Vehicle, rng: np.random.Generator, names: list[str]) -> tuple[str, float, float]:
+    """A fault of these, its size, and for how long it lasts (s)."""
+    name = str(rng.choice(names))
+    machine, kind, signals, sizes = FAULTS[name]
+    taken = senders(vehicle, signals) if kind == "second" else set()
+    for_good = machine in ("forger", "driver") or kind == "second"
+    lasts = float(rng.choice(LASTS))
+    return (
+        name,
+        float(rng.choice([one for one in sizes if one not in taken])),
+        math.inf if for_good else lasts,
+    )
+
+
 def possible(vehicle: Vehicle) -> list[str]:
-    """Names of the scenes that a vehicle can have."""
+    """Names of the faults that a vehicle can have."""
     known = {signal.name for heard in vehicle.table.heard for signal in heard.signals} | {"all"}
     return [
         name
-        for name, scene in SCENES.items()
+        for name, scene in FAULTS.items()
         if (scene.machine not in ("bus", "driver") or set(scene.signals) <= known)
         and (scene.machine != "forger" or scene.kind in vehicle.transmitted)
         and (scene.kind != "second" or set(STRANGERS) - senders(vehicle, scene.signals))
@@ -134,9 +228,11 @@ def must_end(name: str, size: float, lasts: float, vehicle: Vehicle) -> bool:
 
     Not what is soon over, nor where a counter already refuses the second frame of an address.
     """
-    machine, kind, signals, _ = SCENES[name]
+    machine, kind, signals, _ = FAULTS[name]
     if machine in ("nobody", "forger", "driver"):
         return machine != "nobody"
+    if machine == "actuator":
+        return name == "brake drags" and math.isinf(lasts)
     if machine == "radar":
         lost = kind in ("silent", "error", "beyond", "hold", "absent", "future")
         lost |= (kind == "past" and size > 0.3) or (name == "gap drift" and size == 0.05)
@@ -168,7 +264,7 @@ def must_end(name: str, size: float, lasts: float, vehicle: Vehicle) -> bool:
 
 def must_bridge(name: str, lasts: float) -> bool:
     """Whether control must go on: nothing is wrong, or a steady radar misses its leader for 3 s at most."""
-    machine, kind, _, _ = SCENES[name]
+    machine, kind, _, _ = FAULTS[name]
     return machine == "nobody" or (machine == "radar" and kind == "absent" and lasts < 3.0)
 
 

@@ -51,11 +51,14 @@ def take(inbox: Inbox, now: float) -> can.Message | None:
 
 
 def told(
-    lie: Lie | None, waiting: deque[can.Message], source: Callable[[], can.Message | None], now: float
+    lies: list[Lie], waiting: deque[can.Message], source: Callable[[], can.Message | None], now: float
 ) -> can.Message | None:
-    """The next frame, or what a lie makes of it: one frame, two or none."""
+    """The next frame, or what lies make of it, one after the other: one frame, several or none."""
     while not waiting and (message := source()) is not None:
-        waiting.extend([message] if lie is None else lie.messages(message, now))
+        frames = [message]
+        for lie in lies:
+            frames = [bent for one in frames for bent in lie.messages(one, now)]
+        waiting.extend(frames)
     return waiting.popleft() if waiting else None
 
 
@@ -72,7 +75,7 @@ class Wire(can.BusABC):
         self.now = 0.0
         self.fault = ""
         self.down = False
-        self.lie: Lie | None = None  # about the frames that arrive here
+        self.lies: list[Lie] = []  # about the frames that arrive here
         self._told: deque[can.Message] = deque()
         super().__init__(channel="wire")
 
@@ -86,16 +89,16 @@ class Wire(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if self.down:
             raise can.CanOperationError("unplugged")
-        return told(self.lie, self._told, lambda: take(self.inbox, self.now), self.now), False
+        return told(self.lies, self._told, lambda: take(self.inbox, self.now), self.now), False
 
 
 class BadLoopback(LoopbackBus):
     """A loopback bus in real time; `fault` may change at any moment."""
 
     fault = ""
-    lie: Lie | None = None
 
     def __init__(self, channel: str, seed: int = 0) -> None:
+        self.lies: list[Lie] = []
         self._rng, self._held = np.random.default_rng(seed), deque()
         self._told: deque[can.Message] = deque()
         super().__init__(channel)
@@ -105,4 +108,4 @@ class BadLoopback(LoopbackBus):
         if message is not None:
             arrive(message, self.fault, self._rng, self._held, time.monotonic())
         now = time.monotonic()
-        return told(self.lie, self._told, lambda: take(self._held, now), now), False
+        return told(self.lies, self._told, lambda: take(self._held, now), now), False

@@ -1,4 +1,4 @@
-"""The table of scenes is whole, and the judge of the road sees what it is to see."""
+"""The tables of scenes are whole, and the judge of the road sees what it is to see."""
 
 from __future__ import annotations
 
@@ -7,20 +7,24 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from deeptruck_cacc.safety.track import Tracker
+from deeptruck_cacc.safety.guard import Guard
+from deeptruck_nodes.leaders import Constant
 from truck_bridge import vehicles
 
 sys.path.insert(0, str(Path(__file__).parent))  # the runs are scripts, and stand beside each other
 import fault_road
-from fault_table import BUS, SCENES, possible
+import fault_table
+from fault_chain import Chain, Object
+from fault_table import BUS, FAULTS, TRAFFIC, possible
 
 
 @pytest.fixture(autouse=True)
 def for_good(monkeypatch):
     """Faults last to the end."""
-    monkeypatch.setattr(fault_road, "LASTS", (math.inf,))
+    monkeypatch.setattr(fault_table, "LASTS", (math.inf,))
 
 
 @pytest.mark.parametrize("name", vehicles.NAMES)
@@ -31,7 +35,7 @@ def test_every_signal_of_every_vehicle_is_in_the_table(name):
 
 
 @pytest.mark.parametrize(
-    "scene",
+    "fault",
     [
         "nothing",
         "speed drift",
@@ -42,30 +46,72 @@ def test_every_signal_of_every_vehicle_is_in_the_table(name):
         "the driver brakes unseen",
     ],
 )
-def test_no_scene_breaks_what_must_hold(scene):
-    assert SCENES[scene]
-    assert fault_road.play(20, scene).broken == ()
+def test_no_fault_breaks_what_must_hold(fault):
+    assert fault_road.play(20, fault, traffic="steady").broken == ()
+
+
+def test_a_run_repeats_by_its_seed_and_draws_traffic_and_faults():
+    first, again = (fault_road.play(20, length=2.0) for _ in range(2))
+    assert repr(first) == repr(again)
+    assert first.traffic in TRAFFIC and {drawn.name for drawn in first.faults} <= FAULTS.keys()
+
+
+def test_two_faults_act_at_once_each_in_its_time():
+    verdict = fault_road.play(20, "gap spike", "brake gain", traffic="steady")
+    assert [drawn.name for drawn in verdict.faults] == ["gap spike", "brake gain"]
+    assert verdict.broken == ()
+
+
+def _always(monkeypatch, brake):
+    """The controller asks for this brake command, and for no engine, whatever is ahead."""
+    plain = Guard.act
+
+    def act(self, observation):
+        return tuple(
+            0.0 * command + ask for command, ask in zip(plain(self, observation), (0.0, brake), strict=True)
+        )
+
+    monkeypatch.setattr(Guard, "act", act)
+
+
+def test_a_hit_is_broken_only_where_full_braking_does_better(monkeypatch):
+    monkeypatch.setattr(fault_road, "GRADES", (0.0,))
+    _always(monkeypatch, 0.0)
+    bare = fault_road.play(20, "nothing", traffic="cut-out onto a standing vehicle")
+    assert bare.hit > bare.fully + 5.0 and "hit" in bare.broken
+
+
+def test_full_braking_is_that_of_the_faulty_brake():
+    standing = [Object(Constant(15.0), leaves=0.5), Object(Constant(0.0), 45.0, 0.5)]
+    chain = Chain(
+        vehicles.load("trucksim"), np.random.default_rng(0), standing, "baseline:acc", lambda s: 0.0
+    )
+    while chain.now < 0.6:
+        chain.step()
+    sound, lost = chain.braking_fully(), chain.braking_fully(lambda now: {"gain": float(now < 1.0)})
+    chain.close()
+    assert sound.hit_speed == 0.0 < sound.least_gap < 25.0
+    assert lost.hit_speed > 10.0
+
+
+def test_a_truck_that_brakes_without_cause_is_seen(monkeypatch):
+    _always(monkeypatch, 40.0)
+    assert "braked without cause" in fault_road.play(20, "nothing", traffic="steady").broken
 
 
 def test_a_speed_that_jumps_up_is_refused_before_the_truck_brakes_for_it(monkeypatch):
-    scene = "both speeds scale"
-    monkeypatch.setitem(SCENES, scene, SCENES[scene]._replace(sizes=(1.19,)))
-    assert fault_road.play(21, scene).braked > -0.5
+    fault = "both speeds scale"
+    monkeypatch.setitem(FAULTS, fault, FAULTS[fault]._replace(sizes=(1.19,)))
+    assert fault_road.play(21, fault, traffic="steady").braked > -0.5
     sound, free = vehicles.load("freightliner"), {"fastest": math.inf, "rises": math.inf}
     heard = [replace(h, signals=tuple(replace(s, **free) for s in h.signals)) for h in sound.table.heard]
     believing = replace(sound, table=replace(sound.table, heard=tuple(heard)))
     monkeypatch.setattr(fault_road, "load", lambda name: believing)
-    assert "braked without cause" in fault_road.play(21, scene).broken
-
-
-def test_the_judge_sees_a_truck_that_brakes_for_a_ghost(monkeypatch):
-    plain = Tracker.__init__
-    monkeypatch.setattr(Tracker, "__init__", lambda self, dt: plain(self, dt, nearer_s=0.0))
-    assert "braked without cause" in fault_road.play(20, "radar ghost").broken
+    assert "braked without cause" in fault_road.play(21, fault, traffic="steady").broken
 
 
 def test_the_judge_sees_a_bridge_that_believes_what_is_not_sent(monkeypatch):
     from truck_bridge.safety import hearing
 
     monkeypatch.setattr(hearing.Hearing, "stale", lambda self, now: [])
-    assert "control was kept" in fault_road.play(20, "brake_pedal silent").broken
+    assert "control was kept" in fault_road.play(20, "brake_pedal silent", traffic="steady").broken
