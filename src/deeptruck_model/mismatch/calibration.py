@@ -89,13 +89,13 @@ def calibrate(
     with threadpool_limits(1):
         say("checking the data")
         drives = prepare_drives(truck, recordings, held_out, rules)
-        if drives.useless:
-            raise InputError(f"the truck cannot be fitted to these recordings: {drives.useless}")
+        if drives.unusable_because:
+            raise InputError(f"the truck cannot be fitted to these recordings: {drives.unusable_because}")
         say("driving the truck along the recordings")
         e = gather(truck, drives.prepared, drives.held_out, seed=seed, rules=rules)
         drives, e = left_to_compare(drives, e)
-        if drives.useless:
-            raise InputError(f"the truck cannot be fitted to these recordings: {drives.useless}")
+        if drives.unusable_because:
+            raise InputError(f"the truck cannot be fitted to these recordings: {drives.unusable_because}")
         say("fitting all parameters")
         search, model = refitted(truck, drives, e, seed, frozenset(e.sensitivity), say)
         identified = frozenset(p for p in search.parameters if model.moved_sd(p) < 0.5 * FREE[p])

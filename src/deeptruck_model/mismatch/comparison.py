@@ -1,4 +1,4 @@
-"""Types for a comparison of a simulator with drives, before any correction; the input of `conclude`."""
+"""What a comparison of a simulator with drives has shown, before any correction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 @dataclass(frozen=True)
 class Compared:
     """A comparison: the simulator's own `parameters`, the drives, the evidence of the simulator as given, the
-    posterior (perhaps linearised at refitted parameters), names, budget and events."""
+    posterior (perhaps linearised at refitted parameters), names, budget, events, and remarks (`caveats`)."""
 
     parameters: Mapping[str, float]
     drives: PreparedDrives
@@ -26,11 +26,17 @@ class Compared:
     names: Names
     budget: Budget
     events: tuple[Event, ...] = ()
+    caveats: tuple[str, ...] = ()
 
     @property
     def search(self) -> Regression:
         """The regression on which all names are compared."""
         return self.posterior.search
+
+    @property
+    def share_compared(self) -> float:
+        """The share of rows that are compared, in fitted and held-out drives."""
+        return float(self.search.e.everywhere().valid.mean())
 
     @property
     def fitted(self) -> Evidence:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,20 +12,26 @@ from deeptruck_model._terminal.progress import steps
 from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.comparison import Compared
-from deeptruck_model.mismatch.correction.model import correct
-from deeptruck_model.mismatch.correction.validate import validate
+from deeptruck_model.mismatch.correction.model import Made, correct
+from deeptruck_model.mismatch.correction.validate import Validated, validate
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.found import Mismatch
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism
-from deeptruck_model.mismatch.mechanisms.own import check_extras, checked
+from deeptruck_model.mismatch.mechanisms.own import check_extras, checked, not_compared
 from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.events import without_events
 from deeptruck_model.mismatch.posterior.relinearise import at_fitted_parameters, with_own_error
 from deeptruck_model.mismatch.prepare import PreparedDrives, Span, left_to_compare, prepare_drives
+from deeptruck_model.mismatch.report import wording
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import COMPARING, gather
+from deeptruck_model.mismatch.roads.road import road
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import joined
-from deeptruck_model.mismatch.verdict.conclude import conclude, useless
+from deeptruck_model.mismatch.verdict.conclude import Stated, conclude, tolerated, tree, unusable
+from deeptruck_model.mismatch.verdict.findings import findings
+from deeptruck_model.mismatch.verdict.where import located
+from deeptruck_model.mismatch.verdict.witnesses import witnesses
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import Drives
 from deeptruck_model.simulators import MinimalSimulator, Simulator
@@ -70,16 +76,16 @@ def find_mismatch(
             mass_kg=mass_kg, mechanisms=own,
         )  # fmt: skip
         if not isinstance(c, Compared):
-            return Mismatch(useless(c), None, {}, None, c.prepared)
+            return Mismatch(unusable(c), None, {}, None, c.prepared)
         return concluded(truck, c, rules, say)
 
 
 def concluded(truck: Simulator, c: Compared, rules: Rules, say: Callable[[str], None]) -> Mismatch:
     """The second half of `find_mismatch`: a correction, free runs with it, and the verdict."""
     say("correcting the simulator and driving it free")
-    made = correct(truck, c.posterior, c.drives, c.given)
+    made = correct(truck, c)
     driven = validate(truck, made, c.drives, rules)
-    verdict = conclude(c, made, driven)
+    verdict = conclude(c, made, driven, stated(c, made, driven))
     return Mismatch(
         verdict,
         c.given,
@@ -88,6 +94,16 @@ def concluded(truck: Simulator, c: Compared, rules: Rules, say: Callable[[str], 
         c.drives.prepared,
         made.parameters_only.marked(verdict.validated and REFIT in driven.better),
     )
+
+
+def stated(c: Compared, made: Made, driven: Validated) -> Stated:
+    """The findings, where they act, and what recorded channels say of what has no name."""
+    slope = road(c.search.e.everywhere())
+    error, tolerance = tolerated(c, driven)
+    found = findings(c, made, slope, error, tolerance)
+    nodes = tree(c, slope)
+    channels = witnesses(c.search, c.drives.prepared, c.budget)
+    return Stated(found, *located(c.fitted, found), nodes, channels)
 
 
 def compared(
@@ -104,7 +120,7 @@ def compared(
     mass_kg: float | None = None,
     mechanisms: tuple[Mechanism, ...] = (),
 ) -> Compared | PreparedDrives:
-    """The first half of `find_mismatch`: names and budget, without a correction; drives that are `useless` if
+    """The first half of `find_mismatch`: names and budget, without a correction; drives that are unusable if
     nothing can be compared. Raises InputError as it does.
 
     Without `sets_aside` all recordings are fitted if none is held out.
@@ -112,13 +128,13 @@ def compared(
     drives = prepare_drives(
         simulator, recordings, held_out, rules, sets_aside=sets_aside, without=without, mass_kg=mass_kg
     )
-    if drives.useless:
+    if drives.unusable_because:
         return drives
 
     say("driving the simulator along the recordings")
     e = gather(simulator, drives.prepared, drives.held_out, seed=seed, rules=rules, mass_kg=mass_kg, say=say)
     drives, e = left_to_compare(drives, replace(e, own=mechanisms))
-    if drives.useless:
+    if drives.unusable_because:
         return drives
     e = with_own_error(simulator, e, drives.prepared[0].measured_acceleration, seed)
 
@@ -126,4 +142,13 @@ def compared(
     search = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
     p, events = without_events(search, seed)
     parameters = dict(simulator.parameters())
-    return Compared(parameters, drives, e, p, names(p), budget(p, e), events)
+    remarks = (*_caveats(search.e), *not_compared(mechanisms, LIBRARY.values(), search.library, search.e))
+    return Compared(parameters, drives, e, p, names(p), budget(p, e), events, remarks)
+
+
+def _caveats(e: Evidence) -> Iterator[str]:
+    """Remarks on what is not known of the simulator."""
+    if e.itself is None and not e.known_physics:
+        yield wording.COUNTS_AS_LEARNED
+    if not e.mass_known:
+        yield wording.WITHOUT_MASS

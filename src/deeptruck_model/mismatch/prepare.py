@@ -67,8 +67,8 @@ class Span:
 @dataclass(frozen=True)
 class PreparedDrives:
     """The usable recordings, in their original order, the problems found, and the inputs `missing` in them.
-    `useless` is the reason why nothing can be compared, or None; `doubts` are about inputs and speed, which
-    must be settled before anything that follows is believed."""
+    `unusable_because` is the reason why nothing can be compared, or None; `doubts` are about inputs and
+    speed, which must be settled before anything that follows is believed."""
 
     prepared: tuple[Prepared, ...]
     held_out: tuple[bool, ...]
@@ -76,7 +76,7 @@ class PreparedDrives:
     rejected: tuple[checks.Rejection, ...]
     caveats: tuple[str, ...]
     missing: tuple[NotRecorded, ...]
-    useless: str | None
+    unusable_because: str | None
     doubts: tuple[str, ...] = ()
 
     @property
@@ -102,56 +102,102 @@ def prepare_drives(
     """Check and align the recordings; if none is held out, some are set aside, unless all are to be fitted.
     Rows in `without` do not count; a `mass_kg` counts as recorded. Raises InputError if recordings do not
     belong to the simulator."""
-    gears.check(simulator, [*recordings, *held_out])
+    everything = [*recordings, *held_out]
+    gears.check(simulator, everything)
     mass_known = mass_kg is not None or "mass" in simulator.parameters()
-    missing = inputs([*recordings, *held_out], mass_known=mass_known)
-    asked = ("speed", *simulator.interface.u, *simulator.interface.w)
-    doubts = tuple(sensors.of_inputs([*recordings, *held_out], asked))
-    recordings, lacking = with_inputs(simulator, with_felt_slope(simulator, recordings))
-    held_out, of_held_out = with_inputs(simulator, with_felt_slope(simulator, held_out))
-    lacking += of_held_out
-    same_signals(simulator, [*recordings, *held_out])
-    fit, held, twice = each_once(recordings, held_out)
-    refuse_shared(fit)
-    drives, flags, caveats = (
-        with_held_out(fit, held, simulator.dt)
-        if held or sets_aside
-        else (fit, [False] * len(fit), list[str]())
+    missing = inputs(everything, mass_known=mass_known)
+    doubts = sensors.of_inputs(everything, ("speed", *simulator.interface.u, *simulator.interface.w))
+    split = _split(simulator, recordings, held_out, sets_aside=sets_aside)
+    cleaned, rejected = checks.clean(split.recordings)
+    to_fit = [not out for out in split.held_out]
+    faults, sound = _sensors(simulator, cleaned, to_fit, rejected, rules)
+    compared, left_out = _comparable(simulator, sound, without)
+    rejected = sorted([*rejected, *left_out], key=lambda r: -r.samples)
+    lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(compared)) else []
+    lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(compared)) else []
+    return PreparedDrives(
+        compared,
+        split.held_out,
+        tuple(faults),
+        tuple(rejected),
+        (*split.remarks, *lost),
+        missing,
+        _unusable(simulator, list(compress(compared, to_fit)), rejected),
+        tuple(doubts),
     )
-    drives, rejected = checks.clean(drives)
+
+
+@dataclass(frozen=True)
+class _Split:
+    """Recordings that the simulator can be driven along, which are held out, and remarks on others."""
+
+    recordings: list[Recording]
+    held_out: tuple[bool, ...]
+    remarks: tuple[str, ...]
+
+
+def _split(
+    simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording], *, sets_aside: bool
+) -> _Split:
+    """The recordings with all inputs of the simulator, each once, to fit or held out."""
+    (given, lacking), (judging, of_judging) = (
+        with_inputs(simulator, with_felt_slope(simulator, some)) for some in (recordings, held_out)
+    )
+    same_signals(simulator, [*given, *judging])
+    to_fit, to_hold_out, twice = each_once(given, judging)
+    refuse_shared(to_fit)
+    drives, flags, remarks = to_fit, [False] * len(to_fit), list[str]()
+    if to_hold_out or sets_aside:
+        drives, flags, remarks = with_held_out(to_fit, to_hold_out, simulator.dt)
+    return _Split(drives, tuple(flags), (*lacking, *of_judging, *twice, *remarks))
+
+
+def _sensors(
+    simulator: Simulator,
+    drives: Sequence[Recording],
+    to_fit: Sequence[bool],
+    rejected: Sequence[checks.Rejection],
+    rules: Rules,
+) -> tuple[list[checks.SensorFault], list[Prepared]]:
+    """Faults between sensors, and the drives without them."""
     measured = checks.acceleration_is_measured(drives)
     faults = checks.sensor_faults(drives, rules) if measured else []
-    to_fit = [not out for out in flags]
     faults = _by_commands(simulator, list(compress(drives, to_fit)), faults)
-    whole = _corrected(simulator, drives, faults, measured)
-    if unusable(list(compress(whole, to_fit)), rejected) is None:
-        speed_unit.check(simulator, whole)
-        if scaled := speed_unit.faults(simulator, whole, rules):
+    sound = _corrected(simulator, drives, faults, measured)
+    if unusable(list(compress(sound, to_fit)), rejected) is None:
+        speed_unit.check(simulator, sound)
+        if scaled := speed_unit.faults(simulator, sound, rules):
             faults = [*faults, *scaled]
-            whole = _corrected(simulator, drives, faults, measured)
-    aligned = on_one_road([learned(simulator, p) for p in whole])
-    kept = tuple(_without(p, without) for p in aligned)
-    left_out = {rule: sum(p.left_out[rule] for p in whole) for rule in (STANDING, BRAKING)}
-    for rule, before, after in ((OUTSIDE_TRAINING, whole, aligned), (LEFT_OUT, aligned, kept)):
+            sound = _corrected(simulator, drives, faults, measured)
+    return faults, sound
+
+
+def _comparable(
+    simulator: Simulator, drives: Sequence[Prepared], without: Sequence[Span]
+) -> tuple[tuple[Prepared, ...], list[checks.Rejection]]:
+    """The drives on one road whose valid rows are those that are compared, and what was left out by each
+    rule."""
+    known = on_one_road([learned(simulator, p) for p in drives])
+    kept = tuple(_excluding(p, without) for p in known)
+    left_out = {rule: sum(p.left_out[rule] for p in drives) for rule in (STANDING, BRAKING)}
+    for rule, before, after in ((OUTSIDE_TRAINING, drives, known), (LEFT_OUT, known, kept)):
         left_out[rule] = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(before, after, strict=True))
-    rejected += [checks.Rejection(rule, samples) for rule, samples in left_out.items() if samples]
-    rejected.sort(key=lambda r: -r.samples)
-    aligned = kept
-    fitted = list(compress(aligned, to_fit))
-    useless = unusable(fitted, rejected)
-    if useless is None and (share := forgotten(simulator, fitted)) > Limits.forgotten:
-        useless = FORGETS.format(share=share)
-    lost = [NO_PLACE.format(", ".join(names))] if (names := without_a_place(aligned)) else []
-    lost += [OWN_ROAD.format(", ".join(names))] if (names := on_a_road_of_its_own(aligned)) else []
-    remarks = (*lacking, *twice, *caveats, *lost)
-    return PreparedDrives(
-        aligned, tuple(flags), tuple(faults), tuple(rejected), remarks, missing, useless, doubts
-    )
+    return kept, [checks.Rejection(rule, samples) for rule, samples in left_out.items() if samples]
+
+
+def _unusable(
+    simulator: Simulator, to_fit: Sequence[Prepared], rejected: Sequence[checks.Rejection]
+) -> str | None:
+    """Why nothing can be compared, or None."""
+    why = unusable(to_fit, rejected)
+    if why is None and (share := forgotten(simulator, to_fit)) > Limits.forgotten:
+        why = FORGETS.format(share=share)
+    return why
 
 
 def left_to_compare(drives: PreparedDrives, e: Evidence) -> tuple[PreparedDrives, Evidence]:
     """The evidence without rows in which an unrecorded brake acts, and the drives: samples in which the
-    simulator drives in another gear count as rejected, and if too little is left, they are useless."""
+    simulator drives in another gear count as rejected, and if too little is left, they are unusable."""
     e, missing = braking(e, drives.missing)
     drives = replace(drives, missing=missing)
     if e.other_gear:
@@ -164,11 +210,11 @@ def left_to_compare(drives: PreparedDrives, e: Evidence) -> tuple[PreparedDrives
     if seconds < Limits.least_driving_s:
         lost = {CHECK_GEAR: e.other_gear * drives.prepared[0].dt, RECORD_BRAKE: braked_s}
         why = max(lost, key=lambda cure: lost[cure]) if any(lost.values()) else RECORD_MORE
-        drives = replace(drives, useless=f"only {seconds:.0f} s of driving {why}")
+        drives = replace(drives, unusable_because=f"only {seconds:.0f} s of driving {why}")
     return drives, e
 
 
-def _without(p: Prepared, spans: Sequence[Span]) -> Prepared:
+def _excluding(p: Prepared, spans: Sequence[Span]) -> Prepared:
     """The drive with the rows of the spans marked invalid; the simulator still runs through them."""
     time, valid = p.recording.time, p.valid
     for s in spans:

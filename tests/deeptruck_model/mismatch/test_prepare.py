@@ -164,22 +164,26 @@ def test_hidden_braking_is_left_out_before_what_is_left_is_judged() -> None:
     """115 s count, 72 s of them with unrecorded braking."""
     e, on = braked(evidence())
     enough, _ = left_of(e)
-    assert enough.useless is None
+    assert enough.unusable_because is None
     assert enough.missing[0].share_of_time == pytest.approx(on.mean(), abs=0.02)
     near = np.convolve(on, np.ones(19), "same") > 0
     short = replace(e, valid=near)
     assert near.sum() * e.dt > Limits.least_driving_s > (near & ~on).sum() * e.dt
     found, left = left_of(short)
-    assert "s of driving without braking that was not recorded: record the brake" in str(found.useless)
+    assert "s of driving without braking that was not recorded: record the brake" in str(
+        found.unusable_because
+    )
     assert not (left.valid & on).mean() > 0.01
 
 
 def test_too_little_driving_is_said_with_its_cause() -> None:
     e = replace(evidence(), valid=np.arange(len(evidence())) < 250)
     plain, _ = left_of(e)
-    assert str(plain.useless).startswith("only 50 s of driving that can be compared: record at least several")
+    assert str(plain.unusable_because).startswith(
+        "only 50 s of driving that can be compared: record at least several"
+    )
     other, _ = left_of(replace(e, other_gear=3000))
-    assert "only 50 s of driving in the gear that was recorded" in str(other.useless)
+    assert "only 50 s of driving in the gear that was recorded" in str(other.unusable_because)
     assert other.rejected[-1] == checks.Rejection(OTHER_GEAR, 3000)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.fit_result import Refitted
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, candidate_term, confined, merge
@@ -23,15 +24,16 @@ from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
 from deeptruck_model.mismatch.mechanisms.record import Mechanism
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.posterior.posterior import Posterior
-from deeptruck_model.mismatch.posterior.regression import PINNED, Model, Regression
+from deeptruck_model.mismatch.posterior.regression import FREE, PINNED, Model, Regression
 from deeptruck_model.mismatch.posterior.relinearise import about_the_mean
-from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95, ridge
 from deeptruck_model.mismatch.residual.sensitivity import accepted
 from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.strength import Strength, strength
 from deeptruck_model.mismatch.tree import UNKNOWN
+from deeptruck_model.mismatch.unrecorded import contradicted_mass
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
@@ -73,13 +75,15 @@ class Made:
     refit: Mapping[str, Refitted] = field(default_factory=dict)
     terms: tuple[CandidateTerm, ...] = ()  # forms of all that may be in, of single drives too
     left_out: Mapping[str, Array] = field(default_factory=dict)
+    added: Mapping[str, Strength] = field(default_factory=dict)  # by the correction, along the fitted drives
+    caveats: tuple[str, ...] = ()
 
 
-def correct(simulator: Simulator, p: Posterior, drives: PreparedDrives, given: Evidence) -> Made:
+def correct(simulator: Simulator, c: Compared) -> Made:
     """The correction by all blocks of the posterior, named or not, fitted with the simulator at the posterior
-    mean of its parameters; `given` is the evidence of the simulator as given."""
-    rules = p.search.rules
-    e = about_the_mean(simulator, drives, given, p)
+    mean of its parameters."""
+    p, rules = c.posterior, c.search.rules
+    e = about_the_mean(simulator, c.drives, c.given, p)
     terms, stated = ([_anew(t, e) for t in _terms(p, general=general)] for general in (True, False))
     parameters = frozenset(p.search.parameters)
     likely = frozenset(n for n in parameters if p.inside(n).mean() >= rules.named)
@@ -87,7 +91,7 @@ def correct(simulator: Simulator, p: Posterior, drives: PreparedDrives, given: E
     folds = _folds(e)
     options, errors = [Recipe()], [_left_out(folds, Recipe())]
     if terms or likely:
-        for free in {likely, parameters} if terms else {likely}:
+        for free in dict.fromkeys((likely, parameters) if terms else (likely,)):
             for output_error in (False, True):
                 whole = Recipe(tuple(terms), free, output_error)
                 for recipe, own in _pruned(folds, whole, p.probability, rules):
@@ -97,8 +101,10 @@ def correct(simulator: Simulator, p: Posterior, drives: PreparedDrives, given: E
     best = options[_best(options, errors, rules)]
     search = Regression(e.everywhere(), only=~e.held_out & e.valid, parameter_sd=PINNED)
     alone = search.model((), parameters)
+    corrected = _truck(simulator, search, best, _fitted(search, best))
+    added = {t.effect: np.array(t.coefficients) for t in corrected.terms}
     return Made(
-        _truck(simulator, search, best, _fitted(search, best)),
+        corrected,
         _truck(simulator, search, tuning, _fitted(search, tuning)),
         best,
         {n: _refitted(simulator, search.e, alone, n) for n in sorted(alone.free)},
@@ -112,7 +118,25 @@ def correct(simulator: Simulator, p: Posterior, drives: PreparedDrives, given: E
             )
             if len(folds) > 1
         },
+        {
+            term.mechanism.effect: strength(c.fitted, np.nan_to_num(term.columns) @ sizes)
+            for term in best.terms
+            if (sizes := added.get(term.mechanism.effect)) is not None
+        },
+        tuple(_contradicted_mass(c, best)),
     )
+
+
+def _contradicted_mass(c: Compared, recipe: Recipe) -> Iterator[str]:
+    """Remark on a stated mass that the drives contradict when all parameters are fitted with the
+    terms of the correction."""
+    model = c.search.model(recipe.terms, frozenset(c.search.parameters))
+    if "mass" not in c.parameters or "mass" not in model.free or model.moved_sd("mass") >= 0.5 * FREE["mass"]:
+        return
+    about = c.parameters["mass"] * (1.0 + c.search.e.moved.get("mass", 0.0))
+    value, wide = about * (1.0 + model.moved("mass")), Z95 * about * model.moved_sd("mass")
+    recordings = [p.recording for p in c.drives.part(held_out=False)]
+    yield from contradicted_mass(recordings, value, (value - wide, value + wide))
 
 
 def _anew(term: CandidateTerm, e: Evidence) -> CandidateTerm:
@@ -270,7 +294,8 @@ def _pruned(
     errors = _left_out(folds, recipe)
     yield recipe, errors
     most = _rms(errors) / rules.better
-    for part in sorted({*(t.mechanism.effect for t in recipe.terms), *recipe.free}, key=probability):
+    parts = sorted({*(t.mechanism.effect for t in recipe.terms), *recipe.free})  # equal in every process
+    for part in sorted(parts, key=probability):
         terms = tuple(t for t in recipe.terms if t.mechanism.effect != part)
         less = replace(recipe, terms=terms, free=recipe.free - {part})
         if (less.terms or less.free) and _rms(without := _left_out(folds, less)) <= most:

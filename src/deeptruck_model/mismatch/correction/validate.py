@@ -58,6 +58,7 @@ def validate(simulator: Simulator, made: Made, drives: PreparedDrives, rules: Ru
         errors=free_run_errors(errors),
         improvement=improvement(errors) if len(errors["before"].speed) else None,
         corrected_parameters={p: round(change, 4) for p, change in after.moved.items()},
+        corrected_forces=made.added,
         refit=made.refit,
         output_error=made.recipe.output_error,
         without_exogenous=without,

@@ -67,7 +67,7 @@ def name(simulator: Simulator, recordings: list[Recording], rules: Rules = Rules
     """Names and budget of recordings, all of which are fitted. Raises InputError as `find_mismatch` does."""
     c = compared(simulator, recordings, sets_aside=False, rules=rules)
     if not isinstance(c, Compared):
-        return NamesReply(c.useless or "")
+        return NamesReply(c.unusable_because or "")
     found = findings(c, None, None, c.budget.speed_rmse, rules.visible)
     stated = [f for f in found if f.stated != ROOT or f.effect == UNKNOWN]
     nodes = conclude.tree(c, None)

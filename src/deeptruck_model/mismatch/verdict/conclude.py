@@ -1,38 +1,40 @@
-"""Assembles the verdict: findings, where they act, and the decision of `decide`."""
+"""Assembles the verdict from what the stages have found, and from the decision of `decide`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.model import Made
 from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN
-from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.own import not_compared
-from deeptruck_model.mismatch.posterior.regression import FREE
 from deeptruck_model.mismatch.prepare import PreparedDrives
 from deeptruck_model.mismatch.report import wording
-from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Advice, Answer, Data, Verdict
-from deeptruck_model.mismatch.roads.road import Road, road
-from deeptruck_model.mismatch.strength import Strength, strength
+from deeptruck_model.mismatch.result import Advice, Answer, Data, Finding, Regime, Segment, Verdict
+from deeptruck_model.mismatch.roads.road import Road
 from deeptruck_model.mismatch.tree import ROOT, Node
-from deeptruck_model.mismatch.unrecorded import contradicted_mass
-from deeptruck_model.mismatch.verdict import decide, where
-from deeptruck_model.mismatch.verdict.findings import findings, of_fault
-from deeptruck_model.mismatch.verdict.witnesses import witnesses
+from deeptruck_model.mismatch.verdict import decide
+from deeptruck_model.mismatch.verdict.findings import of_fault
+from deeptruck_model.mismatch.verdict.witnesses import Witness
 
 
-def useless(drives: PreparedDrives) -> Verdict:
+@dataclass(frozen=True)
+class Stated:
+    """What a verdict states: findings, largest first, the `segments` and `regimes` of driving in which they
+    act, the probabilities of all names, and channels that predict what has none."""
+
+    findings: tuple[Finding, ...]
+    segments: tuple[Segment, ...]
+    regimes: tuple[Regime, ...]
+    tree: tuple[Node, ...]
+    witnesses: tuple[Witness, ...]
+
+
+def unusable(drives: PreparedDrives) -> Verdict:
     """The verdict if nothing can be compared: a sensor fault if there is one, else undetermined with the
     reason."""
     found = tuple(of_fault(f) for f in drives.faults)
-    why = drives.useless or ""
+    why = drives.unusable_because or ""
     return Verdict(
         decide.uncompared(faulty=bool(found)),
         found,
@@ -47,42 +49,27 @@ def useless(drives: PreparedDrives) -> Verdict:
     )
 
 
-def conclude(c: Compared, made: Made, driven: Validated) -> Verdict:
-    """The verdict from all results of the comparison."""
-    e, fit, rules = c.fitted, driven.judged, c.search.rules
-    slope = road(c.search.e.everywhere())
-    numbers = _numbers(c, driven)
-    found = findings(c, made, slope, numbers.error, decide.tolerance(numbers.own, rules))
+def conclude(c: Compared, made: Made, driven: Validated, stated: Stated) -> Verdict:
+    """The verdict from all results of the comparison, of which nothing is measured again."""
+    rules, found = c.search.rules, stated.findings
     sure = [f.stated != ROOT for f in found]
-    numbers = replace(numbers, kinds=[f.kind for f in found], sure=sure)
+    numbers = replace(_numbers(c, driven), kinds=[f.kind for f in found], sure=sure)
     kind = decide.conclusion(numbers, rules)
     offered = decide.offered(numbers, kind, rules)
-    forces = {i: f.force for i, f in enumerate(found) if f.force is not None}
-    error = np.sum(list(forces.values()), axis=0) if forces else e.residual
     return Verdict(
         kind,
         found,
         c.names.explanations,
         c.events,
-        tuple(where.segments(e, forces)),
-        tuple(where.regimes(e, error)),
-        replace(
-            fit,
-            offered=offered,
-            validated=offered != AS_GIVEN,
-            corrected_forces=_forces(e, made),
-        ),
-        Data(c.drives.rejected, c.drives.samples, float(e.everywhere().valid.mean()), c.drives.doubts),
-        (
-            *c.drives.caveats,
-            *_caveats(c),
-            *not_compared(e.own, LIBRARY.values(), c.search.library, e),
-            *_mass(c, made),
-        ),
+        stated.segments,
+        stated.regimes,
+        replace(driven.judged, offered=offered, validated=offered != AS_GIVEN),
+        Data(c.drives.rejected, c.drives.samples, c.share_compared, c.drives.doubts),
+        (*c.drives.caveats, *c.caveats, *made.caveats),
         c.drives.missing,
         c.budget,
-        witnesses(c.search, c.drives.prepared, c.budget),
-        tree(c, slope),
+        stated.witnesses,
+        stated.tree,
         decide.advice(numbers, kind, rules),
     )
 
@@ -93,6 +80,12 @@ def tree(c: Compared, slope: Road | None) -> tuple[Node, ...]:
     if slope is not None and slope.tree.stated(c.search.rules.stated) != ROOT:
         return slope.tree.nodes()
     return (Node("nothing", ROOT, round(c.names.nothing, 4)), *c.names.tree.nodes())
+
+
+def tolerated(c: Compared, driven: Validated) -> tuple[float, float]:
+    """The simulator's speed error, and that up to which it is good enough, m/s."""
+    numbers = _numbers(c, driven)
+    return numbers.error, decide.tolerance(numbers.own, c.search.rules)
 
 
 def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
@@ -112,34 +105,3 @@ def _numbers(c: Compared, driven: Validated) -> decide.Numbers:
         missing=[m.input for m in c.drives.missing],
         doubts=c.drives.doubts,
     )
-
-
-def _forces(e: Evidence, made: Made) -> dict[str, Strength]:
-    """The strength of each force that the correction adds, along the fitted drives."""
-    sizes = {t.effect: np.array(t.coefficients) for t in made.corrected.terms}
-    return {
-        name: strength(e, np.nan_to_num(t.columns) @ sizes[name])
-        for t in made.recipe.terms
-        if (name := t.mechanism.effect) in sizes
-    }
-
-
-def _caveats(c: Compared) -> list[str]:
-    out = []
-    if c.search.e.itself is None and not c.search.e.known_physics:
-        out.append(wording.COUNTS_AS_LEARNED)
-    if not c.search.e.mass_known:
-        out.append(wording.WITHOUT_MASS)
-    return out
-
-
-def _mass(c: Compared, made: Made) -> Iterator[str]:
-    """Remark on a stated mass that the drives contradict when all parameters are fitted with the
-    terms of the correction."""
-    model = c.search.model(made.recipe.terms, frozenset(c.search.parameters))
-    if "mass" not in c.parameters or "mass" not in model.free or model.moved_sd("mass") >= 0.5 * FREE["mass"]:
-        return
-    about = c.parameters["mass"] * (1.0 + c.search.e.moved.get("mass", 0.0))
-    value, wide = about * (1.0 + model.moved("mass")), Z95 * about * model.moved_sd("mass")
-    recordings = [p.recording for p in c.drives.part(held_out=False)]
-    yield from contradicted_mass(recordings, value, (value - wide, value + wide))

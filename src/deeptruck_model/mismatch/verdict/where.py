@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sklearn.tree import DecisionTreeRegressor
 
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence, unit
-from deeptruck_model.mismatch.result import Bound, Regime, Segment
+from deeptruck_model.mismatch.result import Bound, Finding, Regime, Segment
 from deeptruck_model.mismatch.strength import acts, visible
 from deeptruck_model.signals import Said
 
@@ -30,6 +30,13 @@ PRINTED = {  # of a signal in a sentence, where its name is not the word
     "acceleration over 2 s": "simulated acceleration, mean of about 2 s",
 }
 RATIO_STEP = 0.05  # relative; gears are farther apart
+
+
+def located(e: Evidence, found: Sequence[Finding]) -> tuple[tuple[Segment, ...], tuple[Regime, ...]]:
+    """Where the forces of findings act along the drives, and in which regimes of driving the error is."""
+    forces = {i: f.force for i, f in enumerate(found) if f.force is not None}
+    error = np.sum(list(forces.values()), axis=0) if forces else e.residual
+    return tuple(segments(e, forces)), tuple(regimes(e, error))
 
 
 def segments(e: Evidence, forces: Mapping[int, Array]) -> list[Segment]:
