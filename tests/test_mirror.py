@@ -27,7 +27,6 @@ deeptruck_model.cli: fleet | deeptruck_model/fleet/test_compare.py
 deeptruck_model.compare: naming | deeptruck_model/compare/test_comparison.py
 deeptruck_model.deep: card preparation | deeptruck_model/deep/test_training.py
 deeptruck_model.deep.kernels: inference layers | deeptruck_model/deep/test_truck.py
-deeptruck_model.files: places | deeptruck_model/files/test_results.py
 deeptruck_model.fmu: description variables | deeptruck_model/fmu/test_foreign.py
 deeptruck_model.mismatch: evidence_by_name | deeptruck_model/fleet/test_compare.py
 deeptruck_model.mismatch: called | deeptruck_model/mismatch/test_find.py

@@ -11,22 +11,12 @@ import typer
 import yaml
 
 from deeptruck_model import files, trucks
-from deeptruck_model._io.results import BAG_FILES
 from deeptruck_model._terminal import console
 from deeptruck_model.mismatch.strength import acts
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import driving_cycles
 
-BAGS = ("cycle", "test", *(f"other/{name}" for name in "abcd"))
-DRIVES = files.Result(
-    "a folder of the demo's drives",
-    (
-        "leader.csv",
-        "hidden.yaml",
-        "hidden.csv",
-        *(f"{bag}/{name}" for bag in BAGS for name in (*BAG_FILES, files.LEDGER)),
-    ),
-)
+DRIVES = files.Result("a folder of the demo's drives")
 BRAKES = 6  # of a three-axle truck, all alike
 LETS_GO_S = 20.0  # chosen, as no figure is published; brakes in order have 0.55 s (FMVSS 121, S5.3.4)
 NOISE = {"speed": 0.03, "acceleration": 0.05, "grade": 0.001}  # standard deviation of the sensors, SI

@@ -9,15 +9,11 @@ from typing import Annotated
 import typer
 
 from deeptruck_model import files
-from deeptruck_model._io.results import BAG_FILES
 from deeptruck_model._terminal import console
 from deeptruck_model.recordings import import_table, split, write_bag
 
 COLUMNS = Path(__file__).parents[2] / "layouts" / "columns" / "veh002.yaml"
-DRIVES = files.Result(
-    "a folder of the real truck's drives",
-    tuple(f"{bag}/{name}" for bag in ("train", "test") for name in (*BAG_FILES, files.LEDGER)),
-)
+DRIVES = files.Result("a folder of the real truck's drives")
 
 
 def main(

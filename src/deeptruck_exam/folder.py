@@ -1,70 +1,36 @@
-"""Files of a proof folder, in which `prove` continues from run to run. Standard library only."""
+"""The folder of a proof, in which `prove` continues from run to run. Standard library only."""
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
-from deeptruck_model._io.results import FOUND, TRUCK_FILES, apart
+from deeptruck_model._io.results import apart
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import LEDGER, Result
+from deeptruck_model.files import Result
 
-_BAG = ("metadata.yaml", "*_0.mcap", LEDGER)
-_FOUND = tuple(f"found/{name}" for name in (*FOUND.names, LEDGER))
-_CASE = (
-    LEDGER, "case.json", "score.json", ".score.json", "simulator.yaml", "truth/truth.json",
-    "truth/drives.npz",
-    *(f"recordings/*/{name}" for name in _BAG),
-    *(f"found/{truck}/base/{name}" for truck in ("simulator", "refitted") for name in (*TRUCK_FILES, LEDGER)),
-    *_FOUND,
-)  # fmt: skip
-_REAL = (
-    *(f"{place}/{name}" for place in ("import", "import_*", "recordings/*") for name in _BAG),
-    *(f"simulator/{name}" for name in (*TRUCK_FILES, LEDGER)),
-    *(f"found/{truck}/base/{name}" for truck in ("simulator", "refitted") for name in (*TRUCK_FILES, LEDGER)),
-    *_FOUND,
-)
-_MADE = (
-    "line_haul.yaml", "sheet.yaml", "equations.yaml",
-    *(f"drives/*/*/{name}" for name in _BAG),
-    *(f"{kind}/{name}" for kind in ("learned", "fitted") for name in (*TRUCK_FILES, LEDGER)),
-)  # fmt: skip
-CASE = Result("an examined case", _CASE, "choose another folder")
-PROOF = Result(
-    "a proof",
-    (
-        "proof.md", "scoreboard.json", ".proof.md", ".scoreboard.json", "*.png",
-        *(f"cases/*/{name}" for name in _CASE),
-    ),
-)  # fmt: skip
-PLANT = Result(
-    "a proof on another's truck",
-    (
-        "plant.md", "plant.json",
-        *(f"{place}/{name}" for place in ("simulators", "blind") for name in _MADE),
-        *(f"cases/*/recordings/*/{name}" for name in _BAG),
-        *(f"cases/*/{name}.json" for name in ("data_sheet", "learned", "own_equations", "point_mass")),
-        *(f"cases/*/found_*/{name}" for name in (*FOUND.names, LEDGER)),
-        *(
-            f"cases/*/found_*/{truck}/base/{name}"
-            for truck in ("simulator", "refitted")
-            for name in (*TRUCK_FILES, LEDGER)
-        ),
-    ),
-)  # fmt: skip
-REAL = Result(
-    "an examination of real logs",
-    (
-        "real.json", "real.md", "withheld/withheld.json",
-        *(f"withheld/*/{name}" for name in _REAL),
-        *(f"*/{name}" for name in _REAL),
-        "*/drive_*-drive_*.json",
-        *(f"*/drive_*-drive_*/{name}" for name in _REAL),
-    ),
-)  # fmt: skip
+CASE = Result("an examined case", "choose another folder")
+PROOF = Result("a proof")
+PLANT = Result("a proof on another's truck")
+REAL = Result("an examination of real logs")
+_OF_A_CASE = {"case.json", "simulator.yaml", "truth", "recordings", "found"}  # and drafts
+
+
+def clear(folder: Path, *inside: str) -> None:
+    """Remove what there is of an unfinished case, or these subfolders of a finished one.
+
+    Raises InputError for a folder that is not an examined case, or, naming it, for something else in it; then
+    nothing is removed.
+    """
+    if CASE.check(folder, overwrite=True):
+        if foreign := [p for p in folder.iterdir() if p.name not in _OF_A_CASE and p.name[0] != "."]:
+            raise InputError(f"{folder} holds {foreign[0].name}, which is no part of {CASE.what}; move it")
+        for place in [folder / name for name in inside] if inside else [folder]:
+            shutil.rmtree(place, ignore_errors=True)
 
 
 def check(out: Path) -> None:
-    """Whether a proof can be continued in `out`: a new folder, or one with its ledger.
+    """Whether a proof can be continued in `out`: a new folder, or one with its marker.
 
     Raises InputError as `Result.check` does.
     """

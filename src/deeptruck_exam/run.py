@@ -14,7 +14,7 @@ import numpy as np
 from deeptruck_exam.cases.absorption import retune
 from deeptruck_exam.cases.case import Case, make_case, open_truth
 from deeptruck_exam.cases.plan import MINUTES
-from deeptruck_exam.folder import CASE
+from deeptruck_exam.folder import clear
 from deeptruck_exam.scoring import score
 from deeptruck_exam.scoring.evaluation import arrays, open_loop
 from deeptruck_exam.tool import ToolRun, run_tool
@@ -43,7 +43,7 @@ def examine(
     if done.exists():
         result: dict[str, Any] = json.loads(done.read_text())
         return result
-    CASE.clear(folder)
+    clear(folder)
     case = make_case(folder, level, seed, effect, simulator, minutes)
     run = run_tool(case, folder / "found")
     result = {
@@ -54,7 +54,7 @@ def examine(
         **judge(case, run, with_rivals=with_rivals),
     }
     if not keep:
-        CASE.clear(folder, "recordings", "found/simulator", "found/refitted")
+        clear(folder, "recordings", "found/simulator", "found/refitted")
     files.write(done, json.dumps(result, indent=1).encode())
     return result
 

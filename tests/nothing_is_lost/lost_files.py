@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from deeptruck_cacc.controllers.policy import POLICY
@@ -16,7 +16,7 @@ from deeptruck_cacc.evaluation import output
 from deeptruck_cacc.training import sweep as policy_sweep
 from deeptruck_exam.folder import CASE, PLANT, PROOF, REAL
 from deeptruck_model._io import results
-from deeptruck_model.files import LEDGER, Result, unfinished
+from deeptruck_model.files import MARKER, Result, unfinished
 from deeptruck_model.mismatch import folders
 from deeptruck_nodes import bag_place
 from examples.demo import drives, real
@@ -67,18 +67,7 @@ def failing(at: int, error: str, *, after: bool) -> Iterator[None]:
             setattr(os, name, function)
 
 
-def own_names(kind: Result) -> list[str]:
-    """Files that the command writes; of patterns at several depths, as work/* and work/*/*, the deepest."""
-    drawn = [name.replace("*", "a") for name in kind.names if not name.endswith(LEDGER)]
-    names = [name for name in drawn if not any(other.startswith(f"{name}/") for other in drawn)]
-    return names or ["a_0.mcap", "metadata.yaml"]
-
-
-def is_own(kind: Result, name: str) -> bool:
-    """Whether a file counts as the command's by its name, as in unfinished work."""
-    parts = PurePosixPath(name).parts
-    patterns = [PurePosixPath(pattern) for pattern in (*kind.names, LEDGER)]
-    return any(len(parts) == len(p.parts) and PurePosixPath(name).match(str(p)) for p in patterns)
+OWN = ("a_0.mcap", "metadata.yaml", "seeds/1/policy.json", "tensorboard/events.out")  # what a command writes
 
 
 @dataclass
@@ -93,14 +82,14 @@ class Place:
     def out(self) -> Path:
         return self.root / "out"
 
-    def put_older(self, *, ledger: bool) -> None:
-        """A finished result, as the command leaves it, or a copy without its ledger."""
+    def put_older(self, *, marker: bool) -> None:
+        """A finished result, as the command leaves it, or a copy without its marker."""
         self.fill(self.out, "older")
-        if ledger:
-            self.kind.sign(self.out)
+        if marker:
+            self.kind.mark(self.out, OWN)
 
     def fill(self, folder: Path, content: str) -> None:
-        for name in own_names(self.kind):
+        for name in OWN:
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(content)
@@ -108,7 +97,7 @@ class Place:
     def put_foreign(self, path: Path, shape: str) -> None:
         """Something of the user's at `path`, where it is free, or in the place of a finished file of ours."""
         if shape == "in our place" and path.is_file() and path not in self.foreign:
-            if path.is_relative_to(self.out) and path.name != LEDGER:
+            if path.is_relative_to(self.out) and path.name != MARKER:
                 self._file(path)
             return
         if any(p.is_file() or p.is_symlink() for p in (path, *path.parents)) or path.exists():
@@ -119,7 +108,7 @@ class Place:
             target = self._file(self.root / "elsewhere" / str(number) / "target")
             path.symlink_to(target)
         elif shape == "link to a folder":
-            inside = own_names(self.kind)[0].split("/")[-1]
+            inside = OWN[0]
             target = self._file(self.root / "elsewhere" / str(number) / inside)
             path.symlink_to(target.parent)
         elif shape == "folder":
@@ -131,11 +120,9 @@ class Place:
                 path.parent.chmod(0o555)
 
     def _takes_for_its_own(self, path: Path) -> bool:
-        """Of unfinished work, a file is known by its name; of a folder, a ledger."""
+        """A marker, and what the command writes anew where it goes on with unfinished work."""
         draft = unfinished(self.out)
-        if path.is_relative_to(draft):
-            return is_own(self.kind, path.relative_to(draft).as_posix())
-        return path == self.out / LEDGER
+        return path.name == MARKER or path in {draft / name for name in OWN}
 
     def _file(self, path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -149,14 +136,15 @@ class Place:
         return [path for path, text in self.foreign.items() if not self._is_there(path, text, told)]
 
     def _is_there(self, path: Path, text: str, told: list[Path]) -> bool:
-        places = [path]
-        if path.is_relative_to(self.out):
-            places += [folder / path.relative_to(self.out) for folder in told]
+        places, draft = [path], unfinished(self.out)
+        for folder in (self.out, draft):
+            if path.is_relative_to(folder):
+                places += [place / path.relative_to(folder) for place in (*told, self.out, draft)]
         return any(place.is_file() and place.read_text() == text for place in places)
 
     def content(self, folder: Path) -> dict[str, str]:
         """The files of the command in `folder`, by name."""
-        paths = (p for p in folder.rglob("*") if p.is_file() and not p.is_symlink() and p.name != LEDGER)
+        paths = (p for p in folder.rglob("*") if p.is_file() and not p.is_symlink() and p.name != MARKER)
         found = {p.relative_to(folder).as_posix(): p.read_text() for p in paths}
         return {name: text for name, text in found.items() if not text.startswith("mine")}
 

@@ -13,47 +13,36 @@ from pathlib import Path
 import lost_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lost_files import ERRORS, KINDS, RECORDED, RESUMABLE, Place, own_names, place
+from lost_files import ERRORS, KINDS, OWN, RECORDED, RESUMABLE, Place, place
 
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import LEDGER, Result
+from deeptruck_model.files import MARKER, Result
 
 ROOT = Path(__file__).parents[2]
-SHAPES = ("file", "read-only", "link", "link to a folder", "folder", "in our place")
+SHAPES = ("file", "read-only", "link", "link to a folder", "folder")
 QUICK = settings(derandomize=True, max_examples=250, suppress_health_check=list(HealthCheck))
 
 
-def foreign_names(kind: Result) -> list[str]:
-    """Names that a user may give, drawn also from the command's own in wrong places."""
-    own = own_names(kind)
-    wrong = [name for file in own for name in (f"{file}/{file}", f"deep/er/{file}", f"{file}.bak")]
-    inner = sorted({str(Path(file).parent / "notes.txt") for file in own})
-    first = sorted({file.split("/")[0] for file in own})
-    return [
-        "notes.txt",
-        ".hidden",
-        "metadata.yaml.before",
-        LEDGER,
-        "index.html",
-        *own,
-        *wrong,
-        *inner,
-        *first,
-    ]
+FOREIGN = (  # names that a user may give, drawn also from the command's own in wrong places
+    *("notes.txt", ".hidden", "metadata.yaml.before", MARKER, "index.html", *OWN),
+    *(name for file in OWN for name in (f"{file}/{file}", f"deep/er/{file}", f"{file}.bak")),
+    *("seeds/notes.txt", "tensorboard/1/notes.txt", "seeds", "tensorboard"),
+)
 
 
 @st.composite
-def users(draw: st.DrawFn, kind: Result) -> list[tuple[str, str]]:
+def users(draw: st.DrawFn, edits: bool) -> list[tuple[str, str]]:
     """Where something of the user's lies, relative to the folder beside `out`, and what it is."""
-    inside = st.sampled_from(foreign_names(kind))
+    inside = st.sampled_from(FOREIGN)
+    shapes = st.sampled_from((*SHAPES, "in our place") if edits else SHAPES)
     beside = st.sampled_from(
         (
             "notes.txt",
             "out.txt",
-            ".out.abcdefgh.tmp/a",
-            ".out.1.old/a",
-            ".out.1.new/a",
+            "out.old/a",
+            "out.new/a",
+            "out.unfinished/a",
             ".out.unfinished",
             ".out",
             "out",
@@ -62,7 +51,7 @@ def users(draw: st.DrawFn, kind: Result) -> list[tuple[str, str]]:
     )
     folder = st.sampled_from(("out", "out", ".out.unfinished"))
     path = st.one_of(st.tuples(folder, inside).map("/".join), beside)
-    return draw(st.lists(st.tuples(path, st.sampled_from(SHAPES)), max_size=3))
+    return draw(st.lists(st.tuples(path, shapes), max_size=3))
 
 
 FAILURES = st.one_of(
@@ -75,8 +64,7 @@ COMPUTING = st.sampled_from(("well", "well", "full", "interrupted", "refused", "
 
 def compute(here: Place, folder: Path, how: str) -> None:
     """What the command does in the block: it writes its files, or half of them and fails."""
-    names = own_names(here.kind)
-    for name in names if how in ("well", "a file comes") else names[: len(names) // 2]:
+    for name in OWN if how in ("well", "a file comes") else OWN[:1]:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text("newer")
     if how == "a file comes" and here.out != folder and here.out.is_dir():
@@ -103,9 +91,9 @@ def recorded(here: Place, overwrite: bool, how: str, anew: bool) -> None:
 
     with here.kind.recording(here.out, overwrite=overwrite, whole=whole) as bag:
         bag.mkdir()
-        here.kind.claim(bag, *own_names(here.kind))
+        here.kind.mark(bag)
         compute(here, bag, how)
-        here.kind.sign(bag)
+        here.kind.mark(bag, OWN)
 
 
 Way = Callable[[Place, bool, str, bool], None]
@@ -120,11 +108,11 @@ WAYS: list[tuple[Result, Way]] = [
 @QUICK
 def test_what_the_user_put_there_is_there_afterwards(data: st.DataObject) -> None:
     kind, way = data.draw(st.sampled_from(WAYS))
-    older, ledger, overwrite, anew = (data.draw(st.booleans()) for _ in range(4))
+    older, marker, overwrite, anew = (data.draw(st.booleans()) for _ in range(4))
     with place(kind) as here:
         if older:
-            here.put_older(ledger=ledger)
-        for name, shape in data.draw(users(kind)):
+            here.put_older(marker=marker)
+        for name, shape in data.draw(users(edits=not overwrite)):
             here.put_foreign(here.root / name, shape)
         before, says = here.content(here.out), io.StringIO()
         how, failure = data.draw(COMPUTING), data.draw(FAILURES)
@@ -141,7 +129,7 @@ def test_what_the_user_put_there_is_there_afterwards(data: st.DataObject) -> Non
 
 def assert_whole(here: Place, before: dict[str, str], way: Way) -> None:
     """`out` is what it was, or the newer result; a recorder's may be unfinished where no older one was."""
-    newer = dict.fromkeys(own_names(here.kind), "newer")
+    newer = dict.fromkeys(OWN, "newer")
     now = here.content(here.out) if here.out.is_dir() and not here.out.is_symlink() else before
     if before or way is not recorded:
         assert now in (before, newer)
@@ -178,13 +166,14 @@ def called(node: ast.Call) -> str:
 # Who else may delete or rename, and what: each its own work of the same run, or what it knows as its own.
 ALLOWED = {
     "deeptruck_model/files/results.py": "the rule itself",
-    "deeptruck_model/files/ledger.py": "what the user changed, to a name that is free",
     "deeptruck_model/files/single.py": "its own draft",
     "deeptruck_model/recordings/crash_safe.py": "metadata.yaml of the bag that it has just made",
     "deeptruck_model/recordings/mcap_repair.py": "the repaired bag; what was cut off or replaced is kept",
     "deeptruck_model/fleet/storage.py": "its own drafts, and a truck's earlier result that its receipt names",
+    "deeptruck_model/deep/training.py": "the resume point of a training that diverged",
     "deeptruck_model/deep/card.py": "the resume point in the draft of its own run",
     "truck_bridge/can_logs/live.py": "the log that it has just made and in which nothing was received",
+    "deeptruck_exam/folder.py": "a case that it has marked as its own and that nobody added to",
     "deeptruck_exam/cases/deep_trucks.py": "a draft with its own process's number, into the exam's own cache",
     "examples/demo/runner.py": "what a step of the demo made and nobody changed since",
     "examples/demo/page.py": "index.html of the demo's own folder",

@@ -13,14 +13,14 @@ import typer
 import deeptruck_cacc.cli
 import deeptruck_model.cli
 import truck_bridge.cli
-from deeptruck_exam.folder import CASE
+from deeptruck_exam.folder import CASE, clear
 from deeptruck_exam.run import examine
 from deeptruck_model import files, trucks
 from deeptruck_model._io import results
 from deeptruck_model.cli import whole
 from deeptruck_model.deep.sweep import sweep
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import LEDGER, OVERWRITE_HELP
+from deeptruck_model.files import MARKER, OVERWRITE_HELP
 
 FOLDERS = (
     "deeptruck-model import none.csv --columns none.yaml --out out",
@@ -103,26 +103,29 @@ def test_an_examination_goes_on_where_nothing_else_lies(here: Path, refused: Cal
     case.mkdir(parents=True)
     (case / "mine.txt").write_text("mine")
     says = refused("deeptruck-model prove --out out")
-    assert "out holds cases/physics-noise-100000/mine.txt, which is no part of a proof" in says
+    assert "out holds cases but no .deeptruck.json" in says and (case / "mine.txt").exists()
 
 
 def test_a_case_is_made_where_nothing_else_lies(here: Path) -> None:
     (here / "out").mkdir()
     (here / "out" / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"out holds mine\.txt but no \.deeptruck\.json"):
+        examine(here / "out", "noise", 0)
+    CASE.mark(here / "out")
     with pytest.raises(InputError, match=r"out holds mine\.txt, which is no part of an examined case"):
         examine(here / "out", "noise", 0)
     assert (here / "out" / "mine.txt").read_text() == "mine"
 
 
-def test_of_a_case_only_its_own_files_are_removed(here: Path) -> None:
+def test_of_a_case_only_what_is_large_is_removed(here: Path) -> None:
     names = ("recordings/drive_0/metadata.yaml", "found/simulator/simulator.json", "found/verdict.json")
     for name in names:
-        (here / name).parent.mkdir(parents=True, exist_ok=True)
-        (here / name).touch()
-    CASE.claim(here)
-    CASE.clear(here, "recordings", "found/simulator")
-    left = {p.relative_to(here).as_posix() for p in here.rglob("*")}
-    assert left == {LEDGER, "found", "found/verdict.json"}
+        (here / "case" / name).parent.mkdir(parents=True, exist_ok=True)
+        (here / "case" / name).touch()
+    CASE.mark(here / "case")
+    clear(here / "case", "recordings", "found/simulator")
+    left = {p.relative_to(here / "case").as_posix() for p in (here / "case").rglob("*")}
+    assert left == {MARKER, "found", "found/verdict.json"}
 
 
 def test_a_sweep_is_gone_on_with_where_one_is(here: Path) -> None:
@@ -173,52 +176,24 @@ def test_saving_a_truck_replaces_only_what_a_truck_is_and_where_it_is_asked_to(h
         truck.save(path, overwrite=True)
 
 
-NOBODY = 2**22 + 1  # no process has this number
-
-
-def test_what_a_killed_run_left_is_told_and_stays(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    left = {
-        f".out.{NOBODY}.old": "is an older out",
-        f".out.{NOBODY}.new": "is another out",
-        f".out.{NOBODY}.unfinished": "is begun work on out",
-        ".out.abcd_123.tmp": "looks like the draft of a killed run",
-    }
-    for name in left:
-        (here / name).mkdir()
-    with results.COVERAGE.replacing(here / "out"):
-        pass
-    says = capsys.readouterr().err
-    assert all(f"{here / name} {told}" in says for name, told in left.items())
-    assert {*left, "out"} == {path.name for path in here.iterdir()}
-
-
 @pytest.mark.parametrize("name", ["coverage.json", ".coverage.json.tmp", "notes/mine.txt"])
 def test_nothing_in_the_draft_of_a_killed_run_is_removed(
     name: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A file of the user has any name, that of one of the command's too."""
-    draft, empty = here / ".out.abcd_123.tmp", here / ".out.abcd_124.tmp"
-    for folder in (draft, empty):
-        folder.mkdir()
-        results.COVERAGE.claim(folder)
-    (draft / name).parent.mkdir(exist_ok=True)
+    draft = files.unfinished(here / "out")
+    (draft / name).parent.mkdir(parents=True)
     (draft / name).write_text("mine")
     with results.COVERAGE.replacing(here / "out"):
         pass
-    assert (draft / name).read_text() == "mine" and not empty.exists()
-    assert f"{draft} looks like the draft of a killed run" in capsys.readouterr().err
+    kept = here / "out.unfinished"
+    assert (kept / name).read_text() == "mine" and not draft.exists()
+    assert f"had begun is kept as {kept}; remove it" in capsys.readouterr().err
 
 
-def test_begun_work_with_a_file_of_the_user_is_refused_at_once(here: Path) -> None:
-    begun = files.unfinished(here / "out")
-    begun.write_text("mine")
-    with pytest.raises(InputError, match="is a file, where this command keeps unfinished work"):
-        results.DEEP_TRUCK.check_start(here / "out", resume=True, overwrite=True)
-    begun.unlink()
-    begun.mkdir()
-    results.DEEP_TRUCK.claim(begun)
-    (begun / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a deep truck"):
+def test_a_file_in_the_place_of_unfinished_work_is_refused_at_once(here: Path) -> None:
+    files.unfinished(here / "out").write_text("mine")
+    with pytest.raises(InputError, match="is no folder, but unfinished work is kept there; move it"):
         results.DEEP_TRUCK.check_start(here / "out", resume=True, overwrite=True)
 
 

@@ -25,15 +25,7 @@ TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
 GO_ON = "make room and go on with --resume"
 CORRECT_IT = "correct that and go on with --resume"
-_KEPT = (MANIFEST, WEIGHTS, "learning_curve.jsonl", "tensorboard/events.out.tfevents.*")
-POLICY = files.Result(
-    "a policy",
-    (
-        *(f"{folder}{name}" for folder in ("", "seeds/*/") for name in _KEPT),
-        "checkpoint/state.safetensors",
-    ),
-    resumes_from=("checkpoint/state.safetensors",),
-)
+POLICY = files.Result("a policy", resumes_from=("checkpoint/state.safetensors",))
 
 
 @runtime_checkable

@@ -10,7 +10,6 @@ from typing import Any
 
 from deeptruck_cacc import training
 from deeptruck_cacc.controllers.loading import read_manifest
-from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.training.settings import AnalyticConfig, TrpoConfig
 from deeptruck_model import checks, files, sweeps
 from deeptruck_model.errors import InputError
@@ -18,9 +17,7 @@ from deeptruck_model.sweeps import Settings
 
 CONFIGS = {"analytic": AnalyticConfig, "trpo": TrpoConfig}
 TABLE, ROWS = "sweep.md", "sweep.json"
-SWEEP = files.Result(
-    "a sweep of policies", (TABLE, ROWS, *(f"*/{name}" for name in (*POLICY.names, files.LEDGER)))
-)  # a '*' is a policy, or one that is unfinished
+SWEEP = files.Result("a sweep of policies")
 
 
 def sweep(

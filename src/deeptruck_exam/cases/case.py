@@ -82,7 +82,7 @@ def make_case(
         Recording(name, DT, channels, interface) for name, channels in zip(names, measured, strict=True)
     ]
     out.mkdir(parents=True)
-    CASE.claim(out)
+    CASE.mark(out)
     for recording in recordings:
         write_bag(out / "recordings" / recording.name, [recording], interface=interface)
     simulator_values = plan.simulator_values

@@ -89,8 +89,8 @@ def _rows(out: Path, each: Sequence[Run], jobs: int, plant: str) -> list[dict[st
     for _ in in_parallel(_examine, each, jobs, "runs"):
         pass
     rows = [_kept(out, key, seed, simulator) for _, key, seed, _, simulator, _ in each]
-    files.rewrite(out / "plant.json", json.dumps(rows, indent=1).encode())
-    files.rewrite(out / "plant.md", "\n".join(page.lines(rows, plant)).encode())
+    files.write(out / "plant.json", json.dumps(rows, indent=1).encode())
+    files.write(out / "plant.md", "\n".join(page.lines(rows, plant)).encode())
     return rows
 
 

@@ -120,8 +120,8 @@ def examine_real(
                 rows += _judge(fleet, data, out / fleet.name, updates)
             else:
                 print(f"{fleet.name}: skipped, a log of it is not in {data}")
-        files.rewrite(out / "real.json", json.dumps([asdict(r) for r in rows], indent=1).encode())
-        files.rewrite(out / "real.md", ("\n".join(page(rows)) + "\n").encode())
+        files.write(out / "real.json", json.dumps([asdict(r) for r in rows], indent=1).encode())
+        files.write(out / "real.md", ("\n".join(page(rows)) + "\n").encode())
     return rows
 
 

@@ -46,7 +46,7 @@ def write_page(results: Sequence[Score], out: Path, command: str) -> dict[str, A
 
 
 def _replace(path: Path, text: str) -> None:
-    files.rewrite(path, text.encode())
+    files.write(path, text.encode())
 
 
 def figures_of_merit(scored: Sequence[Score]) -> dict[str, Any]:

@@ -1,53 +1,25 @@
-"""Result folders of `deeptruck-model`: the kind of each and the files that it may hold."""
+"""Result folders of `deeptruck-model`: the kind of each."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from deeptruck_model import files
-from deeptruck_model.checks import MANIFEST, WEIGHTS
+from deeptruck_model.checks import MANIFEST
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import LEDGER, Result
+from deeptruck_model.files import Result
 
-TRUCK_FILES = (
-    MANIFEST, WEIGHTS, "MODEL_CARD.md", "metrics.json", "coverage.json", "driven.safetensors",
-    "reference.safetensors",
-    "resume.safetensors", "tensorboard/events.out.tfevents.*",
-)  # fmt: skip
-DEEP_TRUCK = Result("a deep truck", TRUCK_FILES, resumes_from=("resume.safetensors", MANIFEST))
-CALIBRATED = Result("a calibrated deep truck", TRUCK_FILES)
-PHYSICS_TRUCK = Result("a physics truck", (MANIFEST,))
-SWEEP = Result(
-    "a sweep",
-    (
-        "sweep.json",
-        "sweep.md",
-        *(f"*/seed-*/{name}" for name in (*TRUCK_FILES, LEDGER)),
-    ),
-)
-EVALUATION = Result(
-    "an evaluation",
-    ("metrics.json", "error_statistics.png", "scenarios.png", "samples.png", "evaluation.html"),
-)
-COMPARISON = Result("a comparison", ("compare.html", "compare.json"))
-COVERAGE = Result("a coverage", ("coverage.json", "coverage.png", "coverage.html"))
-BAG_FILES = ("*_0.mcap", "metadata.yaml")
-BAG = Result("an imported bag", BAG_FILES)
-WRITTEN_BAG = Result("a written bag", BAG_FILES)  # by a program that calls `write_bag`
-BAG_WITH_ROAD = Result("a bag with a recovered slope", BAG_FILES)
-
-FOUND = Result(
-    "a mismatch result",
-    (
-        "verdict.json",
-        "profiles.csv",
-        "report.html",
-        "simulator/simulator.json",
-        "simulator/base/simulator.json",
-        "refitted/simulator.json",
-        "refitted/base/simulator.json",
-    ),
-)
+DEEP_TRUCK = Result("a deep truck", resumes_from=("resume.safetensors", MANIFEST))
+CALIBRATED = Result("a calibrated deep truck")
+PHYSICS_TRUCK = Result("a physics truck")
+SWEEP = Result("a sweep")
+EVALUATION = Result("an evaluation")
+COMPARISON = Result("a comparison")
+COVERAGE = Result("a coverage")
+BAG = Result("an imported bag")
+WRITTEN_BAG = Result("a written bag")  # by a program that calls `write_bag`
+BAG_WITH_ROAD = Result("a bag with a recovered slope")
+FOUND = Result("a mismatch result")
 
 
 def apart(out: Path, *inputs: Path, elsewhere: str = files.ELSEWHERE) -> None:

@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import yaml
 
-from deeptruck_model import files
 from deeptruck_model._io.reading import parse_yaml, typed
 from deeptruck_model.checks.simulators import MANIFEST
 from deeptruck_model.errors import InputError
@@ -78,9 +77,7 @@ def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -
     `mapped`; with `any_topics` the topics are not checked.
     """
     if not path.exists():
-        left = "".join(f"; {line}" for line in files.left_beside(path))
-        raise InputError(f"{path} does not exist{left}")
-    files.print_left_beside(path)
+        raise InputError(f"{path} does not exist")
     if path.is_file():
         _check_magic(path)
         return BagFacts(path, None, None, mapped)

@@ -298,5 +298,4 @@ def repair_bag(bag: Annotated[Path, typer.Argument(help="the folder of the unfin
         raise InputError(f"{bag} does not exist")
     from deeptruck_model.recordings import repair
 
-    files.print_left_beside(bag)
     print(repair(bag) or f"{bag} is whole; nothing to do")

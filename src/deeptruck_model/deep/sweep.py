@@ -64,7 +64,7 @@ def sweep(
     if not resumes:
         SWEEP.check_start(out, overwrite=overwrite)
     paths = tuple(str(Path(bag).resolve()) for bag in bags)
-    goes_on = resumes and SWEEP.signed(out)  # by its names alone it may be somebody else's
+    goes_on = resumes and SWEEP.marked(out)
     definitions = tuple(str(Path(file).resolve()) for file in msg)
     by_map = None if topic_map is None else str(Path(topic_map).resolve())
     with SWEEP.going_on(out, overwrite=overwrite or goes_on, resume=resumes) as draft:

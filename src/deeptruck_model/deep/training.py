@@ -112,7 +112,7 @@ def _work(
     done = resume.load(working, identity, run.network, run.optimizers, run.best)
     _loop(run, working, done, observe)
     if not np.isfinite(run.best.scores).all():
-        DEEP_TRUCK.forget(working)  # going on with it would only diverge again
+        (working / resume.FILE).unlink(missing_ok=True)  # going on with it would only diverge again
         raise DivergedError(
             "training diverged: take a lower learning rate than "
             f"{peak_rate(arguments):g}, or look at the recordings with 'deeptruck-model coverage'"

@@ -12,7 +12,7 @@ from deeptruck_model import files
 from deeptruck_model._io.reading import typed
 from deeptruck_model.errors import InputError
 
-APPLIED = files.Result("a corrected simulator", ("simulator.json", "base/simulator.json"))
+APPLIED = files.Result("a corrected simulator")
 CORRECTED, REFITTED = "simulator", "refitted"  # folders of a run: with forces added, with parameters alone
 AS_GIVEN, REFIT, CORRECTION = "as_given", "parameters_only", "correction"  # `fit.offered` of verdict.json
 PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered

@@ -97,4 +97,3 @@ def accept(path: Path) -> None:
     manifest = reading.json_object(path / MANIFEST, MAKE_AGAIN)
     content = manifest | _reference(path, manifest).to_dict()
     files.write(path / MANIFEST, json.dumps(content, indent=1).encode())
-    files.renew(path / MANIFEST)

@@ -159,10 +159,8 @@ def repair(path: str | Path) -> str | None:
     `path` is a rosbag2 folder with one MCAP file, or the file. Every complete chunk is kept. Returns one line
     on what was done, None if nothing was wrong. The repaired copy replaces the file only when complete, so a
     kill at any moment leaves one of the two. The part cut off is kept as FILE.mcap.cut, an existing
-    metadata.yaml as metadata.yaml.before; other files are left alone. The folder's ledger is not updated,
-    because a file that the recorder left incomplete cannot be distinguished from another file of that name;
-    --overwrite therefore refuses the folder or keeps it aside. Raises InputError if there is no MCAP file, if
-    it holds no whole chunk, is a link or still being written, or if the disk cannot be written.
+    metadata.yaml as metadata.yaml.before; other files are left alone. Raises InputError if there is no MCAP
+    file, if it holds no whole chunk, is a link or still being written, or if the disk cannot be written.
     """
     path = Path(path)
     file = _only_mcap(path)
@@ -195,7 +193,7 @@ def _mend(path: Path, file: Path, *, is_whole: bool) -> tuple[Found, Path | None
     """Replace `file` by the repaired copy; returns the file that keeps the cut-off part, if there is one.
     Raises InputError for a file that is not whole and of which no message can be kept."""
     draft = file.with_name(f".{file.name}.{secrets.token_hex(4)}.tmp")
-    before, is_ours = file.stat(), files.is_as_written(file)
+    before = file.stat()
     with files.removing(lambda: draft.unlink(missing_ok=True)):
         with file.open("rb") as source, draft.open("xb") as target:
             found = copied(source, target, file)
@@ -220,9 +218,6 @@ def _mend(path: Path, file: Path, *, is_whole: bool) -> tuple[Found, Path | None
                 (path / METADATA).unlink()
             draft.replace(file)
             _describe(path, file, found)
-            if is_ours:
-                files.renew(file)
-                files.renew(path / METADATA)
         else:
             draft.replace(file)
         return found, cut

@@ -56,7 +56,7 @@ def test_whoever_may_read_the_manifest_may_read_the_weights(tmp_path):
     finally:
         os.umask(before)
     modes = {file.name: file.stat().st_mode & 0o777 for file in (tmp_path / "p").iterdir()}
-    assert modes == dict.fromkeys((MANIFEST, WEIGHTS, files.LEDGER), 0o644)
+    assert modes == dict.fromkeys((MANIFEST, WEIGHTS, files.MARKER), 0o644)
 
 
 def test_saving_replaces_a_policy_only_where_asked(tmp_path):

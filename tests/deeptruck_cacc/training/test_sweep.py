@@ -33,7 +33,7 @@ def test_every_combination_is_trained_and_the_best_comes_first(tmp_path):
     with pytest.raises(InputError, match=r"holds a sweep of policies already"):
         sweep.sweep(TRUCK, out, TINY)
     assert len(sweep.sweep(TRUCK, out, TINY, overwrite=True)) == 1
-    assert {p.name for p in out.iterdir()} == {"sweep.md", "sweep.json", files.LEDGER, NAME}
+    assert {p.name for p in out.iterdir()} == {"sweep.md", "sweep.json", files.MARKER, NAME}
 
 
 @pytest.mark.usefixtures("quick_exam")

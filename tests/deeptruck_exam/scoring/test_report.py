@@ -96,7 +96,7 @@ def test_bad_requests_are_one_line(tmp_path):
     with pytest.raises(InputError, match="exists"):
         prove(tmp_path, resume=False)
     (tmp_path / "mine.txt").touch()
-    with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a proof"):
+    with pytest.raises(InputError, match=r"holds mine\.txt but no \.deeptruck\.json"):
         prove(tmp_path)
     with pytest.raises(InputError, match="is a file"):
         prove(tmp_path / "mine.txt")

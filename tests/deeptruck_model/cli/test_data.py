@@ -143,16 +143,3 @@ def test_a_bag_is_replaced_when_asked_only(workplace: Path, script: Script) -> N
     code, _, errors = script(*IMPORT)
     assert code == 2 and "holds an imported bag already" in errors
     assert script(*IMPORT, "--overwrite")[0] == 0
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_reader_of_a_bag_says_what_a_killed_run_left_beside_it(workplace: Path, script: Script) -> None:
-    assert script(*IMPORT)[0] == 0
-    (workplace / ".bag.4194305.new").mkdir()
-    (workplace / ".gone.4194305.old").mkdir()
-    code, _, errors = script("coverage", "bag", "--out", "coverage")
-    assert code == 0
-    assert "note: .bag.4194305.new is another bag, whose run could not put it in place" in errors
-    code, _, errors = script("coverage", "gone", "--out", "other")
-    assert code == 2 and errors.count("\n") == 1
-    assert "gone does not exist; .gone.4194305.old is an older gone" in errors

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from deeptruck_model import files
-from deeptruck_model._io import results
 from deeptruck_model.deep import DeepTruck, evaluate, report, statistics, train, trials
 from deeptruck_model.deep.evaluation import Trials, _interval, against_time, baselines, calibrated, inside
 from deeptruck_model.deep.truck import half_width
@@ -66,7 +65,8 @@ def test_writes_figures_and_metrics(truck, drive, tmp_path):
     metrics = evaluate(truck, [drive(120, seed=7)], tmp_path / "out", count=8, horizon_s=10)
     assert json.loads((tmp_path / "out" / "metrics.json").read_text()) == metrics
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert names == {*results.EVALUATION.names, files.LEDGER}
+    figures = ("error_statistics.png", "scenarios.png", "samples.png")
+    assert names == {"metrics.json", *figures, "evaluation.html", files.MARKER}
     text = (tmp_path / "out" / "evaluation.html").read_text()
     for key in ("mean_abs", "rmse", "largest"):
         assert f">{sensible(metrics['speed'][key])}<" in text

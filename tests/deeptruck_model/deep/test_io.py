@@ -115,7 +115,7 @@ def test_saving_replaces_a_simulator_and_nothing_else(truck, saved, tmp_path):
     other = tmp_path / "thesis"
     other.mkdir()
     (other / "chapter1.txt").write_text("dear reader")
-    with pytest.raises(InputError, match=r"holds chapter1\.txt, which is no part of a deep truck"):
+    with pytest.raises(InputError, match=r"holds chapter1\.txt but no \.deeptruck\.json"):
         truck.save(other, overwrite=True)
     assert [p.name for p in other.iterdir()] == ["chapter1.txt"]
 

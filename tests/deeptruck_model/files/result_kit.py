@@ -6,7 +6,7 @@ from pathlib import Path
 
 from deeptruck_model import files
 
-KIND = files.Result("a test result", ("a", "b", "gone", "log/*.txt"))
+KIND = files.Result("a test result")
 
 
 def publish(out: Path, *, overwrite: bool = False, **content: str) -> None:
@@ -20,5 +20,5 @@ def record(out: Path, content: str, *, is_whole: bool = True) -> Path:
     with KIND.recording(out, overwrite=True, whole=lambda _: is_whole) as place:
         place.mkdir()
         (place / "a").write_text(content)
-        KIND.sign(place)
+        KIND.mark(place, ["a"])
     return place

@@ -47,7 +47,7 @@ def test_a_result_stands_whole_and_its_draft_is_gone(tmp_path: Path) -> None:
 
 def test_a_draft_is_known_as_the_commands_from_its_beginning(tmp_path: Path) -> None:
     with KIND.replacing(tmp_path / "out") as draft:
-        assert KIND.signed(draft)
+        assert KIND.marked(draft)
 
 
 def test_a_block_that_fails_leaves_the_older_result_and_nothing_else(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_an_older_result_is_replaced_only_where_the_user_says_so(tmp_path: Path)
     with pytest.raises(InputError, match=r"holds a test result already; .*--overwrite"):
         publish(tmp_path / "out", a="new")
     publish(tmp_path / "out", overwrite=True, a="new")
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"a", files.LEDGER}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"a", files.MARKER}
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
@@ -145,11 +145,11 @@ def test_what_is_finished_is_kept_where_something_else_came_to_its_place(
             (out / "mine.txt").write_text("mine")
         (out / "mine.txt").rename(tmp_path / "mine.txt")
         assert (kept / "a").read_text() == "new" and KIND.check(kept, overwrite=True)
-        assert {p.name for p in out.glob("*")} - {files.LEDGER} == ({"a"} if older else set())
+        assert {p.name for p in out.glob("*")} - {files.MARKER} == ({"a"} if older else set())
     assert {p.name for p in tmp_path.iterdir()} <= {"out", "out.new", "out.new1", "mine.txt"}
 
 
-def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
+def test_unfinished_work_is_gone_on_with(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(ZeroDivisionError), KIND.going_on(out) as draft:
         (draft / "log").mkdir()
@@ -159,12 +159,6 @@ def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
     with KIND.going_on(out) as draft:
         assert (draft / "log" / "1.txt").read_text() == "begun"
     assert (out / "log" / "1.txt").exists() and not files.unfinished(out).exists()
-    with pytest.raises(ZeroDivisionError), KIND.going_on(out, overwrite=True) as draft:
-        (draft / "log").mkdir()
-        (draft / "log" / "2.txt").write_text("begun")
-        raise ZeroDivisionError
-    KIND.forget(files.unfinished(out))
-    assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
 def test_work_in_place_that_was_interrupted_is_known_as_the_commands_and_goes_on(tmp_path: Path) -> None:
@@ -173,7 +167,7 @@ def test_work_in_place_that_was_interrupted_is_known_as_the_commands_and_goes_on
     with pytest.raises(KeyboardInterrupt), KIND.in_place(out):
         (out / "a").write_text("first")
         raise KeyboardInterrupt
-    assert KIND.signed(out)
+    assert KIND.marked(out)
     with KIND.in_place(out):
         assert (out / "a").read_text() == "first"
         (out / "b").write_text("second")
@@ -194,7 +188,6 @@ def test_the_older_recording_stands_until_the_newer_one_is_whole(
     assert f"it is kept as {kept}" in capsys.readouterr().err
     assert record(out, "third") not in (out, kept) and (out / "a").read_text() == "third"
     assert {path.name for path in tmp_path.iterdir()} == {"out", kept.name}
-    assert f"{kept} is another out" in capsys.readouterr().err
 
 
 def test_two_recordings_to_one_new_name_are_told_of_each_other(tmp_path: Path) -> None:
@@ -231,35 +224,13 @@ def test_begun_work_is_set_aside_when_the_user_begins_anew(
     assert f"had begun is kept as {kept}" in capsys.readouterr().err
 
 
-def test_what_is_written_again_keeps_what_the_user_made_of_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    KIND.claim(out)
-    for text in ("first", "second"):
-        files.rewrite(out / "a", text.encode())
-    assert (out / "a").read_text() == "second" and not capsys.readouterr().err
-    for mine in ("mine", "mine again"):
-        (out / "a").write_text(mine)
-        files.rewrite(out / "a", b"third")
-        assert "was changed since this command wrote it; it is kept as" in capsys.readouterr().err
-    assert (out / "a").read_text() == "third"
-    assert (tmp_path / "out.a.before").read_text() == "mine"
-    assert (tmp_path / "out.a.before1").read_text() == "mine again"
-
-
 def test_what_another_command_left_unfinished_is_not_gone_on_with(tmp_path: Path) -> None:
-    out, other = tmp_path / "out", files.Result("another thing", KIND.names)
-    draft = files.unfinished(out)
-    draft.mkdir()
-    (draft / "a").write_text("mine")
-    other.sign(draft)
-    with pytest.raises(InputError, match="another thing"), KIND.going_on(out):
+    out, other = tmp_path / "out", files.Result("another thing")
+    with pytest.raises(ZeroDivisionError), other.going_on(out) as draft:
+        (draft / "a").write_text("begun")
+        raise ZeroDivisionError
+    with pytest.raises(InputError, match="is unfinished work on another thing"), KIND.going_on(out):
         pass
-    KIND.claim(draft)
-    KIND.sign(draft)
-    (draft / "a").write_text("changed")
-    with pytest.raises(InputError, match="holds a, which has changed since this command wrote it"):
+    with pytest.raises(InputError, match="is unfinished work on another thing"):
         KIND.check_start(out, resume=True)
-    assert (draft / "a").read_text() == "changed"
+    assert (draft / "a").read_text() == "begun"

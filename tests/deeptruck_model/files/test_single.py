@@ -75,7 +75,7 @@ def test_a_finished_file_is_kept_where_another_came_to_its_place(tmp_path: Path)
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@pytest.mark.parametrize("name", ["n" * 250, "ä" * 120])
+@pytest.mark.parametrize("name", ["n" * 250, "ä" * 122])
 def test_a_name_that_is_too_long_is_one_line(tmp_path: Path, name: str) -> None:
     """Whatever fits alone, but not with what is written beside it, and whatever does not fit at all."""
     for longer in (name, name * 2):

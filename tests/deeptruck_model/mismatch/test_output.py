@@ -11,8 +11,8 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import APPLIED, applicable, check_road
 
 
-def test_files_without_a_ledger_are_the_users(tmp_path: Path) -> None:
-    """They may bear a result's names: without a ledger nobody knows who wrote them."""
+def test_files_without_a_marker_are_the_users(tmp_path: Path) -> None:
+    """They may bear a result's names: without a marker nobody knows who wrote them."""
     for name in ("verdict.json", "report.html", "profiles.csv"):
         (tmp_path / name).write_text("{}")
     for overwrite in (False, True):

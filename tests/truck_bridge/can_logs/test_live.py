@@ -140,10 +140,9 @@ def test_nothing_new_is_put_into_a_finished_result(log, tmp_path):
     bag.mkdir()
     kind = files.Result("a recorded bag")
     (bag / "metadata.yaml").write_text("x")
-    kind.claim(bag, "metadata.yaml")
-    kind.sign(bag)
+    kind.mark(bag, ["metadata.yaml"])
     for write in (lambda: can_logs.convert(log, bag / "x.mcap"), lambda: check_new_table(bag / "x.csv")):
-        with pytest.raises(InputError, match="a recorded bag, which holds nothing else; choose another name"):
+        with pytest.raises(InputError, match="a recorded bag; choose another name"):
             write()
     assert sorted(p.name for p in bag.iterdir()) == [".deeptruck.json", "metadata.yaml"]
 

@@ -7,11 +7,10 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from deeptruck_model import files
-from deeptruck_model._io.results import BAG_FILES
 from deeptruck_model.errors import InputError
 
 METADATA = "metadata.yaml"
-BAG = files.Result("a recorded bag", BAG_FILES, elsewhere="choose another --record")
+BAG = files.Result("a recorded bag", elsewhere="choose another --record")
 
 
 def check(bag: Path | None, overwrite: bool) -> None:
@@ -51,10 +50,11 @@ def claimed(bag: Path) -> Iterator[None]:
     """Claim of the recorder on its new bag, which it signs when it ends. Raises InputError if it cannot be
     claimed."""
     with files.writing(bag):
+        written = [METADATA, *(path.name for path in bag.iterdir())]
         try:
-            BAG.claim(bag, METADATA, f".{METADATA}.tmp", *(path.name for path in bag.iterdir()))
+            BAG.mark(bag)
         except OSError as error:
             raise InputError(f"cannot write {bag}: {error.strerror}; {BAG.elsewhere}") from None
         yield
         if is_whole(bag):
-            BAG.sign(bag)
+            BAG.mark(bag, written)
