@@ -86,7 +86,8 @@ class Verdict:
 
 
 @cache
-def _truck(name: str, load_factor: float) -> Simulator:
+def loaded(name: str, load_factor: float) -> Simulator:
+    """A truck with this share of its mass."""
     truck = load_truck(name)
     return truck.with_parameters({"mass": load_factor * truck.parameters()["mass"]})
 
@@ -179,7 +180,7 @@ def play(
     happens = max(at + float(rng.uniform(-3.0, 2.0)), 4.5)
     plan = [Drawn(n, size, at + 1.5 * k, at + 1.5 * k + lasts) for k, (n, size, lasts) in enumerate(chosen)]
     plan = [Drawn(d.name, d.size, 0.3, math.inf) for d in plan] if early else plan
-    truck = _truck(vehicle.truck, heavy)
+    truck = loaded(vehicle.truck, heavy)
     braking = _full_braking(truck.with_grade_input() if hasattr(truck, "with_grade_input") else truck, grade)
     objects = TRAFFIC[ahead](rng, speed, happens)
     chain = Chain(vehicle, rng, objects, policy, lambda distance: grade, truck=truck)
@@ -221,8 +222,8 @@ def play(
         false = holds and bool(undo) and chain.contradicted(lied)
         false_since = (chain.now if math.isnan(false_since) else false_since) if false else math.nan
         longest = max(longest, 0.0 if math.isnan(false_since) else chain.now - false_since)
-        if chain.now > 2.0 and not early:
-            witness.look(judged=not brakes and not chain.now > ended + AFTER_S)
+        if not early:
+            witness.look(judged=chain.now > 2.0 and not brakes and not chain.now > ended + AFTER_S)
         # what happens ahead after the hand-back is the driver's
         over = chain.now > ended + AFTER_S and (chain.truck.speed < 0.1 or ended < witness.happens)
         if over or not math.isnan(witness.hit):
@@ -247,7 +248,8 @@ def play(
     known = not set(names_of) & UNSEEN.keys()
     fully = math.nan if witness.fully is None else witness.fully.hit_speed
     blind = witness.fully is None and (ahead not in HARMLESS or not known)
-    if not math.isnan(witness.hit) and not ended < witness.happens and not witness.hit <= fully + WORSE:
+    drives = ended < witness.happens or reason.startswith("driver")  # the driver, who has taken over
+    if not math.isnan(witness.hit) and not drives and not witness.hit <= fully + WORSE:
         (unseen if blind else broken).append("hit")
     if witness.braked < BRAKED:
         (broken if known and ahead != "adjacent lane" else unseen).append("braked without cause")

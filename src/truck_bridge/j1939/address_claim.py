@@ -10,6 +10,7 @@ from truck_bridge.j1939 import ids
 from truck_bridge.j1939.ids import Identifier
 
 UNOPPOSED_S = 0.25
+_FORMATS = (ids.ADDRESS_CLAIMED >> 8, ids.REQUEST >> 8)  # of nearly all frames it is another
 _REQUEST_FOR_CLAIM = ids.ADDRESS_CLAIMED.to_bytes(3, "little")
 
 
@@ -52,7 +53,7 @@ class AddressClaim:
     def hear(self, can_id: int, data: bytes, now: float) -> None:
         """Process contention and requests. Within 250 ms of our claim, our own NAME is taken as an echo;
         later it is from a duplicate node, and the address is given up."""
-        if self._started is None:
+        if self._started is None or can_id >> 16 & 0xFF not in _FORMATS:
             return
         identifier = Identifier.of(can_id)
         echo = data == self._name and now - self._spoke_at <= UNOPPOSED_S

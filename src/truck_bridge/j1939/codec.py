@@ -82,6 +82,7 @@ class Layout:
         self.period_s: float | None = message.cycle_time / 1000 if message.cycle_time else None
         self.signals = {s.name: _signal(s) for s in message.signals}
         self._fast = [(s.name, s.start, s.mask, s.last, s.scale, s.offset, s) for s in self.signals.values()]
+        self._slots = {s.name: (s, s.start, ~(s.mask << s.start)) for s in self.signals.values()}
 
     def decode(self, data: bytes, source: int = 0) -> Decoded:
         """Decode eight bytes. A short frame is filled with 0xFF, which makes the missing signals not
@@ -104,9 +105,8 @@ class Layout:
         of range."""
         word = (1 << 64) - 1
         for name, value in values.items():
-            signal = self.signals[name]
-            word &= ~(signal.mask << signal.start)
-            word |= signal.raw(value) << signal.start
+            signal, start, others = self._slots[name]
+            word = word & others | signal.raw(value) << start
         return word.to_bytes(8, "little")
 
     def can_id(self, source: int, destination: int = 0xFF) -> int:
