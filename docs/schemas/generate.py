@@ -17,7 +17,7 @@ def texts() -> dict[str, str]:
     schemas: dict[str, dict[str, Any]] = {
         "columns": editor_schemas.of_columns(),
         "topics": editor_schemas.of_topics(),
-        "vehicle": schema.for_editors(),
+        "vehicle": schema.VEHICLE,
     }
     return {
         f"{name}.schema.json": json.dumps(found, indent=1, ensure_ascii=False) + "\n"

@@ -17,7 +17,7 @@ from truck_bridge.j1939 import checksums, ids
 from truck_bridge.j1939.codec import Codec, Layout, Signal
 from truck_bridge.safety import tables
 from truck_bridge.units import to_si
-from truck_bridge.vehicles.schema import VEHICLE, check
+from truck_bridge.vehicles.schema import check
 from truck_bridge.vehicles.vehicle import Blocking, Transmitted, Vehicle
 
 NAMES = ("trucksim", "freightliner", "volvo")
@@ -32,7 +32,7 @@ def load(name: str | Path) -> Vehicle:
     """
     data, where = _read(str(name))
     try:
-        check(data, VEHICLE, where)
+        check(data, where)
     except RecursionError:
         raise InputError(f"{where} holds an alias of itself") from None
     except InputError as error:
@@ -91,19 +91,19 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         followed=tuple(_followed(axis, spec, sent) for axis, spec in follows.items()),
     )
     return Vehicle(
-        data["name"],
-        data.get("truck", f"truck:{data['name']}"),
-        {"name": data["name"], **data["interface"]},
-        codec,
-        data["addresses"],
-        own,
-        data["bridge"]["identity"],
-        {"engine": 1.0, "retarder": 1.0, **data["reference_torque"]},
-        {command: _pair(f"command.{command}", values) for command, values in data["command"].items()},
-        sent,
-        table,
-        _blocking(data["faults"]) if "faults" in data else Blocking(),
-        _named(data),
+        name=data["name"],
+        truck=data.get("truck", f"truck:{data['name']}"),
+        interface={"name": data["name"], **data["interface"]},
+        codec=codec,
+        addresses=data["addresses"],
+        address=own,
+        identity=data["bridge"]["identity"],
+        reference_torque={"engine": 1.0, "retarder": 1.0, **data["reference_torque"]},
+        envelope={command: _pair(f"command.{command}", pair) for command, pair in data["command"].items()},
+        transmitted=sent,
+        table=table,
+        blocking=_blocking(data["faults"]) if "faults" in data else Blocking(),
+        named=_named(data),
     )
 
 

@@ -1,207 +1,167 @@
-"""Schema of vehicle files; a violation gives one clear line."""
+"""JSON Schema of vehicle files: what they are checked by on loading, and what editors know of them."""
 
 from __future__ import annotations
 
 import difflib
+import math
+from collections.abc import Iterator
 from typing import Any
 
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, diagnostics
 
-
-class Optional:
-    """A key that may be absent."""
-
-    def __init__(self, spec: Any) -> None:
-        self.spec = spec
+Schema = dict[str, Any]
 
 
-class OneOf:
-    """A value from a list."""
-
-    def __init__(self, *values: Any) -> None:
-        self.values = values
+def _number(low: float, high: float) -> Schema:
+    return {"type": "number", "minimum": low, "maximum": high}
 
 
-class Number:
-    """A number in a range."""
-
-    def __init__(self, low: float, high: float) -> None:
-        self.low, self.high = low, high
+def _whole(low: int, high: int) -> Schema:
+    return {"type": "integer", "minimum": low, "maximum": high}
 
 
-class Whole(Number):
-    """A whole number in a range."""
+def _keys(needed: Schema, optional: Schema | None = None) -> Schema:
+    properties = {**needed, **(optional or {})}
+    return {
+        "type": "object", "properties": properties, "required": [*needed], "additionalProperties": False
+    }  # fmt: skip
 
 
-class MapOf:
-    """Any keys, with values of one kind."""
-
-    def __init__(self, spec: Any) -> None:
-        self.spec = spec
+def _any(value: Schema) -> Schema:
+    return {"type": "object", "additionalProperties": value}
 
 
-SECONDS = Number(0.001, 60)
-ANY = Number(-1e6, 1e6)
-ADDRESS = Number(0, 253)
+def _list(item: Schema) -> Schema:
+    return {"type": "array", "items": item}
 
-LIMITS = {
-    "speed": [ANY],
-    "low": [ANY],
-    "high": [ANY],
-    "rate": Number(1e-3, 1e6),
-    "fade": Number(1e-3, 1e6),
-    "jerk": Number(1e-3, 1e9),
-}
-TRANSMIT = {
-    "message": str,
-    "to": str,
-    "demand": str,
-    "period": SECONDS,
-    "phase": Number(0, 1),
-    "check": OneOf(*checksums.KINDS),
-    "active": MapOf(ANY),
-    "release": MapOf(ANY),
-    "idle_at_rest": Optional(bool),
-    "start_from": Optional(str),
-    "limits": LIMITS,
-}
-DEMAND = {"modes": [OneOf(1, 2, 3)], "longest": SECONDS, "period": [SECONDS]}
-RECEIVE = {
-    "message": Optional(str),
-    "from": str,
-    "period": SECONDS,
-    "timeout": SECONDS,
-    "check": Optional(OneOf(*checksums.KINDS)),
-    "signals": MapOf(str),
-    "range": Optional(MapOf([ANY])),
-    "fastest": Optional(MapOf(Number(1e-6, 1e6))),
-    "rises": Optional(MapOf(Number(1e-6, 1e6))),
-    "still": Optional(MapOf(SECONDS)),
-}
+
+TEXT, SWITCH = {"type": "string"}, {"type": "boolean"}
+VALUE, POSITIVE, RATE = _number(-1e6, 1e6), _number(1e-6, 1e6), _number(1e-3, 1e6)
+SECONDS, ADDRESS = _number(0.001, 60), _whole(0, 253)
+CHECK = {"enum": [*checksums.KINDS]}
+
+LIMITS = _keys(
+    {
+        **{name: _list(VALUE) for name in ("speed", "low", "high")},
+        "rate": RATE,
+        "fade": RATE,
+        "jerk": _number(1e-3, 1e9),
+    }
+)
+TRANSMIT = _keys(
+    {
+        **dict.fromkeys(("message", "to", "demand"), TEXT),
+        "period": SECONDS,
+        "phase": _number(0, 1),
+        "check": CHECK,
+        "active": _any(VALUE),
+        "release": _any(VALUE),
+        "limits": LIMITS,
+    },
+    {"idle_at_rest": SWITCH, "start_from": TEXT},
+)
+DEMAND = _keys({"modes": _list({"enum": [1, 2, 3]}), "longest": SECONDS, "period": _list(SECONDS)})
+RECEIVE = _keys(
+    {"from": TEXT, "period": SECONDS, "timeout": SECONDS, "signals": _any(TEXT)},
+    {
+        "message": TEXT,
+        "check": CHECK,
+        "range": _any(_list(VALUE)),
+        "fastest": _any(POSITIVE),
+        "rises": _any(POSITIVE),
+        "still": _any(SECONDS),
+    },
+)
+CODE = _keys({"spn": _whole(1, 0x7FFFE)}, {"fmi": _whole(0, 31)})
 FAULTS = {
-    "lamps": Optional([OneOf(*diagnostics.LAMPS)]),
-    "codes": Optional([{"spn": Whole(1, 0x7FFFE), "fmi": Optional(Whole(0, 31))}]),
-    "listen": Optional(Number(0, 60)),
+    "lamps": _list({"enum": [*diagnostics.LAMPS]}),
+    "codes": _list(CODE),
+    "listen": _number(0, 60),
 }
 TIMING = {  # s; what a controller may be late by is a few of its cycles, and no truck waits a minute for it
-    "controller_timeout": Number(0.02, 0.5),
-    "stall": Number(0.02, 0.5),
-    "handover": Number(0.5, 10),
-    "handover_scale": Number(0.05, 1),  # 1: rates are never raised
-    "fade_longest": Number(0.5, 10),
-    "persist": Number(0.05, 2),
-    "slowing": Number(0.5, 5),
-    "settle": Number(0.5, 10),
-    "unexplained": Number(0.1, 5),
-    "gear_change": Number(0.1, 10),
-    "quiet": Number(0.1, 60),
-    "releases": Whole(1, 20),
+    "controller_timeout": _number(0.02, 0.5),
+    "stall": _number(0.02, 0.5),
+    "handover": _number(0.5, 10),
+    "handover_scale": _number(0.05, 1),  # 1: rates are never raised
+    "fade_longest": _number(0.5, 10),
+    "persist": _number(0.05, 2),
+    "slowing": _number(0.5, 5),
+    "settle": _number(0.5, 10),
+    "unexplained": _number(0.1, 5),
+    "gear_change": _number(0.1, 10),
+    "quiet": _number(0.1, 60),
+    "releases": _whole(1, 20),
 }
-VEHICLE: dict[str, Any] = {
-    "name": str,
-    "truck": Optional(str),
-    "dbc": Optional([str]),
-    "interface": {
-        "engine_unit": OneOf("N m", "percent"),
-        "brake_unit": OneOf("percent", "m/s^2"),
-        "grade": bool,
-        "fuel": bool,
-    },
-    "bridge": {"address": ADDRESS, "identity": Number(0, (1 << 21) - 1)},
-    "addresses": MapOf(ADDRESS),
-    "command": {"engine": [ANY], "brake": [ANY]},
-    "reference_torque": MapOf(Number(1, 1e5)),
-    "driveline": Optional(
-        {"rolling_radius": Number(0.1, 2), "final_drive": Number(0.5, 20), "tolerance": Number(0.01, 1)}
+INTERFACE = {
+    "engine_unit": {"enum": ["N m", "percent"]},
+    "brake_unit": {"enum": ["percent", "m/s^2"]},
+    "grade": SWITCH,
+    "fuel": SWITCH,
+}
+DRIVELINE = {
+    "rolling_radius": _number(0.1, 2),
+    "final_drive": _number(0.5, 20),
+    "tolerance": _number(0.01, 1),
+}
+VEHICLE: Schema = {
+    "$schema": "http://json-schema.org/draft-07/schema#",
+    "title": "vehicle file",
+    **_keys(
+        {
+            "name": TEXT,
+            "interface": _keys(INTERFACE),
+            "bridge": _keys({"address": ADDRESS, "identity": _whole(0, (1 << 21) - 1)}),
+            "addresses": _any(ADDRESS),
+            "command": _keys({"engine": _list(VALUE), "brake": _list(VALUE)}),
+            "reference_torque": _any(_number(1, 1e5)),
+            "transmit": _keys({"engine": TRANSMIT, "brake": TRANSMIT}, {"retarder": TRANSMIT}),
+            "demands": _any(_any(DEMAND)),
+            "receive": _any(RECEIVE),
+            "driver": _any(VALUE),
+            "forbidden": _any(VALUE),
+            "engage": _keys({"speed": _list(VALUE), "needs_lead": SWITCH}),
+        },
+        {
+            "truck": TEXT,
+            "dbc": _list(TEXT),
+            "driveline": _keys(DRIVELINE),
+            "obeys": _any(_list(VALUE)),
+            "follows": _any(_keys({"signal": TEXT, "beyond": VALUE})),
+            "coasts": _number(0.3, 5),
+            "faults": _keys({}, FAULTS),
+            "timing": _keys({}, TIMING),
+        },
     ),
-    "transmit": {"engine": TRANSMIT, "retarder": Optional(TRANSMIT), "brake": TRANSMIT},
-    "demands": MapOf(MapOf(DEMAND)),
-    "receive": MapOf(RECEIVE),
-    "driver": MapOf(ANY),
-    "forbidden": MapOf(ANY),
-    "obeys": Optional(MapOf([ANY])),
-    "follows": Optional(MapOf({"signal": str, "beyond": Number(-1e6, 1e6)})),
-    "coasts": Optional(Number(0.3, 5)),
-    "faults": Optional(FAULTS),
-    "engage": {"speed": [ANY], "needs_lead": bool},
-    "timing": Optional({key: Optional(spec) for key, spec in TIMING.items()}),
 }
-_PLAIN = {str: "string", bool: "boolean"}
 
 
-def for_editors() -> dict[str, Any]:
-    """The schema as a JSON Schema, by which editors check and complete a vehicle file while it is written.
+def check(data: Any, where: str) -> None:
+    """Raises InputError, naming file and place, if the content of a vehicle file does not fit the schema.
 
-    Errors that involve several entries, such as an address that no controller has, are found only by `load`.
+    Errors that involve several entries, such as an address that no controller has, are found by `load`.
     """
-    return {"$schema": "http://json-schema.org/draft-07/schema#", "title": "vehicle file", **_schema(VEHICLE)}
+    from jsonschema import Draft7Validator, validators
+
+    finite = Draft7Validator.TYPE_CHECKER.redefine(
+        "number", lambda _, x: isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
+    )
+    kind = validators.extend(Draft7Validator, type_checker=finite)
+    # a misspelt key is also a missing one: the misspelling comes first
+    found = min(_errors(kind(VEHICLE).iter_errors(data)), default=None)
+    if found is not None:
+        raise InputError(": ".join((where, *found[1:])))
 
 
-def _schema(spec: Any) -> dict[str, Any]:
-    if isinstance(spec, dict):
-        required = [key for key, inner in spec.items() if not isinstance(inner, Optional)]
-        properties = {key: _schema(inner) for key, inner in spec.items()}
-        found = {"type": "object", "properties": properties, "additionalProperties": False}
-        return {**found, "required": required} if required else found
-    if isinstance(spec, Optional):
-        return _schema(spec.spec)
-    if isinstance(spec, MapOf):
-        return {"type": "object", "additionalProperties": _schema(spec.spec)}
-    if isinstance(spec, list):
-        return {"type": "array", "items": _schema(spec[0])}
-    if isinstance(spec, OneOf):
-        return {"enum": list(spec.values)}
-    if isinstance(spec, Number):
-        kind = "integer" if isinstance(spec, Whole) else "number"
-        return {"type": kind, "minimum": spec.low, "maximum": spec.high}
-    return {"type": _PLAIN[spec]}
-
-
-def check(value: Any, spec: Any, where: str) -> None:
-    """Raise InputError, naming the place, if a value does not satisfy its spec."""
-    if isinstance(spec, dict):
-        _check_mapping(value, spec, where)
-    elif isinstance(spec, MapOf):
-        if not isinstance(value, dict):
-            raise InputError(f"{where} must be a mapping, not {value!r}")
-        for key, item in value.items():
-            check(item, spec.spec, f"{where}.{key}")
-    elif isinstance(spec, list):
-        if not isinstance(value, list):
-            raise InputError(f"{where} must be a list, not {value!r}")
-        for number, item in enumerate(value):
-            check(item, spec[0], f"{where}[{number}]")
-    elif isinstance(spec, OneOf):
-        if value not in spec.values:
-            raise InputError(f"{where} is {value!r}; it must be one of {', '.join(map(str, spec.values))}")
-    elif isinstance(spec, Number):
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not spec.low <= value <= spec.high
-        ):
-            raise InputError(f"{where} is {value!r}; it must be a number from {spec.low:g} to {spec.high:g}")
-        if isinstance(spec, Whole) and value != int(value):
-            raise InputError(f"{where} is {value!r}; it must be a whole number")
-    elif not isinstance(value, spec):
-        raise InputError(f"{where} is {value!r}; it must be of type {spec.__name__}")
-
-
-def _check_mapping(value: Any, spec: dict[str, Any], where: str) -> None:
-    if not isinstance(value, dict):
-        raise InputError(f"{where} must be a mapping, not {value!r}")
-    for key in value:
-        if key not in spec:
-            guess = difflib.get_close_matches(str(key), spec, n=1)
-            hint = f"did you mean '{guess[0]}'?" if guess else f"known: {', '.join(spec)}"
-            raise InputError(f"{where}: unknown key '{key}'; {hint}")
-    for key, inner in spec.items():
-        if key in value:
-            check(
-                value[key],
-                inner.spec if isinstance(inner, Optional) else inner,
-                f"{where}: {key}" if ":" not in where else f"{where}.{key}",
-            )
-        elif not isinstance(inner, Optional):
-            raise InputError(f"{where}: key '{key}' is missing")
+def _errors(errors: Iterator[Any]) -> Iterator[tuple[int, str, str]]:
+    """Rank, place and text of each error."""
+    for error in errors:
+        text = " ".join(str(error.message).split())
+        unknown = error.validator == "additionalProperties"
+        if unknown:
+            known = error.schema["properties"]
+            key = next(key for key in error.instance if key not in known)
+            near = difflib.get_close_matches(str(key), known, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+            text = f"unknown key '{key}'; {hint}"
+        yield 1 - unknown, ".".join(map(str, error.absolute_path)) or "file", text

@@ -48,7 +48,7 @@ class Blocking:
         return any(spn in what.readings and fmi in (None, what.fmi) for spn, fmi in self.codes)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Vehicle:
     """One truck as used by bridge and ECU emulator."""
 
@@ -120,7 +120,8 @@ class Vehicle:
 
     @property
     def _brake_sign(self) -> float:
-        return -1.0 if self.transmitted["brake"].layout.name == "XBR" else 1.0  # XBR asks for an acceleration
+        """-1 where the demand that brakes is an acceleration, as XBR's, below 0."""
+        return -1.0 if max(self.transmitted["brake"].axis.limits.high) <= 0.0 else 1.0
 
     def _sane(self, command: str, value: float) -> bool:
         low, high = self.envelope[command]
