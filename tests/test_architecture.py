@@ -22,7 +22,6 @@ ROS = {
 IMPORT_NAMES = {
     "pyyaml": "yaml",
     "python-can": "can",
-    "scikit-learn": "sklearn",
     "mcap-ros2-support": "mcap_ros2",
     "can-j1939": "j1939",
 }

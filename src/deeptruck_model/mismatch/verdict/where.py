@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.tree import DecisionTreeRegressor
 
 from deeptruck_model.mismatch.residual.evidence import DriveRows, Evidence, unit
 from deeptruck_model.mismatch.result import Bound, Finding, Regime, Segment
@@ -17,7 +15,7 @@ from deeptruck_model.signals import Said
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOST_SEGMENTS = 60
+MOST_SEGMENTS, MOST_REGIMES = 60, 6
 SMALL = 1e-3  # of the range of a signal: a border so near zero is at zero to whoever reads it
 PRINTED = {  # of a signal in a sentence, where its name is not the word
     "elapsed": "time since the start",
@@ -89,20 +87,13 @@ def regimes(e: Evidence, error: Array) -> list[Regime]:
     power = error[e.valid] ** 2
     if len(power) < 200 or power.sum() <= 0:
         return []
-    cap = float(np.quantile(power, 0.999))
-    tree = DecisionTreeRegressor(
-        max_leaf_nodes=6, min_samples_leaf=max(40, len(power) // 100), random_state=0
-    )
-    tree.fit(X, np.minimum(power, cap))
-    leaf = tree.apply(X)
+    capped = np.minimum(power, float(np.quantile(power, 0.999)))
+    ranges = np.ptp(X, axis=0)
     out = []
-    for node in np.unique(leaf):
-        inside = leaf == node
-        share = float(power[inside].sum() / power.sum())
-        time = float(inside.mean())
+    for rows, box in _boxes(X, capped, max(40, len(power) // 100)):
+        share, time = float(power[rows].sum() / power.sum()), len(rows) / len(power)
         if share > 1.3 * time:
-            ranges = dict(zip(named, np.ptp(X, axis=0), strict=True))
-            bounds = _bounds(tree, node, ranges, e.command_units)
+            bounds = tuple(_bound(name, *box[k], ranges[k], e) for k, name in enumerate(named) if k in box)
             where = Said.joined(" and ", map(str, bounds)) or "everywhere"
             out.append(Regime(where, share, time, bounds))
     return sorted(out, key=lambda r: -r.share_of_error)
@@ -143,31 +134,46 @@ def _features(e: Evidence) -> dict[str, Array]:
     return out
 
 
-def _bounds(
-    tree: DecisionTreeRegressor, leaf: int, ranges: Mapping[str, float], units: Mapping[str, str]
-) -> tuple[Bound, ...]:
-    """The bounds on the path to a leaf, one for each signal. `ranges` of the signals, in the tree's order."""
-    t, names = tree.tree_, list(ranges)
-    bounds: dict[str, list[float]] = {}
-    node = 0
-    below = {int(n): _under(t, int(n)) for n in range(t.node_count)}
-    while t.children_left[node] != -1:
-        name, at = names[t.feature[node]], float(t.threshold[node])
-        at = at if abs(at) > SMALL * ranges[name] else 0.0
-        low_high = bounds.setdefault(name, [-np.inf, np.inf])
-        if leaf in below[int(t.children_left[node])]:
-            low_high[1] = min(low_high[1], at)
-            node = int(t.children_left[node])
-        else:
-            low_high[0] = max(low_high[0], at)
-            node = int(t.children_right[node])
-    return tuple(
-        Bound(PRINTED.get(name, name.replace("_", " ")), low, high, unit(name, units))
-        for name, (low, high) in bounds.items()
-    )
+Box = dict[int, tuple[float, float]]  # lower and upper bound of a column
 
 
-def _under(t: Any, node: int) -> set[int]:
-    if t.children_left[node] == -1:
-        return {node}
-    return _under(t, int(t.children_left[node])) | _under(t, int(t.children_right[node]))
+def _boxes(X: Array, power: Array, least: int) -> list[tuple[NDArray[np.intp], Box]]:
+    """Rows and bounds of the leaves of a regression tree of `power` (n,) on the columns of X (n, k), grown
+    best first; no leaf has fewer rows than `least`. Breiman et al. (1984), Classification and Regression
+    Trees."""
+    leaves = [(np.arange(len(power)), Box())]
+    cuts = [_best_cut(X, power, least)]
+    for _ in range(MOST_REGIMES - 1):
+        k = int(np.argmax([gain for gain, *_ in cuts]))
+        (rows, box), (gain, column, at) = leaves.pop(k), cuts.pop(k)
+        if gain <= 0.0:
+            return [*leaves, (rows, box)]
+        low, high = box.get(column, (-np.inf, np.inf))
+        below = X[rows, column] <= at
+        for part, bound in ((rows[below], (low, at)), (rows[~below], (at, high))):
+            leaves.append((part, {**box, column: bound}))
+            cuts.append(_best_cut(X[part], power[part], least))
+    return leaves
+
+
+def _best_cut(X: Array, power: Array, least: int) -> tuple[float, int, float]:
+    """The cut that explains most of the variance: the fall of the sum of squares, its column and value."""
+    best, n = (0.0, 0, 0.0), len(power)
+    if n < 2 * least:
+        return best
+    left = np.arange(1, n)
+    for column, values in enumerate(X.T):
+        order = np.argsort(values, kind="stable")  # what is unknown comes last, and is above every cut
+        x, total = values[order], np.cumsum(power[order])
+        gain = total[:-1] ** 2 / left + (total[-1] - total[:-1]) ** 2 / (n - left) - total[-1] ** 2 / n
+        gain[~(x[1:] > x[:-1])] = 0.0
+        gain[: least - 1] = gain[n - least :] = 0.0
+        if gain.max() > best[0]:
+            k = int(gain.argmax())
+            best = (float(gain[k]), column, float(x[k] + x[k + 1]) / 2.0)
+    return best
+
+
+def _bound(name: str, low: float, high: float, extent: float, e: Evidence) -> Bound:
+    low, high = (0.0 if abs(at) <= SMALL * extent else at for at in (low, high))
+    return Bound(PRINTED.get(name, name.replace("_", " ")), low, high, unit(name, e.command_units))

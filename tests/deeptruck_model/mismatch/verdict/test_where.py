@@ -24,3 +24,15 @@ def test_a_border_is_at_zero_where_it_is_that_near_to_it(border: float, printed:
     assert (bound.signal, bound.high) == ("grade", np.inf)
     assert bound.low == pytest.approx(printed, abs=1e-9)
     assert (bound.low == 0.0) is (printed == 0.0)
+
+
+def test_the_leaves_are_the_corners_in_which_the_power_is_and_none_is_smaller_than_allowed() -> None:
+    rng = np.random.default_rng(0)
+    X = np.stack([rng.uniform(0.0, 30.0, 4000), rng.integers(1, 13, 4000), rng.normal(size=4000)], axis=1)
+    X[::7, 2] = np.nan  # unknown, and of no effect
+    hot = (X[:, 0] > 20.0) & (X[:, 1] <= 4)
+    leaves = where._boxes(X, np.where(hot, 9.0, 1.0), 40)
+    assert sum(len(rows) for rows, _ in leaves) == 4000 and min(len(rows) for rows, _ in leaves) >= 40
+    (inside,) = [box for rows, box in leaves if hot[rows].all()]
+    assert inside == {0: (pytest.approx(20.0, abs=0.05), np.inf), 1: (-np.inf, 4.5)}
+    assert len(where._boxes(X, np.ones(4000), 40)) == 1
