@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import can
@@ -21,6 +22,7 @@ from deeptruck_nodes.following import Following
 from deeptruck_nodes.leaders import Leader
 from deeptruck_nodes.observation import SECOND, Alignment
 from deeptruck_nodes.radar import Radar, RadarErrors
+from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
 from truck_bridge.emulator.ecus import EcuEmulator
 from truck_bridge.vehicles import Vehicle
@@ -31,6 +33,9 @@ TIME_GAP_S, REACH_M = 2.0, 200.0
 AGE_M_S = 0.5  # between a speed on the bus and the truck's own: 0.1 s at 5 m/s^2
 RADAR = RadarErrors(range_noise=0.1, speed_noise=0.05)
 
+SIGNED = str(Path(__file__).with_name("signed_truck.yaml"))  # counts and signs two of its messages
+NAMES = (*vehicles.NAMES, SIGNED)
+load = cache(vehicles.load)
 _truck = cache(load_truck)
 
 
@@ -76,6 +81,9 @@ class Lane:
 
 
 Forger = Callable[[Vehicle, float], Iterator[tuple[int, bytes]]]  # the frames that leave now
+Command = Callable[
+    [float, float, bool], tuple[float, float, bool] | None
+]  # what a controller sends of its own
 DRIVELINE = {"engine_speed", "gear_ratio", "driveline", "shifting", "lockup"}  # the witness of a speed
 Reading = tuple[float, float, float]  # range, the object's speed, age of the stamp
 
@@ -125,15 +133,20 @@ class Chain:
         self.following = Following(self.guard, TIME_GAP_S, LOST_S)
         self.readings: list[Reading] = []  # of this step
         self.forged: list[Forger] = []
+        self.command: Command = lambda engine, brake, engaged: (engine, brake, engaged)
+        self.offset = 0.0  # s, of the bridge's clock
+        self.paused_until = -math.inf  # of bridge and controller
+        self.states: list[tuple[float, str]] = []  # when the core's state changed, to which
+        self.speeds: list[tuple[float, float, float]] = []  # time, the truck's, as received
         self._samples = Alignment(False, vehicle.interface["grade"], STALE_S)
-        self._published = self._sent = self._observed = self._lead = -math.inf
+        self._heard = self._published = self._sent = self._observed = self._lead = -math.inf
         self._engaged = False
         self.bridge.arm(0.0)
 
     def engage(self) -> tuple[str, ...]:
         """A person asks for control; returns why not."""
         fresh = self.now - self._lead < LEAD_S
-        return self.bridge.engage(self.now, person=True, lead_vehicle=fresh)
+        return self.bridge.engage(self.now + self.offset, person=True, lead_vehicle=fresh)
 
     @property
     def state(self) -> str:
@@ -151,10 +164,16 @@ class Chain:
                 message = can.Message(arbitration_id=can_id, data=data, is_extended_id=True)
                 side.inbox.append((self.now, message))
         self.readings = []
-        signals = self.bridge.poll(self.now)
+        if self.now < self.paused_until:
+            return
+        signals = self.bridge.poll(self.now + self.offset)
+        self.speeds.append((self.now, self.truck.speed, self.bridge.safety.hearing.value("speed")))
+        if not self.states or self.states[-1][1] != self.state:
+            self.states.append((self.now, self.state))
         silent = self.now - self._published > STALE_S
-        if self.bridge.received_at("speed") > self._published or silent:
-            self._published = self.now
+        heard = self.bridge.received_at("speed")
+        if heard != self._heard or silent:
+            self._heard, self._published = heard, self.now
             self._take("grade", self.now, signals.get("grade", math.nan))
             self._take("speed", self.now, signals.get("speed", math.nan))
         if round(self.now / STEP) % round(RADAR_S / STEP) == 0:
@@ -195,7 +214,8 @@ class Chain:
         if self.now - self._observed > STALE_S:
             return
         self._sent = self.now
-        self.bridge.command(*self.following.held, self.now, engaged=self._engaged)
+        if command := self.command(*self.following.held, self._engaged):
+            self.bridge.command(*command[:2], self.now + self.offset, engaged=command[2])
 
     def braking_fully(self, fails: Callable[[float], dict[str, float]] | None = None) -> Stop:
         """What the truck as it is now reaches by its full brake command alone, within 30 s.

@@ -1,28 +1,29 @@
-"""The invariants of a lock-step run, judged on what left the bridge."""
+"""What must hold on the bus, judged on the frames that left the bridge of a lock-step chain."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from itertools import pairwise
 
 import numpy as np
-from fault_kinds import MUST_END, OVERRIDES
-from fault_world import STEP, Run
+from fault_chain import STEP, Chain
+from numpy.typing import NDArray
 
 from truck_bridge.safety import Axis
 
-ENGAGED_AT = 0.8
 CYCLE = 0.020
 CONTROLLER_S = 0.2
 AGE_S = 0.5  # a speed older than this is stale, and no demand follows it
+OVERRIDES = {"brake pedal", "accelerator", "cancel"}
 
 
-def demands(run: Run) -> dict[str, list[tuple[float, float]]]:
+def demands(chain: Chain) -> dict[str, list[tuple[float, float]]]:
     """What left the bridge by axis: time and demand, NaN for a release."""
     found: dict[str, list[tuple[float, float]]] = {}
-    for axis, message in run.vehicle.transmitted.items():
+    for axis, message in chain.vehicle.transmitted.items():
         entries = []
-        for time, can_id, data in run.bridge_side.sent:
+        for time, can_id, data in chain.ours.sent:
             if can_id == message.axis.can_id:
                 word = int.from_bytes(data, "little")
                 released = word & ((1 << 56) - 1) == message.axis.release
@@ -32,46 +33,43 @@ def demands(run: Run) -> dict[str, list[tuple[float, float]]]:
     return found
 
 
-def judge(run: Run, fault: str, at: float) -> list[str]:
-    """The invariants, on the bus."""
-    table, broken = run.vehicle.table, []
+def frames(chain: Chain, faults: Set[str], at: float) -> list[str]:
+    """What is broken of it, with these faults, the first of which began at `at` s."""
+    table, broken, engine = chain.vehicle.table, [], demands(chain)["engine"]
     listed = {axis.can_id for axis in table.axes} | set(table.always)
-    if any(can_id not in listed for _, can_id, _ in run.bridge_side.sent):
+    if any(can_id not in listed for _, can_id, _ in chain.ours.sent):
         broken.append("an unlisted frame left")
-    engine = demands(run)["engine"]
-    if any(time < ENGAGED_AT and can_id not in table.always for time, can_id, _ in run.bridge_side.sent):
+    begun = min((time for time, state in chain.states if state == "engaged"), default=math.inf)
+    if any(time < begun - STEP and can_id not in table.always for time, can_id, _ in chain.ours.sent):
         broken.append("a demand left before engagement")
     for axis in table.axes:
-        broken += _limits(run, axis)
-    lost = [time for time, state in run.states if state in ("fading", "releasing", "standby", "silent")]
-    lost = [time for time in lost if time > ENGAGED_AT + STEP]
-    if any(state == "engaged" for time, state in run.states if lost and time > lost[0]):
+        broken += _limits(chain, axis)
+    lost = [(time, state) for time, state in chain.states if time > begun and state != "engaged"]
+    if not lost:
+        return broken
+    first, idle = lost[0][0], [time for time, state in lost if state in ("standby", "silent")]
+    if any(state == "engaged" and time > first for time, state in chain.states):
         broken.append("engaged again without a person")
-    if fault in MUST_END and not lost:
-        broken.append("control was not given up")
-    if fault == "nothing" and lost:
-        broken.append("control was given up for nothing")
-    if fault in OVERRIDES and lost:
-        told = lost[0]
-        first = next((time for time, demand in engine if time >= told - 1e-9), math.inf)
-        if first - told > CYCLE + 1e-6 or any(not math.isnan(d) for t, d in engine if t > told + 1e-6):
+    if faults & OVERRIDES and len(faults) == 1:
+        frame = next((time for time, demand in engine if time >= first - 1e-9), math.inf)
+        if frame - first > CYCLE + STEP or any(not math.isnan(d) for t, d in engine if t > first + STEP):
             broken.append("no release within one cycle of the driver")
-    if fault == "controller gone" and lost and lost[0] - at > CONTROLLER_S:
+    if faults == {"controller gone"} and first - at > CONTROLLER_S + STEP:
         broken.append("controller lost for over 200 ms")
-    if fault == "clock jump" and lost:
-        released = [time for time, demand in engine if time >= lost[0] - 1e-9 and math.isnan(demand)]
-        if len(released) < 4 or released[0] - lost[0] > CYCLE + 1e-6:
+    if faults == {"clock jump"}:
+        released = [time for time, demand in engine if time >= first - 1e-9 and math.isnan(demand)]
+        if len(released) < 4 or released[0] - first > CYCLE + STEP:
             broken.append("no release in order after the clock jumped")
-    if lost and engine and engine[-1][0] > lost[0] + 6.0:
+    if idle and engine and engine[-1][0] > idle[0] + STEP:
         broken.append("no silence after the release")
     return broken
 
 
-def _limits(run: Run, axis: Axis) -> list[str]:
+def _limits(chain: Chain, axis: Axis) -> list[str]:
     """Value at the speed of the moment, rate and step, with one bit of rounding on either side."""
-    entries = demands(run)[axis.name]
+    entries, speeds = demands(chain)[axis.name], np.array(chain.speeds).reshape(-1, 3)
     numbers = [(at, demand) for at, demand in entries if not math.isnan(demand)]
-    broken = [f"{axis.name} out of limits" for at, demand in numbers if _outside(run, axis, at, demand)]
+    broken = [f"{axis.name} out of limits" for at, demand in numbers if _outside(axis, at, demand, speeds)]
     fastest, quantum = max(axis.limits.rate, axis.limits.fade), axis.demand.scale
     for (t0, d0), (t1, d1) in pairwise(entries):
         if math.isnan(d0) or math.isnan(d1):
@@ -82,21 +80,14 @@ def _limits(run: Run, axis: Axis) -> list[str]:
     return broken[:1]
 
 
-def _outside(run: Run, axis: Axis, at: float, demand: float) -> bool:
+def _outside(axis: Axis, at: float, demand: float, speeds: NDArray[np.float64]) -> bool:
     """Outside the envelope at every speed that the truck had, or was received to have, just before."""
     limits, quantum = axis.limits, axis.demand.scale
-    since = np.searchsorted([time for time, _, _ in run.speeds], at - AGE_S)
-    recent = [speed for time, *both in run.speeds[since:] if time <= at for speed in both]
-    between = np.array(
-        [min(recent), *(s for s in limits.speed if min(recent) < s < max(recent)), max(recent)]
-    )
+    if min(limits.low) == max(limits.low) and min(limits.high) == max(limits.high):
+        return not min(limits.low) - quantum <= demand <= max(limits.high) + quantum
+    since, until = np.searchsorted(speeds[:, 0], (at - AGE_S, at + 1e-9))
+    least, most = np.nanmin(speeds[since:until, 1:]), np.nanmax(speeds[since:until, 1:])
+    between = np.array([least, *(s for s in limits.speed if least < s < most), most])
     low = min(np.interp(between, limits.speed, limits.low))
     high = max(np.interp(between, limits.speed, limits.high))
     return not low - quantum <= demand <= high + quantum
-
-
-def reactions(run: Run, fault: str, at: float) -> tuple[float, float]:
-    """Seconds from the fault to the first state that is not engaged, and to the first release frame."""
-    lost = [time - at for time, state in run.states if time > at - STEP and state != "engaged"]
-    engine = [time - at for time, demand in demands(run)["engine"] if time > at - STEP and math.isnan(demand)]
-    return (lost[0] if lost else math.nan), (engine[0] if engine else math.nan)

@@ -8,7 +8,7 @@ A run is broken where the truck hits what is ahead faster than full braking woul
 after it happened; where it brakes beyond 1 m/s^2 and neither traffic nor the true gap is the cause, until 3 s
 after control ended; where control is kept for more than 1 s on a speed that another signal contradicts
 beyond the vehicle's own tolerances; where a fault that must end control does not, or one that is to be
-bridged does; and where control ends without a fault.
+bridged does; where control ends without a fault; and where a frame leaves that must not (`fault_judge.py`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from fault_chain import TIME_GAP_S, Chain, Object, Stop
+from fault_chain import NAMES, TIME_GAP_S, Chain, Object, Stop, load
+from fault_judge import frames
 from fault_table import (
     FAULTS,
     GRADES,
@@ -38,7 +39,6 @@ from fault_table import (
     must_end,
     possible,
 )
-from fault_world import NAMES, load
 
 from deeptruck_cacc.controllers.scaling import ActionScale
 from deeptruck_model.simulators import Simulator
@@ -198,7 +198,7 @@ def play(
     lied = frozenset(
         s for d in plan if FAULTS[d.name].machine in ("bus", "driver") for s in _told(vehicle, d)
     )
-    brakes = any(FAULTS[d.name].machine == "driver" for d in plan)
+    brakes = any(FAULTS[d.name].machine in ("driver", "person") for d in plan)
     end = max(begins, happens if ahead != "steady" else 0.0) + length
     while chain.now < end:
         chain.step()
@@ -229,12 +229,13 @@ def play(
         if over or not math.isnan(witness.hit):
             break
     chain.close()
+    broken = [] if early else frames(chain, {d.name for d in plan}, begins)
     gained = chain.truck.speed - start if math.isnan(ended) else gained
     reason = reason if engaged else f"refused: {', '.join(why)}"
     names_of = [d.name for d in plan]
     must = any(must_end(d.name, d.size, d.until - d.at, vehicle) for d in plan)
     bridge = ahead != "leader pulls away" and all(must_bridge(d.name, d.until - d.at) for d in plan)
-    broken, unseen = [], []
+    unseen = []
     if early and engaged:
         broken.append("engaged")
     if not early and not engaged and braking > 2.5:

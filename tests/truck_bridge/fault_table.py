@@ -1,4 +1,4 @@
-"""The table of scenes: what is ahead, and what may become of each signal, actuator, node and wire.
+"""The tables of scenes: what is ahead, and what may become of each signal, actuator, node and wire.
 
 A fault is a line: who is at fault, what becomes of which signals, how much. What must hold on the road is
 the same for all, see `fault_road.py`; the few lines of `UNSEEN` say what no receiver can know.
@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import can
 import numpy as np
-from fault_chain import Chain, Forger, Object
+from fault_chain import Chain, Command, Forger, Object
 from fault_lies import SPREAD, Lie, RadarLie
+from fault_wire import FAULTS as WIRE
 
 from deeptruck_nodes.leaders import Constant, Leader, Steps
 from truck_bridge.j1939 import checksums
+from truck_bridge.j1939.address_claim import name as j1939_name
 from truck_bridge.safety import Heard
 from truck_bridge.vehicles import Vehicle
 
@@ -91,7 +94,7 @@ HARMLESS = ("steady", "leader pulls away", "ghost", "adjacent lane")
 class Fault(NamedTuple):
     """One line. `sizes` to draw from: what they mean is said where the kinds are, in `fault_lies.py`."""
 
-    machine: str  # bus, radar, actuator, forger, driver, or nobody
+    machine: str  # bus, radar, actuator, forger, driver, wire, node, once, person, or nobody
     kind: str
     signals: tuple[str, ...]
     sizes: tuple[float, ...] = NO_SIZE
@@ -134,6 +137,21 @@ FAULTS: dict[str, Fault] = {
         for axis in ("brake", "engine")
         for kind, sizes in ACTUATOR.items()
     },
+    **{f"wire {kind}": Fault("wire", kind, ()) for kind in WIRE},
+    **{f"controller {kind}": Fault("node", kind, ()) for kind in ("gone", "NaN", "outside", "disengaged")},
+    "bridge paused": Fault("node", "paused", (), (0.05, 0.3, 1.5)),
+    "clock jump": Fault("node", "clock", (), (-30.0, -0.05, 0.3, 30.0)),
+    "unplugged": Fault("node", "unplugged", ()),
+    "truck silent": Fault("node", "silent", ("engine", "brake", "transmission"), (0.0, 1.0, 2.0)),
+    "flood": Fault("node", "flood", ()),
+    **{
+        name: Fault("once", name, ())
+        for name in ("spoofed TSC1", "our address used", "address lost", "bus off")
+    },
+    "brake pedal": Fault("person", "brake_pedal", (), (40.0,)),
+    "accelerator": Fault("person", "accelerator", (), (30.0,)),
+    "cancel": Fault("person", "cancel", (), (1.0,)),
+    "parking brake": Fault("person", "parking_brake", (), (1.0,)),
     "leader speed of opposite sign": Fault("radar", "scale", ("leader_speed",), (-1.0,)),
     "the driver brakes unseen": Fault("driver", "hold", ("brake_pedal", "brake_switch"), (40.0, 60.0)),
     "transmission demands 100 %": Fault("forger", "engine", ("transmission",), (100.0,)),
@@ -143,25 +161,85 @@ FAULTS: dict[str, Fault] = {
 }
 
 
+def _set(owner: object, key: str, value: object) -> Callable[[], None]:
+    """Set an attribute; what is returned sets it back."""
+    before = getattr(owner, key)
+    setattr(owner, key, value)
+    return lambda: setattr(owner, key, before)
+
+
+def _added(faults: list[Any], fault: object) -> Callable[[], None]:
+    faults.append(fault)
+    return lambda: faults.remove(fault)
+
+
 def begin(chain: Chain, name: str, size: float) -> Callable[[], None]:
     """Let a fault begin; what is returned ends it."""
     machine, kind, signals, _ = fault = FAULTS[name]
-    lie: Lie | RadarLie | Forger
-    if machine in ("bus", "driver"):
-        told, lie = chain.ours.lies, Lie(chain.vehicle, kind, signals, size)
-    elif machine == "radar":
-        told, lie = chain.lies, RadarLie(kind, signals, size)
-    elif machine == "forger":
-        told, lie = chain.forged, forger(fault)
-    elif machine == "actuator":
-        actuator = chain.truck.actuators[signals[0]]
-        sound = getattr(actuator, kind)
-        setattr(actuator, kind, size)
-        return lambda: setattr(actuator, kind, sound)
-    else:
-        return lambda: None
-    told.append(lie)
-    return lambda: told.remove(lie)
+    match machine:
+        case "bus" | "driver":
+            return _added(chain.ours.lies, Lie(chain.vehicle, kind, signals, size))
+        case "radar":
+            return _added(chain.lies, RadarLie(kind, signals, size))
+        case "forger":
+            return _added(chain.forged, forger(fault))
+        case "actuator":
+            return _set(chain.truck.actuators[signals[0]], kind, size)
+        case "person":
+            return _set(chain.truck.driver, kind, size)
+        case "wire":
+            return _set(chain.ours, "fault", kind)
+        case "once":
+            _arrive(chain, kind)
+        case "node":
+            return _node(chain, kind, signals, size)
+    return lambda: None
+
+
+def _node(chain: Chain, kind: str, signals: tuple[str, ...], size: float) -> Callable[[], None]:
+    """A process, its clock or its plug."""
+    commands: dict[str, Command] = {
+        "gone": lambda engine, brake, engaged: None,
+        "NaN": lambda engine, brake, engaged: (math.nan, brake, engaged),
+        "outside": lambda engine, brake, engaged: (engine, 1e4, engaged),
+        "disengaged": lambda engine, brake, engaged: (engine, brake, False),
+    }
+    match kind:
+        case "paused":
+            chain.paused_until = chain.now + size
+        case "clock":
+            chain.offset = size
+        case "unplugged":
+            return _set(chain.ours, "down", True)
+        case "silent":
+            kept = [s for s in chain.truck._senders if s.source != signals[int(size)]]
+            return _set(chain.truck, "_senders", kept)
+        case "flood":
+            return _added(chain.forged, _flood)
+        case _:
+            return _set(chain, "command", commands[kind])
+    return lambda: None
+
+
+def _flood(vehicle: Vehicle, now: float) -> Iterator[tuple[int, bytes]]:
+    rng = np.random.default_rng(round(now * 100))
+    for _ in range(40):
+        yield int(rng.integers(1 << 29)) & ~0xFF | 0xF9, rng.bytes(8)
+
+
+def _arrive(chain: Chain, kind: str) -> None:
+    """One frame that ends control."""
+    engine = chain.vehicle.transmitted["engine"]
+    frames = {
+        "spoofed TSC1": (engine.axis.can_id & ~0xFF | 0x77, engine.frame(90.0, 0)),
+        "our address used": (engine.axis.can_id, engine.frame(97.0, 3)),
+        "address lost": (0x18EEFF00 | chain.vehicle.address, j1939_name(0)),
+        "bus off": (0x40, bytes(8)),
+    }
+    can_id, data = frames[kind]
+    error = kind == "bus off"
+    message = can.Message(arbitration_id=can_id, data=data, is_extended_id=not error, is_error_frame=error)
+    chain.ours.inbox.append((chain.now, message))
 
 
 def forger(scene: Fault) -> Forger:
@@ -191,7 +269,7 @@ def draw(vehicle: Vehicle, rng: np.random.Generator, names: list[str]) -> tuple[
     name = str(rng.choice(names))
     machine, kind, signals, sizes = FAULTS[name]
     taken = senders(vehicle, signals) if kind == "second" else set()
-    for_good = machine in ("forger", "driver") or kind == "second"
+    for_good = machine in ("forger", "driver", "once") or kind in ("second", "clock", "paused")
     lasts = float(rng.choice(LASTS))
     return (
         name,
@@ -229,8 +307,13 @@ def must_end(name: str, size: float, lasts: float, vehicle: Vehicle) -> bool:
     Not what is soon over, nor where a counter already refuses the second frame of an address.
     """
     machine, kind, signals, _ = FAULTS[name]
-    if machine in ("nobody", "forger", "driver"):
-        return machine != "nobody"
+    if machine in ("nobody", "forger", "driver", "once", "person"):
+        return machine != "nobody" and (machine != "person" or lasts > 0.3)
+    if machine == "node":  # a pause counts by its own length
+        long = size > 0.3 if kind == "paused" else lasts >= 1.0 or kind in ("NaN", "outside")
+        return kind != "flood" and long
+    if machine == "wire":
+        return False
     if machine == "actuator":
         return name == "brake drags" and math.isinf(lasts)
     if machine == "radar":

@@ -22,10 +22,9 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fault_chain import LOST_S, RADAR, STEP, Chain, Lane, Object, Reading, controller
+from fault_chain import LOST_S, NAMES, RADAR, STEP, Chain, Lane, Object, Reading, controller, load
 from fault_lies import Lie
 from fault_road import loaded
-from fault_world import NAMES, load
 
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import load as load_truck
@@ -180,8 +179,8 @@ def drive(
     hour, speeds, since = Hour(), [chain.truck.speed] * MEAN, -math.inf
     for k in range(round(hours * HOUR_S / STEP)):
         chain.step()
-        for wire in (chain.ours, chain.trucks):
-            wire.sent.clear()  # what a test may look up, of hours
+        for kept in (chain.ours.sent, chain.trucks.sent, chain.speeds):
+            kept.clear()  # what a test may look up, of hours
         if not held and chain.now >= wanted_at:
             held = not chain.engage()
             since = chain.now if held else since

@@ -13,6 +13,7 @@ import pytest
 from deeptruck_cacc.safety.guard import Guard
 from deeptruck_nodes.leaders import Constant
 from truck_bridge import vehicles
+from truck_bridge.safety import Safety
 
 sys.path.insert(0, str(Path(__file__).parent))  # the runs are scripts, and stand beside each other
 import fault_road
@@ -48,6 +49,30 @@ def test_every_signal_of_every_vehicle_is_in_the_table(name):
 )
 def test_no_fault_breaks_what_must_hold(fault):
     assert fault_road.play(20, fault, traffic="steady").broken == ()
+
+
+@pytest.mark.parametrize(
+    "fault", [name for name, one in FAULTS.items() if one.machine in ("wire", "node", "once", "person")]
+)
+def test_no_wire_node_or_person_breaks_what_must_hold(fault):
+    verdict = fault_road.play(20, fault, traffic="steady", length=3.0)
+    assert verdict.broken == ()
+
+
+@pytest.mark.parametrize("fault", ["brake pedal", "controller gone", "cancel"])
+def test_the_judge_sees_a_bridge_without_a_core(fault, monkeypatch):
+    monkeypatch.setattr(Safety, "release", lambda self, now, reason="": None)
+    monkeypatch.setattr(Safety, "fade", lambda self, now, reason: None)
+    assert fault_road.play(20, fault, traffic="steady", length=3.0).broken
+
+
+def test_the_judge_sees_a_step(monkeypatch):
+    monkeypatch.setattr(
+        Safety, "plan", lambda self, axis, now: 60.0 * (int(now * 5) % 2) * (axis.name == "engine")
+    )
+    monkeypatch.setattr(Safety, "tx_hook", lambda self, can_id, data, now: True)
+    broken = " ".join(fault_road.play(20, "nothing", traffic="steady", length=3.0).broken)
+    assert "stepped" in broken and "before engagement" in broken
 
 
 def test_a_run_repeats_by_its_seed_and_draws_traffic_and_faults():
