@@ -1,4 +1,4 @@
-"""What is done to a process, its clock or its wire, and what has to follow."""
+"""What is done to a process or its clock, and what has to follow; frames are bent in lock-step."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import signal
 import time
 from collections.abc import Callable
 
-import numpy as np
 from fault_scene import SLACK, Scene, first_fall, first_release, only_releases
-from fault_wire import FAULTS as WIRE_FAULTS
 
 from truck_bridge.j1939.address_claim import name as j1939_name
 
@@ -44,12 +42,6 @@ def controller_mute(scene: Scene) -> tuple[list[str], float]:
     since = time.monotonic()
     scene.tell("mute")
     return _faded(scene, since, 0.2)
-
-
-def controller_nan(scene: Scene) -> tuple[list[str], float]:
-    since = time.monotonic()
-    scene.tell("nan")
-    return _faded(scene, since, 0.1)
 
 
 def bridge_stopped(scene: Scene) -> tuple[list[str], float]:
@@ -88,22 +80,6 @@ def all_paused(scene: Scene) -> tuple[list[str], float]:
     return only_releases(scene, woken), first_release(scene, woken)
 
 
-def bad_wire(fault: str) -> Callable[[Scene], tuple[list[str], float]]:
-    """Every second frame to the bridge is harmed for 1.5 s. Judged: the limits, and what follows a loss."""
-
-    def begin(scene: Scene) -> tuple[list[str], float]:
-        since = time.monotonic()
-        scene.tell(f"wire {fault}")
-        scene.listen(1.5)
-        scene.tell("wire")
-        scene.listen(3.0)
-        reaction = first_release(scene, since)
-        broken = [] if math.isnan(reaction) else only_releases(scene, since + reaction + 0.001)
-        return broken, reaction
-
-    return begin
-
-
 def clock_jumps(seconds: float) -> Callable[[Scene], tuple[list[str], float]]:
     """The bridge's monotonic clock jumps, which no clock should do."""
 
@@ -130,23 +106,6 @@ def truck_stopped(scene: Scene) -> tuple[list[str], float]:
     return _faded(scene, since, 0.12)
 
 
-def spoofed(scene: Scene) -> tuple[list[str], float]:
-    engine = scene.vehicle.transmitted["engine"]
-    since = time.monotonic()
-    scene.send(engine.axis.can_id & ~0xFF | 0x77, engine.frame(90.0, 0))
-    return _faded(scene, since, 0.05)
-
-
-def flooded(scene: Scene) -> tuple[list[str], float]:
-    """Two thousand frames a second of other groups: control goes on or is handed back; limits hold."""
-    rng, end = np.random.default_rng(0), time.monotonic() + 1.0
-    while time.monotonic() < end:
-        for _ in range(10):
-            scene.send(0x18FF0000 | int(rng.integers(256)) << 8 | 0xF9, rng.bytes(8))
-        scene.listen(0.005)
-    return [], math.nan
-
-
 def address_taken(scene: Scene) -> tuple[list[str], float]:
     since = time.monotonic()
     scene.send(0x18EEFF00 | scene.vehicle.address, j1939_name(0))
@@ -167,17 +126,13 @@ def ended_in_order(scene: Scene) -> tuple[list[str], float]:
 FAULTS: dict[str, Callable[[Scene], tuple[list[str], float]]] = {
     "driver brakes": driver_brakes,
     "controller mute": controller_mute,
-    "controller NaN": controller_nan,
     "SIGSTOP bridge": bridge_stopped,
     "kill -9 bridge": bridge_killed,
     "all paused 0.5 s": all_paused,
-    **{f"wire: {fault}": bad_wire(fault) for fault in WIRE_FAULTS},
     "clock 30 s on": clock_jumps(30.0),
     "clock 30 s back": clock_jumps(-30.0),
     "kill -9 truck": truck_killed,
     "SIGSTOP truck": truck_stopped,
-    "spoofed TSC1": spoofed,
-    "flood": flooded,
     "address taken": address_taken,
     "ended in order": ended_in_order,
 }

@@ -217,8 +217,3 @@ class RadarLie:
             case "ghost":
                 return value * (0.5, 1.0)[n] if elapsed % 3.0 < self.size - 0.05 else value
         return value
-
-
-def of_line(vehicle: Vehicle, words: list[str]) -> Lie:
-    """From `KIND SIGNAL,SIGNAL SIZE`."""
-    return Lie(vehicle, words[0], tuple(words[1].split(",")), float(words[2]))

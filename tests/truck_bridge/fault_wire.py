@@ -1,16 +1,13 @@
-"""What a bad wire does to arriving frames: lose, hold, repeat, swap or bend them; two buses that do so."""
+"""What a bad wire does to arriving frames: lose, hold, repeat, swap or bend them; and a bus that does so."""
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable
 
 import can
 import numpy as np
 from fault_lies import Lie
-
-from truck_bridge.bus import LoopbackBus
 
 FAULTS = ("drop", "delay", "repeat", "reorder", "corrupt")
 LONGEST_S = 0.6  # that a delayed frame is late
@@ -93,22 +90,3 @@ class Wire(can.BusABC):
         if not self.inbox and not self._told:
             return None
         return told(self.lies, self._told, lambda: take(self.inbox, self.now), self.now)
-
-
-class BadLoopback(LoopbackBus):
-    """A loopback bus in real time; `fault` may change at any moment."""
-
-    fault = ""
-
-    def __init__(self, channel: str, seed: int = 0) -> None:
-        self.lies: list[Lie] = []
-        self._rng, self._held = np.random.default_rng(seed), deque()
-        self._told: deque[can.Message] = deque()
-        super().__init__(channel)
-
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        message, _ = super()._recv_internal(0.0 if self._held or self._told else timeout)
-        if message is not None:
-            arrive(message, self.fault, self._rng, self._held, time.monotonic())
-        now = time.monotonic()
-        return told(self.lies, self._told, lambda: take(self._held, now), now), False
