@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from deeptruck_model import cli
+from deeptruck_model import cli, recordings, trucks
 from deeptruck_model.mismatch import effects_table
+from deeptruck_model.trucks import driving_cycles
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE, EFFECTS = DOCS / "mismatch.md", DOCS / "mismatch_effects.md"
@@ -57,3 +58,17 @@ def test_the_case_ends_as_the_page_says(tmp_path: Path, monkeypatch: pytest.Monk
     assert stated and [before, after] == pytest.approx([float(x) for x in stated.groups()], rel=0.15)
     assert tuned > before
     assert Path("better/simulator.json").exists()
+
+
+@pytest.mark.long
+def test_the_example_of_the_readme_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    truck = trucks.load("trucksim").with_parameters({"mass": 30e3})
+    for seed, name in enumerate("ab"):
+        drive = driving_cycles.drive(truck, seconds=400.0, seed=seed, name=name)
+        recordings.write_bag(tmp_path / "drives" / name, [drive], interface=truck.interface)
+    (snippet,) = re.findall(r"^```python\n(.*?)^```", (DOCS.parent / "README.md").read_text(), re.S | re.M)
+    exec(compile(snippet, "README.md", "exec"), {})
+    assert capsys.readouterr().out.strip() and Path("found/report.html").exists()
