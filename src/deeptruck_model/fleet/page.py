@@ -18,8 +18,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.fleet.compare import VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
 from deeptruck_model.fleet.pool import POOLED, headline
-from deeptruck_model.fleet.road_map import road_map
-from deeptruck_model.fleet.roads import MERGED, NUMBERS, ROADS, TABLE, said
+from deeptruck_model.fleet.roads import MERGED, NUMBERS, ROADS, TABLE, road_map, said
 from deeptruck_model.fleet.storage import Place
 from deeptruck_model.mismatch.report.wording import opened, spoken
 from deeptruck_model.mismatch.tree import NAMES, UNKNOWN

@@ -9,7 +9,7 @@ import torch
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.environments import scenes
-from deeptruck_cacc.training import paths, return_baselines, train, trpo
+from deeptruck_cacc.training import paths, train, trpo
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_model.errors import InputError
@@ -122,7 +122,7 @@ def test_the_baseline_knows_returns_of_any_size_at_once():
     seen = start.repeat(1, 1, 61, 1)
     rewards = -100.0 * seen[:, :, :-1, 0] ** 2
     returns = rewards * torch.arange(60, 0, -1)
-    values = return_baselines.expected_returns(seen, rewards, 1.0)
+    values = trpo.expected_returns(seen, rewards, 1.0)
     assert float((values[..., :-1] - returns).std() / returns.std()) < 0.6
     assert not values[..., -1].any()
 

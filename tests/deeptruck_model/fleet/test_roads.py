@@ -18,8 +18,7 @@ from deeptruck_model.fleet import page
 from deeptruck_model.fleet.compare import DONE, VERDICT, folder
 from deeptruck_model.fleet.extract import INDEX
 from deeptruck_model.fleet.pool import pool
-from deeptruck_model.fleet.road_map import road_map
-from deeptruck_model.fleet.roads import INTERVAL, MERGED, ROADS, TABLE, merged, roads, said
+from deeptruck_model.fleet.roads import INTERVAL, MERGED, ROADS, TABLE, merged, road_map, roads, said
 from deeptruck_model.fleet.run import Fleet, Workers, compare, extract
 from deeptruck_model.fleet.slopes import COLUMNS, NO_POSITIONS, ONCE, SLOPES, slopes, written
 from deeptruck_model.fleet.storage import place

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model.fleet.series import SERIES, advance
+from deeptruck_model.fleet.pool import SERIES, advance
 from deeptruck_model.fleet.statistics import Seen, discovered, level_of_batch, siblings
 from deeptruck_model.fleet.storage import place
 
