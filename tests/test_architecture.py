@@ -199,7 +199,7 @@ MISMATCH = (  # what the steps share, the steps of docs/mismatch_method.md, and 
     ("mismatch.budget",),
     ("mismatch.roads.road",),
     ("mismatch.verdict.witnesses",),
-    ("mismatch.correction.model",),
+    ("mismatch.correction.forms", "mismatch.correction.model"),
     ("mismatch.correction.validate",),
     ("mismatch.verdict.findings", "mismatch.verdict.decide"),
     ("mismatch.verdict.conclude",),

@@ -12,7 +12,7 @@ from deeptruck_model._terminal.progress import steps
 from deeptruck_model.mismatch.budget import budget
 from deeptruck_model.mismatch.called import called
 from deeptruck_model.mismatch.comparison import Compared
-from deeptruck_model.mismatch.correction.model import Made, correct
+from deeptruck_model.mismatch.correction.model import Correction, correct
 from deeptruck_model.mismatch.correction.validate import Validated, validate
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.found import Mismatch
@@ -83,24 +83,24 @@ def find_mismatch(
 def concluded(truck: Simulator, c: Compared, rules: Rules, say: Callable[[str], None]) -> Mismatch:
     """The second half of `find_mismatch`: a correction, free runs with it, and the verdict."""
     say("correcting the simulator and driving it free")
-    made = correct(truck, c)
-    driven = validate(truck, made, c.drives, rules)
-    verdict = conclude(c, made, driven, stated(c, made, driven))
+    correction = correct(truck, c)
+    driven = validate(truck, correction, c.drives, c.fitted)
+    verdict = conclude(c, correction, driven, stated(c, correction, driven))
     return Mismatch(
         verdict,
         c.given,
         driven.errors,
-        made.corrected.marked(verdict.offered == CORRECTION),
+        correction.corrected.marked(verdict.offered == CORRECTION),
         c.drives.prepared,
-        made.parameters_only.marked(verdict.validated and REFIT in driven.better),
+        correction.parameters_only.marked(verdict.validated and REFIT in driven.better),
     )
 
 
-def stated(c: Compared, made: Made, driven: Validated) -> Stated:
+def stated(c: Compared, correction: Correction, driven: Validated) -> Stated:
     """The findings, where they act, and what recorded channels say of what has no name."""
     slope = road(c.search.e.everywhere())
     error, tolerance = tolerated(c, driven)
-    found = findings(c, made, slope, error, tolerance)
+    found = findings(c, correction, slope, error, tolerance)
     nodes = tree(c, slope)
     channels = witnesses(c.search, c.drives.prepared, c.budget)
     return Stated(found, *located(c.fitted, found), nodes, channels)

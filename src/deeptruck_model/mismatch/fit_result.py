@@ -99,7 +99,11 @@ class FitResult:
     corrected_parameters: Mapping[str, float] = field(
         default_factory=dict, metadata=stored(key="refitted", sparse=True)
     )
-    # strengths of the forces that it adds, by effect, along the fitted drives
+    # their 95 % intervals
+    corrected_intervals: Mapping[str, Interval] = field(
+        default_factory=dict, metadata=stored(key="refitted_ci95", sparse=True)
+    )
+    # strengths of the forces that it adds, by the finding's name, or `unknown`, along the fitted drives
     corrected_forces: Mapping[str, Strength] = field(
         default_factory=dict, metadata=stored(key="added", sparse=True)
     )

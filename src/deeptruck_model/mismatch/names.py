@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,16 @@ MOST_EXPLANATIONS = 6
 @dataclass(frozen=True)
 class Named:
     """One effect in the posterior: its most probable `name`; the probabilities (`tree`) of it and of the
-    names that act in its place; the gain (`nats`) of its kernel; and the posterior mean (n,) of its force,
-    m/s^2. It is a finding only if `accepted`."""
+    names that act in its place; the gain (`nats`) of its kernel; and the mean (n,) of its force, m/s^2, over
+    the `given` draws (m,). It is a finding only if `accepted`."""
 
     name: str
     tree: Tree
     nats: float
     force: Array
     accepted: bool = True
+    given: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    lasts: bool = True  # else it is the cause of events, whose force it has
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,22 @@ def names(p: Posterior) -> Names:
         found.append(_named(p, name, tree_of(place)))
         left = {n: x for n, x in left.items() if n not in place}
     none = float((~np.any(list(acts.values()), axis=0)).mean()) if acts else 1.0
-    return Names(tuple(found), _explanations(acts), whole, none)
+    return Names(_together(p, found), _explanations(acts), whole, none)
+
+
+def _together(p: Posterior, found: Sequence[Named]) -> tuple[Named, ...]:
+    """The effects with their forces in the draws in which all accepted ones act together, so that these add
+    up to one explanation; in those of each name if these are too few."""
+    lasting = [f.name for f in found if f.accepted and p.inside(f.name).any()]
+    together = np.all([p.inside(name) for name in lasting], axis=0) if lasting else np.zeros(0, dtype=bool)
+    if not lasting or together.mean() < Limits.least_in:
+        return tuple(found)
+    return tuple(
+        replace(f, force=p.force(f.name, together) if f.lasts else f.force, given=together)
+        if f.name in lasting
+        else f
+        for f in found
+    )
 
 
 def tree_of(acts: Mapping[str, Mask]) -> Tree:
@@ -90,10 +107,11 @@ def _named(p: Posterior, name: str, tree: Tree) -> Named:
     """Beside a learned simulator, which is off in many ways, only what is stated is accepted, and only if it
     gains more than any name does on the simulator's own recordings."""
     always, acts = p.inside(name), p.acts(name)
-    force = p.force(name, always) if always.sum() >= (acts & ~always).sum() else p.in_events
+    lasts = bool(always.sum() >= (acts & ~always).sum())
+    force = p.force(name, always) if lasts else p.in_events
     sure = max(tree.families.values()) >= p.search.rules.stated
     accepted = p.search.e.known_physics or (sure and p.gain(name) > _own_gain(p))
-    return Named(name, tree, p.gain(name), force, accepted)
+    return Named(name, tree, p.gain(name), force, accepted, always, lasts)
 
 
 def _own_gain(p: Posterior) -> float:

@@ -119,6 +119,11 @@ class Size:
     unit: str
     ci95: Interval | None = None
 
+    def times(self, factor: float) -> Size:
+        """The size and its interval times a positive factor."""
+        ends = None if self.ci95 is None else (factor * self.ci95[0], factor * self.ci95[1])
+        return Size(factor * self.value, self.unit, ends)
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -266,6 +266,12 @@ class Limits:
     )
     least_in: float = _rule(0.1, "1", "probability of a mechanism, above which it is corrected", CHOSEN)
     form_left: float = _rule(0.03, "1", "of the squares of a mean force, that its forms may leave", CHOSEN)
+    least_carried: float = _rule(
+        0.5,
+        "1",
+        "of these squares, that forms must carry to other drives, for the name to be corrected",
+        CHOSEN,
+    )
     simpler: float = _rule(
         0.1, "1", "of these squares, that a form with fewer coefficients may leave more", CHOSEN
     )

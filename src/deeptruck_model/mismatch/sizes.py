@@ -16,6 +16,7 @@ from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Size
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 PER_MASS = ("N", "N m", "W")  # units of constants that are specific
 MAIN_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
@@ -32,18 +33,18 @@ def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
     return out
 
 
-def sizes_of(term: CandidateTerm, p: Posterior) -> dict[str, Size]:
-    """The main sizes of a form by name, with the intervals of the draws: coefficients whose force is nearest
-    to that of each draw. Columns of one name, from a merged term, add up to one size.
+def sizes_of(term: CandidateTerm, p: Posterior, given: Mask) -> dict[str, Size]:
+    """The main sizes of a form by name, with the intervals of the `given` draws: coefficients whose force is
+    nearest to that of each draw. Columns of one name, from a merged term, add up to one size.
 
     An effect that acts on held-out recordings only was not fitted, and has no size. A delay is not known
     better than the arrival time of a command within a sample. A size whose interval holds zero is not
     identified, and left out, unless it is that of one drive.
     """
     e, name = p.search.e, term.mechanism.effect
-    if not p.inside(name).any():
+    if not given.any():
         return {}
-    drawn = p.on_columns(name, term.columns)
+    drawn = p.on_columns(name, term.columns, given)
     acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
     weights: dict[str, Array] = {}
     columns: dict[str, Column] = {}

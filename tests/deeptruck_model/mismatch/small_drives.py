@@ -30,6 +30,18 @@ class LazyBrake:
         return np.stack([u[:, 0], self.arrived], axis=1)
 
 
+class StickingBrake:
+    """One brake of six presses with the others, but comes off with a time constant of 20 s."""
+
+    def reset(self, batch: int) -> None:
+        self.held = np.zeros(batch)
+
+    def force(self, view: trucks.View, dt: float) -> np.ndarray:
+        pressed = np.abs(view.brake_force) / 6.0
+        self.held = np.maximum(pressed, self.held * (1.0 - dt / 20.0))
+        return np.asarray((pressed - self.held) * (view.speed > 0.5))
+
+
 def sensed(r: Recording, seed: int, bias: float = 0.0) -> Recording:
     """The drive as sensors record it: acceleration with noise and a bias, speed in the steps of J1939."""
     rng = np.random.default_rng(seed)

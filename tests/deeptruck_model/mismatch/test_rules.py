@@ -49,7 +49,7 @@ STEERING: dict[str, dict[str, str]] = {
         "posterior/kernels.py": "TINY",
         "posterior/posterior.py": "LASTING MOST_KNOTS MOST_PLACES PLACE_M STEADY",
         "posterior/relinearise.py": "SETTLED",
-        "posterior/sampler.py": "BURN_IN LEAST_POWER MOST_KNOWN",
+        "posterior/sampler.py": "BURN_IN LEAST_POWER LEAST_STEP MOST_KNOWN",
         "residual/components.py": "ALIKE ASK_EVERY_S KNOTS LOOK_BACK_S",
         "residual/evidence.py": "BLOCK_LEARNED_S BLOCK_S SLOW_NOISE_S",
         "residual/forced.py": "ALIKE",
@@ -63,6 +63,7 @@ STEERING: dict[str, dict[str, str]] = {
     },
     "priors and the tails of noise": {
         "posterior/events.py": "CLIP INFORMS",
+        "correction/forms.py": "SIZE_SD",
         "posterior/regression.py": "FREE LARGEST_SLOPE",
         "roads/slow_force.py": "DRAGS",
         "residual/noise.py": "ORDER ORDINARY TAIL Z95",

@@ -1,13 +1,12 @@
-"""The corrected simulator: refitted parameters, and the posterior mean force as terms that run step by step.
+"""The corrected simulator: the forces of names, and what is fitted beside them.
 
-The posterior determines which forms of a mechanism represent its mean force, with or without a name. Sizes
-are fitted and selected on the fitted recordings alone, by the speed errors of free runs to first order.
+The force of a name has the sizes of the draws as its prior and is fitted beside the others, and its finding
+states it so. Of names, of forces without one, and of parameters a correction has what lowers the speed error
+of fitted drives that are left out in turn, to first order.
 """
 
 from __future__ import annotations
 
-import functools
-import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -16,13 +15,16 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.comparison import Compared
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.forms import (
+    NamedForce,
+    named_forces,
+    nameless_terms,
+    simplest_terms,
+)
 from deeptruck_model.mismatch.fit_result import Refitted
-from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, candidate_term, confined, merge
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.carriers import factors
-from deeptruck_model.mismatch.mechanisms.courses import ALWAYS, conditions
 from deeptruck_model.mismatch.mechanisms.others import PARAMETER_ERRORS
-from deeptruck_model.mismatch.mechanisms.record import Mechanism
-from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL
 from deeptruck_model.mismatch.posterior.posterior import Posterior
 from deeptruck_model.mismatch.posterior.regression import FREE, PINNED, Model, Regression
 from deeptruck_model.mismatch.posterior.relinearise import about_the_mean
@@ -31,7 +33,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95, ridge
 from deeptruck_model.mismatch.residual.sensitivity import accepted
 from deeptruck_model.mismatch.rules import Limits, Rules
-from deeptruck_model.mismatch.strength import Strength, strength
 from deeptruck_model.mismatch.tree import UNKNOWN
 from deeptruck_model.mismatch.unrecorded import contradicted_mass
 from deeptruck_model.simulators import Simulator
@@ -58,11 +59,31 @@ class Recipe:
         """The number of fitted coefficients."""
         return sum(t.columns.shape[1] for t in self.terms) + len(self.free)
 
+    @property
+    def names(self) -> set[str]:
+        """Effects and parameters in it."""
+        return {*(t.mechanism.effect for t in self.terms), *self.free}
+
+    def without(self, name: str) -> Recipe:
+        """The same without an effect or a parameter."""
+        terms = tuple(t for t in self.terms if t.mechanism.effect != name)
+        return replace(self, terms=terms, free=self.free - {name})
+
 
 @dataclass(frozen=True)
-class Made:
-    """The corrected simulator, the one with refitted parameters only, the recipe of the correction, one form
-    of each mechanism that may act (`terms`), whose sizes findings state, and the parameters of the refit.
+class Added:
+    """A force that a correction adds (n,), m/s^2, as its finding states it, and how much larger it is than
+    the mean of the draws (`factor`)."""
+
+    force: Array
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Correction:
+    """The corrected simulator, the one with refitted parameters only, and what they hold: `forces` added by
+    name, all that has no name as `unknown`, and parameters `changed` and of the `refit`. `terms` are one form
+    of each mechanism that may act, whose sizes findings state.
 
     `left_out` are first-order speed errors (drives,), rms in m/s, of fitted drives that were left out in
     turn, by simulator as in `FreeRunErrors`; empty if they are too few. Those of the corrected
@@ -71,60 +92,90 @@ class Made:
 
     corrected: CorrectedTruck
     parameters_only: CorrectedTruck
-    recipe: Recipe
+    output_error: bool = False
+    forces: Mapping[str, Added] = field(default_factory=dict)
+    changed: Mapping[str, Refitted] = field(default_factory=dict)
     refit: Mapping[str, Refitted] = field(default_factory=dict)
-    terms: tuple[CandidateTerm, ...] = ()  # forms of all that may be in, of single drives too
+    terms: tuple[CandidateTerm, ...] = ()
     left_out: Mapping[str, Array] = field(default_factory=dict)
-    added: Mapping[str, Strength] = field(default_factory=dict)  # by the correction, along the fitted drives
     caveats: tuple[str, ...] = ()
 
 
-def correct(simulator: Simulator, c: Compared) -> Made:
-    """The correction by all blocks of the posterior, named or not, fitted with the simulator at the posterior
-    mean of its parameters."""
+def correct(simulator: Simulator, c: Compared) -> Correction:
+    """The correction by all blocks of the posterior, named or not, with the simulator at the posterior mean
+    of its parameters."""
     p, rules = c.posterior, c.search.rules
-    e = about_the_mean(simulator, c.drives, c.given, p)
-    terms, stated = ([_anew(t, e) for t in _terms(p, general=general)] for general in (True, False))
-    parameters = frozenset(p.search.parameters)
-    likely = frozenset(n for n in parameters if p.inside(n).mean() >= rules.named)
-    tuning = Recipe((), parameters)
-    folds = _folds(e)
+    likely = _stated_changes(c)
+    e = about_the_mean(simulator, c.drives, c.given, p, likely)
+    named = named_forces(p, c.names.found, e)
+    tuning, folds = Recipe((), frozenset(p.search.parameters)), _folds(e)
     options, errors = [Recipe()], [_left_out(folds, Recipe())]
-    if terms or likely:
-        for free in dict.fromkeys((likely, parameters) if terms else (likely,)):
-            for output_error in (False, True):
-                whole = Recipe(tuple(terms), free, output_error)
-                for recipe, own in _pruned(folds, whole, p.probability, rules):
-                    options.append(recipe)
-                    errors.append(own)
-    tuned = _left_out(folds, tuning)
+    for whole in _wholes(p, named, frozenset(likely), e):
+        for recipe, own in _pruned(folds, whole, p.probability, rules):
+            options.append(recipe)
+            errors.append(own)
+    left_out = {
+        "before": errors[0],
+        "parameters_only": _left_out(folds, tuning),
+        "after": _nested(options, errors, rules),
+    }
     best = options[_best(options, errors, rules)]
     search = Regression(e.everywhere(), only=~e.held_out & e.valid, parameter_sd=PINNED)
-    alone = search.model((), parameters)
-    corrected = _truck(simulator, search, best, _fitted(search, best))
-    added = {t.effect: np.array(t.coefficients) for t in corrected.terms}
-    return Made(
-        corrected,
-        _truck(simulator, search, tuning, _fitted(search, tuning)),
-        best,
-        {n: _refitted(simulator, search.e, alone, n) for n in sorted(alone.free)},
-        tuple(stated),
-        {
-            name: np.array([_rms(drive[None]) for drive in own])
-            for name, own in (
-                ("before", errors[0]),
-                ("parameters_only", tuned),
-                ("after", _nested(options, errors, rules)),
-            )
-            if len(folds) > 1
-        },
-        {
-            term.mechanism.effect: strength(c.fitted, np.nan_to_num(term.columns) @ sizes)
-            for term in best.terms
-            if (sizes := added.get(term.mechanism.effect)) is not None
-        },
+    alone, fitted = _fitted(search, tuning), _fitted(search, best)
+    by_evidence = search.model((), tuning.free)
+    return Correction(
+        _truck(simulator, search, fitted),
+        _truck(simulator, search, alone),
+        best.output_error,
+        _added(fitted, named),
+        {n: _refitted(simulator, search.e, fitted, n) for n in sorted(fitted.free)},
+        {n: _refitted(simulator, search.e, by_evidence, n) for n in sorted(by_evidence.free)},
+        tuple(simplest_terms(p, e)),
+        {name: np.array([_rms(drive[None]) for drive in own]) for name, own in left_out.items()}
+        if len(folds) > 1
+        else {},
         tuple(_contradicted_mass(c, best)),
     )
+
+
+def _stated_changes(c: Compared) -> dict[str, float]:
+    """The relative changes of parameters that are found, from the simulator as given, in the draws."""
+    p, e = c.posterior, c.search.e
+    return {
+        f.name: float(np.clip(p.change(f.name, f.given)[0], *e.vehicle.possible(f.name)))
+        for f in c.names.found
+        if f.accepted and f.lasts and p.is_parameter(f.name)
+    }
+
+
+def _wholes(
+    p: Posterior, named: Mapping[str, NamedForce], likely: frozenset[str], e: Evidence
+) -> Iterator[Recipe]:
+    """Recipes from which parts are omitted: what was found, alone, with what has no name, and with all
+    parameters."""
+    known = tuple(one.term for one in named.values())
+    rest = tuple(nameless_terms(p, {*named, *likely}, e))
+    everything = frozenset(p.search.parameters)
+    wholes = [(known, likely), ((*known, *rest), likely)]
+    if known or rest:
+        wholes.append(((*known, *rest), everything))
+    for terms, free in wholes[1:] if not rest else wholes:
+        if terms or free:
+            yield from (Recipe(terms, free, by_output_error) for by_output_error in (False, True))
+
+
+def _added(model: Model, named: Mapping[str, NamedForce]) -> dict[str, Added]:
+    """The forces of a model by name, what has no name together."""
+    out: dict[str, Added] = {}
+    for term in model.named:
+        effect = term.mechanism.effect
+        sizes = model.coefficients(effect)
+        force = np.nan_to_num(term.columns) @ sizes
+        if effect in named:
+            out[effect] = Added(force, named[effect].factor(sizes))
+        else:
+            out[UNKNOWN] = Added(out[UNKNOWN].force + force if UNKNOWN in out else force)
+    return out
 
 
 def _contradicted_mass(c: Compared, recipe: Recipe) -> Iterator[str]:
@@ -137,103 +188,6 @@ def _contradicted_mass(c: Compared, recipe: Recipe) -> Iterator[str]:
     value, wide = about * (1.0 + model.moved("mass")), Z95 * about * model.moved_sd("mass")
     recordings = [p.recording for p in c.drives.part(held_out=False)]
     yield from contradicted_mass(recordings, value, (value - wide, value + wide))
-
-
-def _anew(term: CandidateTerm, e: Evidence) -> CandidateTerm:
-    """A term on other evidence."""
-    first, *others = (candidate_term(term.mechanism, v, e) for v in term.variants)
-    return functools.reduce(merge, others, first)
-
-
-def _terms(p: Posterior, *, general: bool = False) -> tuple[CandidateTerm, ...]:
-    """For every mechanism that may act, the few forms that add up to its mean force. `general` ones apply to
-    other drives too; a correction contains only these, and forms of any mechanism that add up to the mean
-    force that follows none."""
-    picked: list[CandidateTerm] = []
-    for m in p.search.library:
-        if p.inside(m.effect).mean() >= Limits.least_in:
-            options = _options(p, m, general=general)
-            pick = _forms if general else _simplest
-            picked += pick(p.search, options, p.force(m.effect, p.inside(m.effect))) if options else []
-    if general and p.inside(UNKNOWN).mean() >= Limits.least_in:
-        force = p.force(UNKNOWN, p.inside(UNKNOWN))
-        own = [_options(p, m, general=True) for m in p.search.library]
-        best = [t for options in own if options for t in _forms(p.search, options, force)]
-        own_forms = {id(t) for t in picked}
-        picked += [t for t in _forms(p.search, best, force) if id(t) not in own_forms] if best else []
-    out: dict[str, CandidateTerm] = {}
-    for term in picked:
-        effect = term.mechanism.effect
-        out[effect] = merge(out[effect], term) if effect in out else term
-    return tuple(out.values())
-
-
-def _options(p: Posterior, m: Mechanism, *, general: bool) -> list[CandidateTerm]:
-    """Candidate terms of a mechanism; where it may act in one condition only, each of its laws in every
-    condition too."""
-    out = [t for t in p.search.candidate_terms(m) if not general or t.general]
-    if p.part(m.effect, CONDITIONAL) >= Limits.least_in:
-        laws = [t for t in out if t.variants[0].course == ALWAYS and not t.reruns]
-        out += [confined(t, where, p.search.e) for t in laws for where in conditions(p.search.e)]
-    return out
-
-
-def _simplest(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
-    """The candidate term with the fewest coefficients, among those that explain a force (n,) nearly as well
-    as the best one, and of these the one whose coefficients are nearest their prior; findings state its
-    sizes."""
-    gram, pull, squares, own = _products(search, options, force)
-    left = np.array([squares - _explained(gram, pull, a) for a in own])
-    good = np.flatnonzero(left <= left.min() + Limits.simpler * squares)
-
-    def far(k: int) -> float:
-        off = (_solved(gram, pull, own[k]) - options[k].prior.mean) / np.maximum(options[k].prior.sd, 1e-12)
-        return float(off @ off)
-
-    return [options[min(good, key=lambda k: (len(own[k]), far(k)))]]
-
-
-def _products(
-    search: Regression, options: Sequence[CandidateTerm], force: Array
-) -> tuple[Array, Array, float, list[NDArray[np.intp]]]:
-    """Inner products of all columns of some terms, and of these with a force (n,); the force's sum of
-    squares; and the columns of each term."""
-    rows = search.rows
-    widths = np.cumsum([0, *(t.columns.shape[1] for t in options)])
-    X = np.concatenate([np.nan_to_num(t.columns[rows]) for t in options], axis=1)
-    own = [np.arange(a, b) for a, b in itertools.pairwise(widths)]
-    return X.T @ X, X.T @ force[rows], float(force[rows] @ force[rows]), own
-
-
-def _forms(search: Regression, options: Sequence[CandidateTerm], force: Array) -> list[CandidateTerm]:
-    """The few candidate terms that together explain most of a force (n,), by greedy selection."""
-    gram, pull, squares, own = _products(search, options, force)
-    taken: list[int] = []
-    left = squares
-    while len(taken) < Limits.most_forms and left > Limits.form_left * squares:
-        errors = [
-            squares - _explained(gram, pull, np.concatenate([own[i] for i in (*taken, k)]))
-            for k in range(len(own))
-        ]
-        best = int(np.argmin(errors))
-        if errors[best] > (1.0 - Limits.form_left) * left:
-            break
-        taken.append(best)
-        left = errors[best]
-    return [options[k] for k in taken]
-
-
-def _explained(gram: Array, pull: Array, at: NDArray[np.intp]) -> float:
-    """Explained sum of squares for some columns."""
-    b = _solved(gram, pull, at)
-    return float(2.0 * b @ pull[at] - b @ gram[np.ix_(at, at)] @ b)
-
-
-def _solved(gram: Array, pull: Array, at: NDArray[np.intp]) -> Array:
-    """Coefficients of some columns, with a small ridge."""
-    H = gram[np.ix_(at, at)]
-    out: Array = np.linalg.solve(H + np.eye(len(H)) * (1e-6 * np.trace(H) / len(H) + 1e-12), pull[at])
-    return out
 
 
 def _refitted(simulator: Simulator, e: Evidence, model: Model, parameter: str) -> Refitted:
@@ -294,11 +248,9 @@ def _pruned(
     errors = _left_out(folds, recipe)
     yield recipe, errors
     most = _rms(errors) / rules.better
-    parts = sorted({*(t.mechanism.effect for t in recipe.terms), *recipe.free})  # equal in every process
-    for part in sorted(parts, key=probability):
-        terms = tuple(t for t in recipe.terms if t.mechanism.effect != part)
-        less = replace(recipe, terms=terms, free=recipe.free - {part})
-        if (less.terms or less.free) and _rms(without := _left_out(folds, less)) <= most:
+    for part in sorted(sorted(recipe.names), key=probability):  # of equal ones, in any process the same
+        less = recipe.without(part)
+        if less.names and _rms(without := _left_out(folds, less)) <= most:
             recipe = less
             yield less, without
 
@@ -371,7 +323,7 @@ def _added_up(search: Regression, x: Array, counted: Mask) -> Array:
     return out
 
 
-def _truck(simulator: Simulator, search: Regression, recipe: Recipe, model: Model) -> CorrectedTruck:
+def _truck(simulator: Simulator, search: Regression, model: Model) -> CorrectedTruck:
     e = search.e
     change = {
         p: float(np.clip(e.total_change(p, model.moved(p)), *e.vehicle.possible(p)))
@@ -379,9 +331,9 @@ def _truck(simulator: Simulator, search: Regression, recipe: Recipe, model: Mode
     }
     change = accepted(simulator, change)
     terms = [
-        Term(t.mechanism.effect, t.variants, tuple(model.coefficients(t.mechanism.effect).tolist()))
-        for t in recipe.terms
-        if t.mechanism.effect in LIBRARY
+        Term(effect, t.variants, tuple(model.coefficients(effect).tolist()))
+        for t in model.named
+        if (effect := t.mechanism.effect) in LIBRARY
     ]
     return CorrectedTruck(
         simulator, terms, change, Shares.if_unreported(e), False, e.gears, factors(e.moved, change)

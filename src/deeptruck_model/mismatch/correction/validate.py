@@ -18,13 +18,15 @@ from deeptruck_model.mismatch.correction.improvement import (
     improvement,
     interval,
 )
-from deeptruck_model.mismatch.correction.model import Made
+from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.fit_result import Errors, FitResult, WithoutExogenous
 from deeptruck_model.mismatch.folders import CORRECTION, REFIT
 from deeptruck_model.mismatch.posterior.relinearise import own_drives
 from deeptruck_model.mismatch.prepare import PreparedDrives
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Limits, Rules
+from deeptruck_model.mismatch.strength import strength
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
@@ -41,12 +43,13 @@ class Validated:
     better: frozenset[str]  # simulators that are significantly better than the one as given
 
 
-def validate(simulator: Simulator, made: Made, drives: PreparedDrives, rules: Rules) -> Validated:
-    """Run the simulator as given, with refitted parameters only, and corrected; `decide` offers one."""
+def validate(simulator: Simulator, correction: Correction, drives: PreparedDrives, e: Evidence) -> Validated:
+    """Run the simulator as given, with refitted parameters only, and corrected; `decide` offers one. Forces
+    are stated along the drives of evidence `e`."""
     held_out, fitted = drives.part(held_out=True), drives.part(held_out=False)
     horizon_s = horizon(held_out or fitted)
-    after = made.corrected
-    jobs = {"before": simulator, "parameters_only": made.parameters_only, "after": after}
+    after = correction.corrected
+    jobs = {"before": simulator, "parameters_only": correction.parameters_only, "after": after}
     driven = free_runs([(truck, held_out) for truck in jobs.values()], horizon_s)
     errors = dict(zip(jobs, driven, strict=True))
     without = _without_exogenous(after, held_out, horizon_s)
@@ -54,32 +57,36 @@ def validate(simulator: Simulator, made: Made, drives: PreparedDrives, rules: Ru
         held_out=tuple(p.recording.name for p in held_out),
         horizon_s=horizon_s,
         windows=len(errors["before"].speed),
-        corrected=tuple(sorted({t.effect for t in after.terms} | set(after.moved))),
+        corrected=tuple(sorted({*correction.forces, *after.moved})),
         errors=free_run_errors(errors),
         improvement=improvement(errors) if len(errors["before"].speed) else None,
         corrected_parameters={p: round(change, 4) for p, change in after.moved.items()},
-        corrected_forces=made.added,
-        refit=made.refit,
-        output_error=made.recipe.output_error,
+        corrected_intervals={p: x.change_ci95 for p, x in correction.changed.items() if p in after.moved},
+        corrected_forces={name: strength(e, x.force) for name, x in correction.forces.items()},
+        refit=correction.refit,
+        output_error=correction.output_error,
         without_exogenous=without,
         scales_forces=not simulator.parameters(),
     )
     own = own_error(simulator, held_out[0].measured_acceleration, horizon_s) if held_out else None
     along_fitted = free_windows(simulator, fitted, horizon_s)
-    return Validated(errors | {"fitted": along_fitted}, fit, own, _those_better(errors, made, rules))
+    return Validated(errors | {"fitted": along_fitted}, fit, own, _those_better(errors, correction, e.rules))
 
 
-def _those_better(errors: Mapping[str, Errors], made: Made, rules: Rules) -> frozenset[str]:
+def _those_better(errors: Mapping[str, Errors], correction: Correction, rules: Rules) -> frozenset[str]:
     """The simulators that are significantly better than the one as given."""
-    trucks = {REFIT: ("parameters_only", made.parameters_only), CORRECTION: ("after", made.corrected)}
+    trucks = {
+        REFIT: ("parameters_only", correction.parameters_only),
+        CORRECTION: ("after", correction.corrected),
+    }
     return frozenset(
         offer
         for offer, (name, truck) in trucks.items()
-        if (truck.terms or truck.moved) and _better(errors, made, name, rules)
+        if (truck.terms or truck.moved) and _better(errors, correction, name, rules)
     )
 
 
-def _better(errors: Mapping[str, Errors], made: Made, name: str, rules: Rules) -> bool:
+def _better(errors: Mapping[str, Errors], correction: Correction, name: str, rules: Rules) -> bool:
     """Whether the root-mean-square error along held-out drives falls below `better` of that as given, and the
     mean absolute one falls; whether the mean error of runs decreases significantly, or that of drives,
     combined with the fitted drives that were left out in turn; and whether drives do not grow worse in the
@@ -95,8 +102,8 @@ def _better(errors: Mapping[str, Errors], made: Made, name: str, rules: Rules) -
         (before.of_runs()[own].mean(), after.of_runs()[own].mean())
         for own in (before.recording == drive for drive in np.unique(before.recording))
     ]
-    if made.left_out:
-        pairs += list(zip(made.left_out["before"], made.left_out[name], strict=True))
+    if correction.left_out:
+        pairs += list(zip(correction.left_out["before"], correction.left_out[name], strict=True))
     ratio = _log_ratio(np.array(pairs), rules)
     return float(ratio.mean()) < 0.0 and (interval(before, after)[0] > 0.0 or _falls(ratio, rules))
 

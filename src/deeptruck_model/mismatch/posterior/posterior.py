@@ -101,13 +101,12 @@ class Posterior:
         parameter = own.pop("parameter", 0.0)
         return parameter > 0.0 and parameter >= max(own.values(), default=0.0)
 
-    def change(self, parameter: str) -> tuple[float, float]:
-        """Mean and standard deviation of a parameter's relative change from the simulator as given, over
-        draws in which it acts."""
+    def change(self, parameter: str, given: NDArray[np.bool_]) -> tuple[float, float]:
+        """Mean and standard deviation of a parameter's relative change from the simulator as given, over the
+        `given` draws (m,)."""
         s, i = self.search, self.search.parameters.index(parameter)
         j = next(j for j, k in enumerate(self.of) if k.name == parameter and k.part == "parameter")
-        there = self.inside(parameter)
-        b = self.draws.coefficients[there]
+        b = self.draws.coefficients[given]
         slope = self.prior.mean[i] + self.prior.sd[i] * b[:, i] + FREE[parameter] * b[:, self.at[j][0]]
         gain = s.mass_gain if parameter == "mass" else 1.0
         moved = np.array([changed_by(parameter, float(x), gain) for x in slope])
@@ -137,18 +136,17 @@ class Posterior:
         blocks = _blocks(self.search, (*self.of, *more), self.always, y, self.noise)
         return Reduced(blocks, np.arange(self.always.shape[1]))
 
-    def on_columns(self, name: str, columns: Array) -> Array:
-        """Coefficients (m, k) of columns (n, k) whose force is nearest to the name's in each draw in which it
-        is in."""
+    def on_columns(self, name: str, columns: Array, given: NDArray[np.bool_]) -> Array:
+        """Coefficients (g, k) of columns (n, k) whose force is nearest to the name's in each of the `given`
+        draws (m,)."""
         X = np.nan_to_num(columns[self.search.rows])
         H = X.T @ X
         H += np.eye(len(H)) * (RIDGE * np.trace(H) / max(len(H), 1) + 1e-12)
-        there = self.inside(name)
-        out = np.zeros((int(there.sum()), len(H)))
+        out = np.zeros((int(given.sum()), len(H)))
         for j, k in enumerate(self.of):
             if k.name == name:
                 onto = X.T @ np.nan_to_num(k.features[self.search.rows])
-                out += self.coefficients(j)[there] @ np.linalg.solve(H, onto).T
+                out += self.coefficients(j)[given] @ np.linalg.solve(H, onto).T
         return out
 
 

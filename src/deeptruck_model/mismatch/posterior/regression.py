@@ -196,8 +196,6 @@ class Regression:
         prior = Prior.join(
             *(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), self._lateness_prior
         )
-        layout, at = [], 0
-        for name, block in zip(names, blocks, strict=True):
-            layout.append((name, slice(at, at + block.shape[1])))
-            at += block.shape[1]
+        ends = np.cumsum([block.shape[1] for block in blocks]).tolist()
+        layout = [(name, slice(a, b)) for name, a, b in zip(names, [0, *ends], ends, strict=False)]
         return np.concatenate(blocks, axis=1), prior, tuple(layout)

@@ -138,16 +138,16 @@ class _About:
         )
 
 
-def about_the_mean(simulator: Simulator, drives: PreparedDrives, given: Evidence, p: Posterior) -> Evidence:
-    """The evidence of the rows of a posterior, at the parameters that the draws have in the mean: those with
-    the probability `named` are changed, the others are as given. Other command paths are driven anew.
+def about_the_mean(
+    simulator: Simulator, drives: PreparedDrives, given: Evidence, p: Posterior, changes: Mapping[str, float]
+) -> Evidence:
+    """The evidence of the rows of a posterior, at parameters with these relative changes from the given ones,
+    the mean of its draws. Other command paths are driven anew.
 
     The posterior may be linearised elsewhere, at parameters that compensate what it then names.
     """
-    e, rules = p.search.e, p.search.rules
-    own = simulator.parameters()
-    likely = [n for n in p.search.parameters if n in own and p.probability(n) >= rules.named]
-    mean = {n: float(np.clip(p.change(n)[0], *e.vehicle.possible(n))) for n in likely}
+    e, own = p.search.e, simulator.parameters()
+    mean = {n: x for n, x in changes.items() if n in own}
 
     def near(moved: Mapping[str, float]) -> bool:
         return all(abs(mean.get(n, 0.0) - moved.get(n, 0.0)) <= SETTLED for n in {*mean, *moved})

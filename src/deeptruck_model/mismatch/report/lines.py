@@ -33,6 +33,7 @@ HEADLINES = {
     Conclusion.UNDETERMINED: "Undetermined: no cause is established",
 }
 GOOD_ENOUGH = "the simulator is good enough"
+NAMELESS = "forces without a name"  # in a correction
 LARGE = 0.05  # of the budget: a smaller part is not in the sentence
 WIDE = 0.3  # of the budget: an interval from which its middle says nothing
 WORTH_SAYING = 0.01  # of the recorded samples or of a parameter: what is less is among the details alone
@@ -278,8 +279,8 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
     if offered == CORRECTION:
         changed = [(n, x) for n, x in v.fit.corrected_parameters.items() if abs(x) >= WORTH_SAYING]
         added = [(n, x) for n, x in v.fit.corrected_forces.items() if x.value]
-        parts = [f"{spoken(n)} {100.0 * x:+.0f} %" for n, x in changed]
-        parts += [f"{spoken(n)} {acting(x)}" for n, x in added]
+        parts = [_changed(n, x, v.fit.corrected_intervals.get(n)) for n, x in changed]
+        parts += [f"{NAMELESS if n == UNKNOWN else spoken(n)} {acting(x)}" for n, x in added]
         fitted = "for the least speed error" if v.fit.output_error else "to these drives"
         yield f"The correction contains, fitted {fitted}: {'; '.join(parts)}."
         named = _named(v)
@@ -291,8 +292,7 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
         return
     stated = {f.effect for f in v.findings if f.kind is Kind.PARAMETER}
     parts = [
-        f"{spoken(name)} {100 * r.change:+.0f} % ({100 * r.change_ci95[0]:+.0f} to "
-        f"{100 * r.change_ci95[1]:+.0f})"
+        _changed(name, r.change, r.change_ci95)
         for name, r in v.fit.refit.items()
         if abs(r.change) >= WORTH_SAYING
         and (offered == REFIT or (name not in stated and r.change_ci95[0] * r.change_ci95[1] > 0.0))
@@ -300,6 +300,12 @@ def contains(v: Verdict, *, refit: bool = False) -> Iterator[str]:
     if parts:
         differ = "Fitted to these drives, parameters differ from the given ones"
         yield f"{'Refitted parameters' if offered == REFIT else differ}: {'; '.join(parts)}."
+
+
+def _changed(parameter: str, change: float, ci95: tuple[float, float] | None) -> str:
+    """A parameter's relative change with its interval."""
+    ends = f" ({100.0 * ci95[0]:+.0f} to {100.0 * ci95[1]:+.0f})" if ci95 is not None else ""
+    return f"{spoken(parameter)} {100.0 * change:+.0f} %{ends}"
 
 
 def _named(v: Verdict) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from deeptruck_model.mismatch.comparison import Compared
-from deeptruck_model.mismatch.correction.model import Made
+from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.correction.validate import Validated
 from deeptruck_model.mismatch.folders import AS_GIVEN
 from deeptruck_model.mismatch.prepare import PreparedDrives
@@ -49,7 +49,7 @@ def unusable(drives: PreparedDrives) -> Verdict:
     )
 
 
-def conclude(c: Compared, made: Made, driven: Validated, stated: Stated) -> Verdict:
+def conclude(c: Compared, correction: Correction, driven: Validated, stated: Stated) -> Verdict:
     """The verdict from all results of the comparison, of which nothing is measured again."""
     rules, found = c.search.rules, stated.findings
     sure = [f.stated != ROOT for f in found]
@@ -65,7 +65,7 @@ def conclude(c: Compared, made: Made, driven: Validated, stated: Stated) -> Verd
         stated.regimes,
         replace(driven.judged, offered=offered, validated=offered != AS_GIVEN),
         Data(c.drives.rejected, c.drives.samples, c.share_compared, c.drives.doubts),
-        (*c.drives.caveats, *c.caveats, *made.caveats),
+        (*c.drives.caveats, *c.caveats, *correction.caveats),
         c.drives.missing,
         c.budget,
         stated.witnesses,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.budget import Budget
 from deeptruck_model.mismatch.comparison import Compared
-from deeptruck_model.mismatch.correction.model import Made
+from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.courses import Where
@@ -36,11 +36,11 @@ FAULT = 0.99  # probability that is reported of a fault, `sensor_sd` off: its de
 
 
 def findings(
-    c: Compared, made: Made | None, road: Road | None, error: float, tolerance: float
+    c: Compared, correction: Correction | None, road: Road | None, error: float, tolerance: float
 ) -> tuple[Finding, ...]:
     """The findings: sensor faults, the road, every accepted name, differences between drives, and slow or
     position-dependent forces if the simulator's error exceeds `tolerance`, m/s. Sizes are absent if no
-    correction was made."""
+    correction was correction."""
     e, rules = c.fitted, c.search.rules
     behind = names_behind([p.recording for p in c.drives.prepared], c.drives.missing)
     out = [of_fault(f) for f in c.drives.faults]
@@ -48,7 +48,7 @@ def findings(
     out += of_road
     road_names = {f.effect for f in of_road}  # whole, where the residual of a learned truck has a rest of it
     for named in c.names.found:
-        f = _of_named(c, e, made, named, rules) if named.name not in road_names else None
+        f = _of_named(c, e, correction, named, rules) if named.name not in road_names else None
         if f is not None and named.accepted and _longer_than_sensors(f, e):
             out.append(replace(f, missing_input=behind.get(f.effect, "")))
     of_slope = not e.has("grade") and any(f.effect == LIBRARY.of_input("grade").effect for f in out)
@@ -60,20 +60,23 @@ def findings(
     return tuple(sorted(shown, key=lambda f: (-(f.share_of_error or 0.0), -f.share_of_explainable_error)))
 
 
-def _of_named(c: Compared, e: Evidence, made: Made | None, named: Named, rules: Rules) -> Finding | None:
-    search, name = c.search, named.name
-    if name in search.parameters and name not in LIBRARY:
-        return _of_parameter(c, named, rules)
-    if name in search.parameters and c.posterior.is_parameter(name):
-        return _of_parameter(c, named, rules)
+def _of_named(
+    c: Compared, e: Evidence, correction: Correction | None, named: Named, rules: Rules
+) -> Finding | None:
+    name = named.name
+    if c.posterior.is_parameter(name):
+        return _of_parameter(c, named, correction, rules)
     if name == UNKNOWN:
         f = _finding(c, named, Kind.PHYSICS, wording.UNKNOWN_FORCE, named.force)
         return replace(f, separating_manoeuvre=wording.RECORD_MORE)
     m = LIBRARY[name]
     says = wording.FELT_SLOPE if m.of_input == "grade" and e.has(FELT) else m.says
-    f = _finding(c, named, Kind(m.kind), says, named.force)
-    term = next((t for t in made.terms if t.mechanism.effect == name), None) if made is not None else None
-    sizes = sizes_of(term, c.posterior) if term is not None else {}
+    added = correction.forces.get(name) if correction is not None else None
+    f = _finding(c, named, Kind(m.kind), says, named.force if added is None else added.force)
+    terms = correction.terms if correction is not None else ()
+    term = next((t for t in terms if t.mechanism.effect == name), None)
+    sizes = sizes_of(term, c.posterior, named.given) if term is not None else {}
+    sizes = sizes if added is None else {n: x.times(added.factor) for n, x in sizes.items()}
     conditional = c.posterior.part(name, CONDITIONAL) >= rules.named
     return replace(
         f,
@@ -161,14 +164,18 @@ def _constants(c: Compared) -> tuple[Array, dict[str, Size]]:
     return force, sizes
 
 
-def _of_parameter(c: Compared, named: Named, rules: Rules) -> Finding | None:
-    """A parameter error; None if it is no larger than any simulator's tolerance."""
+def _of_parameter(c: Compared, named: Named, correction: Correction | None, rules: Rules) -> Finding | None:
+    """A parameter error as the correction has it, with the wider interval of this and of the draws; None if
+    it is no larger than any simulator's tolerance."""
     name, search = named.name, c.search
-    change, sd = c.posterior.change(name)
+    change, sd = c.posterior.change(name, named.given)
     if abs(change) - sd < rules.nearly_right:
         return None
+    wide = Z95 * sd
+    if correction is not None and (fitted := correction.changed.get(name)) is not None:
+        change, wide = fitted.change, max(wide, fitted.change_ci95[1] - fitted.change)
     low, high = search.e.vehicle.possible(name)
-    ci95 = (max(change - Z95 * sd, low), min(change + Z95 * sd, high))
+    ci95 = (max(change - wide, low), min(change + wide, high))
     sizes = {"relative_error": Size(change, "1", ci95)}
     if name in c.parameters:
         value, a, b = (c.parameters[name] * (1.0 + x) for x in (change, *ci95))

@@ -8,20 +8,25 @@ import numpy as np
 import pytest
 from small_drives import N, evidence, posterior_of, regression
 
+from deeptruck_model.mismatch.correction.forms import (
+    _forms,
+    named_forces,
+    nameless_terms,
+    simplest_terms,
+)
 from deeptruck_model.mismatch.correction.model import (
     Recipe,
     _best,
     _folds,
-    _forms,
     _left_out,
     _nested,
     _pruned,
     _rms,
-    _terms,
 )
 from deeptruck_model.mismatch.expression import rows_of
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.courses import Where
+from deeptruck_model.mismatch.names import names
 from deeptruck_model.mismatch.posterior.kernels import CONDITIONAL, UNKNOWN, kernels
 from deeptruck_model.mismatch.posterior.posterior import posterior
 from deeptruck_model.mismatch.posterior.regression import Regression
@@ -44,8 +49,8 @@ def test_whatever_may_be_in_has_a_term_and_noise_has_none() -> None:
     quiet = posterior_of("none")
     lost = evidence(-0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 18.0))
     loud = posterior(regression(lost), sweeps=40)
-    assert len(_terms(quiet)) <= 1
-    assert _terms(loud)
+    assert len(simplest_terms(quiet, quiet.search.e)) <= 1
+    assert simplest_terms(loud, loud.search.e)
 
 
 def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None:
@@ -54,8 +59,8 @@ def test_a_force_without_a_name_is_corrected_by_forms_of_any_mechanism() -> None
     force = features @ np.random.default_rng(1).standard_normal(features.shape[1])
     force *= 0.3 / force.std()
     p = posterior(regression(evidence(force)), sweeps=40)
-    assert p.probability(UNKNOWN) == 1.0 and not _terms(p)
-    terms = _terms(p, general=True)
+    assert p.probability(UNKNOWN) == 1.0 and not simplest_terms(p, p.search.e)
+    terms = nameless_terms(p, set(), p.search.e)
     assert terms and all(t.general for t in terms)
     columns = np.concatenate([np.nan_to_num(t.columns) for t in terms], axis=1)[p.search.rows]
     left = force[p.search.rows] - columns @ np.linalg.lstsq(columns, force[p.search.rows], rcond=None)[0]
@@ -68,13 +73,29 @@ def test_a_force_in_one_condition_is_corrected_there_only() -> None:
     lost = -0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 20.0)
     p = posterior(Regression(evidence(lost), exclude=set(LIBRARY) - {"driveline_loss"}), sweeps=40)
     assert p.part("driveline_loss", CONDITIONAL) == 1.0
-    (term,) = _terms(p)
+    (term,) = simplest_terms(p, e)
     (where,) = {v.course for v in term.variants}
     assert isinstance(where, Where) and where.signal == "speed" and not where.below
     assert where.above == pytest.approx(20.0, abs=1.0)
     rebuilt = build(term.mechanism, term.variants)
     columns = np.stack(rows_of([c.expression for c in rebuilt], e), axis=1)
     np.testing.assert_allclose(columns, term.columns, atol=1e-9)
+
+
+def test_a_name_is_corrected_by_the_force_that_its_draws_have() -> None:
+    """Forms carry it to other drives; a rival of it is a force without a name."""
+    e = evidence()
+    force = -0.3 * np.maximum(e["engine"], 0.0) * (e["speed"] > 20.0)
+    p = posterior(Regression(evidence(force), exclude=set(LIBRARY) - {"driveline_loss"}), sweeps=40)
+    (found,) = (f for f in names(p).found if f.name == "driveline_loss")
+    named = named_forces(p, [found], p.search.e)["driveline_loss"]
+    drawn = np.nan_to_num(named.term.columns) @ named.term.prior.mean
+    assert np.corrcoef(drawn, force)[0, 1] > 0.9
+    assert named.factor(2.0 * named.term.prior.mean) == pytest.approx(2.0)
+    assert named_forces(p, [replace(found, accepted=False)], p.search.e) == {}
+    assert "driveline_loss" not in {
+        t.mechanism.effect for t in nameless_terms(p, {"driveline_loss"}, p.search.e)
+    }
 
 
 def test_the_error_of_a_drive_is_by_the_recipe_that_the_others_choose() -> None:

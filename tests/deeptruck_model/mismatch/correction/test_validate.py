@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_drives import evidence
 
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.model import Made, Recipe
+from deeptruck_model.mismatch.correction.model import Correction
 from deeptruck_model.mismatch.correction.validate import _better, _falls, _log_ratio, validate
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.fit_result import Errors
@@ -44,8 +45,8 @@ def test_a_correction_is_validated_that_without_the_gap_is_as_good_as_none() -> 
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     held_out = [behind_another(seed) for seed in range(3)]
     drives = PreparedDrives(tuple(held_out), (True,) * 3, (), (), (), (), None)
-    made = Made(drafting, plain, Recipe())
-    driven = validate(TRUCK, made, drives, RULES)
+    made = Correction(drafting, plain)
+    driven = validate(TRUCK, made, drives, evidence())
     fit = driven.judged
     assert fit.errors is not None and fit.errors.after.speed < fit.errors.before.speed
     assert fit.without_exogenous is not None and fit.without_exogenous.signals == ("gap",)
@@ -98,7 +99,7 @@ def test_few_held_out_drives_are_judged_with_the_fitted_ones(
         np.array([[after] * 5, [0.51] * 5]), np.zeros((2, 5)), np.arange(2), np.zeros(2, dtype=int)
     )
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
-    made = Made(plain, plain, Recipe(), left_out=fitted)
+    made = Correction(plain, plain, left_out=fitted)
     assert _better({"before": before, "after": mixed}, made, "after", RULES) is better
     assert not _better({"before": before, "after": mixed}, replace(made, left_out={}), "after", RULES)
 
@@ -107,7 +108,7 @@ def test_what_suits_held_out_drives_alone_is_not_better() -> None:
     """Held-out drives with a load that one fitted drive of three has too."""
     plain = CorrectedTruck(TRUCK, [], {}, None, False)
     left_out = {"before": np.array([0.01, 0.01, 0.6]), "after": np.array([0.4, 0.4, 0.5])}
-    made = Made(plain, plain, Recipe(), left_out=left_out)
+    made = Correction(plain, plain, left_out=left_out)
     rng = np.random.default_rng(0)
     sizes = rng.uniform(0.4, 0.6, (12, 5))
     before, after = (

@@ -5,12 +5,16 @@ from __future__ import annotations
 import pytest
 
 from deeptruck_model.mismatch import Mismatch
+from deeptruck_model.mismatch.folders import CORRECTION
+from deeptruck_model.mismatch.report import lines
+from deeptruck_model.mismatch.report.lines import NAMELESS
+from deeptruck_model.mismatch.report.wording import spoken
 from deeptruck_model.mismatch.result import Verdict
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.tree import UNKNOWN
 
 
-@pytest.fixture(params=["lazy_brake", "right_truck"])
+@pytest.fixture(params=["lazy_brake", "right_truck", "dragging_brake", "heavier_truck"])
 def verdict(request: pytest.FixtureRequest) -> Verdict:
     """The verdicts of the whole runs that the tests share."""
     found: Mismatch = request.getfixturevalue(request.param)
@@ -32,6 +36,25 @@ def test_a_name_has_one_probability(verdict: Verdict) -> None:
         assert listed - 1e-3 <= f.probability <= listed + 1.0 - sets + 1e-3
     none = next((x.probability for x in verdict.explanations if not x.names), 0.0)
     assert tree["nothing"] == pytest.approx(none, abs=1.0 - sets + 1e-3)
+
+
+def test_what_a_correction_adds_is_stated(verdict: Verdict) -> None:
+    """Each force is that of a finding, or of what has no name; each parameter has its interval, and its
+    finding states the same change."""
+    assert verdict.fit is not None
+    found = {f.effect: f for f in verdict.findings}
+    for name, strength in verdict.fit.corrected_forces.items():
+        assert name == UNKNOWN or found[name].strength == strength
+    assert verdict.fit.corrected_intervals.keys() == verdict.fit.corrected_parameters.keys()
+    for name, change in verdict.fit.corrected_parameters.items():
+        low, high = verdict.fit.corrected_intervals[name]
+        assert low <= change <= high
+        if name in found:
+            assert found[name].parameters["relative_error"].value == pytest.approx(change, abs=1e-4)
+    if verdict.offered == CORRECTION:
+        said = " ".join(lines.contains(verdict))
+        parts = {NAMELESS if n == UNKNOWN else spoken(n) for n in verdict.fit.corrected_forces}
+        assert all(part in said for part in parts)
 
 
 def test_no_finding_that_is_stated_has_an_interval_that_holds_zero(verdict: Verdict) -> None:
