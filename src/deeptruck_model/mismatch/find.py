@@ -35,6 +35,7 @@ from deeptruck_model.mismatch.verdict.witnesses import witnesses
 from deeptruck_model.recordings import Recording
 from deeptruck_model.recordings.several import Drives
 from deeptruck_model.simulators import MinimalSimulator, Simulator
+from deeptruck_model.simulators.running import said_of_rollout
 
 
 def find_mismatch(
@@ -142,12 +143,17 @@ def compared(
     search = at_fitted_parameters(simulator, drives, e, seed, exclude, say)
     p, events = without_events(search, seed)
     parameters = dict(simulator.parameters())
-    remarks = (*_caveats(search.e), *not_compared(mechanisms, LIBRARY.values(), search.library, search.e))
+    remarks = (
+        *_caveats(simulator, search.e),
+        *not_compared(mechanisms, LIBRARY.values(), search.library, search.e),
+    )
     return Compared(parameters, drives, e, p, names(p), budget(p, e), events, remarks)
 
 
-def _caveats(e: Evidence) -> Iterator[str]:
-    """Remarks on what is not known of the simulator."""
+def _caveats(simulator: Simulator, e: Evidence) -> Iterator[str]:
+    """Remarks on the simulator."""
+    if says := said_of_rollout(simulator):
+        yield f"{says}; see 'deeptruck-model check-simulator'"
     if e.itself is None and not e.known_physics:
         yield wording.COUNTS_AS_LEARNED
     if not e.mass_known:

@@ -5,13 +5,11 @@ from deeptruck_model.checks import manifest as read_manifest
 from deeptruck_model.simulators.protocol import (
     Array,
     MinimalSimulator,
-    Run,
     Simulator,
     completed,
-    forced_run,
-    free_run,
     load,
 )
+from deeptruck_model.simulators.running import Run, forced_run, free_run, run
 
 __all__ = [
     "MANIFEST",
@@ -24,4 +22,5 @@ __all__ = [
     "free_run",
     "load",
     "read_manifest",
+    "run",
 ]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
@@ -93,45 +92,6 @@ def completed(simulator: MinimalSimulator | str | Path) -> Simulator:
     from deeptruck_model.outside.truck import adapted
 
     return cast(Simulator, adapted(simulator))
-
-
-@dataclass(frozen=True)
-class Run:
-    """A simulated run: y (batch, T, n_y) with y[:, 0] the initial condition; inside signals (batch, T)."""
-
-    y: Array
-    inside: dict[str, Array]
-
-
-def free_run(simulator: Simulator, u: Array, w: Array, y0: Array) -> Run:
-    """Deployment form: the simulator is fed its own response.
-
-    u (batch, T, n_u), w (batch, T, n_w), y0 (batch, n_y).
-    """
-    return _run(simulator, u, w, y0, None)
-
-
-def forced_run(simulator: Simulator, u: Array, w: Array, y: Array) -> Run:
-    """Training form: at every step the recorded response y (batch, T, n_y) is fed back instead of the
-    simulated one."""
-    return _run(simulator, u, w, y[:, 0], y)
-
-
-def _run(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
-    rollout = getattr(simulator, "rollout", None)  # a compiled or fused loop where the truck has one
-    if rollout is not None:
-        run: Run = rollout(u, w, y0, recorded)
-        return run
-    state = simulator.reset(y0)
-    responses, insides = [y0], [simulator.inside(state)]
-    for k in range(u.shape[1] - 1):
-        state, y = simulator.step(state, u[:, k], w[:, k])
-        responses.append(y)
-        insides.append(simulator.inside(state))
-        if recorded is not None:
-            state = simulator.force(state, recorded[:, k + 1])
-    inside = {name: np.stack([i[name] for i in insides], axis=1) for name in insides[0]}
-    return Run(np.stack(responses, axis=1), inside)
 
 
 def load(path: str | Path) -> Simulator:

@@ -19,11 +19,12 @@ from deeptruck_model._io import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import ACCELERATION, CHANNELS, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.simulators.running import difference
 
 Array = NDArray[np.float64]
 
 SPEEDS = (0.0, 8.0, 20.0)  # m/s, of one batch
-DRIVE_S = 6.0
+DRIVE_S, ROLLOUT_S = 6.0, 120.0
 ENGINE = {"N m": 1000.0, "percent": 50.0, "g/s": 10.0, "cm^3/s": 12.0}  # about half of what a truck has
 BRAKE = {"percent": 40.0, "m/s^2": 2.0, "bar": 3.0}
 GRADE = 0.03
@@ -225,6 +226,20 @@ def _force_of_nothing(s: Simulator) -> str:
     return "keeps its own response where nothing was recorded"
 
 
+def _rollout(s: Simulator) -> str:
+    if not hasattr(s, "rollout"):
+        return "none: whole drives go by its steps"
+    n, i = round(ROLLOUT_S / s.dt), s.interface
+    rng = np.random.default_rng(0)
+    held = np.repeat(rng.uniform(0.0, 1.0, (-(-n // 50), 2)), 50, axis=0)[:n]
+    u = held * [ENGINE[i.engine_unit], BRAKE[i.brake_unit] * 0.1 if i.brake_unit else 0.0]
+    y0 = np.zeros((1, len(i.y)))
+    y0[:, SPEED] = 15.0
+    if says := difference(s, u[None, :, : len(i.u)], np.zeros((1, n, len(i.w))), y0, None):
+        raise NotedError(f"it {says}", "mend it, or leave it out: whole drives go by steps meanwhile")
+    return f"drives as its steps do over {ROLLOUT_S:g} s, free, forced, and both in turn"
+
+
 def _obeys(s: Simulator, name: str, more: dict[str, float], sign: float, said: str) -> str:
     change = sign * (drive(s, [15.0], **more) - drive(s, [15.0]))[-1, 0, SPEED]
     amount = next(iter(more.values()))
@@ -323,6 +338,7 @@ PROBES: tuple[tuple[str, Callable[[Simulator], str]], ...] = (
     ("old states", _old_states),
     ("force", _force),
     ("force with NaN", _force_of_nothing),
+    ("rollout", _rollout),
     ("engine command", _engine),
     ("brake command", _brake),
     ("grade", _grade),

@@ -25,8 +25,9 @@ from deeptruck_model.mismatch.residual.components import Shares, force_of
 from deeptruck_model.mismatch.tree import joined
 from deeptruck_model.outside.truck import keep
 from deeptruck_model.signals import FELT, TruckInterface
-from deeptruck_model.simulators import MANIFEST, Run, Simulator
+from deeptruck_model.simulators import MANIFEST, Run, Simulator, run
 from deeptruck_model.simulators import load as load_simulator
+from deeptruck_model.simulators.running import stepped
 
 Array = NDArray[np.float64]
 
@@ -163,22 +164,7 @@ class CorrectedTruck:
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
         """Free or forced run; see simulators.free_run. Faster than stepping only if nothing was added."""
-        plain = getattr(self.base, "rollout", None)
-        if plain is not None and not self.adds:
-            run: Run = plain(u, w, y0, recorded)
-            return run
-        state = self.reset(y0)
-        responses, insides = [y0], [self.inside(state)]
-        for k in range(u.shape[1] - 1):
-            state, y = self.step(state, u[:, k], w[:, k])
-            responses.append(y)
-            insides.append(self.inside(state))
-            if recorded is not None:
-                state = self.force(state, recorded[:, k + 1])
-        return Run(
-            np.stack(responses, axis=1),
-            {name: np.stack([i[name] for i in insides], axis=1) for name in insides[0]},
-        )
+        return stepped(self, u, w, y0, recorded) if self.adds else run(self.base, u, w, y0, recorded)
 
     def save(self, path: Path) -> None:
         """Write the directory: base/ and the manifest with terms, parameter changes and validation."""

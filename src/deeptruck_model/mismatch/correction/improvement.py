@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +16,13 @@ from deeptruck_model.mismatch.fit_result import Errors, FreeRunErrors, Improveme
 from deeptruck_model.mismatch.residual.evidence import turns
 from deeptruck_model.mismatch.rules import Limits
 from deeptruck_model.signals import ACCELERATION, SPEED
-from deeptruck_model.simulators import Run, Simulator
+from deeptruck_model.simulators import Simulator, run
+from deeptruck_model.simulators.running import stepped
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 BOOTSTRAPS = 1000
-PROBED_S = 20.0  # in which a rollout is compared with its steps: the first forced segment, and free driving
 
 
 @dataclass(frozen=True)
@@ -105,44 +104,12 @@ def _run(simulator: Simulator | TruckWithForces, rows: Sequence[_Row], steps: in
     for row, own in enumerate(rows):
         for s in own.starts:
             free[row, s + 1 : s + steps] = True
-    if isinstance(simulator, TruckWithForces):
-        known = fed(simulator.base, y)
-        simulator = simulator.along(_exogenous(rows, length)) if exogenous else simulator
-    else:
-        known = fed(simulator, y)
-    if not isinstance(simulator, TruckWithForces) and (rollout := getattr(simulator, "rollout", None)):
-        mixed = np.where(free[:, :, None], np.nan, known)
-        n = round(PROBED_S / simulator.dt)
-        begun = _stepped(simulator, u[:, :n], w[:, :n], y[:, :n], known[:, :n], free[:, :n])
-        if _drives_alike(rollout, begun, u, w, mixed):
-            return np.asarray(rollout(u, w, y[:, 0], mixed).y)
-    return _stepped(simulator, u, w, y, known, free)
-
-
-def _stepped(
-    simulator: Simulator | TruckWithForces, u: Array, w: Array, y: Array, known: Array, free: Mask
-) -> Array:
-    """Responses (rows, T, n_y) step by step: its own where `free` (rows, T), else `known` is fed back."""
-    state: Any = simulator.reset(y[:, 0])
-    out = y.copy()
-    for k in range(u.shape[1] - 1):
-        state, response = simulator.step(state, u[:, k], w[:, k])
-        out[:, k + 1] = response
-        if not free[:, k + 1].all():
-            mixed = np.where(free[:, k + 1, None], response, known[:, k + 1])
-            state = simulator.force(state, mixed)
-    return out
-
-
-def _drives_alike(rollout: Callable[..., Run], stepped: Array, u: Array, w: Array, mixed: Array) -> bool:
-    """Whether a simulator's `rollout` begins as it is `stepped` (rows, n, n_y): one by another author may not
-    keep its own response where `mixed` is NaN, and goes step by step then."""
-    n = stepped.shape[1]
-    try:
-        y = rollout(u[:, :n], w[:, :n], stepped[:, 0], mixed[:, :n]).y
-    except (ValueError, IndexError, ArithmeticError):  # of NaN in code that expects none; InputError too
-        return False
-    return bool(np.allclose(y[:, 1:], stepped[:, 1:], rtol=1e-9, atol=1e-9))
+    base = simulator.base if isinstance(simulator, TruckWithForces) else simulator
+    mixed = np.where(free[:, :, None], np.nan, fed(base, y))
+    if not isinstance(simulator, TruckWithForces):
+        return np.asarray(run(simulator, u, w, y[:, 0], mixed).y)
+    simulator = simulator.along(_exogenous(rows, length)) if exogenous else simulator
+    return stepped(simulator, u, w, y[:, 0], mixed, inside=False).y
 
 
 def _common(rows: Sequence[_Row]) -> tuple[str, ...]:
