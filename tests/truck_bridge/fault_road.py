@@ -51,6 +51,7 @@ BRAKED = -1.0  # m/s^2 beyond the slope
 MEAN = 31  # steps over which an acceleration counts, 0.3 s
 CLOSING = 0.5  # m/s^2, from which the closing speed asks for braking
 CAUSE_S = 4.0  # for which a leader that slowed down explains braking
+KNOWN_S = 0.5  # before control ends, from which on what happens ahead is not yet the driver's
 WORSE = 0.5  # m/s, faster than by full braking, from which a hit is broken
 EARLY = ("second", "ours", "nobody")  # half of them before engaging
 GRAVITY = 9.81
@@ -177,7 +178,7 @@ def play(
     early = any(FAULTS[n].kind in EARLY or set(FAULTS[n].signals) & set(EARLY) for n, _, _ in chosen)
     early = early and rng.random() < 0.5
     ahead, speed = traffic or str(rng.choice(list(TRAFFIC))), float(rng.uniform(10.0, 22.0))
-    happens = max(at + float(rng.uniform(-3.0, 2.0)), 4.5)
+    happens = max(at + float(rng.uniform(-3.0, 2.0)), 5.5)
     plan = [Drawn(n, size, at + 1.5 * k, at + 1.5 * k + lasts) for k, (n, size, lasts) in enumerate(chosen)]
     plan = [Drawn(d.name, d.size, 0.3, math.inf) for d in plan] if early else plan
     truck = loaded(vehicle.truck, heavy)
@@ -225,7 +226,8 @@ def play(
         if not early:
             witness.look(judged=chain.now > 2.0 and not brakes and not chain.now > ended + AFTER_S)
         # what happens ahead after the hand-back is the driver's
-        over = chain.now > ended + AFTER_S and (chain.truck.speed < 0.1 or ended < witness.happens)
+        rolls_out = ahead in HARMLESS or ended < witness.happens + KNOWN_S
+        over = chain.now > ended + AFTER_S and (chain.truck.speed < 0.1 or rolls_out)
         if over or not math.isnan(witness.hit):
             break
     chain.close()
@@ -238,7 +240,7 @@ def play(
     unseen = []
     if early and engaged:
         broken.append("engaged")
-    if not early and not engaged and braking > 2.5:
+    if not early and not engaged and braking > 2.5 and "too near" not in reason:
         broken.append("did not engage")
     if not early and engaged and math.isnan(ended) and must and math.isnan(witness.hit):
         broken.append("control was kept")
@@ -249,7 +251,9 @@ def play(
     known = not set(names_of) & UNSEEN.keys()
     fully = math.nan if witness.fully is None else witness.fully.hit_speed
     blind = witness.fully is None and (ahead not in HARMLESS or not known)
-    drives = ended < witness.happens or reason.startswith("driver")  # the driver, who has taken over
+    drives = ended < witness.happens + (0.0 if ahead in HARMLESS else KNOWN_S) or reason.startswith(
+        "driver"
+    )  # the driver, who has taken over
     if not math.isnan(witness.hit) and not drives and not witness.hit <= fully + WORSE:
         (unseen if blind else broken).append("hit")
     if witness.braked < BRAKED:
