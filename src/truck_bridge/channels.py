@@ -29,6 +29,7 @@ class Carrier:
 CARRIERS: tuple[Carrier, ...] = (
     Carrier("speed", "CCVS1", "WheelBasedVehicleSpeed"),
     Carrier("speed", "EBC2", "FrontAxleSpeed"),
+    Carrier("speed", "TCO1", "TachographVehicleSpeed"),
     Carrier("specific_force", "VDC2", "LongitudinalAcceleration"),
     Carrier("engine_speed", "EEC1", "EngineSpeed"),
     Carrier(
@@ -53,6 +54,7 @@ SPEED = (0.0, 45.0)
 RANGES: dict[tuple[str, str], tuple[float, float]] = {  # what a truck on a road can produce, in SI
     ("CCVS1", "WheelBasedVehicleSpeed"): SPEED,
     ("EBC2", "FrontAxleSpeed"): SPEED,
+    ("TCO1", "TachographVehicleSpeed"): SPEED,
     ("VDS", "NavigationSpeed"): SPEED,
     ("EEC1", "EngineSpeed"): (0.0, 420.0),  # 4,010 rpm
     ("ETC2", "ActualGearRatio"): (0.0, 30.0),

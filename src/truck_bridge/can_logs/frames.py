@@ -65,6 +65,23 @@ class Frame(NamedTuple):
         return self.channel or "can0"
 
 
+def of_raw(time: float, raw: int, data: bytes, channel: str, *, extended: bool = False) -> Frame:
+    """The frame of a number with SocketCAN's flags in its upper bits, as captures, databases and some loggers
+    write identifiers: bit 31 for an extended one, 30 for a request, 29 for an error.
+
+    `extended` says that the log calls it so. Raises ValueError for a number of more bits.
+    """
+    if not 0 <= raw <= 0xFFFF_FFFF:
+        raise ValueError("an identifier that cannot be")
+    kind = (
+        Kind.ERROR if raw & ERROR_FLAG
+        else Kind.REMOTE if raw & REMOTE_FLAG
+        else Kind.DATA
+    )  # fmt: skip
+    extended = extended or bool(raw & EXTENDED_FLAG) or (raw & EXTENDED_MASK) > STANDARD_MASK
+    return Frame(time, raw & EXTENDED_MASK, b"" if kind is Kind.REMOTE else data, channel, extended, kind)
+
+
 def of_message(message: can.Message, channel: str) -> Frame:
     """The frame of a python-can message."""
     kind = (

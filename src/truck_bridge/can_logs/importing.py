@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from truck_bridge import j1939, vehicles
 from truck_bridge.can_logs import faults
 from truck_bridge.can_logs.decoding import Decoding, decode
-from truck_bridge.channels import CARRIERS, DEMANDS, converter
+from truck_bridge.channels import CARRIERS, DEMANDS, Carrier, converter
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.codec import Codec
 from truck_bridge.units import COMMANDS, of_command, to_si
 
 Array = NDArray[np.float64]
 Series = tuple[Array, Array]
+
+NO_TORQUE = -125.0  # percent of a byte of zero, which a controller sends that starts or ends
 
 
 def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str, Series], dict[str, Any]]:
@@ -54,7 +56,9 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
             channels[channel] = keys
     channels = {**faults.channels(found.faults), **channels}
     if "speed" not in channels:
-        raise InputError(f"{log_path} holds no vehicle speed (CCVS1 or EBC2); is it a J1939 log of a truck?")
+        raise InputError(
+            f"{log_path} holds no vehicle speed (CCVS1, EBC2 or TCO1); is it a J1939 log of a truck?"
+        )
     interface: dict[str, Any] = {
         "name": str(columns.get("name", columns.get("vehicle", log_path.stem))),
         "engine_unit": units["engine_command"],
@@ -103,13 +107,15 @@ def _wanted(columns: Mapping[str, Any]) -> frozenset[tuple[str, str]]:
 
 def _defaults(found: Decoding, torque: float) -> dict[str, Series]:
     channels: dict[str, Series] = {}
-    for carrier in CARRIERS:
+    for carrier in sorted(CARRIERS, key=lambda one: _is_still(found, one)):
         if carrier.of_reference and math.isnan(torque):
             continue
         series = _best(found, carrier.message, carrier.signal)
         if series is None or carrier.channel in channels:
             continue
         times, values = series
+        if carrier.of_reference:
+            times, values = times[values > NO_TORQUE], values[values > NO_TORQUE]
         if carrier.less is not None:
             less = _best(found, *carrier.less)
             values = values - np.interp(times, *less) if less is not None else values
@@ -125,15 +131,27 @@ def _defaults(found: Decoding, torque: float) -> dict[str, Series]:
     return channels
 
 
+def _is_still(found: Decoding, carrier: Carrier) -> bool:
+    """Whether every sender of a speed says 0 all along, so that another message may know better."""
+    if carrier.channel != "speed":
+        return False
+    keys = [key for key in found.series if key[:2] == (carrier.message, carrier.signal)]
+    return not any(any(found.series[key][1]) for key in keys)
+
+
 def _best(found: Decoding, message: str, signal: str) -> Series | None:
-    """The source with most valid samples; if two have as many, the one with the lower address. A remark names
-    the others."""
+    """The source with most valid samples among those that do not say 0 all along; if two have as many, the
+    one with the lower address. A remark names the others."""
     keys = [key for key in found.series if key[:2] == (message, signal)]
     if not keys:
         return None
-    best, *others = sorted(keys, key=lambda key: (-len(found.series[key][0]), key[2]))
+    zero = {key for key in keys if not any(found.series[key][1])}
+    best, *others = sorted(keys, key=lambda key: (key in zero, -len(found.series[key][0]), key[2]))
     if others:
-        rest = ", ".join(f"0x{key[2]:02X} ({len(found.series[key][0])} samples)" for key in others)
+        rest = ", ".join(
+            f"0x{key[2]:02X} ({len(found.series[key][0])} samples{', all 0' * (key in zero)})"
+            for key in others
+        )
         count = len(found.series[best][0])
         remark = (
             f"{message}.{signal} is taken from 0x{best[2]:02X} ({count} samples), and is sent by {rest} too; "

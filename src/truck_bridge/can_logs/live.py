@@ -20,6 +20,7 @@ from typing import Any
 import can
 
 from deeptruck_model import files
+from deeptruck_model._io import formats
 from deeptruck_model._io.account import Account
 from truck_bridge import log_files
 from truck_bridge.bus import open_bus
@@ -30,7 +31,7 @@ from truck_bridge.j1939.ids import ADDRESS_CLAIMED, Identifier
 
 ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LOST = {  # frames that a form of log, or python-can's writer of it, cannot hold
-    log_files.BAG: frozenset({Kind.FD}),
+    formats.BAG: frozenset({Kind.FD}),
     ".trc": frozenset({Kind.ERROR, Kind.REMOTE, Kind.FD}),
 }
 COMMAND_PGNS = {0x0000, 0x0100, 0x0400, 0xEF00, ADDRESS_CLAIMED}  # TSC1, TC1, XBR, proprietary A; claims
@@ -143,7 +144,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 def _outline(log: Path) -> bytes | int:
     """Content of a log without its numbers and times; for a binary log, its size."""
     data = log.read_bytes()
-    return re.sub(rb"\d+", b"0", data) if log.suffix in log_files.LINES else len(data)
+    return re.sub(rb"\d+", b"0", data) if log.suffix in formats.LINES else len(data)
 
 
 def _outline_of_silence(path: Path) -> bytes | int:
@@ -196,7 +197,7 @@ def _logger(path: Path, *, new: bool) -> Callable[[Path], Any]:
 
     A `new` one creates the file, with folders, and never replaces another's.
     """
-    if path.suffix.lower() == log_files.BAG:
+    if path.suffix.lower() == formats.BAG:
         from truck_bridge.can_logs.rosbag import RosbagWriter
 
         return partial(RosbagWriter, mode="xb" if new else "wb")
@@ -206,7 +207,7 @@ def _logger(path: Path, *, new: bool) -> Callable[[Path], Any]:
 def _new_log(path: Path) -> Any:
     path.touch(exist_ok=False)
     log = can.Logger(path)
-    if path.suffix.lower() in log_files.LINES:  # what somebody else appends is never written over
+    if path.suffix.lower() in formats.LINES:  # what somebody else appends is never written over
         log.file.flush()
         number = log.file.fileno()
         fcntl.fcntl(number, fcntl.F_SETFL, fcntl.fcntl(number, fcntl.F_GETFL) | os.O_APPEND)

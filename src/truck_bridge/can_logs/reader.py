@@ -1,4 +1,4 @@
-"""Reads frames from a log: text, captures and tables by our own readers; TRC, BLF and MF4 by python-can.
+"""Reads frames from a log, by the reader that its format names in `deeptruck_model._io.formats`.
 
 `every` gives all frames of a log, `read` the extended data frames of one bus, which J1939 uses. Both count in
 an Account: a frame is used, or omitted for a stated reason.
@@ -7,6 +7,7 @@ an Account: a frame is used, or omitted for a stated reason.
 from __future__ import annotations
 
 import gzip
+import importlib
 import tempfile
 import zlib
 from collections.abc import Iterator
@@ -16,10 +17,10 @@ from pathlib import Path
 import can
 
 from deeptruck_model._io.account import Account
-from deeptruck_model._io.log_kinds import CAPTURES, holds_frames
+from deeptruck_model._io.formats import FORMATS, KINDS, PACKED, format_of
 from deeptruck_model._io.reading import plain
 from truck_bridge import log_files
-from truck_bridge.can_logs import other_logs, text_logs, trc_logs
+from truck_bridge.can_logs import text_logs
 from truck_bridge.can_logs.frames import Frame, Kind, of_message
 from truck_bridge.can_logs.pieces import in_pieces
 from truck_bridge.can_logs.whole import COPY, check_blf, check_file
@@ -96,12 +97,13 @@ def _listed(account: Account) -> str:
 
 def _unpacked(path: Path, stack: ExitStack) -> Path:
     """The log, decompressed to a temporary file if it is compressed by gzip."""
-    if path.suffix.lower() != log_files.PACKED:
+    if path.suffix.lower() != PACKED:
         return path
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="deeptruck-log-")))
     try:
         with gzip.open(path) as packed, (folder / path.stem).open("wb") as file:
-            is_text = Path(path.stem).suffix.lower() in (*log_files.TEXT, ".asc", ".trc", ".csv", ".tsv")
+            form = format_of(path)
+            is_text = form is None or form.text
             begun = 0  # bytes of a line so far
             while chunk := packed.read(1 << 20):
                 file.write(chunk)
@@ -114,46 +116,26 @@ def _unpacked(path: Path, stack: ExitStack) -> Path:
 
 
 def _of_file(path: Path, file: Path, account: Account) -> Iterator[Frame]:
-    suffix = file.suffix.lower()
+    form = format_of(file)
+    if form is None and file.suffix.lower() in ("", ".txt"):
+        form = next(one for one in FORMATS if ".candump" in one.suffixes)
+    module, _, name = (form.reader if form else "").partition(":")
     try:
-        if file.is_file() and suffix in log_files.TEXT:
-            written = text_logs.candump
-            with file.open("rb") as begin:
-                if begin.read(len(other_logs.BUSMASTER)) == other_logs.BUSMASTER.encode():
-                    written = other_logs.busmaster
-                elif suffix == ".txt" and holds_frames(file):
-                    written = other_logs.table
-            yield from written(file, account)
-        elif file.is_file() and suffix in CAPTURES:
-            yield from other_logs.capture(file, account)
-        elif file.is_file() and suffix in (".csv", ".tsv") and not log_files.of_python_can(file):
-            yield from other_logs.table(file, account)
-        elif file.is_file() and suffix == ".asc":
-            yield from text_logs.asc(file, account)
-        else:
-            frames = trc_logs.trc if file.is_file() and suffix == ".trc" else _by_library
-            for frame in frames(file, account):
-                if not 0 <= frame.time < _LATEST_S:
-                    raise InputError(f"{path} is damaged: a frame has the time {frame.time:g} s; {COPY}")
-                yield frame
+        frames = getattr(importlib.import_module(module), name) if module else by_library
+        for frame in frames(file, account):
+            if not (-_LATEST_S if form and form.text else 0.0) <= frame.time < _LATEST_S:
+                raise InputError(f"{path} is damaged: a frame has the time {frame.time:g} s; {COPY}")
+            yield frame
     except InputError as error:
         raise InputError(str(error).replace(str(file), str(path))) from None
     except Exception as error:  # each of python-can's readers fails in its own way on a damaged file
         text = plain(str(error)) or type(error).__name__
-        raise InputError(
-            f"{path} cannot be read as a CAN log ({text}); known are {log_files.KINDS}"
-        ) from None
+        raise InputError(f"{path} cannot be read as a CAN log ({text}); known are {KINDS}") from None
 
 
-def _by_library(path: Path, account: Account) -> Iterator[Frame]:
+def by_library(path: Path, account: Account) -> Iterator[Frame]:
+    """The frames of a log that python-can reads: BLF, MF4 and its own CSV."""
     suffix = path.suffix.lower()
-    if path.is_dir() or suffix in log_files.BAGS:
-        from truck_bridge.can_logs import rosbag
-
-        for frame in rosbag.read(path, account):
-            account.total.read += 1
-            yield frame
-        return
     if suffix == ".blf":
         check_blf(path)
     with can.LogReader(path) as reader:

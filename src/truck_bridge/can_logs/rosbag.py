@@ -25,6 +25,7 @@ from rosbags.rosbag1 import Reader as Rosbag1
 from rosbags.rosbag2 import Reader as Rosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from deeptruck_model._io import formats
 from deeptruck_model._io.account import Account
 from truck_bridge import log_files
 from truck_bridge.can_logs.frames import EXTENDED_MASK, Frame, Kind
@@ -51,16 +52,18 @@ def _types(kind: Stores = Stores.ROS2_JAZZY) -> Any:
     return store
 
 
-def read(path: Path, account: Account) -> Iterator[Frame]:
+def frames(path: Path, account: Account) -> Iterator[Frame]:
     """The frames of all topics of the type, in order of time. An unfinished bag of a killed recorder gives
     the frames that were written, and a remark in `account`.
 
     Raises InputError if there is no such topic.
     """
-    suffix = log_files.BAG
+    suffix = formats.BAG
     files = sorted(path.glob(f"*{suffix}")) if path.is_dir() else [path] if path.suffix == suffix else []
     if False in list(map(check_mcap, files)) and path.is_file():
-        yield from _read_unfinished(path)
+        for frame in _read_unfinished(path):
+            account.total.read += 1
+            yield frame
         account.remarks.append(f"{path} was not finished; its last half second may lack")
         return
     ros1 = path.suffix == ".bag"
@@ -68,6 +71,7 @@ def read(path: Path, account: Account) -> Iterator[Frame]:
     store = _types(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
     parse = store.deserialize_ros1 if ros1 else store.deserialize_cdr
     for channels, topic, stamp, raw in _of_mcap(files, held) if files else _of_others(path, held):
+        account.total.read += 1
         yield _frame(parse(raw, TYPE), stamp, channels[topic])
     if TYPE not in held:
         said = ", ".join(sorted(held)) or "nothing"

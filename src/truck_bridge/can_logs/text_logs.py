@@ -44,7 +44,7 @@ _CONSOLE = re.compile(  # candump -t a [-x -a -e]: (1.0)  can0  RX - -  18FEF100
 _OVERFLOWN = "1000000"  # microseconds, as asc2log wrote a full second before 2021
 _LIKE_A_FRAME = re.compile(r"^\s*\(|[0-9A-Fa-f]{3,8}\s*(?:#|\[)")
 _BYTES = re.compile(r"(?:\s*[0-9A-Fa-f]{2}(?![0-9A-Fa-f]))*")
-_BEHIND = re.compile(r"\s*(?:'[^\n]*'|remote request|ERRORFRAME)?\s*$")
+_BEHIND = re.compile(r"\s*(?:'[^\n]*'|remote request|ERRORFRAME|::.*|//.*|#.*)?\s*$", re.DOTALL)
 _ASC_TIME = re.compile(r"\s*(-?\d{1,12}\.\d{1,12})\s+(.*?)\s*$")
 _ASC_FRAME = re.compile(
     r"(?P<channel>\d+)\s+(?P<id>[0-9A-Fa-f]+)(?P<extended>x?)\s+(?:Rx|Tx)\s+(?P<kind>[dr])\b\s*(?P<rest>.*)$",
@@ -74,7 +74,7 @@ def candump(path: Path, account: Account) -> Iterator[Frame]:
 
     Raises InputError at a damaged line.
     """
-    above = 0
+    above, decoded = 0, False
     for number, line in lines_of(path):
         if not line.strip() or line.startswith("#"):
             continue
@@ -83,6 +83,10 @@ def candump(path: Path, account: Account) -> Iterator[Frame]:
             account.total.set_aside("lines that explain an error frame", f"in line {number}")
             continue
         frame = _of_candump(line)
+        if frame is None and decoded and not _LIKE_A_FRAME.search(line):
+            account.total.set_aside("lines of decoded text", f"in line {number}")
+            continue
+        decoded = "::" in line
         if frame is None and above == account.total.read - 1 and not _LIKE_A_FRAME.search(line):
             above += 1
             account.total.set_aside("lines of text above the first frame", f"in line {number}")
